@@ -1,0 +1,1 @@
+"""Ways to run labweb: the embedded default, and what production needs."""

@@ -1,0 +1,10 @@
+"""Run a whole lab on one machine: database, broker and every process, under one supervisor.
+
+Nothing here imports labweb. The programs come from two wheels and from this checkout,
+and are reached by their command lines and their environment alone.
+"""
+
+from deploy.embedded.errors import EmbeddedError
+from deploy.embedded.stack import services
+
+__all__ = ["EmbeddedError", "services"]

@@ -1,0 +1,150 @@
+"""Command line of the embedded default."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import signal
+import sys
+import threading
+from pathlib import Path
+from types import FrameType
+
+from deploy.embedded import procfs, record
+from deploy.embedded.errors import EmbeddedError
+from deploy.embedded.guard import guarded
+from deploy.embedded.layout import DEFAULT_LAB, Layout, data_directory_of
+from deploy.embedded.processes import table as default_processes
+from deploy.embedded.session import Options, ProcessTable, StageTable, run
+from deploy.embedded.stack import services
+from deploy.embedded.stages import table as default_stages
+
+FAILED = 1
+NOT_RUNNING = 3
+"""What `status` returns when nothing runs, as init scripts do."""
+
+_STOP_WITHIN_S = 10.0
+_LAST_PORT = 65535
+
+
+def main(
+    arguments: list[str] | None = None,
+    *,
+    process_table: ProcessTable = default_processes,
+    stage_table: StageTable = default_stages,
+) -> int:
+    """Do what the command line asks and return the exit code."""
+    given = _parser().parse_args(arguments)
+    data: Path = given.data or data_directory_of(given.lab)
+    try:
+        if given.command == "run":
+            options = Options(
+                given.lab, data, given.bind, given.port, given.speed, not given.no_twin
+            )
+            return guarded(lambda guard: _run(options, guard, process_table, stage_table))
+        if given.command == "services":
+            return _services(data)
+        return _status(data) if given.command == "status" else _stop(data)
+    except EmbeddedError as error:
+        sys.stderr.write(f"labweb: {error}\n")
+        return FAILED
+
+
+def _run(options: Options, guard: int, process_table: ProcessTable, stage_table: StageTable) -> int:
+    run(options, guard, process_table=process_table, stage_table=stage_table)
+    return 0
+
+
+def _services(data: Path) -> int:
+    """Run the two servers until a signal."""
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        signal.signal(number, _leave)
+    try:
+        with services(data) as urls:
+            sys.stdout.write(json.dumps(urls) + "\n")
+            sys.stdout.flush()
+            threading.Event().wait()
+    except SystemExit:
+        return 0
+    return 0
+
+
+def _leave(number: int, frame: FrameType | None) -> None:
+    del number, frame
+    sys.exit(0)
+
+
+def _status(data: Path) -> int:
+    """Say what runs on a data directory."""
+    last = record.load(Layout(data.resolve()))
+    if last is None or not last.is_running():
+        sys.stdout.write(f"Nothing runs on {data}\n")
+        return NOT_RUNNING
+    sys.stdout.write(f"{last.url or 'services alone'}  process {last.supervisor.pid}\n")
+    for name, entry in last.processes.items():
+        state = "running" if procfs.is_alive(entry.process) else "ended"
+        sys.stdout.write(f"  {name:<14} {entry.process.pid:>7}  {state}\n")
+    return 0
+
+
+def _stop(data: Path) -> int:
+    """Ask the supervisor of a data directory to stop, and wait for it."""
+    last = record.load(Layout(data.resolve()))
+    if last is None or not last.is_running():
+        sys.stdout.write(f"Nothing runs on {data}\n")
+        return 0
+    procfs.send(last.supervisor, signal.SIGTERM)
+    if procfs.wait_gone([last.supervisor], _STOP_WITHIN_S):
+        sys.stderr.write(
+            f"labweb: process {last.supervisor.pid} has not stopped in {_STOP_WITHIN_S:g} s\n"
+        )
+        return FAILED
+    sys.stdout.write("Stopped\n")
+    return 0
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(prog="python -m deploy.embedded", description=__doc__)
+    commands = parser.add_subparsers(dest="command", required=True)
+    for name, text in (
+        ("run", "run a lab until Ctrl-C"),
+        ("status", "say what runs"),
+        ("stop", "stop a running lab"),
+        ("services", "run PostgreSQL and Valkey alone and print their addresses as JSON"),
+    ):
+        command = commands.add_parser(name, help=text, description=text)
+        command.add_argument("--data", type=Path, help="data directory (var/<lab name>)")
+        command.add_argument("--lab", type=Path, default=DEFAULT_LAB, help="lab file")
+        if name == "run":
+            _add_run_options(command)
+    return parser
+
+
+def _add_run_options(command: argparse.ArgumentParser) -> None:
+    command.add_argument("--bind", type=Path, help="binding of an imported lab")
+    command.add_argument("--port", type=_port, default=8400, help="port of the page (8400)")
+    command.add_argument(
+        "--speed", type=_speed, default=1.0, help="simulated seconds per second (1)"
+    )
+    command.add_argument("--no-twin", action="store_true", help="leave the 3D twin out")
+
+
+def _port(text: str) -> int:
+    if not text.isdecimal() or not 0 < int(text) <= _LAST_PORT:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a port between 1 and {_LAST_PORT}")
+    return int(text)
+
+
+def _speed(text: str) -> float:
+    try:
+        speed = float(text)
+    except ValueError:
+        speed = math.nan
+    if not (math.isfinite(speed) and speed > 0):
+        raise argparse.ArgumentTypeError(f"{text!r} is not a number above zero")
+    return speed
+
+
+if __name__ == "__main__":
+    sys.exit(main())

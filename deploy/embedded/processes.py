@@ -1,0 +1,91 @@
+"""Every process of the embedded default, in one table."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from deploy.embedded.children import Process, StopOrder
+from deploy.embedded.layout import CHECKOUT, Layout
+from deploy.embedded.record import MARK
+from deploy.embedded.stack import clean_environment
+
+HOST = "127.0.0.1"
+SETTINGS = "labweb.settings.local"
+
+
+@dataclass(frozen=True, slots=True)
+class Site:
+    """What one run of one lab is made of."""
+
+    layout: Layout
+    sockets: Path
+    """Private folder with a short path, for unix sockets."""
+
+    lab: Path
+    bind: Path | None = None
+    """Binding of an imported lab; None lets the seeding choose."""
+
+    port: int = 8400
+    speed: float = 1.0
+    """Simulated seconds per second."""
+
+    with_twin: bool = True
+
+    @property
+    def url(self) -> str:
+        """Where the browser finds the lab."""
+        return f"http://{HOST}:{self.port}/"
+
+
+def table(site: Site) -> list[Process]:
+    """List the processes of a lab in the order in which they start."""
+    data = site.layout.data
+    control = f"unix:{site.sockets / 'instruments.sock'}"
+    speed = format(site.speed, "g")
+    web = ("--host", HOST, "--port", str(site.port), "--lifespan", "on", "--no-access-log")
+    processes = [
+        _module("web", "uvicorn", "labweb.asgi:application", *web),
+        _module(
+            "instruments",
+            "fixtures.instruments",
+            "--bench",
+            str(data / "bench.json"),
+            "--control",
+            control,
+            "--speed",
+            speed,
+        ),
+        Process("dispatcher", (sys.executable, "manage.py", "dispatcher")),
+        Process(
+            "edge-host",
+            (sys.executable, "-m", "workers.host", "--config", str(data / "host" / "host.json")),
+            stop_order=StopOrder.EDGE_HOST,
+            after_web=True,
+        ),
+    ]
+    if site.with_twin and (CHECKOUT / "twin" / "server.py").is_file():
+        twin = (sys.executable, "-m", "twin.server", "--config", str(data / "twin.json"))
+        processes.append(Process("twin", twin, after_web=True))
+    return processes
+
+
+def environment(site: Site, urls: Mapping[str, str], token: str) -> dict[str, str]:
+    """Give what every process and stage of the lab finds in its environment."""
+    return clean_environment() | {
+        **urls,
+        "DJANGO_SETTINGS_MODULE": SETTINGS,
+        "LABWEB_DATA": str(site.layout.data),
+        "LABWEB_PORT": str(site.port),
+        "LABWEB_SECRET_KEY_FILE": str(site.layout.secret_key),
+        "LABWEB_SOCKETS": str(site.sockets),
+        "LABWEB_SPEED": format(site.speed, "g"),
+        "PYTHONUNBUFFERED": "1",
+        MARK: token,
+    }
+
+
+def _module(name: str, module: str, *arguments: str) -> Process:
+    return Process(name, (sys.executable, "-m", module, *arguments))

@@ -1,0 +1,176 @@
+"""PostgreSQL and Valkey together: started, waited for, addressed, stopped."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from signal import Signals
+from time import monotonic
+
+from deploy.embedded import leftovers, record
+from deploy.embedded.children import (
+    Process,
+    describe_exit,
+    identity_of,
+    last_lines,
+    spawn,
+)
+from deploy.embedded.errors import EmbeddedError
+from deploy.embedded.layout import (
+    Layout,
+    close_sockets,
+    lock,
+    open_data_directory,
+    open_sockets,
+)
+from deploy.embedded.postgres import Postgres
+from deploy.embedded.valkey import Valkey
+
+READY_TIMEOUT_S = 60.0
+_POLL_S = 0.02
+_STOP_S = 3.0
+
+
+class Stack:
+    """The two servers of one data directory."""
+
+    def __init__(self, layout: Layout, sockets: Path, *, durable: bool = True) -> None:
+        """Choose programs and addresses; nothing is started."""
+        self.layout = layout
+        log = layout.logs / "postgresql.log"
+        self.postgres = Postgres(layout.cluster, sockets, log, durable=durable)
+        self.valkey = Valkey(layout.broker, sockets, durable=durable)
+
+    @property
+    def urls(self) -> dict[str, str]:
+        """Give the addresses as the environment variables that labweb reads."""
+        return {
+            "DATABASE_URL": self.postgres.url,
+            "REDIS_URL": self.valkey.url,
+            "LABWEB_BROKER_URL": self.valkey.broker_url,
+        }
+
+    def log_of(self, process: Process) -> Path:
+        """Name the file that a process writes to."""
+        return self.layout.logs / f"{process.name}.log"
+
+
+def clean_environment() -> dict[str, str]:
+    """Copy this process's environment without what would mislead a child."""
+    misleading = {"PYTHONDONTWRITEBYTECODE", "AMQP_URL", "NOTIFY_SOCKET"}
+    return {
+        name: value
+        for name, value in os.environ.items()
+        if name not in misleading and not name.startswith("PG")
+    }
+
+
+def wait_ready(
+    name: str,
+    is_ready: Callable[[], bool],
+    has_ended: Callable[[], int | None],
+    log: Path,
+    pause: Callable[[float], object],
+) -> None:
+    """Wait until a server answers.
+
+    Raises:
+        EmbeddedError: It ended, or did not answer in time; its last lines are in the message.
+    """
+    deadline = monotonic() + READY_TIMEOUT_S
+    while not is_ready():
+        code = has_ended()
+        if code is None and monotonic() < deadline:
+            pause(_POLL_S)
+            continue
+        why = f"did not answer in {READY_TIMEOUT_S:g} s" if code is None else describe_exit(code)
+        said = "\n  ".join(last_lines(log, 5))
+        raise EmbeddedError(f"{name} did not start: {why}. {log} ends with:\n  {said}")
+
+
+def claim(layout: Layout) -> int:
+    """Lock the data directory and end what a killed run left in it.
+
+    Raises:
+        EmbeddedError: Another run has it; the message names its process and address.
+    """
+    deadline = monotonic() + _STOP_S
+    descriptor, last = lock(layout), record.load(layout)
+    while descriptor is None and last and not last.is_running() and monotonic() < deadline:
+        # Its guard was killed, and the supervisor is still ending the rest.
+        threading.Event().wait(_POLL_S)
+        descriptor, last = lock(layout), record.load(layout)
+    if descriptor is None:
+        holder = f"process {last.supervisor.pid}" if last else "another process"
+        place = f" at {last.url}" if last and last.url else ""
+        raise EmbeddedError(
+            f"{layout.data} is in use by {holder}{place}. Stop that one first "
+            f"(python -m deploy.embedded stop --data {layout.data}), or choose another "
+            "data directory with --data."
+        )
+    if last is not None:
+        leftovers.end(last)
+        record.forget(layout)
+    return descriptor
+
+
+@contextmanager
+def services(data: Path | str, *, durable: bool = True) -> Iterator[dict[str, str]]:
+    """Run PostgreSQL and Valkey for the length of a with block.
+
+    Enter it from the main thread. Both also end when this process is killed.
+
+    Args:
+        data: Data directory, new or of an earlier run; what it holds is kept.
+        durable: False is faster and gives up safety against power loss, for tests.
+
+    Yields:
+        ``DATABASE_URL``, ``REDIS_URL`` and ``LABWEB_BROKER_URL``.
+
+    Raises:
+        EmbeddedError: They cannot start here; nothing is left running.
+    """
+    layout = open_data_directory(Path(data))
+    descriptor = claim(layout)
+    running: list[tuple[Process, subprocess.Popen[bytes]]] = []
+    try:
+        stack = Stack(layout, open_sockets(layout), durable=durable)
+        _start(stack, running)
+        yield stack.urls
+    finally:
+        for process, popen in running:
+            _stop(process, popen)
+        close_sockets(layout)
+        record.forget(layout)
+        os.close(descriptor)
+
+
+def _start(stack: Stack, running: list[tuple[Process, subprocess.Popen[bytes]]]) -> None:
+    book = record.begin(os.getpid())
+    environment = clean_environment() | {record.MARK: book.token}
+    pause = threading.Event().wait
+    servers: tuple[Valkey | Postgres, ...] = (stack.valkey, stack.postgres)
+    for server in servers:
+        if isinstance(server, Postgres):
+            server.prepare(environment)
+        process = server.process()
+        log = stack.log_of(process)
+        popen = spawn(process, environment=environment, log=log, folder=stack.layout.data)
+        running.append((process, popen))
+        if identity := identity_of(popen):
+            book.processes[process.name] = record.Entry(identity, process.orphan_signal)
+        book.save(stack.layout)
+    for server, (process, popen) in zip(servers, running, strict=True):
+        wait_ready(process.name, server.is_ready, popen.poll, stack.log_of(process), pause)
+
+
+def _stop(process: Process, popen: subprocess.Popen[bytes]) -> None:
+    for number in (process.stop_signal, process.orphan_signal, Signals.SIGKILL):
+        popen.send_signal(number)
+        with suppress(subprocess.TimeoutExpired):
+            popen.wait(_STOP_S)
+            return

@@ -1,0 +1,112 @@
+"""What must happen once before the processes start, and how to tell that it already did."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import sys
+import sysconfig
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+from deploy.embedded.layout import CHECKOUT, read_json, write_private
+from deploy.embedded.processes import Site
+
+_SEEDING_CODE = ("labweb", "drivers", "fixtures", "workers")
+
+
+@dataclass(frozen=True, slots=True)
+class Stage:
+    """One program that runs to its end before the lab opens."""
+
+    name: str
+    """As the person at the terminal reads it."""
+
+    argv: tuple[str, ...]
+    fingerprint: str
+    """Changes whenever the stage has something to do."""
+
+    makes: tuple[Path, ...] = ()
+    """Files it leaves; when one is missing the stage runs again."""
+
+
+def table(site: Site) -> list[Stage]:
+    """List the stages of a lab in their order."""
+    data = site.layout.data
+    manage = (sys.executable, "manage.py")
+    seed: tuple[str, ...] = (*manage, "seed", "--lab", str(site.lab), "--data", str(data))
+    if site.bind is not None:
+        seed = (*seed, "--bind", str(site.bind))
+    schema = _schema_fingerprint()
+    return [
+        Stage("Database tables", (*manage, "migrate", "--noinput"), schema),
+        Stage(
+            "Lab and users",
+            seed,
+            _digest([schema, _seed_fingerprint(site)]),
+            (
+                data / "bench.json",
+                data / "host" / "host.json",
+                data / "twin.json",
+                site.layout.passwords,
+            ),
+        ),
+    ]
+
+
+class Ledger:
+    """Which stages have been done to which cluster."""
+
+    def __init__(self, path: Path, cluster: str) -> None:
+        """Read what was done to this cluster; another one's history counts for nothing."""
+        self._path = path
+        self._cluster = cluster
+        content = read_json(path)
+        self._done: dict[str, str] = {}
+        if isinstance(content, dict) and content.get("cluster") == cluster:
+            self._done = dict(content["done"])
+
+    def is_done(self, stage: Stage) -> bool:
+        """Tell whether the stage has nothing to do."""
+        done = self._done.get(stage.name) == stage.fingerprint
+        return done and all(path.exists() for path in stage.makes)
+
+    def enter(self, stage: Stage) -> None:
+        """Write down that the stage was done."""
+        self._done[stage.name] = stage.fingerprint
+        content = {"cluster": self._cluster, "done": self._done}
+        write_private(self._path, json.dumps(content, indent=1) + "\n")
+
+
+def _schema_fingerprint() -> str:
+    """Digest our migrations and the versions of the packages that bring their own."""
+    ours = sorted((CHECKOUT / "labweb").glob("**/migrations/*.py"))
+    packages = sorted(path.name for path in _site_packages().glob("*.dist-info"))
+    contents = (path.read_text(encoding="utf-8") for path in ours)
+    return _digest([*map(str, ours), *contents, *packages])
+
+
+def _seed_fingerprint(site: Site) -> str:
+    """Digest the lab, its binding, where it runs, and the time stamps of the code that seeds."""
+    files = [site.lab] if site.bind is None else [site.lab, site.bind]
+    parts = [path.read_text(encoding="utf-8", errors="replace") for path in files]
+    parts += [str(site.layout.data), str(site.sockets), str(site.port), str(site.bind)]
+    for folder in _SEEDING_CODE:
+        for path in sorted((CHECKOUT / folder).rglob("*")):
+            if path.suffix in {".py", ".json"}:
+                facts = path.stat()
+                parts.append(f"{path} {facts.st_size} {facts.st_mtime_ns}")
+    return _digest(parts)
+
+
+def _site_packages() -> Path:
+    return Path(sysconfig.get_paths()["purelib"])
+
+
+def _digest(parts: Iterable[str]) -> str:
+    digest = hashlib.sha256()
+    for part in parts:
+        data = part.encode()
+        digest.update(len(data).to_bytes(8, "big") + data)
+    return digest.hexdigest()

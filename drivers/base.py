@@ -1,0 +1,293 @@
+"""What every driver is made of: marks that do nothing, a lifecycle, and a stop."""
+
+from __future__ import annotations
+
+import threading
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import (
+    TYPE_CHECKING,
+    Any,
+    ClassVar,
+    Generic,
+    Literal,
+    TypeVar,
+    get_args,
+    get_origin,
+    get_type_hints,
+)
+
+import msgspec
+
+from drivers.transports.base import Transport
+from labweb.domain.errors import DefinitionError, DeviceError, Effect, RejectedError
+
+if TYPE_CHECKING:
+    from labweb.domain.enrollment.spec import DriverSpec
+
+Method = TypeVar("Method", bound=Callable[..., Any])
+TransportT = TypeVar("TransportT", bound=Transport)
+ConfigT = TypeVar("ConfigT", bound=msgspec.Struct)
+
+Recovery = Literal["R0", "R1", "R2", "R3"]
+Operation = Literal["read", "update", "transfer"]
+
+
+class DeviceStoppedError(DeviceError):
+    """Somebody stopped the device. `effect` and `context` say how far it had come."""
+
+    default_code = "device.stopped"
+
+
+class Report(msgspec.Struct, frozen=True):
+    """What an action did, as far as the device can tell."""
+
+    moved_ul: float | None = None
+    """Liquid moved, always positive; None when the action moves none or cannot tell."""
+
+    evidence: dict[str, Any] = msgspec.field(default_factory=dict)
+    """JSON-ready readings that prove it."""
+
+    resolution_ul: float | None = None
+    """Smallest volume the device can tell apart; None when it does not say."""
+
+
+@dataclass(frozen=True, slots=True)
+class Range:
+    """Mark a number's closed range: `Annotated[float, Range(0, 310)]`. None: no bound."""
+
+    minimum: float | None = None
+    maximum: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Quantity:
+    """Mark a quantity that the name's unit does not tell, such as a temperature difference."""
+
+    name: str
+
+
+@dataclass(frozen=True, slots=True)
+class ActionMark:
+    """What `@action` leaves on a method."""
+
+    timeout_s: float
+    recovery: Recovery
+    hazards: tuple[str, ...]
+    operation: Operation
+
+
+@dataclass(frozen=True, slots=True)
+class StatusMark:
+    """What `@status` leaves on a method."""
+
+    every_s: float
+
+
+def action(
+    *,
+    timeout_s: float,
+    recovery: Recovery = "R3",
+    hazards: tuple[str, ...] = (),
+    operation: Operation = "update",
+) -> Callable[[Method], Method]:
+    """Mark a method as a thing the device does. Use literals: the catalog reads them as text.
+
+    Args:
+        timeout_s: Longest time the action may take.
+        recovery: How an unknown outcome is cleared. R0: ask the device by id. R1: an absolute
+            setpoint, may be sent again. R2: can be measured afterwards. R3: a person looks.
+        hazards: Words for the person who approves: `heat`, `expels_liquid`.
+        operation: What it does to the record: `read`, `update` or `transfer`.
+    """
+
+    def mark(method: Method) -> Method:
+        vars(method)["labweb_action"] = ActionMark(timeout_s, recovery, hazards, operation)
+        return method
+
+    return mark
+
+
+def status(*, every_s: float) -> Callable[[Method], Method]:
+    """Mark a method as a thing the device tells, worth asking for every so many seconds."""
+
+    def mark(method: Method) -> Method:
+        vars(method)["labweb_status"] = StatusMark(every_s)
+        return method
+
+    return mark
+
+
+class Driver(ABC, Generic[TransportT, ConfigT]):
+    """One instrument behind one transport.
+
+    An action runs on one thread. `stop()` may be called from another at any time; statuses
+    may be read from a third, since a transport carries one exchange at a time.
+    """
+
+    transport_type: ClassVar[type]
+    """Sort of carrier the driver speaks through."""
+
+    config_type: ClassVar[type[msgspec.Struct]]
+    """The module's `Config`."""
+
+    spec: DriverSpec | None = None
+    """What the catalog read in the source, when a loader has set it."""
+
+    def __init__(self, transport: TransportT, config: Mapping[str, Any]) -> None:
+        """Hold transport and settings; nothing is opened and nothing is sent.
+
+        Raises:
+            DefinitionError: A setting is missing, unknown or out of range, or the
+                transport is of another sort.
+        """
+        if not isinstance(transport, self.transport_type):
+            raise DefinitionError(
+                f"{type(self).__name__} speaks through a {self.transport_type.__name__}, "
+                f"{transport.line} is a {type(transport).__name__}",
+                code="driver.transport",
+            )
+        self.transport: TransportT = transport
+        self.config: ConfigT = parse_config(self.config_type, config)  # type: ignore[assignment]
+        self._stopping = threading.Event()
+
+    def connect(self) -> None:
+        """Open the line and make sure that the expected model answers.
+
+        Raises:
+            DeviceError: No link, no answer, or another model; the effect is NONE.
+        """
+        with before_acting():
+            self.transport.acquire(self)
+            try:
+                self.identify()
+            except DeviceError:
+                self.transport.release(self)
+                raise
+
+    def close(self) -> None:
+        """Let go of the line; it closes when its last driver does. May be called twice."""
+        self.transport.release(self)
+
+    def stop(self) -> None:
+        """Bring the device to its safe state; a running action ends with DeviceStoppedError.
+
+        Every later action is refused until `clear_stop()`. Safe to call twice, and from
+        any thread.
+
+        Raises:
+            DeviceError: The halt could not be delivered; the device may still act.
+        """
+        self._stopping.set()
+        self.halt()
+
+    def clear_stop(self) -> None:
+        """Allow actions again."""
+        self._stopping.clear()
+
+    @property
+    def is_stopped(self) -> bool:
+        """Tell whether `stop()` was called and not cleared."""
+        return self._stopping.is_set()
+
+    def pause(self, seconds: float) -> None:
+        """Wait, unless somebody stops the device.
+
+        Raises:
+            DeviceStoppedError: `stop()` was called, before or during the wait.
+        """
+        if self._stopping.wait(max(0.0, seconds)):
+            raise DeviceStoppedError("stopped")
+
+    def rest(self, seconds: float) -> None:
+        """Wait, stopped or not: for what has to be watched after a halt."""
+        threading.Event().wait(max(0.0, seconds))
+
+    def refuse_if_stopped(self) -> None:
+        """Refuse to begin while the device is stopped.
+
+        Raises:
+            DeviceStoppedError: The device is stopped; nothing was sent.
+        """
+        if self.is_stopped:
+            raise DeviceStoppedError(
+                "the device is stopped: clear the stop before the next action", effect=Effect.NONE
+            )
+
+    @abstractmethod
+    def identify(self) -> None:
+        """Ask who answers, and move nothing.
+
+        Raises:
+            DeviceError: Another model answers, or none.
+        """
+
+    @abstractmethod
+    def halt(self) -> None:
+        """Send what brings the device to its safe state; harmless when it already is."""
+
+
+@contextmanager
+def before_acting() -> Iterator[None]:
+    """Mark exchanges that move nothing: a failure inside has effect NONE."""
+    try:
+        yield
+    except DeviceError as error:
+        error.effect = Effect.NONE
+        raise
+
+
+@contextmanager
+def after_acting() -> Iterator[None]:
+    """Mark exchanges after the acting command: a lost link leaves its outcome UNKNOWN."""
+    try:
+        yield
+    except RejectedError:
+        raise
+    except DeviceError as error:
+        if error.effect is Effect.NONE:
+            error.effect = Effect.UNKNOWN
+        raise
+
+
+def parse_config(config_type: type[msgspec.Struct], config: Mapping[str, Any]) -> msgspec.Struct:
+    """Read a driver's settings; unknown keys and values out of range are refused.
+
+    Raises:
+        DefinitionError: A setting does not fit; the message names it.
+    """
+    known = set(config_type.__struct_fields__)
+    unknown = sorted(set(config) - known)
+    if unknown:
+        raise DefinitionError(
+            f"unknown settings {unknown}: this driver knows {sorted(known)}", code="driver.config"
+        )
+    try:
+        parsed = msgspec.convert(dict(config), config_type, strict=True)
+    except msgspec.ValidationError as error:
+        raise DefinitionError(f"settings: {error}", code="driver.config") from error
+    _check_ranges(parsed)
+    return parsed
+
+
+def _check_ranges(parsed: msgspec.Struct) -> None:
+    for name, hint in get_type_hints(type(parsed), include_extras=True).items():
+        value = getattr(parsed, name)
+        for limits in _ranges(hint):
+            low = limits.minimum if limits.minimum is not None else float("-inf")
+            high = limits.maximum if limits.maximum is not None else float("inf")
+            if value is not None and not low <= value <= high:
+                raise DefinitionError(
+                    f"setting {name} is {value!r}: allowed is {low:g} to {high:g}",
+                    code="driver.config",
+                )
+
+
+def _ranges(hint: object) -> Iterator[Range]:
+    for argument in get_args(hint):
+        if isinstance(argument, Range):
+            yield argument
+        elif get_origin(argument) is not None:
+            yield from _ranges(argument)

@@ -1,0 +1,68 @@
+"""Command line: `python -m drivers.catalog PATH [--json | --check]`."""
+
+from __future__ import annotations
+
+import argparse
+import resource
+import sys
+from pathlib import Path
+
+import msgspec
+
+from drivers.catalog.inspect import PACKAGE
+from drivers.catalog.scan import Catalog, scan
+from labweb.domain.errors import Finding
+
+MAX_CPU_S = 60
+MAX_MEMORY_BYTES = 1024**3
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Scan and print; the exit code is 1 when `--check` found something, 2 for no such path."""
+    parser = argparse.ArgumentParser(
+        prog="python -m drivers.catalog", description="Read driver source without importing it."
+    )
+    parser.add_argument("path", nargs="?", type=Path, default=PACKAGE, help="file or folder")
+    output = parser.add_mutually_exclusive_group()
+    output.add_argument("--json", action="store_true", help="print specs and findings as JSON")
+    output.add_argument("--check", action="store_true", help="print findings; fail if there are")
+    options = parser.parse_args(arguments)
+    if not options.path.exists():
+        sys.stderr.write(f"{options.path}: no such file or folder\n")
+        return 2
+    catalog = scan(options.path)
+    if options.json:
+        sys.stdout.write(msgspec.json.encode(catalog, order="sorted").decode() + "\n")
+        return 0
+    sys.stdout.write(_render_findings(catalog) if options.check else _render_table(catalog))
+    return 1 if options.check and catalog.all_findings else 0
+
+
+def _render_table(catalog: Catalog) -> str:
+    rows = [
+        f"{spec.class_name}  {','.join(spec.roles) or '-'}  {spec.quality or '-'}  "
+        f"{len(spec.actions)} actions  {len(spec.statuses)} statuses  "
+        f"{len(spec.findings)} findings  {spec.digest[:12]}\n"
+        for spec in catalog.drivers
+    ]
+    return "".join(rows) + _render_findings(catalog)
+
+
+def _render_findings(catalog: Catalog) -> str:
+    return "".join(map(_render_finding, catalog.all_findings))
+
+
+def _render_finding(finding: Finding) -> str:
+    rule = finding.code.removeprefix("driver.").upper()
+    return f"{finding.subject}: {rule} {finding.message} ({finding.context['suggestion']})\n"
+
+
+def _limit_resources() -> None:
+    """Bound this process: hostile source may cost neither the host's memory nor its time."""
+    resource.setrlimit(resource.RLIMIT_CPU, (MAX_CPU_S, MAX_CPU_S))
+    resource.setrlimit(resource.RLIMIT_AS, (MAX_MEMORY_BYTES, MAX_MEMORY_BYTES))
+
+
+if __name__ == "__main__":
+    _limit_resources()
+    sys.exit(main())

@@ -1,0 +1,1 @@
+"""What joins vessels: pumps and valves."""

@@ -1,0 +1,1 @@
+"""Roles that drivers share; same names and parameters in each of them."""

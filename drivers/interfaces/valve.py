@@ -1,0 +1,23 @@
+"""A valve that connects one common port to one of several."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+
+from drivers.base import Report
+
+
+class Valve(ABC):
+    """A distribution valve with numbered ports."""
+
+    @abstractmethod
+    def select_port(self, port_index: int) -> Report:
+        """Turn to a port, counted from 1, and return once the valve stands there.
+
+        Effect:
+            None on matter; what flows next flows through that port.
+        """
+
+    @abstractmethod
+    def port_index(self) -> int:
+        """Tell the port that is selected, counted from 1."""

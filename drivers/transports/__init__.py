@@ -1,0 +1,1 @@
+"""Byte carriers: the only modules here that open anything."""

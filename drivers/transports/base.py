@@ -1,0 +1,237 @@
+"""What every transport promises: one owner, one exchange at a time, bounded reads."""
+
+from __future__ import annotations
+
+import threading
+import time
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import ClassVar, Literal
+
+from labweb.domain.errors import (
+    DefinitionError,
+    DeviceTimeoutError,
+    Effect,
+    FrameError,
+    UnreachableError,
+)
+
+Direction = Literal["out", "in"]
+Observer = Callable[[Direction, bytes], None]
+
+MAX_FRAME_BYTES = 4096
+"""Longest reply that is read; a longer one is noise."""
+
+QUIET_S = 0.05
+"""A line that has been silent this long owes no late answer."""
+
+MAX_DRAIN_S = 1.0
+"""Longest time spent waiting for a talking line to fall silent."""
+
+OPEN_TIMEOUT_S = 3.0
+"""Longest time to open a line."""
+
+_claims: dict[str, int] = {}
+_claims_lock = threading.Lock()
+
+
+class Transport(ABC):
+    """One line. Drivers of devices on the same line share one object."""
+
+    sort: ClassVar[str]
+    """`byte`, `register` or `virtual`."""
+
+    def __init__(self, url: str, line: str) -> None:
+        self.url = url
+        self.line = line
+        """What is shared: two URLs with the same line are the same wire."""
+
+        self.lock = threading.RLock()
+        """Held for one exchange; hold it longer to keep several together."""
+
+        self.observer: Observer | None = None
+        """Called right before each write and after each read, with the bytes."""
+
+        self._users: set[int] = set()
+
+    @property
+    @abstractmethod
+    def is_open(self) -> bool:
+        """Tell whether the line is open."""
+
+    @abstractmethod
+    def _open(self) -> None:
+        """Open the operating system's handle."""
+
+    @abstractmethod
+    def _close(self) -> None:
+        """Close the operating system's handle, if any."""
+
+    def open(self) -> None:
+        """Open the line; nothing happens when it is open.
+
+        Raises:
+            UnreachableError: It cannot be opened, or somebody else holds it; effect NONE.
+        """
+        with self.lock:
+            if self.is_open:
+                return
+            _claim(self.line, id(self))
+            try:
+                self._open()
+            except BaseException:
+                _release(self.line, id(self))
+                raise
+
+    def close(self) -> None:
+        """Close the line for all its drivers. May be called twice."""
+        with self.lock:
+            self._users.clear()
+            try:
+                self._close()
+            finally:
+                _release(self.line, id(self))
+
+    def acquire(self, user: object) -> None:
+        """Open the line on behalf of one driver.
+
+        Raises:
+            UnreachableError: As `open`.
+        """
+        with self.lock:
+            self.open()
+            self._users.add(id(user))
+
+    def release(self, user: object) -> None:
+        """Close the line when no other driver uses it."""
+        with self.lock:
+            if id(user) not in self._users:
+                return
+            self._users.discard(id(user))
+            if not self._users:
+                self.close()
+
+    def for_url(self, url: str) -> Transport:
+        """Return the transport for another device on this line.
+
+        Raises:
+            DefinitionError: The URL names other settings than those the line has.
+        """
+        if url != self.url:
+            raise DefinitionError(
+                f"{self.line} has the settings of {self.url}; {url} differs",
+                code="transport.settings_differ",
+            )
+        return self
+
+    def _observe(self, direction: Direction, data: bytes) -> None:
+        if self.observer is not None:
+            self.observer(direction, data)
+
+    def _require_open(self) -> None:
+        if not self.is_open:
+            raise UnreachableError(f"{self.line} is not open: connect again", effect=Effect.NONE)
+
+
+class ByteTransport(Transport):
+    """A line that carries bytes: serial port, TCP socket."""
+
+    sort: ClassVar[str] = "byte"
+
+    def __init__(self, url: str, line: str) -> None:
+        super().__init__(url, line)
+        self._may_owe_bytes = False
+
+    @abstractmethod
+    def _put(self, data: bytes) -> None:
+        """Write all bytes."""
+
+    @abstractmethod
+    def _take(self, timeout_s: float) -> bytes:
+        """Read what is there, waiting for at most the timeout; b"" when silent."""
+
+    def exchange(self, request: bytes, *, until: bytes, timeout_s: float) -> bytes:
+        """Send a request and return the reply up to and with its terminator.
+
+        Input that was waiting before is thrown away, and so is what follows the terminator.
+
+        Raises:
+            UnreachableError: Line closed or broken; NONE before the first byte, else UNKNOWN.
+            DeviceTimeoutError: No whole reply in time; UNKNOWN.
+            FrameError: More than 4 KiB without a terminator; UNKNOWN.
+        """
+        with self.lock:
+            self._write(request)
+            self._may_owe_bytes = True
+            reply = self._read(until, time.monotonic() + timeout_s)
+            self._may_owe_bytes = False
+            return reply
+
+    def send(self, data: bytes) -> None:
+        """Send bytes that have no reply.
+
+        Raises:
+            UnreachableError: Line closed or broken; NONE before the first byte, else UNKNOWN.
+        """
+        with self.lock:
+            self._write(data)
+
+    def _write(self, data: bytes) -> None:
+        self._require_open()
+        with self._broken(Effect.NONE):
+            self._drain()
+        self._observe("out", data)
+        with self._broken(Effect.UNKNOWN):
+            self._put(data)
+
+    def _read(self, until: bytes, deadline_s: float) -> bytes:
+        buffer = bytearray()
+        while until not in buffer:
+            left_s = deadline_s - time.monotonic()
+            if left_s <= 0:
+                raise DeviceTimeoutError(
+                    f"{self.line}: no whole answer in time",
+                    context={"received": bytes(buffer).hex()},
+                )
+            with self._broken(Effect.UNKNOWN):
+                part = self._take(left_s)
+            if part:
+                self._observe("in", part)
+            buffer += part
+            if len(buffer) > MAX_FRAME_BYTES:
+                raise FrameError(f"{self.line}: answer of more than {MAX_FRAME_BYTES} bytes")
+        return bytes(buffer[: buffer.index(until) + len(until)])
+
+    def _drain(self) -> None:
+        """Throw away waiting input; after a failed exchange, also what still arrives."""
+        quiet_s = QUIET_S if self._may_owe_bytes else 0.0
+        deadline_s = time.monotonic() + MAX_DRAIN_S
+        while part := self._take(quiet_s):
+            self._observe("in", part)
+            if time.monotonic() > deadline_s:
+                raise FrameError(f"{self.line} does not fall silent", effect=Effect.NONE)
+
+    @contextmanager
+    def _broken(self, effect: Effect) -> Iterator[None]:
+        """Turn the vendor's errors into ours, and close the handle that failed."""
+        try:
+            yield
+        except OSError as error:
+            self._close()
+            raise UnreachableError(f"{self.line} broke: {error}", effect=effect) from error
+
+
+def _claim(line: str, owner: int) -> None:
+    with _claims_lock:
+        holder = _claims.setdefault(line, owner)
+    if holder != owner:
+        raise UnreachableError(
+            f"{line} is already open in this process: share its transport", effect=Effect.NONE
+        )
+
+
+def _release(line: str, owner: int) -> None:
+    with _claims_lock:
+        if _claims.get(line) == owner:
+            del _claims[line]

@@ -1,0 +1,133 @@
+r"""A transport that answers from a transcript: recorded bytes, one exchange after another.
+
+A transcript is a text file. Bytes are written as in a Python bytes literal, without quotes::
+
+    # comment
+    >  /1?R\r           this request comes here, once
+    <  /0`1500\x03\r\n  and this is its answer
+    >* /1Q\r            this request may come here any number of times, or not at all
+    >? /1TR\r           this request may come at any moment, any number of times
+
+A request without an answer line is met with silence.
+"""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from drivers.transports.base import ByteTransport
+
+_ONCE, _REPEATED, _ANYTIME = ">", ">*", ">?"
+
+
+class TranscriptMismatchError(AssertionError):
+    """The driver asked something that the transcript does not hold at this place."""
+
+
+@dataclass(frozen=True, slots=True)
+class Exchange:
+    """One recorded request and what came back."""
+
+    mark: str
+    request: bytes
+    reply: bytes
+    """b"": silence."""
+
+
+class ReplayTransport(ByteTransport):
+    """Plays the instrument's part of a transcript, and insists on the driver's."""
+
+    def __init__(self, exchanges: Sequence[Exchange], *, line: str = "replay:transcript") -> None:
+        super().__init__(line, line)
+        self._script = [one for one in exchanges if one.mark != _ANYTIME]
+        self._anytime = {one.request: one.reply for one in exchanges if one.mark == _ANYTIME}
+        self._next = 0
+        self._pending = b""
+        self._is_open = False
+        self.sent: list[bytes] = []
+        """Every request, in order."""
+
+    @classmethod
+    def from_file(cls, path: Path) -> ReplayTransport:
+        """Read a transcript file.
+
+        Raises:
+            ValueError: A line cannot be read; the message has its number.
+        """
+        return cls(parse_transcript(path.read_text(encoding="utf-8")), line=f"replay:{path}")
+
+    @property
+    def is_open(self) -> bool:
+        """Tell whether the transcript is in use."""
+        return self._is_open
+
+    @property
+    def remaining(self) -> list[bytes]:
+        """Requests that were expected and have not come."""
+        return [one.request for one in self._script[self._next :] if one.mark == _ONCE]
+
+    def _open(self) -> None:
+        self._is_open = True
+
+    def _close(self) -> None:
+        self._is_open = False
+
+    def _put(self, data: bytes) -> None:
+        self.sent.append(data)
+        self._pending = self._answer(data)
+
+    def _take(self, timeout_s: float) -> bytes:  # noqa: ARG002 - nothing here takes time
+        reply, self._pending = self._pending, b""
+        return reply
+
+    def _read(self, until: bytes, deadline_s: float) -> bytes:
+        is_whole = until in self._pending
+        return super()._read(until, deadline_s if is_whole else 0.0)
+
+    def _answer(self, request: bytes) -> bytes:
+        if request in self._anytime:
+            return self._anytime[request]
+        for position in range(self._next, len(self._script)):
+            exchange = self._script[position]
+            if exchange.request == request:
+                self._next = position if exchange.mark == _REPEATED else position + 1
+                return exchange.reply
+            if exchange.mark == _ONCE:
+                raise TranscriptMismatchError(
+                    f"sent {request!r}, the transcript expects {exchange.request!r}"
+                )
+        raise TranscriptMismatchError(f"sent {request!r} after the transcript's end")
+
+
+def parse_transcript(text: str) -> list[Exchange]:
+    """Read the exchanges of a transcript.
+
+    Raises:
+        ValueError: A line is neither request, answer nor comment.
+    """
+    exchanges: list[Exchange] = []
+    for number, line in enumerate(text.splitlines(), start=1):
+        mark, _, rest = line.strip().partition(" ")
+        if not mark or mark.startswith("#"):
+            continue
+        if mark in {_ONCE, _REPEATED, _ANYTIME}:
+            exchanges.append(Exchange(mark, _bytes(rest, number), b""))
+        elif mark == "<" and exchanges:
+            last = exchanges[-1]
+            exchanges[-1] = Exchange(last.mark, last.request, last.reply + _bytes(rest, number))
+        else:
+            raise ValueError(f"transcript line {number} is neither request, answer nor comment")
+    return exchanges
+
+
+def _bytes(text: str, number: int) -> bytes:
+    try:
+        value = ast.literal_eval('b"' + text.strip().replace('"', '\\"') + '"')
+    except (SyntaxError, ValueError) as error:
+        raise ValueError(f"transcript line {number}: {error}") from error
+    if not isinstance(value, bytes):
+        raise ValueError(f"transcript line {number} is not bytes")
+    return value

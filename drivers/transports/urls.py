@@ -1,0 +1,182 @@
+"""From the URL in a lab's binding to a transport."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping
+from urllib.parse import SplitResult, parse_qsl, urlsplit
+
+from drivers.transports.base import Transport
+from drivers.transports.modbus import ModbusTransport, serial_client, tcp_client
+from drivers.transports.serial import SerialSettings, SerialTransport, serial_line
+from drivers.transports.tcp import TcpTransport, tcp_line
+from drivers.transports.virtual import VirtualTransport
+from labweb.domain.errors import DefinitionError
+
+FORMS = (
+    "serial:///dev/ttyUSB0?baud=9600&format=8N1&flow=none",
+    "tcp://127.0.0.1:4305",
+    "modbus+tcp://127.0.0.1:502?device=1",
+    "modbus+serial:///dev/ttyUSB0?baud=9600&format=8N1&device=1",
+    "virtual:timer",
+)
+"""Every accepted form, by example."""
+
+_FORMAT = re.compile(r"([78])([NEO])([12])")
+_SERIAL_KEYS = frozenset({"baud", "format", "flow"})
+_HIGHEST_PORT = 65535
+_HIGHEST_MODBUS_DEVICE = 247  # Modbus over serial line V1.02, section 2.2
+
+
+def open_transport(url: str) -> Transport:
+    """Build the transport a URL names and open its line.
+
+    Raises:
+        DefinitionError: The URL is none of the accepted forms.
+        UnreachableError: The line cannot be opened, or somebody else holds it; effect NONE.
+    """
+    transport = make_transport(url)
+    transport.open()
+    return transport
+
+
+def make_transport(url: str) -> Transport:
+    """Build the transport a URL names; nothing is opened.
+
+    Raises:
+        DefinitionError: The URL is none of the accepted forms.
+    """
+    make, _ = _scheme(url)
+    return make(url)
+
+
+def line_key(url: str) -> str:
+    """Name the line a URL shares; devices with the same key take turns.
+
+    Raises:
+        DefinitionError: The URL is none of the accepted forms.
+
+    Example:
+        >>> line_key("modbus+tcp://10.0.0.7:502?device=1")
+        'tcp:10.0.0.7:502'
+    """
+    _, key = _scheme(url)
+    return key(url)
+
+
+def _scheme(url: str) -> tuple[Callable[[str], Transport], Callable[[str], str]]:
+    name, separator, _ = url.partition(":")
+    if not separator or name not in _SCHEMES:
+        raise _bad(url, "unknown scheme")
+    return _SCHEMES[name]
+
+
+def _make_serial(url: str) -> Transport:
+    return SerialTransport(url, _serial_settings(url, _SERIAL_KEYS))
+
+
+def _make_tcp(url: str) -> Transport:
+    host, port = _address(url, frozenset())
+    return TcpTransport(url, host, port)
+
+
+def _make_modbus_tcp(url: str) -> Transport:
+    host, port = _address(url, frozenset({"device"}))
+    return ModbusTransport(url, tcp_line(host, port), _device(url), tcp_client(host, port))
+
+
+def _make_modbus_serial(url: str) -> Transport:
+    settings = _serial_settings(url, _SERIAL_KEYS | {"device"})
+    line = serial_line(settings.path)
+    return ModbusTransport(url, line, _device(url), serial_client(settings))
+
+
+def _make_virtual(url: str) -> Transport:
+    return VirtualTransport(_virtual_line(url))
+
+
+def _serial_line(url: str) -> str:
+    return serial_line(_serial_settings(url, _SERIAL_KEYS | {"device"}).path)
+
+
+def _tcp_line(url: str) -> str:
+    return tcp_line(*_address(url, frozenset({"device"})))
+
+
+def _virtual_line(url: str) -> str:
+    if not re.fullmatch(r"virtual:[a-z0-9_-]{1,64}", url):
+        raise _bad(url, "a virtual line has a name of small letters, digits, _ and -")
+    return url
+
+
+def _serial_settings(url: str, keys: frozenset[str]) -> SerialSettings:
+    parts = _split(url)
+    query = _query(url, parts, keys)
+    if parts.netloc or not parts.path.startswith("/"):
+        raise _bad(url, "a serial port is an absolute path after three slashes")
+    form = _FORMAT.fullmatch(query.get("format", "8N1"))
+    if form is None:
+        raise _bad(url, "format is data bits, parity, stop bits: 8N1, 7E1")
+    flow = query.get("flow", "none")
+    if flow not in {"none", "rtscts"}:
+        raise _bad(url, "flow is none or rtscts")
+    baud = _number(url, query.get("baud", "9600"), 50, 4_000_000)
+    return SerialSettings(
+        parts.path, baud, int(form[1]), form[2], int(form[3]), has_flow_control=flow == "rtscts"
+    )
+
+
+def _address(url: str, keys: frozenset[str]) -> tuple[str, int]:
+    parts = _split(url)
+    _query(url, parts, keys)
+    if not parts.hostname or parts.path not in {"", "/"} or "@" in parts.netloc:
+        raise _bad(url, "an address is host and port")
+    port = parts.netloc.rpartition(":")[2]
+    return parts.hostname, _number(url, port, 1, _HIGHEST_PORT)
+
+
+def _device(url: str) -> int:
+    query = dict(parse_qsl(_split(url).query))
+    return _number(url, query.get("device", "1"), 1, _HIGHEST_MODBUS_DEVICE)
+
+
+def _number(url: str, text: str, low: int, high: int) -> int:
+    if not re.fullmatch(r"[0-9]{1,9}", text) or not low <= int(text) <= high:
+        raise _bad(url, f"{text!r} is no whole number from {low} to {high}")
+    return int(text)
+
+
+def _split(url: str) -> SplitResult:
+    try:
+        return urlsplit(url)
+    except ValueError as error:
+        raise _bad(url, str(error)) from error
+
+
+def _query(url: str, parts: SplitResult, keys: frozenset[str]) -> Mapping[str, str]:
+    try:
+        pairs = parse_qsl(parts.query, keep_blank_values=True, strict_parsing=bool(parts.query))
+    except ValueError as error:
+        raise _bad(url, str(error)) from error
+    query = dict(pairs)
+    if len(query) != len(pairs) or parts.fragment:
+        raise _bad(url, "a key comes twice, or there is a fragment")
+    unknown = sorted(set(query) - keys)
+    if unknown:
+        raise _bad(url, f"unknown keys {unknown}; known are {sorted(keys)}")
+    return query
+
+
+def _bad(url: str, reason: str) -> DefinitionError:
+    return DefinitionError(
+        f"{url!r}: {reason}. Write one of: {', '.join(FORMS)}", code="transport.url"
+    )
+
+
+_SCHEMES: Mapping[str, tuple[Callable[[str], Transport], Callable[[str], str]]] = {
+    "serial": (_make_serial, _serial_line),
+    "tcp": (_make_tcp, _tcp_line),
+    "modbus+tcp": (_make_modbus_tcp, _tcp_line),
+    "modbus+serial": (_make_modbus_serial, _serial_line),
+    "virtual": (_make_virtual, _virtual_line),
+}

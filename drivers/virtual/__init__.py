@@ -1,0 +1,1 @@
+"""Devices without a wire: computing nodes, encapsulated workstations."""

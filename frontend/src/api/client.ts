@@ -1,0 +1,96 @@
+/** Calls to the server: one shape of request, one shape of refusal. */
+
+import type { Finding, Refusal } from "@/model/wire";
+import { useConnection } from "./connection";
+
+/** The server said no, or did not answer at all (status 0). */
+export class ApiError extends Error {
+  readonly status: number;
+  readonly refusal: Refusal;
+
+  constructor(status: number, refusal: Refusal) {
+    super(refusal.message);
+    this.name = "ApiError";
+    this.status = status;
+    this.refusal = refusal;
+  }
+
+  get code(): string {
+    return this.refusal.code;
+  }
+
+  get findings(): Finding[] {
+    return this.refusal.findings;
+  }
+
+  /** The session has ended: sign in, then come back. */
+  get isSignedOut(): boolean {
+    return this.refusal.code === "http.not_authenticated";
+  }
+}
+
+type Method = "GET" | "POST" | "PUT" | "DELETE";
+
+let onSignedOut: () => void = () => undefined;
+
+/** Say what happens when an answer shows that the session has ended. */
+export function whenSignedOut(callback: () => void): void {
+  onSignedOut = callback;
+}
+
+function csrfToken(): string {
+  return /(?:^|;\s*)csrftoken=([^;]+)/.exec(document.cookie)?.[1] ?? "";
+}
+
+function refusal(code: string, message: string): Refusal {
+  return { code, message, effect: "none", context: {}, findings: [] };
+}
+
+async function readRefusal(response: Response): Promise<Refusal> {
+  const fallback = refusal(`http.${response.status}`, `The server answered ${response.status}.`);
+  try {
+    const body = (await response.json()) as Partial<Refusal>;
+    return typeof body.message === "string" ? { ...fallback, ...body } : fallback;
+  } catch {
+    return fallback;
+  }
+}
+
+/** Call the server and return its answer. */
+export async function call<T>(
+  method: Method,
+  path: string,
+  body?: unknown,
+  signal?: AbortSignal,
+): Promise<T> {
+  const headers: Record<string, string> = { Accept: "application/json" };
+  if (body !== undefined) headers["Content-Type"] = "application/json";
+  if (method !== "GET") headers["X-CSRFToken"] = csrfToken();
+  let response: Response;
+  try {
+    response = await fetch(`/api/v1${path}`, {
+      method,
+      headers,
+      credentials: "same-origin",
+      ...(body === undefined ? {} : { body: JSON.stringify(body) }),
+      ...(signal ? { signal } : {}),
+    });
+  } catch (error) {
+    if (error instanceof DOMException && error.name === "AbortError") throw error;
+    useConnection.getState().setReachable(false);
+    throw new ApiError(0, refusal("http.unreachable", "The server does not answer."));
+  }
+  const isGateway = [502, 503, 504].includes(response.status);
+  useConnection.getState().setReachable(!isGateway);
+  if (!response.ok) {
+    const error = new ApiError(response.status, await readRefusal(response));
+    if (error.isSignedOut) onSignedOut();
+    throw error;
+  }
+  return (response.status === 204 ? undefined : await response.json()) as T;
+}
+
+/** Sentence for any error, for the place where it happened. */
+export function messageOf(error: unknown): string {
+  return error instanceof Error ? error.message : "Something failed without saying why.";
+}

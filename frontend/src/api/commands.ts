@@ -1,0 +1,156 @@
+/** What pages write, one hook each. Nothing is shown as done before the server said so. */
+
+import { useMutation, type UseMutationResult } from "@tanstack/react-query";
+import type {
+  ApprovalRequest,
+  CheckResult,
+  Job,
+  Lab,
+  Run,
+  Session,
+  Version,
+  Workflow,
+  WorkflowDocument,
+} from "@/model/wire";
+import { call } from "./client";
+import { keys } from "./keys";
+import { client } from "./live";
+
+function setLab(lab: Lab): void {
+  client.setQueryData(keys.session, (old: Session | undefined) => ({
+    user: old?.user ?? null,
+    lab,
+  }));
+  void client.invalidateQueries({ queryKey: keys.home });
+  void client.invalidateQueries({ queryKey: keys.runs });
+}
+
+function setRun(run: Run): void {
+  client.setQueryData(keys.run(run.id), run);
+  void client.invalidateQueries({ queryKey: keys.runs });
+  void client.invalidateQueries({ queryKey: keys.home });
+}
+
+export function useSignIn(): UseMutationResult<
+  Session,
+  Error,
+  { username: string; password: string }
+> {
+  return useMutation({
+    mutationFn: (who) => call<Session>("POST", "/session", who),
+    onSuccess: (session) => {
+      client.clear();
+      client.setQueryData(keys.session, session);
+    },
+  });
+}
+
+export function useSignOut(): UseMutationResult<undefined, Error, void> {
+  return useMutation({
+    mutationFn: () => call<undefined>("DELETE", "/session"),
+    onSuccess: () => {
+      client.setQueryData(keys.session, (old: Session | undefined) => ({
+        user: null,
+        lab: old?.lab ?? null,
+      }));
+    },
+  });
+}
+
+export function useStopLab(): UseMutationResult<Lab, Error, void> {
+  return useMutation({ mutationFn: () => call<Lab>("POST", "/lab/stop", {}), onSuccess: setLab });
+}
+
+export function useResetLab(): UseMutationResult<Lab, Error, string> {
+  return useMutation({
+    mutationFn: (reason) => call<Lab>("POST", "/lab/reset", { reason }),
+    onSuccess: setLab,
+  });
+}
+
+export interface NewWorkflow {
+  name: string;
+  document?: WorkflowDocument;
+  copy_of?: string;
+}
+
+export function useCreateWorkflow(): UseMutationResult<Workflow, Error, NewWorkflow> {
+  return useMutation({
+    mutationFn: (wanted) => call<Workflow>("POST", "/workflows", wanted),
+    onSuccess: (workflow) => {
+      client.setQueryData(keys.workflow(workflow.id), workflow);
+      void client.invalidateQueries({ queryKey: keys.workflows, exact: true });
+    },
+  });
+}
+
+export function saveDraft(
+  id: string,
+  document: WorkflowDocument,
+  revision: number,
+): Promise<{ revision: number }> {
+  return call("PUT", `/workflows/${id}/draft`, { document, revision });
+}
+
+export function saveVersion(id: string, note: string): Promise<Version> {
+  return call("POST", `/workflows/${id}/versions`, { note });
+}
+
+export function checkDocument(
+  document: WorkflowDocument,
+  signal: AbortSignal,
+): Promise<CheckResult> {
+  return call("POST", "/workflows/check", { document }, signal);
+}
+
+export function startRun(versionId: string): Promise<Run> {
+  return call("POST", "/runs", { version_id: versionId });
+}
+
+export type RunAct = { act: "pause" | "resume" } | { act: "abort"; reason: string };
+
+export function useRunAct(id: string): UseMutationResult<Run, Error, RunAct> {
+  return useMutation({
+    mutationFn: (what) =>
+      call<Run>(
+        "POST",
+        `/runs/${id}/${what.act}`,
+        what.act === "abort" ? { reason: what.reason } : {},
+      ),
+    onSuccess: setRun,
+  });
+}
+
+export interface Answer {
+  answer: "happened" | "did_not" | "partly" | "discard";
+  moved_ul?: number;
+  note: string;
+}
+
+export function useResolve(jobId: string, runId: string): UseMutationResult<Job, Error, Answer> {
+  return useMutation({
+    mutationFn: (answer) => call<Job>("POST", `/jobs/${jobId}/resolve`, answer),
+    onSuccess: () => {
+      void client.invalidateQueries({ queryKey: keys.run(runId) });
+      void client.invalidateQueries({ queryKey: keys.home });
+      void client.invalidateQueries({ queryKey: keys.resources });
+    },
+  });
+}
+
+export interface Decision {
+  is_approved: boolean;
+  comment: string;
+}
+
+export function useDecide(id: string): UseMutationResult<ApprovalRequest, Error, Decision> {
+  return useMutation({
+    mutationFn: (decision) => call<ApprovalRequest>("POST", `/approvals/${id}/decision`, decision),
+    onSettled: () => {
+      void client.invalidateQueries({ queryKey: keys.approvals });
+      void client.invalidateQueries({ queryKey: keys.runs });
+      void client.invalidateQueries({ queryKey: keys.home });
+      void client.invalidateQueries({ queryKey: keys.session });
+    },
+  });
+}

@@ -1,0 +1,195 @@
+/** What pages read, one hook each. */
+
+import { keepPreviousData, useQuery, type UseQueryResult } from "@tanstack/react-query";
+import type {
+  ApprovalDetail,
+  ApprovalRequest,
+  Device,
+  DeviceRow,
+  Home,
+  HostRow,
+  LabEvent,
+  Lineage,
+  LogLine,
+  Resource,
+  ResourceRow,
+  Run,
+  RunRow,
+  SearchHit,
+  Session,
+  Steps,
+  TwinInfo,
+  Version,
+  Workflow,
+  WorkflowRow,
+} from "@/model/wire";
+import { call } from "./client";
+import { useConnection } from "./connection";
+import { keys } from "./keys";
+
+const get =
+  <T>(path: string) =>
+  ({ signal }: { signal: AbortSignal }): Promise<T> =>
+    call<T>("GET", path, undefined, signal);
+
+/** Without the live stream, ask every few seconds instead. */
+function usePolling(seconds: number): number | false {
+  return useConnection((state) => state.isOpen) ? false : seconds * 1000;
+}
+
+export function useSession(): UseQueryResult<Session> {
+  const refetchInterval = usePolling(3);
+  return useQuery({ queryKey: keys.session, queryFn: get<Session>("/session"), refetchInterval });
+}
+
+export function useHome(): UseQueryResult<Home> {
+  const refetchInterval = usePolling(5);
+  return useQuery({ queryKey: keys.home, queryFn: get<Home>("/home"), refetchInterval });
+}
+
+export function useSteps(): UseQueryResult<Steps> {
+  return useQuery({ queryKey: keys.steps, queryFn: get<Steps>("/steps"), staleTime: 30_000 });
+}
+
+export function useWorkflows(): UseQueryResult<WorkflowRow[]> {
+  return useQuery({
+    queryKey: keys.workflows,
+    queryFn: get<{ workflows: WorkflowRow[] }>("/workflows"),
+    select: (answer: { workflows: WorkflowRow[] }) => answer.workflows,
+  });
+}
+
+export function useWorkflow(id: string): UseQueryResult<Workflow> {
+  return useQuery({ queryKey: keys.workflow(id), queryFn: get<Workflow>(`/workflows/${id}`) });
+}
+
+export function useVersion(id: string, number: number | null): UseQueryResult<Version> {
+  return useQuery({
+    queryKey: keys.version(id, number ?? 0),
+    queryFn: get<Version>(`/workflows/${id}/versions/${number ?? 0}`),
+    enabled: number !== null,
+    staleTime: Infinity,
+  });
+}
+
+export function useRuns(state: string): UseQueryResult<RunRow[]> {
+  const refetchInterval = usePolling(5);
+  return useQuery({
+    queryKey: keys.runList(state),
+    queryFn: get<{ runs: RunRow[] }>(`/runs?state=${encodeURIComponent(state)}&limit=200`),
+    select: (answer: { runs: RunRow[] }) => answer.runs,
+    placeholderData: keepPreviousData,
+    refetchInterval,
+  });
+}
+
+export function useRun(id: string): UseQueryResult<Run> {
+  const refetchInterval = usePolling(2);
+  return useQuery({ queryKey: keys.run(id), queryFn: get<Run>(`/runs/${id}`), refetchInterval });
+}
+
+export function useRunEvents(id: string): UseQueryResult<LabEvent[]> {
+  const refetchInterval = usePolling(5);
+  return useQuery({
+    queryKey: [...keys.run(id), "events"],
+    queryFn: get<{ events: LabEvent[] }>(`/runs/${id}/events`),
+    select: (answer: { events: LabEvent[] }) => answer.events,
+    refetchInterval,
+  });
+}
+
+export function useRunLog(id: string): UseQueryResult<LogLine[]> {
+  const refetchInterval = usePolling(5);
+  return useQuery({
+    queryKey: [...keys.run(id), "log"],
+    queryFn: get<{ lines: LogLine[] }>(`/runs/${id}/log`),
+    select: (answer: { lines: LogLine[] }) => answer.lines,
+    refetchInterval,
+  });
+}
+
+export function useApprovals(state: "open" | "all"): UseQueryResult<ApprovalRequest[]> {
+  const refetchInterval = usePolling(5);
+  return useQuery({
+    queryKey: keys.approvalList(state),
+    queryFn: get<{ requests: ApprovalRequest[] }>(`/approvals?state=${state}`),
+    select: (answer: { requests: ApprovalRequest[] }) => answer.requests,
+    placeholderData: keepPreviousData,
+    refetchInterval,
+  });
+}
+
+export function useApproval(id: string | null): UseQueryResult<ApprovalDetail> {
+  return useQuery({
+    queryKey: keys.approval(id ?? ""),
+    queryFn: get<ApprovalDetail>(`/approvals/${id ?? ""}`),
+    enabled: id !== null,
+  });
+}
+
+export function useResources(): UseQueryResult<ResourceRow[]> {
+  return useQuery({
+    queryKey: keys.resources,
+    queryFn: get<{ resources: ResourceRow[] }>("/resources"),
+    select: (answer: { resources: ResourceRow[] }) => answer.resources,
+  });
+}
+
+export function useResource(id: string | null): UseQueryResult<Resource> {
+  return useQuery({
+    queryKey: keys.resource(id ?? ""),
+    queryFn: get<Resource>(`/resources/${id ?? ""}`),
+    enabled: id !== null,
+  });
+}
+
+export function useLineage(id: string, direction: string, depth: number): UseQueryResult<Lineage> {
+  return useQuery({
+    queryKey: keys.lineage(id, direction, depth),
+    queryFn: get<Lineage>(`/resources/${id}/lineage?direction=${direction}&depth=${depth}`),
+    placeholderData: keepPreviousData,
+  });
+}
+
+export function useDevices(): UseQueryResult<DeviceRow[]> {
+  const refetchInterval = usePolling(5);
+  return useQuery({
+    queryKey: keys.devices,
+    queryFn: get<{ devices: DeviceRow[] }>("/devices"),
+    select: (answer: { devices: DeviceRow[] }) => answer.devices,
+    refetchInterval,
+  });
+}
+
+export function useDevice(id: string): UseQueryResult<Device> {
+  const refetchInterval = usePolling(5);
+  return useQuery({
+    queryKey: keys.device(id),
+    queryFn: get<Device>(`/devices/${id}`),
+    refetchInterval,
+  });
+}
+
+export function useHosts(): UseQueryResult<HostRow[]> {
+  const refetchInterval = usePolling(5);
+  return useQuery({
+    queryKey: keys.hosts,
+    queryFn: get<{ hosts: HostRow[] }>("/hosts"),
+    select: (answer: { hosts: HostRow[] }) => answer.hosts,
+    refetchInterval,
+  });
+}
+
+export function useTwin(): UseQueryResult<TwinInfo> {
+  return useQuery({ queryKey: keys.twin, queryFn: get<TwinInfo>("/twin"), refetchInterval: 2000 });
+}
+
+export function useSearch(text: string): UseQueryResult<SearchHit[]> {
+  return useQuery({
+    queryKey: keys.search(text),
+    queryFn: get<{ results: SearchHit[] }>(`/search?q=${encodeURIComponent(text)}`),
+    select: (answer: { results: SearchHit[] }) => answer.results,
+    enabled: text.trim().length > 0,
+    placeholderData: keepPreviousData,
+  });
+}

@@ -1,0 +1,65 @@
+/** Curves of a device: what was kept, and what comes in. */
+
+import { useQuery } from "@tanstack/react-query";
+import { useEffect, useMemo, useState } from "react";
+import { appendSamples, pairSeries, type Channel } from "@/model/telemetry";
+import type { Sample } from "@/model/wire";
+import { call } from "./client";
+import { keys } from "./keys";
+import { listenTelemetry } from "./live";
+import { useDevice } from "./queries";
+
+type Series = Record<string, [number, unknown][]>;
+
+/** Channels of a device between two times; with no end, up to now and growing. */
+export function useChannels(
+  deviceId: string,
+  since_s: number,
+  until_s: number | null,
+): { channels: Channel[]; isPending: boolean; error: Error | null } {
+  const device = useDevice(deviceId);
+  const kept = useQuery({
+    queryKey: [...keys.telemetry(deviceId), Math.floor(since_s / 60), until_s],
+    queryFn: ({ signal }) => {
+      const until = until_s === null ? "" : `&until_s=${until_s}`;
+      const path = `/devices/${deviceId}/telemetry?since_s=${since_s}${until}`;
+      return call<{ series: Series }>("GET", path, undefined, signal);
+    },
+    staleTime: 60_000,
+    enabled: deviceId !== "",
+  });
+  const live = useLiveSamples(deviceId, until_s === null);
+  const statuses = device.data?.statuses;
+  const channels = useMemo(() => {
+    const keep = Date.now() / 1000 - since_s + 60;
+    const series = appendSamples(kept.data?.series ?? {}, live, keep);
+    return pairSeries(series, statuses ?? []);
+  }, [kept.data, live, since_s, statuses]);
+  return { channels, isPending: kept.isPending, error: kept.error };
+}
+
+const MOST_LIVE = 20_000;
+
+function useLiveSamples(deviceId: string, isLive: boolean): Sample[] {
+  const [samples, setSamples] = useState<Sample[]>([]);
+  useEffect(() => {
+    setSamples([]);
+    if (!isLive || !deviceId) return;
+    let waiting: Sample[] = [];
+    let frame = 0;
+    const end = listenTelemetry(deviceId, (came) => {
+      waiting.push(...came);
+      frame ||= requestAnimationFrame(() => {
+        frame = 0;
+        const due = waiting;
+        waiting = [];
+        setSamples((old) => [...old, ...due].slice(-MOST_LIVE));
+      });
+    });
+    return () => {
+      cancelAnimationFrame(frame);
+      end();
+    };
+  }, [deviceId, isLive]);
+  return samples;
+}

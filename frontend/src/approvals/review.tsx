@@ -1,0 +1,374 @@
+/** One request: what will happen, with what, and the decision. */
+
+import { useEffect, useRef, useState } from "react";
+import { Link, useNavigate } from "react-router";
+import { useDecide } from "@/api/commands";
+import { useStatus } from "@/api/connection";
+import { useResources, useSession } from "@/api/queries";
+import { formatDigest, formatDuration, formatMl, formatNumber, toSeconds } from "@/model/format";
+import { approvalState } from "@/model/states";
+import type { ApprovalDetail, Plan } from "@/model/wire";
+import { Card, Empty } from "@/ui/card";
+import { Button, Refused, TextField } from "@/ui/controls";
+import { Glyph } from "@/ui/glyph";
+import { Icon } from "@/ui/icons";
+import { FillBar } from "@/ui/number";
+import { ModeChip, StateChip } from "@/ui/state";
+import { At, useLabTime, useNow } from "@/ui/time";
+import { words } from "./words";
+
+type Seen = Record<"actions" | "materials", boolean>;
+
+export function Review({ request }: { request: ApprovalDetail }) {
+  const [seen, setSeen] = useState<Seen>({ actions: false, materials: false });
+  const mode = useSession().data?.lab?.mode;
+  const devices = new Set(request.plan.jobs.map((job) => job.device.id)).size;
+  const mark = (part: keyof Seen): void => setSeen((old) => ({ ...old, [part]: true }));
+  return (
+    <>
+      <section className="rev" data-testid="review" data-state={request.state}>
+        <header className="rh">
+          <Link className="back phone" to="/approvals">
+            <Icon name="left" />
+            {words.title}
+          </Link>
+          <h1>{request.title}</h1>
+          <div className="risk">
+            {mode && <ModeChip mode={mode} />}
+            <StateChip state={approvalState(request.state)} />
+            <span>
+              <Icon name="devices" />
+              {devices === 1 ? "1 device moves" : `${devices} devices move`}
+            </span>
+            <span className="num">
+              <Icon name="list" />
+              {request.plan.jobs.length} actions
+            </span>
+            <span className="num">
+              <Icon name="time" />≈ {formatDuration(request.plan.estimate_s)}
+            </span>
+            <Link className="link" to={`/runs/${request.run.id}`}>
+              Run #{request.run.number}
+            </Link>
+            <Link className="link" to={`/workflows/${request.workflow.id}/edit`}>
+              {request.workflow.name} v{request.workflow.version}
+            </Link>
+          </div>
+        </header>
+        <div className="agent">
+          <span className="t12 m">
+            {request.asked_by.name} asked at <At at={request.asked_at} />, because
+          </span>
+          {request.policies.map((policy) => (
+            <span key={policy}>{policy}</span>
+          ))}
+        </div>
+        <Steps plan={request.plan} />
+        <Actions plan={request.plan} onSeen={() => mark("actions")} />
+        <Materials request={request} onSeen={() => mark("materials")} />
+      </section>
+      <Decide request={request} seen={seen} />
+    </>
+  );
+}
+
+function Steps({ plan }: { plan: Plan }) {
+  return (
+    <Card title="Steps" note="compiled plan">
+      <ol className="plansteps">
+        {plan.steps.map((step, place) => (
+          <li key={step.step_id}>
+            <span className="m num">{place + 1}</span>
+            <span>{step.sentence}</span>
+            <span className="m num">≈ {formatDuration(step.estimate_s)}</span>
+          </li>
+        ))}
+      </ol>
+      {plan.notes.map((note) => (
+        <p className="help note" key={note}>
+          {note}
+        </p>
+      ))}
+    </Card>
+  );
+}
+
+/** Tell when the end of a section has come into view. */
+function useSeen(onSeen: () => void): React.RefObject<HTMLDivElement | null> {
+  const end = useRef<HTMLDivElement>(null);
+  const told = useRef(onSeen);
+  told.current = onSeen;
+  useEffect(() => {
+    const node = end.current;
+    if (!node) return;
+    const watcher = new IntersectionObserver((entries) => {
+      if (entries.some((entry) => entry.isIntersecting)) told.current();
+    });
+    watcher.observe(node);
+    return () => watcher.disconnect();
+  }, []);
+  return end;
+}
+
+const FEW = 10;
+
+function Actions({ plan, onSeen }: { plan: Plan; onSeen: () => void }) {
+  const [isOpen, setOpen] = useState(plan.jobs.length <= FEW);
+  const end = useSeen(onSeen);
+  const shown = isOpen ? plan.jobs : plan.jobs.slice(0, FEW);
+  return (
+    <Card
+      title="Actions"
+      note={`${plan.jobs.length}, in this order`}
+      actions={
+        isOpen ? null : (
+          <button type="button" className="btn ghost t12" onClick={() => setOpen(true)}>
+            Show all
+          </button>
+        )
+      }
+    >
+      <table className="mt" id="review-actions">
+        <thead>
+          <tr>
+            <th className="r">#</th>
+            <th>Device</th>
+            <th>Does</th>
+            <th className="r wide">Takes</th>
+          </tr>
+        </thead>
+        <tbody>
+          {shown.map((job) => (
+            <tr key={job.index}>
+              <td className="r num m">{job.index + 1}</td>
+              <td className="b">{job.device.name}</td>
+              <td className="s">{job.sentence}</td>
+              <td className="r num m wide">≈ {formatDuration(job.estimate_s)}</td>
+            </tr>
+          ))}
+        </tbody>
+      </table>
+      <div ref={end} />
+    </Card>
+  );
+}
+
+function change(before: number, after: number): string {
+  const value = (after - before) / 1_000_000;
+  return value > 0 ? `+${formatNumber(value, 2)}` : formatNumber(value, 2);
+}
+
+function Materials({ request, onSeen }: { request: ApprovalDetail; onSeen: () => void }) {
+  const end = useSeen(onSeen);
+  const resources = useResources().data ?? [];
+  const capacity = (id: string): number | null =>
+    resources.find((row) => row.id === id)?.capacity_nl ?? null;
+  return (
+    <Card title="Materials" note="all amounts in mL">
+      {request.materials.length === 0 && <Empty>No liquid moves.</Empty>}
+      {request.materials.length > 0 && (
+        <table className="mt" id="review-materials">
+          <thead>
+            <tr>
+              <th>Vessel</th>
+              <th className="r">Before</th>
+              <th className="r">Change</th>
+              <th className="r">After</th>
+              <th className="wide" />
+              <th className="r">Holds</th>
+            </tr>
+          </thead>
+          <tbody>
+            {request.materials.map((row) => {
+              const holds = capacity(row.id);
+              return (
+                <tr key={row.id}>
+                  <td className="b">{row.name}</td>
+                  <td className="r num">{formatMl(row.before_nl)}</td>
+                  <td className="r num s">{change(row.before_nl, row.after_nl)}</td>
+                  <td className="r num b">{formatMl(row.after_nl)}</td>
+                  <td className="wide">
+                    <FillBar share={holds ? Math.min(1, row.after_nl / holds) : null} />
+                  </td>
+                  <td className="r num m">{holds ? formatMl(holds) : "–"}</td>
+                </tr>
+              );
+            })}
+          </tbody>
+        </table>
+      )}
+      <div ref={end} />
+    </Card>
+  );
+}
+
+function Decide({ request, seen }: { request: ApprovalDetail; seen: Seen }) {
+  const [comment, setComment] = useState("");
+  const decide = useDecide(request.id);
+  const navigate = useNavigate();
+  const offline = useStatus() === "offline" ? "Not connected." : null;
+  const unseen = !seen.actions || !seen.materials;
+  const blocked =
+    offline ?? (request.can_decide ? null : (request.why_not ?? "Not yours to decide."));
+  const whyApprove = blocked ?? (unseen ? "Scroll through actions and materials first." : null);
+  const whyReject = blocked ?? (comment.trim() ? null : words.needComment);
+  const send = (isApproved: boolean): void =>
+    decide.mutate(
+      { is_approved: isApproved, comment: comment.trim() },
+      { onSuccess: () => void navigate(`/approvals?id=${request.id}`, { replace: true }) },
+    );
+  return (
+    <aside className="dec" aria-label="Decision" data-testid="decision">
+      <div>
+        <h2>{words.why}</h2>
+        {request.policies.map((policy) => (
+          <p className="s" key={policy}>
+            {policy}
+          </p>
+        ))}
+      </div>
+      <Terms request={request} />
+      {request.decision ? (
+        <Decided request={request} />
+      ) : (
+        <>
+          <MustSee seen={seen} />
+          <TextField
+            label={words.comment}
+            value={comment}
+            onChange={setComment}
+            lines={3}
+            testId="decision-comment"
+          />
+        </>
+      )}
+      {!request.decision && (
+        <VerdictButtons
+          isPending={decide.isPending}
+          error={decide.error}
+          whyApprove={whyApprove}
+          whyReject={whyReject}
+          send={send}
+        />
+      )}
+    </aside>
+  );
+}
+
+function Terms({ request }: { request: ApprovalDetail }) {
+  const now = useNow(1000);
+  const time = useLabTime();
+  const due = toSeconds(request.expires_at);
+  return (
+    <dl className="kv">
+      <dt>Expires</dt>
+      <dd className="num b">
+        {due === null ? "never" : `${time.near(due, now)}, in ${formatDuration(due - now)}`}
+      </dd>
+      <dt>Then</dt>
+      <dd>rejected</dd>
+      <dt>Plan</dt>
+      <dd className="mono" title={request.plan_digest}>
+        {formatDigest(request.plan_digest)}
+      </dd>
+    </dl>
+  );
+}
+
+interface VerdictProps {
+  isPending: boolean;
+  error: Error | null;
+  whyApprove: string | null;
+  whyReject: string | null;
+  send: (isApproved: boolean) => void;
+}
+
+function VerdictButtons({ isPending, error, whyApprove, whyReject, send }: VerdictProps) {
+  return (
+    <div className="dbtn">
+      <Refused error={error} />
+      <Button
+        look="pri"
+        testId="approve"
+        disabled={isPending}
+        why={whyApprove}
+        onClick={() => send(true)}
+      >
+        {isPending ? "Sending…" : words.approve}
+      </Button>
+      <Button
+        className="rej"
+        testId="reject"
+        disabled={isPending}
+        why={whyReject}
+        onClick={() => send(false)}
+      >
+        {words.reject}
+      </Button>
+      <p className="help" data-testid="why-not">
+        {whyApprove ?? (whyReject === words.needComment ? words.needComment : "")}
+      </p>
+    </div>
+  );
+}
+
+function MustSee({ seen }: { seen: Seen }) {
+  const rows: [part: keyof Seen, label: string][] = [
+    ["actions", "Actions"],
+    ["materials", "Materials"],
+  ];
+  return (
+    <div className="see">
+      <h2>{words.mustSee}</h2>
+      <ul>
+        {rows.map(([part, label]) => (
+          <li key={part}>
+            <span className={seen[part] ? "tone-ok" : "tone-idle"}>
+              <Glyph look={seen[part] ? "ok" : "idle"} />
+            </span>
+            {label}
+            <i className="sp" />
+            {!seen[part] && (
+              <button
+                type="button"
+                className="plain link t12"
+                onClick={() =>
+                  document.getElementById(`review-${part}`)?.scrollIntoView({ block: "end" })
+                }
+              >
+                {words.open}
+              </button>
+            )}
+          </li>
+        ))}
+      </ul>
+    </div>
+  );
+}
+
+function Decided({ request }: { request: ApprovalDetail }) {
+  const time = useLabTime();
+  const { decision } = request;
+  if (!decision) return null;
+  return (
+    <div data-testid="decided" data-state={request.state}>
+      <h2>{decision.is_approved ? "Approved" : "Rejected"}</h2>
+      <dl className="kv">
+        <dt>By</dt>
+        <dd className="b">{decision.printed_name}</dd>
+        <dt>At</dt>
+        <dd>
+          {time.full(decision.at)} {time.zone}
+        </dd>
+        <dt>Meaning</dt>
+        <dd>{decision.meaning}</dd>
+        {decision.comment && (
+          <>
+            <dt>Comment</dt>
+            <dd>{decision.comment}</dd>
+          </>
+        )}
+      </dl>
+    </div>
+  );
+}

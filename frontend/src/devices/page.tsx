@@ -1,0 +1,255 @@
+/** One device: readings with their age, curves, what it can do, what drives it. */
+
+import { useState } from "react";
+import { Link, useParams } from "react-router";
+import { useTopics } from "@/api/live";
+import { useDevice } from "@/api/queries";
+import { useChannels } from "@/api/telemetry";
+import { formatDigest, plain } from "@/model/format";
+import { capitalise } from "@/model/states";
+import { isSetpoint, labelOf } from "@/model/telemetry";
+import type { Device, Reading } from "@/model/wire";
+import { AsOf, Card, Empty, Failed } from "@/ui/card";
+import { deviceState } from "@/ui/devicetile";
+import { Icon, iconOf } from "@/ui/icons";
+import { ReadingValue } from "@/ui/number";
+import { StateChip } from "@/ui/state";
+import { ChannelPlot } from "@/ui/telemetry";
+import { Age, useNow } from "@/ui/time";
+import { words } from "./words";
+
+const WINDOW_S = 600;
+
+export function DevicePage() {
+  const { id = "" } = useParams();
+  const device = useDevice(id);
+  useTopics("devices", "hosts", "runs");
+  if (!device.data) {
+    return (
+      <div className="wrap">
+        {device.error ? (
+          <div className="card">
+            <Failed what="this device" error={device.error} retry={device.refetch} />
+          </div>
+        ) : (
+          <p className="m">Loading the device…</p>
+        )}
+      </div>
+    );
+  }
+  const data = device.data;
+  return (
+    <div className="wrap devpage" data-testid="device" data-state={data.link}>
+      <div className="hd wrapping">
+        <Link className="crumb" to="/devices">
+          {words.title}
+        </Link>
+        <span className="m">/</span>
+        <Icon name={iconOf(`${data.role} ${data.kind_label}`)} />
+        <h1>{data.name}</h1>
+        <StateChip state={deviceState(data)} />
+        <span className="s">
+          {data.kind_label}
+          {data.host && ` on ${data.host.name}`}
+        </span>
+        <i className="sp" />
+        {data.job && (
+          <Link className="link" to={`/runs/${data.job.run_id}?job=${data.job.id}`}>
+            Run #{data.job.run_number}: {data.job.sentence}
+          </Link>
+        )}
+      </div>
+      {device.error && <AsOf at={device.dataUpdatedAt} why={device.error.message} />}
+      <div className="col">
+        <Curves device={data} />
+        <Actions device={data} />
+      </div>
+      <aside className="col">
+        <Readings readings={data.readings} isAway={data.link !== "online"} />
+        <Driver device={data} />
+        <Settings device={data} />
+      </aside>
+    </div>
+  );
+}
+
+function Readings({ readings, isAway }: { readings: Reading[]; isAway: boolean }) {
+  if (!readings.length) {
+    return (
+      <Card title="Readings">
+        <Empty>{words.noReadings}</Empty>
+      </Card>
+    );
+  }
+  const measured = readings.filter((reading) => !isSetpoint(reading.status));
+  const set = readings.filter((reading) => isSetpoint(reading.status));
+  const statuses = readings.map((reading) => reading.status);
+  return (
+    <Card
+      title="Readings"
+      note={isAway ? "last known" : "measured"}
+      className={isAway ? "stale" : ""}
+    >
+      <dl className="readings">
+        {measured.map((reading) => (
+          <ReadingRow
+            key={reading.status}
+            reading={reading}
+            label={labelOf(reading.status, reading.label, statuses)}
+          />
+        ))}
+      </dl>
+      {set.length > 0 && (
+        <>
+          <h3 className="sub">Setpoints</h3>
+          <dl className="readings">
+            {set.map((reading) => (
+              <ReadingRow key={reading.status} reading={reading} label={reading.label} />
+            ))}
+          </dl>
+        </>
+      )}
+    </Card>
+  );
+}
+
+function ReadingRow({ reading, label }: { reading: Reading; label: string }) {
+  return (
+    <div data-testid={`reading-${reading.status}`}>
+      <dt className="s">{label}</dt>
+      <dd className="b">
+        <ReadingValue value={reading.value} unit={reading.unit} />
+      </dd>
+      <dd className="t12 m r">
+        <Age at_s={reading.at_s} />
+      </dd>
+    </div>
+  );
+}
+
+function Curves({ device }: { device: Device }) {
+  const [opened] = useState(() => Date.now() / 1000);
+  const { channels, isPending, error } = useChannels(device.id, opened - WINDOW_S, null);
+  const now = useNow(1000);
+  return (
+    <Card title="Telemetry" note="last 10 min" testId="telemetry">
+      {channels.length ? (
+        <div className="plots wideplots">
+          {channels.map((channel) => (
+            <ChannelPlot
+              key={channel.status}
+              channel={channel}
+              height={150}
+              from_s={now - WINDOW_S}
+              to_s={now}
+            />
+          ))}
+        </div>
+      ) : (
+        <Empty>
+          {error
+            ? `Cannot load readings: ${error.message}`
+            : isPending
+              ? "Loading…"
+              : words.noTelemetry}
+        </Empty>
+      )}
+    </Card>
+  );
+}
+
+function Actions({ device }: { device: Device }) {
+  return (
+    <Card title="Actions" note="as the driver declares them">
+      {device.actions.length === 0 && <Empty>It only tells; it does nothing.</Empty>}
+      <dl className="deflist">
+        {device.actions.map((action) => (
+          <div key={action.name}>
+            <dt className="b">{action.label}</dt>
+            <dd className="s">
+              {action.doc}
+              <span className="t12 m">
+                {Object.entries(action.schema.properties ?? {})
+                  .map(([name, schema]) => {
+                    const unit = schema["x-unit"] ? ` in ${schema["x-unit"]}` : "";
+                    return `${schema["x-label"] ?? name}${unit}`;
+                  })
+                  .join(" · ")}
+              </span>
+            </dd>
+          </div>
+        ))}
+      </dl>
+    </Card>
+  );
+}
+
+function Driver({ device }: { device: Device }) {
+  const { driver } = device;
+  if (!driver) return null;
+  return (
+    <Card title="Driver">
+      <dl className="kv inset">
+        <dt>Class</dt>
+        <dd className="mono">{driver.class_name}</dd>
+        <dt>Speaks</dt>
+        <dd>{driver.protocol || "–"}</dd>
+        <dt>Quality</dt>
+        <dd>{driver.quality || "–"}</dd>
+        <dt>Source</dt>
+        <dd className="mono" title={driver.digest}>
+          {formatDigest(driver.digest)}
+        </dd>
+      </dl>
+      {driver.doc && <p className="help note">{driver.doc.split("\n")[0]}</p>}
+    </Card>
+  );
+}
+
+function Settings({ device }: { device: Device }) {
+  const rows = Object.entries(device.config);
+  return (
+    <Card title="Settings">
+      <dl className="kv inset">
+        <dt>State</dt>
+        <dd>{capitalise(device.state)}</dd>
+        {device.nodes.map((node) => (
+          <NodeRow key={`${node.role}${node.id}`} node={node} />
+        ))}
+        {rows.map(([name, value]) => (
+          <SettingRow key={name} name={name} value={value} />
+        ))}
+        <dt>Transport</dt>
+        <dd className="mono">{transportText(device.transport)}</dd>
+      </dl>
+    </Card>
+  );
+}
+
+/** Kind and address of a transport, however the lab file writes them. */
+function transportText(transport: unknown): string {
+  if (!transport || typeof transport !== "object") return plain(transport);
+  return Object.values(transport).map(plain).join(" · ");
+}
+
+function NodeRow({ node }: { node: Device["nodes"][number] }) {
+  return (
+    <>
+      <dt>{capitalise(node.role)}</dt>
+      <dd>
+        <Link className="link" to={`/lab?sel=${node.id}`}>
+          {node.name}
+        </Link>
+      </dd>
+    </>
+  );
+}
+
+function SettingRow({ name, value }: { name: string; value: unknown }) {
+  return (
+    <>
+      <dt className="mono">{name}</dt>
+      <dd className="mono">{plain(value)}</dd>
+    </>
+  );
+}

@@ -1,0 +1,197 @@
+/** The editor: shelves, canvas, form, and one line of findings. */
+
+import "@xyflow/react/dist/style.css";
+import "./editor.css";
+import { useMutation } from "@tanstack/react-query";
+import { ReactFlowProvider, useReactFlow } from "@xyflow/react";
+import { useEffect, useMemo, useState } from "react";
+import { useParams } from "react-router";
+import { saveVersion } from "@/api/commands";
+import { keys } from "@/api/keys";
+import { client, useTopics } from "@/api/live";
+import { useResources, useSteps, useWorkflow } from "@/api/queries";
+import { call } from "@/api/client";
+import type { Workflow } from "@/model/wire";
+import { Failed } from "@/ui/card";
+import { Button, Dialog, Refused, TextField } from "@/ui/controls";
+import { Glyph } from "@/ui/glyph";
+import { Canvas } from "./canvas";
+import { useChecking, useCheckNow } from "./check";
+import { ConnectMenu } from "./connectmenu";
+import { FindingsBar } from "./findingsbar";
+import { EditorHead } from "./header";
+import { Inspector } from "./inspector";
+import { useEditorKeys } from "./keys";
+import { ListView } from "./listview";
+import { Palette } from "./palette";
+import { RunSheet } from "./runsheet";
+import { flushAll, useAutosave } from "./saving";
+import { useEditor } from "./store";
+import { words } from "./words";
+
+export function EditorPage() {
+  const { id = "" } = useParams();
+  const workflow = useWorkflow(id);
+  if (workflow.data) {
+    return (
+      <ReactFlowProvider>
+        <Editor workflow={workflow.data} key={id} />
+      </ReactFlowProvider>
+    );
+  }
+  return (
+    <div className="wrap">
+      {workflow.error ? (
+        <div className="card">
+          <Failed what="this workflow" error={workflow.error} retry={workflow.refetch} />
+        </div>
+      ) : (
+        <p className="m">Loading the workflow…</p>
+      )}
+    </div>
+  );
+}
+
+type Sheet = "run" | "save" | "connect" | null;
+
+function Editor({ workflow }: { workflow: Workflow }) {
+  const [sheet, setSheet] = useState<Sheet>(null);
+  const isOpen = useOpen(workflow);
+  const view = useEditor((state) => state.view);
+  const flow = useReactFlow();
+  const checkNow = useCheckNow();
+  useTopics("workflows", "events", "devices");
+  useChecking();
+  useAutosave();
+  const acts = useMemo(
+    () => ({
+      onCheck: () => void checkNow(),
+      onRun: () => setSheet("run"),
+      onSaveVersion: () => setSheet("save"),
+      onConnect: () => setSheet("connect"),
+      onFit: () => void flow.fitView({ maxZoom: 1, padding: 0.08 }),
+    }),
+    [checkNow, flow],
+  );
+  useEditorKeys(acts);
+  if (!isOpen) return null;
+  return (
+    <div className="editor" data-testid="editor">
+      <EditorHead
+        workflow={workflow}
+        onCheck={acts.onCheck}
+        onSave={acts.onSaveVersion}
+        onRun={acts.onRun}
+      />
+      <Conflict />
+      <div className="panes wide">
+        <Palette />
+        {view === "canvas" ? (
+          <Canvas />
+        ) : (
+          <div className="listpane">
+            <ListView />
+          </div>
+        )}
+        <Inspector onConnect={acts.onConnect} />
+      </div>
+      <div className="phone phonelist">
+        <ListView />
+      </div>
+      <FindingsBar />
+      <RunSheet isOpen={sheet === "run"} onClose={() => setSheet(null)} />
+      <SaveSheet isOpen={sheet === "save"} onClose={() => setSheet(null)} id={workflow.id} />
+      <ConnectMenu isOpen={sheet === "connect"} onClose={() => setSheet(null)} />
+    </div>
+  );
+}
+
+/** Put the workflow and what the lab offers into the store. */
+function useOpen(workflow: Workflow): boolean {
+  const steps = useSteps().data;
+  const resources = useResources().data;
+  const openId = useEditor((state) => state.workflowId);
+  useEffect(() => {
+    const { workflowId, open } = useEditor.getState();
+    if (workflowId !== workflow.id) open(workflow);
+  }, [workflow]);
+  useEffect(() => () => useEditor.getState().set({ workflowId: "" }), []);
+  useEffect(() => useEditor.getState().setLab(steps, resources), [steps, resources]);
+  return openId === workflow.id;
+}
+
+function Conflict() {
+  const conflict = useEditor((state) => state.saving.conflict);
+  const workflowId = useEditor((state) => state.workflowId);
+  if (conflict === null) return null;
+  const loadTheirs = async (): Promise<void> => {
+    const theirs = await call<Workflow>("GET", `/workflows/${workflowId}`);
+    client.setQueryData(keys.workflow(workflowId), theirs);
+    useEditor.getState().open(theirs);
+  };
+  const keepMine = async (): Promise<void> => {
+    const theirs = await call<Workflow>("GET", `/workflows/${workflowId}`);
+    const { setSaving } = useEditor.getState();
+    setSaving({ conflict: null, revision: theirs.draft_revision });
+    await flushAll();
+  };
+  return (
+    <div className="conflict" role="alert" data-testid="draft-conflict">
+      <Glyph look="needs" />
+      <span className="b">{words.editor.conflict}</span>
+      <i className="sp" />
+      <Button onClick={() => void loadTheirs()}>{words.editor.loadTheirs}</Button>
+      <Button onClick={() => void keepMine()}>{words.editor.keepMine}</Button>
+    </div>
+  );
+}
+
+function SaveSheet(props: { isOpen: boolean; onClose: () => void; id: string }) {
+  const [note, setNote] = useState("");
+  const save = useMutation({
+    mutationFn: async () => {
+      if (!(await flushAll()))
+        throw new Error("The draft could not be saved, so there is no version.");
+      return saveVersion(props.id, note.trim());
+    },
+    onSuccess: () => {
+      void client.invalidateQueries({ queryKey: keys.workflows });
+      setNote("");
+      props.onClose();
+    },
+  });
+  return (
+    <Dialog title={words.editor.save} isOpen={props.isOpen} onClose={props.onClose}>
+      <form
+        className="sheet"
+        onSubmit={(event) => {
+          event.preventDefault();
+          save.mutate();
+        }}
+      >
+        <TextField
+          label="What changed, in one line"
+          value={note}
+          onChange={setNote}
+          autoFocus
+          testId="version-note"
+        />
+        <Refused error={save.error} />
+        <div className="acts">
+          <Button large onClick={props.onClose}>
+            Cancel
+          </Button>
+          <Button
+            large
+            look="pri"
+            type="submit"
+            testId="save-version-confirm"
+            disabled={save.isPending}
+          >
+            {words.editor.save}
+          </Button>
+        </div>
+      </form>
+    </Dialog>
+  );
+}

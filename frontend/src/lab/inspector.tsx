@@ -1,0 +1,169 @@
+/** A resource: what it holds, where it stands, what it is wired to, what happened to it. */
+
+import { Link } from "react-router";
+import { useResource } from "@/api/queries";
+import { formatNumber, formatVolume, plain } from "@/model/format";
+import { capitalise } from "@/model/states";
+import { fillShare } from "@/model/tree";
+import type { Resource } from "@/model/wire";
+import { Empty, Failed } from "@/ui/card";
+import { EventTable } from "@/ui/events";
+import { Glyph } from "@/ui/glyph";
+import { FillBar, Volume } from "@/ui/number";
+import { words } from "./words";
+
+export function ResourceInspector({
+  id,
+  isShort = false,
+}: {
+  id: string | null;
+  isShort?: boolean;
+}) {
+  const resource = useResource(id);
+  if (!id) return <Empty>{words.tree.pick}</Empty>;
+  if (!resource.data) {
+    if (!resource.error) return <Empty>Loading…</Empty>;
+    return <Failed what="this resource" error={resource.error} retry={resource.refetch} />;
+  }
+  return <Details resource={resource.data} isShort={isShort} />;
+}
+
+function Details({ resource, isShort }: { resource: Resource; isShort: boolean }) {
+  return (
+    <div className="rdetail" data-testid="resource" data-resource={resource.id}>
+      <header>
+        <h2>{resource.name}</h2>
+        <span className="m">{resource.kind_label}</span>
+        <i className="sp" />
+        {resource.holds_liquid && (
+          <Link className="btn" to={`/lineage/${resource.id}`} data-testid="lineage-link">
+            {words.tree.lineage}
+          </Link>
+        )}
+      </header>
+      {resource.is_quarantined && (
+        <p className="quar">
+          <span className="chip" data-state="doubt">
+            <Glyph look="doubt" />
+            {words.tree.quarantined}
+          </span>
+          Nobody knows what it holds until somebody has answered.
+        </p>
+      )}
+      {resource.holds_liquid && <ContentsTable resource={resource} />}
+      <Facts resource={resource} isShort={isShort} />
+      {!isShort && (
+        <>
+          <h3 className="sub">Events</h3>
+          {resource.events.length ? (
+            <EventTable events={resource.events.slice(0, 50)} withRun />
+          ) : (
+            <p className="help">Nothing has happened to it yet.</p>
+          )}
+        </>
+      )}
+    </div>
+  );
+}
+
+function Facts({ resource, isShort }: { resource: Resource; isShort: boolean }) {
+  return (
+    <dl className="kv">
+      {resource.device && (
+        <>
+          <dt>Device</dt>
+          <dd>
+            <Link className="link" to={`/devices/${resource.device.id}`}>
+              {resource.device.name}
+            </Link>
+          </dd>
+        </>
+      )}
+      <dt>Key</dt>
+      <dd className="mono">{resource.key}</dd>
+      <dt>Id</dt>
+      <dd className="mono">{resource.id}</dd>
+      <dt>Place</dt>
+      <dd>{place(resource.pose)}</dd>
+      {resource.ports.map((port, index) => (
+        <PortRow key={index} port={port} />
+      ))}
+      {!isShort &&
+        Object.entries({ ...resource.config, ...resource.data }).map(([name, value]) => (
+          <Plain key={name} name={name} value={value} />
+        ))}
+    </dl>
+  );
+}
+
+function ContentsTable({ resource }: { resource: Resource }) {
+  const held = formatVolume(resource.volume_nl);
+  const room = resource.capacity_nl === null ? null : formatVolume(resource.capacity_nl);
+  return (
+    <>
+      <p className="fillline">
+        <FillBar share={fillShare(resource)} />
+        <span className="num">{room ? `${held} of ${room}` : `${held}, capacity not stated`}</span>
+      </p>
+      {resource.contents.length > 0 && (
+        <table>
+          <thead>
+            <tr>
+              <th>Material</th>
+              <th>Lot</th>
+              <th className="r">Amount</th>
+            </tr>
+          </thead>
+          <tbody>
+            {resource.contents.map((content) => (
+              <tr key={content.lot_id}>
+                <td className="b">{content.material}</td>
+                <td className="mono s">{content.lot}</td>
+                <td className="r">
+                  <Volume nl={content.amount_nl} />
+                </td>
+              </tr>
+            ))}
+          </tbody>
+        </table>
+      )}
+    </>
+  );
+}
+
+function PortRow({ port }: { port: Resource["ports"][number] }) {
+  return (
+    <>
+      <dt>Port {port.port}</dt>
+      <dd>
+        {port.to ? (
+          <Link className="link" to={`/lab?sel=${port.to.id}`}>
+            {port.to.name}, port {port.to.port}
+          </Link>
+        ) : (
+          "closed"
+        )}{" "}
+        <span className="m">{port.medium}</span>
+      </dd>
+    </>
+  );
+}
+
+function Plain({ name, value }: { name: string; value: unknown }) {
+  return (
+    <>
+      <dt>{capitalise(name)}</dt>
+      <dd>{plain(value)}</dd>
+    </>
+  );
+}
+
+function place(pose: Record<string, unknown> | null): string {
+  if (!pose) return "unknown";
+  const axis = (name: string): string | null => {
+    const value = pose[`${name}_mm`] ?? pose[name];
+    return typeof value === "number" ? formatNumber(value, 0) : null;
+  };
+  const axes = ["x", "y", "z"].map(axis);
+  return axes.every((value) => value !== null) ? `${axes.join(" · ")} mm` : plain(pose);
+}

@@ -1,0 +1,68 @@
+/** Sign in, and go back to where one came from. */
+
+import { useState } from "react";
+import { Navigate, useSearchParams } from "react-router";
+import { useSignIn } from "@/api/commands";
+import { useSession } from "@/api/queries";
+import { Button, Refused, TextField } from "@/ui/controls";
+import { Logo } from "@/ui/icons";
+import { ModeChip } from "@/ui/state";
+
+/** Only a path of this site may be gone back to. */
+export function safeNext(next: string | null): string {
+  return next && /^\/(?![/\\])/.test(next) && !next.startsWith("/login") ? next : "/";
+}
+
+export function LoginPage() {
+  const [params] = useSearchParams();
+  const [username, setUsername] = useState("");
+  const [password, setPassword] = useState("");
+  const session = useSession();
+  const signIn = useSignIn();
+  if (session.data?.user) return <Navigate to={safeNext(params.get("next"))} replace />;
+  const lab = session.data?.lab;
+  return (
+    <main className="login">
+      <form
+        className="card"
+        onSubmit={(event) => {
+          event.preventDefault();
+          signIn.mutate({ username, password });
+        }}
+      >
+        <div className="login-head">
+          <Logo />
+          <h1>{lab?.name ?? "labweb"}</h1>
+          <i className="sp" />
+          {lab && <ModeChip mode={lab.mode} />}
+        </div>
+        {params.get("next") && <p className="s">Sign in to go on where you were.</p>}
+        <TextField
+          label="User name"
+          value={username}
+          onChange={setUsername}
+          autoComplete="username"
+          testId="username"
+        />
+        <TextField
+          label="Password"
+          type="password"
+          value={password}
+          onChange={setPassword}
+          autoComplete="current-password"
+          testId="password"
+        />
+        <Refused error={signIn.error} />
+        <Button
+          type="submit"
+          look="pri"
+          large
+          testId="sign-in"
+          disabled={signIn.isPending || !username || !password}
+        >
+          {signIn.isPending ? "Signing in…" : "Sign in"}
+        </Button>
+      </form>
+    </main>
+  );
+}

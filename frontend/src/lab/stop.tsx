@@ -1,0 +1,150 @@
+/** Stop lab: one press, no question; who has acknowledged; and the way back. */
+
+import { useState } from "react";
+import { create } from "zustand";
+import { useStopLab, useResetLab } from "@/api/commands";
+import { useStatus } from "@/api/connection";
+import { toSeconds } from "@/model/format";
+import type { Lab, StopHost, User } from "@/model/wire";
+import { Button, Dialog, Hint, Refused, TextField } from "@/ui/controls";
+import { Glyph } from "@/ui/glyph";
+import { At, useLabTime, useNow } from "@/ui/time";
+import { words } from "./words";
+
+const SILENT_S = 1;
+
+/** Whether the question why it is safe to go on stands open. */
+export const useReset = create<{ isAsking: boolean; ask: (isAsking: boolean) => void }>((set) => ({
+  isAsking: false,
+  ask: (isAsking) => set({ isAsking }),
+}));
+
+export function StopButton() {
+  const status = useStatus();
+  const stop = useStopLab();
+  const isOffline = status === "offline";
+  return (
+    <>
+      <Hint text={isOffline ? words.stop.offline : words.stop.about}>
+        <button
+          id="stop-lab"
+          type="button"
+          className="halt"
+          data-testid="stop-lab"
+          disabled={isOffline}
+          aria-busy={stop.isPending}
+          onClick={() => stop.mutate()}
+        >
+          {stop.isPending ? words.stop.sending : words.stop.press}
+        </button>
+      </Hint>
+      {isOffline && (
+        <span className="t12 err wide" role="status">
+          {words.stop.offline}
+        </span>
+      )}
+      {stop.isError && (
+        <span className="t12 err" role="alert" data-testid="stop-failed">
+          {words.stop.failed}
+        </span>
+      )}
+    </>
+  );
+}
+
+export function StopBanner({ lab, user }: { lab: Lab; user: User }) {
+  const { isAsking, ask } = useReset();
+  const now = useNow(500);
+  if (!lab.stop.is_stopped) return null;
+  const since = toSeconds(lab.stop.stopped_at) ?? now;
+  const mayReset = user.permissions.includes("reset");
+  return (
+    <div className="banner stopped" role="alert" data-testid="stop-banner" data-state="stopped">
+      <Glyph look="stopped" />
+      <b>{words.stop.stopped}</b>
+      <span className="num">
+        <At at={lab.stop.stopped_at} seconds /> by {lab.stop.stopped_by ?? "nobody named"}
+      </span>
+      <ul className="hosts">
+        {lab.stop.hosts.map((host) => (
+          <HostAck key={host.id} host={host} isLate={now - since > SILENT_S} />
+        ))}
+      </ul>
+      <i className="sp" />
+      <Button
+        testId="reset-lab"
+        why={mayReset ? null : words.stop.nobody}
+        onClick={() => ask(true)}
+      >
+        {words.stop.reset}
+      </Button>
+      <ResetDialog isOpen={isAsking} onClose={() => ask(false)} />
+    </div>
+  );
+}
+
+function HostAck({ host, isLate }: { host: StopHost; isLate: boolean }) {
+  const time = useLabTime();
+  if (host.acknowledged_at) {
+    return (
+      <li data-testid="stop-host" data-state="acknowledged" className="num">
+        <Glyph look="ok" /> {host.name} acknowledged {time.second(host.acknowledged_at)}
+      </li>
+    );
+  }
+  return (
+    <li data-testid="stop-host" data-state="waiting" className={isLate ? "late" : ""}>
+      <Glyph look={isLate ? "error" : "queued"} /> {host.name} {words.stop.waiting}
+    </li>
+  );
+}
+
+function ResetDialog({ isOpen, onClose }: { isOpen: boolean; onClose: () => void }) {
+  const [reason, setReason] = useState("");
+  const reset = useResetLab();
+  const send = (): void => {
+    reset.mutate(reason.trim(), {
+      onSuccess: () => {
+        setReason("");
+        onClose();
+      },
+    });
+  };
+  return (
+    <Dialog title={words.stop.resetTitle} isOpen={isOpen} onClose={onClose}>
+      <form
+        className="sheet"
+        onSubmit={(event) => {
+          event.preventDefault();
+          send();
+        }}
+      >
+        <TextField
+          label={words.stop.resetWhy}
+          value={reason}
+          onChange={setReason}
+          help={words.stop.resetHelp}
+          lines={3}
+          autoFocus
+          testId="reset-reason"
+        />
+        <Refused error={reset.error} />
+        <div className="acts">
+          <Button onClick={onClose} large>
+            Cancel
+          </Button>
+          <Button
+            type="submit"
+            look="pri"
+            large
+            testId="reset-confirm"
+            disabled={reset.isPending}
+            why={reason.trim() ? null : "Write the reason first."}
+          >
+            {words.stop.resetDo}
+          </Button>
+        </div>
+      </form>
+    </Dialog>
+  );
+}

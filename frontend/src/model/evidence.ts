@@ -1,0 +1,117 @@
+/** What is known of a job whose outcome is not, in rows a person can read. */
+
+import { formatArguments, plain, toSeconds } from "./format";
+import type { Job, Run } from "./wire";
+
+export interface EvidenceRow {
+  label: string;
+  text: string;
+}
+
+/** Suffix that says the unit of a number. */
+const UNIT = /_(ul_s|mm_s|ul|nl|c|rpm|s|mg|kpa|mm)$/;
+const HIDDEN = new Set([
+  "ok",
+  "message",
+  "code",
+  "job_id",
+  "attempt_id",
+  "action_id",
+  "findings",
+  "effect",
+]);
+
+/** Rows from a job's command, report, conditions and answer. */
+export function evidenceRows(job: Job, clock: (at: number) => string): EvidenceRow[] {
+  const rows: EvidenceRow[] = [];
+  const sent = toSeconds(job.started_at);
+  const args = formatArguments(job.args);
+  rows.push({
+    label: "Command",
+    text: `${job.device.name}: ${job.action.replaceAll("_", " ")}${args ? `, ${args}` : ""}${
+      sent === null ? "" : `; begun ${clock(sent)}`
+    }`,
+  });
+  const ended = toSeconds(job.ended_at);
+  rows.push({
+    label: "Completion",
+    text: job.message || (ended === null ? "not seen" : `reported ${clock(ended)}`),
+  });
+  rows.push(...reportRows(job.evidence.report ?? {}, clock));
+  for (const [word, results] of [
+    ["Before", job.evidence.pre],
+    ["After", job.evidence.post],
+  ] as const) {
+    if (!Array.isArray(results)) continue;
+    for (const result of results) {
+      const name = result.name.split(".").at(-1) ?? result.name;
+      rows.push({
+        label: `${word}: ${name.replaceAll("_", " ")}`,
+        text: [result.message, result.verdict].filter(Boolean).join(", "),
+      });
+    }
+  }
+  const answer = job.evidence.resolution;
+  if (answer) rows.push({ label: "Answer", text: flat(answer) });
+  return unique(rows);
+}
+
+function reportRows(report: Record<string, unknown>, clock: (at: number) => string): EvidenceRow[] {
+  return Object.entries(report).flatMap(([key, value]) => {
+    if (HIDDEN.has(key) || value === null || value === "") return [];
+    const at = key.endsWith("_at") && typeof value === "string" ? toSeconds(value) : null;
+    if (at !== null) return [{ label: label(key.slice(0, -3)), text: clock(at) }];
+    if (typeof value === "object") {
+      const inner = flat(value as Record<string, unknown>);
+      return inner ? [{ label: label(key), text: inner }] : [];
+    }
+    return [{ label: label(key), text: value_(key, value) }];
+  });
+}
+
+function value_(key: string, value: unknown): string {
+  if (typeof value !== "number") return plain(value);
+  const whole = formatArguments({ [key]: value });
+  const words = key.replace(UNIT, "").replaceAll("_", " ");
+  return whole.startsWith(`${words} `) ? whole.slice(words.length + 1) : plain(value);
+}
+
+const isId = (value: unknown): boolean =>
+  typeof value === "string" && /^[0-9a-f]{8}(-[0-9a-f]{4}){3}-[0-9a-f]{12}$/.test(value);
+
+function flat(value: Record<string, unknown>): string {
+  if (Array.isArray(value)) return value.map(plain).join(", ");
+  return Object.entries(value)
+    .filter(([key, inner]) => !HIDDEN.has(key) && inner !== null && inner !== "" && !isId(inner))
+    .map(([key, inner]) => formatArguments({ [key]: inner }))
+    .join(", ");
+}
+
+function label(key: string): string {
+  const words = key.replace(UNIT, "").replaceAll("_", " ");
+  return words.charAt(0).toUpperCase() + words.slice(1);
+}
+
+function unique(rows: EvidenceRow[]): EvidenceRow[] {
+  const seen = new Map<string, number>();
+  return rows.map((row) => {
+    const count = (seen.get(row.label) ?? 0) + 1;
+    seen.set(row.label, count);
+    return count === 1 ? row : { ...row, label: `${row.label} ${count}` };
+  });
+}
+
+/** Numbers of the steps that cannot start before this job is settled. */
+export function waitingSteps(run: Pick<Run, "plan" | "jobs">, job: Job): number[] {
+  const behind = new Set<number>([job.index]);
+  const ordered = [...run.jobs].sort((a, b) => a.index - b.index);
+  for (const other of ordered) {
+    if (other.after.some((index) => behind.has(index))) behind.add(other.index);
+  }
+  const ids = new Set(
+    ordered.filter((other) => behind.has(other.index)).map((other) => other.step_id),
+  );
+  return run.plan.steps.flatMap((step, place) =>
+    ids.has(step.step_id) && step.step_id !== job.step_id ? [place + 1] : [],
+  );
+}

@@ -1,0 +1,59 @@
+import { expect, test } from "vitest";
+import { evidenceRows, waitingSteps } from "./evidence";
+import { currentStep, findProblems, stepProgress } from "./runs";
+import { aJob, aRun, iso } from "./samples";
+
+const doubtful = () =>
+  aRun([
+    aJob(0, "a", "complete", { started_at: iso(0), ended_at: iso(5) }),
+    aJob(1, "a", "in_doubt", { after: [0], started_at: iso(5), state_at: iso(20) }),
+    aJob(2, "b", "queued", { after: [1] }),
+    aJob(3, "c", "running", { started_at: iso(6) }),
+  ]);
+
+test("a step in doubt holds up what comes after it and nothing else", () => {
+  const steps = stepProgress(doubtful());
+  expect(steps.map((step) => step.state)).toEqual(["doubt", "waiting", "running"]);
+  expect(steps[1]?.after).toBe(1);
+  expect(currentStep(steps)?.number).toBe(3);
+});
+
+test("a step is done only when each of its actions is", () => {
+  const run = aRun([
+    aJob(0, "a", "complete", { started_at: iso(0), ended_at: iso(5) }),
+    aJob(1, "a", "queued", { after: [0] }),
+  ]);
+  expect(stepProgress(run)[0]).toMatchObject({ state: "running", ended_s: null });
+});
+
+test("what is in doubt comes before what failed, and a pause last", () => {
+  const run = aRun([aJob(0, "a", "rejected"), aJob(1, "b", "in_doubt")], {
+    state: "paused",
+    pause_reasons: [{ kind: "person", by: "Li Na", at: iso(9) }],
+  });
+  expect(findProblems(run).map((problem) => problem.kind)).toEqual(["doubt", "failed", "paused"]);
+});
+
+test("the card says which steps wait for the answer", () => {
+  const run = doubtful();
+  const [, doubt] = run.jobs;
+  expect(doubt && waitingSteps(run, doubt)).toEqual([2]);
+});
+
+test("evidence is told in words with units, and keys of the machine are left out", () => {
+  const job = aJob(0, "a", "in_doubt", {
+    started_at: iso(0),
+    message: "no answer within 12 s",
+    evidence: {
+      report: { sent_at: iso(3), moved_ul: 4860, attempt_id: "x" },
+      pre: [{ name: "pump.valve_at_source", verdict: "pass", message: "port is 3" }],
+    },
+  });
+  expect(evidenceRows(job, (at) => `t${at - 1_800_000_000}`)).toEqual([
+    { label: "Command", text: "Pump 1: aspirate, volume 5.00\u202fmL; begun t0" },
+    { label: "Completion", text: "no answer within 12 s" },
+    { label: "Sent", text: "t3" },
+    { label: "Moved", text: "4.86\u202fmL" },
+    { label: "Before: valve at source", text: "port is 3, pass" },
+  ]);
+});

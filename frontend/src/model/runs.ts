@@ -1,0 +1,133 @@
+/** What a run's jobs say about its steps, and what stands in the way. */
+
+import { toSeconds } from "./format";
+import { isActiveJob, isFinalJob, type Look } from "./states";
+import type { Job, PlannedStep, Question, Run } from "./wire";
+
+export type StepState = "planned" | "waiting" | "running" | "done" | "doubt" | "failed";
+
+export interface StepProgress {
+  number: number;
+  step: PlannedStep;
+  state: StepState;
+  look: Look;
+  jobs: Job[];
+  started_s: number | null;
+  ended_s: number | null;
+  /** Number of the step that has to be settled first, when one holds this up. */
+  after: number | null;
+}
+
+const LOOKS: Record<StepState, Look> = {
+  planned: "idle",
+  waiting: "queued",
+  running: "running",
+  done: "ok",
+  doubt: "doubt",
+  failed: "error",
+};
+
+/** Derive each step's state from its jobs, in the order of the plan. */
+export function stepProgress(run: Pick<Run, "plan" | "jobs">): StepProgress[] {
+  const steps = run.plan.steps.map((step, place): StepProgress => {
+    const jobs = run.jobs.filter((job) => job.step_id === step.step_id);
+    const state = stateOf(jobs);
+    const starts = jobs.map((job) => toSeconds(job.started_at)).filter((at) => at !== null);
+    const ends = jobs.map((job) => toSeconds(job.ended_at)).filter((at) => at !== null);
+    const over = jobs.length > 0 && jobs.every((job) => isFinalJob(job.state));
+    return {
+      number: place + 1,
+      step,
+      state,
+      look: LOOKS[state],
+      jobs,
+      started_s: starts.length ? Math.min(...starts) : null,
+      ended_s: over && ends.length ? Math.max(...ends) : null,
+      after: null,
+    };
+  });
+  return steps.map((step) => (step.state === "planned" ? held(step, steps, run.jobs) : step));
+}
+
+function stateOf(jobs: readonly Job[]): StepState {
+  if (jobs.some((job) => job.state === "in_doubt")) return "doubt";
+  if (jobs.some((job) => ["aborted", "stopped", "rejected"].includes(job.state))) return "failed";
+  if (jobs.length > 0 && jobs.every((job) => job.state === "complete")) return "done";
+  if (jobs.some((job) => isActiveJob(job.state) || job.state === "complete")) return "running";
+  return "planned";
+}
+
+function held(
+  step: StepProgress,
+  steps: readonly StepProgress[],
+  all: readonly Job[],
+): StepProgress {
+  const before = new Set<number>();
+  const open = step.jobs.flatMap((job) => job.after);
+  for (let index = open.pop(); index !== undefined; index = open.pop()) {
+    if (before.has(index)) continue;
+    before.add(index);
+    open.push(...(all.find((job) => job.index === index)?.after ?? []));
+  }
+  const blocker = steps.find(
+    (other) =>
+      (other.state === "doubt" || other.state === "failed") &&
+      other.jobs.some((job) => before.has(job.index)),
+  );
+  if (!blocker) return step;
+  return { ...step, state: "waiting", look: LOOKS.waiting, after: blocker.number };
+}
+
+/** The step that counts as the present one: in doubt, running, else the next. */
+export function currentStep(steps: readonly StepProgress[]): StepProgress | null {
+  return (
+    steps.find((step) => step.state === "running") ??
+    steps.find((step) => step.state === "doubt" || step.state === "failed") ??
+    steps.find((step) => step.state === "planned") ??
+    steps.at(-1) ??
+    null
+  );
+}
+
+export type Problem =
+  | { kind: "doubt"; job: Job; question: Question }
+  | { kind: "failed"; job: Job }
+  | { kind: "paused" };
+
+/** What needs a person, most urgent first. */
+export function findProblems(run: Run): Problem[] {
+  const problems: Problem[] = [];
+  for (const job of run.jobs) {
+    if (job.state === "in_doubt") {
+      const question = job.question ?? {
+        text: `What became of “${job.sentence}”?`,
+        asked_ul: null,
+        source: null,
+        target: null,
+        answer_sent: false,
+      };
+      problems.push({ kind: "doubt", job, question });
+    }
+  }
+  for (const job of run.jobs) {
+    if (["aborted", "rejected", "stopped"].includes(job.state))
+      problems.push({ kind: "failed", job });
+  }
+  const isPausing = run.state === "paused" || run.state === "pausing";
+  if (isPausing && (run.pause_reasons.length > 0 || problems.length === 0)) {
+    problems.push({ kind: "paused" });
+  }
+  return problems;
+}
+
+/** Place of a job in words: "step 4". */
+export function stepNumber(run: Pick<Run, "plan">, stepId: string): number {
+  return run.plan.steps.findIndex((step) => step.step_id === stepId) + 1;
+}
+
+/** Devices of a run in the order they first act. */
+export function devicesOf(jobs: readonly Job[]): { id: string; name: string }[] {
+  const found = new Map<string, { id: string; name: string }>();
+  for (const job of jobs) if (!found.has(job.device.id)) found.set(job.device.id, job.device);
+  return [...found.values()];
+}

@@ -1,0 +1,344 @@
+/** What crosses the border between server and browser; named as the server names it. */
+
+export type * from "./wirelab";
+import type { DeviceRow, HostRow } from "./wirelab";
+
+export type Id = string;
+export type Iso = string;
+
+export interface Finding {
+  code: string;
+  message: string;
+  subject: string;
+  context: Record<string, unknown>;
+}
+
+export interface Refusal {
+  code: string;
+  message: string;
+  effect: "none" | "partial" | "unknown";
+  context: Record<string, unknown>;
+  findings: Finding[];
+}
+
+export type Mode = "sim" | "live";
+
+export interface User {
+  id: Id | number;
+  username: string;
+  name: string;
+  initials: string;
+  roles: string[];
+  permissions: string[];
+}
+
+export interface StopHost {
+  id: Id;
+  name: string;
+  state: string;
+  acknowledged_at: Iso | null;
+}
+
+export interface Lab {
+  id: Id;
+  key: string;
+  name: string;
+  mode: Mode;
+  time_zone: string;
+  speed: number;
+  stop: {
+    is_stopped: boolean;
+    stop_id: Id | null;
+    stopped_at: Iso | null;
+    stopped_by: string | null;
+    hosts: StopHost[];
+  };
+  counts: { runs_live: number; approvals_open: number; needs_you: number };
+}
+
+export interface Session {
+  user: User | null;
+  lab: Lab | null;
+}
+
+export interface Need {
+  kind: "in_doubt" | "approval" | "paused" | "ticket" | "stopped" | "candidate";
+  title: string;
+  detail: string;
+  since_at: Iso | null;
+  url: string;
+  verb: string;
+  run_id: Id | null;
+  job_id: Id | null;
+  request_id: Id | null;
+}
+
+export interface Home {
+  needs_you: Need[];
+  running: RunRow[];
+  last_results: RunRow[];
+  workflows: WorkflowRow[];
+  devices: DeviceRow[];
+  hosts: HostRow[];
+}
+
+export type PortKind = "done" | "material" | "data";
+
+export interface StepPort {
+  name: string;
+  kind: PortKind;
+  label: string;
+}
+
+/** The parts of JSON Schema 2020-12 that steps and drivers use. */
+export interface Schema {
+  type?: string | string[];
+  title?: string;
+  description?: string;
+  properties?: Record<string, Schema>;
+  required?: string[];
+  enum?: unknown[];
+  default?: unknown;
+  minimum?: number;
+  maximum?: number;
+  maxLength?: number;
+  items?: Schema;
+  "x-label"?: string;
+  "x-help"?: string;
+  "x-order"?: number;
+  "x-advanced"?: boolean;
+  "x-quantity"?: string;
+  "x-unit"?: string;
+  "x-resource"?: { holds?: string; kind?: string[]; acts?: boolean };
+}
+
+export interface UnitOperation {
+  kind: string;
+  label: string;
+  help: string;
+  clauses: string[];
+  inputs: StepPort[];
+  outputs: StepPort[];
+  params: Schema;
+}
+
+export interface DeviceAction {
+  name: string;
+  label: string;
+  doc: string;
+  schema: Schema;
+}
+
+export interface PaletteDevice {
+  id: Id;
+  name: string;
+  role: string;
+  state: string;
+  actions: DeviceAction[];
+}
+
+export interface UnitTable {
+  canonical: string;
+  units: string[];
+  suffix: string;
+}
+
+export interface Steps {
+  steps: UnitOperation[];
+  devices: PaletteDevice[];
+  units: Record<string, UnitTable>;
+}
+
+export interface WorkflowStep {
+  id: string;
+  kind: string;
+  params: Record<string, unknown>;
+  position: { x: number; y: number };
+  note?: string;
+}
+
+export interface WorkflowEdge {
+  id: string;
+  source: string;
+  source_port: string;
+  target: string;
+  target_port: string;
+}
+
+export interface WorkflowDocument {
+  schema: string;
+  name: string;
+  steps: WorkflowStep[];
+  edges: WorkflowEdge[];
+}
+
+export interface WorkflowRow {
+  id: Id;
+  name: string;
+  description: string;
+  is_template: boolean;
+  latest_version: { id: Id; number: number } | null;
+  steps_count: number;
+  updated_at: Iso;
+  updated_by: string | null;
+  last_run: { id: Id; number: number; state: string; ended_at: Iso | null } | null;
+}
+
+export interface Version {
+  id: Id;
+  number: number;
+  note: string;
+  author: string | null;
+  at: Iso;
+  document?: WorkflowDocument;
+}
+
+export interface Workflow extends WorkflowRow {
+  draft: WorkflowDocument;
+  draft_revision: number;
+  versions: Version[];
+  can_edit: boolean;
+}
+
+export interface SentencePart {
+  text: string;
+  strong?: boolean;
+  sort?: string;
+}
+
+export interface PlannedJob {
+  index: number;
+  step_id: string;
+  sentence: string;
+  device: { id: Id; name: string };
+  action: string;
+  args: Record<string, unknown>;
+  after: number[];
+  estimate_s: number;
+}
+
+export interface PlannedStep {
+  step_id: string;
+  kind: string;
+  sentence: string;
+  estimate_s: number;
+}
+
+export interface Plan {
+  digest: string;
+  estimate_s: number;
+  steps: PlannedStep[];
+  jobs: PlannedJob[];
+  notes: string[];
+}
+
+export interface CheckResult {
+  findings: Finding[];
+  plan: Plan | null;
+  policies: string[];
+  sentences: Record<string, SentencePart[]>;
+}
+
+export interface PauseReason {
+  kind: string;
+  by: string | null;
+  at: Iso;
+}
+
+export interface RunRow {
+  id: Id;
+  number: number;
+  workflow: { id: Id; name: string; version: number };
+  mode: Mode;
+  state: RunState;
+  created_by: string;
+  created_at: Iso;
+  started_at: Iso | null;
+  ended_at: Iso | null;
+  steps_total: number;
+  steps_done: number;
+  step_now: string | null;
+  in_doubt_count: number;
+  estimate_s: number;
+  left_s: number | null;
+  pause_reasons: PauseReason[];
+}
+
+export type RunState =
+  | "draft"
+  | "awaiting_approval"
+  | "queued"
+  | "running"
+  | "pausing"
+  | "paused"
+  | "completing"
+  | "complete"
+  | "aborted";
+
+export type JobState =
+  | "draft"
+  | "awaiting_approval"
+  | "queued"
+  | "held"
+  | "suspended"
+  | "dispatched"
+  | "accepted"
+  | "running"
+  | "completing"
+  | "in_doubt"
+  | "complete"
+  | "aborted"
+  | "stopped"
+  | "rejected";
+
+export interface Question {
+  text: string;
+  asked_ul: number | null;
+  source: string | { id: Id; name: string } | null;
+  target: string | { id: Id; name: string } | null;
+  answer_sent: boolean;
+}
+
+/** One condition, with what was seen. */
+export interface ConditionResult {
+  name: string;
+  verdict: string;
+  message: string;
+  evidence?: Record<string, unknown>;
+}
+
+export interface Job {
+  id: Id;
+  index: number;
+  step_id: string;
+  sentence: string;
+  device: { id: Id; name: string; key: string };
+  action: string;
+  args: Record<string, unknown>;
+  operation: unknown;
+  state: JobState;
+  state_at: Iso | null;
+  started_at: Iso | null;
+  ended_at: Iso | null;
+  estimate_s: number;
+  verification: string;
+  code: string;
+  message: string;
+  evidence: {
+    report?: Record<string, unknown> | null;
+    pre?: ConditionResult[] | null;
+    post?: ConditionResult[] | null;
+    resolution?: Record<string, unknown> | null;
+  };
+  after: number[];
+  transaction: { id: Id; state: string } | null;
+  question: Question | null;
+}
+
+export interface Run extends RunRow {
+  document: WorkflowDocument;
+  plan: Plan;
+  jobs: Job[];
+  approval: { id: Id; state: string } | null;
+  can: { pause: boolean; resume: boolean; abort: boolean; resolve: boolean };
+}

@@ -1,0 +1,170 @@
+/** What crosses the border about approvals, resources, devices and hosts. */
+
+import type { DeviceAction, Id, Iso, Plan } from "./wire";
+
+export interface LabEvent {
+  seq: number;
+  at: Iso;
+  operation: "create" | "read" | "update" | "transfer" | "delete";
+  state: string;
+  verification: string;
+  subjects: { id: Id; name: string; role: string }[];
+  amount_nl: number | null;
+  summary: string;
+  job_id: Id | null;
+  run: { id: Id; number: number } | null;
+  code: string;
+  message: string;
+  transaction_id: Id | null;
+}
+
+export interface LogLine {
+  at: Iso;
+  job_id: Id | null;
+  job_index: number | null;
+  kind: string;
+  text: string;
+  body: unknown;
+}
+
+export interface ApprovalRequest {
+  id: Id;
+  title: string;
+  state: string;
+  run: { id: Id; number: number };
+  workflow: { id: Id; name: string; version: number };
+  policies: string[];
+  asked_by: { name: string };
+  asked_at: Iso;
+  expires_at: Iso | null;
+  plan_digest: string;
+  can_decide: boolean;
+  why_not: string | null;
+  decision: {
+    is_approved: boolean;
+    printed_name: string;
+    meaning: string;
+    comment: string;
+    at: Iso;
+  } | null;
+}
+
+export interface ApprovalDetail extends ApprovalRequest {
+  plan: Plan;
+  materials: { id: Id; name: string; before_nl: number; after_nl: number }[];
+}
+
+export interface Content {
+  lot_id: Id;
+  lot: string;
+  material: string;
+  amount_nl: number;
+}
+
+export interface ResourceRow {
+  id: Id;
+  key: string;
+  parent_id: Id | null;
+  name: string;
+  kind: string;
+  kind_label: string;
+  nature: string;
+  depth: number;
+  holds_liquid: boolean;
+  contents: Content[];
+  volume_nl: number;
+  capacity_nl: number | null;
+  is_quarantined: boolean;
+  is_archived: boolean;
+  device: { id: Id; name: string } | null;
+  pose: Record<string, unknown> | null;
+}
+
+export interface Resource extends ResourceRow {
+  config: Record<string, unknown>;
+  data: Record<string, unknown>;
+  extra: Record<string, unknown>;
+  size_mm: unknown;
+  ports: { port: string; to: { id: Id; name: string; port: string } | null; medium: string }[];
+  events: LabEvent[];
+}
+
+export interface LineageNode {
+  id: Id;
+  kind: "entity" | "activity";
+  type: string;
+  name: string;
+  detail: string;
+  at: Iso | null;
+}
+
+export interface Lineage {
+  root: Id;
+  nodes: LineageNode[];
+  edges: { source: Id; target: Id; amount_nl: number | null; at: Iso | null; label: string }[];
+  truncated: number;
+}
+
+export interface SearchHit {
+  kind: string;
+  id: Id;
+  name: string;
+  detail: string;
+  url: string;
+}
+
+export interface Reading {
+  status: string;
+  label: string;
+  unit: string;
+  value: number | string | boolean | null;
+  at_s: number | null;
+}
+
+export interface DeviceRow {
+  id: Id;
+  key: string;
+  name: string;
+  role: string;
+  kind_label: string;
+  host: { id: Id; name: string } | null;
+  state: string;
+  link: "online" | "stale" | "offline" | "not_enrolled" | "quarantined";
+  job: { id: Id; run_id: Id; run_number: number; sentence: string } | null;
+  readings: Reading[];
+}
+
+export interface Device extends DeviceRow {
+  driver: {
+    class_name: string;
+    digest: string;
+    protocol: string;
+    quality: string;
+    doc: string;
+  } | null;
+  actions: DeviceAction[];
+  statuses: { name: string; label: string; unit: string; doc: string }[];
+  config: Record<string, unknown>;
+  nodes: { role: string; id: Id; name: string }[];
+  transport: unknown;
+}
+
+export interface HostRow {
+  id: Id;
+  key: string;
+  name: string;
+  state: string;
+  last_seen_at: Iso | null;
+  epoch: number;
+  acked_seq: number;
+  journal_lag: number;
+  devices_count: number;
+  heartbeat: Record<string, unknown> | null;
+}
+
+export type Sample = [status: string, at_s: number, value: number | string | boolean | null];
+
+export interface TwinInfo {
+  state: "online" | "offline";
+  url: string;
+}

@@ -1,0 +1,47 @@
+/** Every address of the site; the large pages are fetched when first opened. */
+
+import type { ComponentType } from "react";
+import { createBrowserRouter, type RouteObject } from "react-router";
+import { Frame } from "@/lab/frame";
+import { HomePage } from "@/lab/home";
+import { LoginPage } from "@/lab/login";
+import { BrokenPage, NotFoundPage } from "@/ui/notfound";
+
+type Lazy = () => Promise<{ Component: ComponentType }>;
+
+const page = (path: string, lazy: Lazy): RouteObject => ({ path, lazy, ErrorBoundary: BrokenPage });
+
+const pages: RouteObject[] = [
+  { index: true, Component: HomePage, ErrorBoundary: BrokenPage },
+  page("workflows", async () => ({
+    Component: (await import("@/editor/workflows")).WorkflowsPage,
+  })),
+  page("workflows/:id/edit", async () => ({
+    Component: (await import("@/editor/page")).EditorPage,
+  })),
+  page("runs", async () => ({ Component: (await import("@/runs/list")).RunsPage })),
+  page("runs/:id", async () => ({ Component: (await import("@/runs/page")).RunPage })),
+  page("approvals", async () => ({
+    Component: (await import("@/approvals/page")).ApprovalsPage,
+  })),
+  page("approvals/:id", async () => ({
+    Component: (await import("@/approvals/page")).ApprovalsPage,
+  })),
+  page("twin", async () => ({ Component: (await import("@/lab/twin")).TwinPage })),
+  page("devices", async () => ({ Component: (await import("@/devices/list")).DevicesPage })),
+  page("devices/:id", async () => ({ Component: (await import("@/devices/page")).DevicePage })),
+  page("lab", async () => ({ Component: (await import("@/lab/page")).LabPage })),
+  page("lineage/:id", async () => ({ Component: (await import("@/lab/lineage")).LineagePage })),
+  { path: "*", Component: NotFoundPage },
+];
+
+export const router = createBrowserRouter([
+  { path: "/login", Component: LoginPage, ErrorBoundary: BrokenPage },
+  {
+    path: "/",
+    Component: Frame,
+    HydrateFallback: () => null,
+    ErrorBoundary: BrokenPage,
+    children: pages,
+  },
+]);

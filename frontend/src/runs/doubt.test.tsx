@@ -1,0 +1,110 @@
+// @vitest-environment jsdom
+import { screen } from "@testing-library/react";
+import userEvent from "@testing-library/user-event";
+import { expect, test } from "vitest";
+import { aJob, aRun, iso } from "@/model/samples";
+import { serve, show } from "@/testpage";
+import { DoubtCard } from "./doubt";
+
+const question = {
+  text: "Was 5.00 mL moved from Water to Pump 1?",
+  asked_ul: 5000,
+  source: "Water",
+  target: "Pump 1",
+  answer_sent: false,
+};
+const job = aJob(0, "a", "in_doubt", { started_at: iso(0), state_at: iso(12), question });
+const run = aRun([job, aJob(1, "b", "queued", { after: [0] })]);
+
+function card(change: Partial<typeof question> = {}, changed = run) {
+  return <DoubtCard run={changed} job={job} question={{ ...question, ...change }} />;
+}
+
+test("there are four answers, each with its consequence, and no Retry", () => {
+  serve(() => [200, {}]);
+  show(card());
+  expect(screen.getAllByRole("radio")).toHaveLength(4);
+  expect(screen.getByText("commits 5.00 mL")).toBeInTheDocument();
+  expect(screen.getByText("both stay quarantined")).toBeInTheDocument();
+  expect(screen.queryByText(/retry/i)).toBeNull();
+});
+
+test("nothing can be sent before an answer and a note are given", async () => {
+  const sent = serve(() => [200, {}]);
+  show(card());
+  const user = userEvent.setup();
+  expect(screen.getByTestId("answer-send")).toBeDisabled();
+  await user.click(screen.getByTestId("answer-happened"));
+  expect(screen.getByTestId("answer-send")).toBeDisabled();
+  await user.type(screen.getByTestId("answer-note"), "level seen");
+  expect(screen.getByTestId("answer-send")).toBeEnabled();
+  expect(sent).toHaveLength(0);
+});
+
+test("partly sends the amount in microlitres", async () => {
+  const sent = serve(() => [200, job]);
+  show(card());
+  const user = userEvent.setup();
+  await user.type(screen.getByTestId("answer-amount"), "3.2");
+  await user.type(screen.getByTestId("answer-note"), "read the scale");
+  const button = screen.getByTestId("answer-send");
+  expect(button).toHaveTextContent("Commit 3.20 mL");
+  await user.click(button);
+  expect(sent[0]).toEqual({
+    method: "POST",
+    path: "/api/v1/jobs/j0/resolve",
+    body: { answer: "partly", moved_ul: 3200, note: "read the scale" },
+  });
+});
+
+test.each(["5", "0", "7 mL", "2,5"])("an amount of %s is refused with a reason", async (text) => {
+  serve(() => [200, job]);
+  show(card());
+  const user = userEvent.setup();
+  await user.type(screen.getByTestId("answer-amount"), text);
+  await user.type(screen.getByTestId("answer-note"), "seen");
+  expect(screen.getByTestId("answer-send")).toBeDisabled();
+  expect(screen.getByText(/Must be|decimal point/)).toBeInTheDocument();
+});
+
+test("an answer that is under way is not asked again", () => {
+  serve(() => [200, {}]);
+  show(card({ answer_sent: true }));
+  expect(screen.getByTestId("answer-sent")).toBeInTheDocument();
+  expect(screen.queryByRole("radio")).toBeNull();
+});
+
+test("a refusal is shown in the card with its code", async () => {
+  const refusal = { code: "run.answered", message: "An answer is under way.", findings: [] };
+  serve(() => [409, refusal]);
+  show(card());
+  const user = userEvent.setup();
+  await user.click(screen.getByTestId("answer-did_not"));
+  await user.type(screen.getByTestId("answer-note"), "nothing in the tube");
+  await user.click(screen.getByTestId("answer-send"));
+  expect(await screen.findByText("run.answered")).toBeInTheDocument();
+});
+
+test("who may not resolve sees why", () => {
+  serve(() => [200, {}]);
+  show(card({}, { ...run, can: { ...run.can, resolve: false } }));
+  expect(screen.getByTestId("answer-send")).toBeDisabled();
+});
+
+test.each([
+  ["happened", "Step 2 can then start."],
+  ["did_not", "Step 2 will not start. The run then waits for you."],
+  ["discard", "Step 2 will not start. The run then waits for you."],
+])("the answer %s says what becomes of the steps behind it", async (kind, text) => {
+  serve(() => [200, {}]);
+  show(card());
+  await userEvent.setup().click(screen.getByTestId(`answer-${kind}`));
+  expect(screen.getByText(text)).toBeInTheDocument();
+});
+
+test("the last action that did not happen ends its run", async () => {
+  serve(() => [200, {}]);
+  show(card({}, aRun([job])));
+  await userEvent.setup().click(screen.getByTestId("answer-did_not"));
+  expect(screen.getByText("The run then ends as aborted.")).toBeInTheDocument();
+});

@@ -1,0 +1,217 @@
+/** Head of a run: what it is, how it stands, what one may do. */
+
+import { useState } from "react";
+import { Link } from "react-router";
+import { useRunAct } from "@/api/commands";
+import { useStatus } from "@/api/connection";
+import { formatDuration, toSeconds } from "@/model/format";
+import { currentStep, findProblems, stepNumber, type StepProgress } from "@/model/runs";
+import { runState } from "@/model/states";
+import type { Run } from "@/model/wire";
+import { Button, Dialog, Refused, TextField } from "@/ui/controls";
+import { Icon } from "@/ui/icons";
+import { ModeChip, StateChip } from "@/ui/state";
+import { At, useLabTime, useNow } from "@/ui/time";
+import { words } from "./words";
+
+export function RunHead({ run }: { run: Run }) {
+  const doubts = run.jobs.filter((job) => job.state === "in_doubt").length;
+  return (
+    <div className="h1">
+      <h1>
+        <span className="num">Run #{run.number}</span>
+      </h1>
+      <Link to={`/workflows/${run.workflow.id}/edit`} className="t14 wflink">
+        {run.workflow.name} <span className="m">v{run.workflow.version}</span>
+      </Link>
+      <ModeChip mode={run.mode} />
+      <span data-testid="run-state" data-state={run.state}>
+        <StateChip state={runState(run.state)} />
+      </span>
+      {doubts > 0 && <StateChip state={{ look: "doubt", word: `${doubts} in doubt` }} />}
+      <i className="sp" />
+      <span className="s t12 wide nw">
+        {run.started_at ? "Started" : "Made"} <At at={run.started_at ?? run.created_at} /> by{" "}
+        {run.created_by}
+      </span>
+      <Acts run={run} />
+    </div>
+  );
+}
+
+function Acts({ run }: { run: Run }) {
+  const act = useRunAct(run.id);
+  const [isAborting, setAborting] = useState(false);
+  const isOver = run.state === "complete" || run.state === "aborted";
+  const offline = useStatus() === "offline" ? "Not connected." : null;
+  if (isOver) return null;
+  const isPaused = run.pause_reasons.length > 0 || run.can.resume || run.state === "paused";
+  return (
+    <>
+      {act.error && (
+        <span className="t12 err" role="alert">
+          {act.error.message}
+        </span>
+      )}
+      {isPaused && !run.can.resume && <span className="t12 m wide">{whyNotResume(run)}</span>}
+      <span className="acts runacts">
+        {isPaused ? (
+          <Button
+            large
+            testId="resume"
+            disabled={act.isPending}
+            why={offline ?? (run.can.resume ? null : whyNotResume(run))}
+            onClick={() => act.mutate({ act: "resume" })}
+          >
+            <Icon name="runs" />
+            {words.resume}
+          </Button>
+        ) : (
+          <Button
+            large
+            testId="pause"
+            disabled={act.isPending}
+            why={offline ?? (run.can.pause ? null : words.notNow)}
+            onClick={() => act.mutate({ act: "pause" })}
+          >
+            <Icon name="pause" />
+            {act.isPending ? "Sending…" : words.pause}
+          </Button>
+        )}
+        <Button
+          large
+          look="danger"
+          testId="abort"
+          why={offline ?? (run.can.abort ? null : words.notNow)}
+          onClick={() => setAborting(true)}
+        >
+          {words.abort}
+        </Button>
+      </span>
+      <AbortDialog run={run} isOpen={isAborting} onClose={() => setAborting(false)} />
+    </>
+  );
+}
+
+function whyNotResume(run: Run): string {
+  if (run.in_doubt_count > 0) return words.answerFirst;
+  const hasFailed = findProblems(run).some((problem) => problem.kind === "failed");
+  return hasFailed ? words.cannotGoOn : words.notNow;
+}
+
+function AbortDialog(props: { run: Run; isOpen: boolean; onClose: () => void }) {
+  const act = useRunAct(props.run.id);
+  const [reason, setReason] = useState("");
+  const active = props.run.jobs.filter((job) =>
+    ["accepted", "running", "completing"].includes(job.state),
+  );
+  const send = (): void =>
+    act.mutate({ act: "abort", reason: reason.trim() }, { onSuccess: props.onClose });
+  return (
+    <Dialog title={words.abortTitle} isOpen={props.isOpen} onClose={props.onClose}>
+      <form
+        className="sheet"
+        onSubmit={(event) => {
+          event.preventDefault();
+          send();
+        }}
+      >
+        <p className="s">{words.abortAbout}</p>
+        {active.length > 0 && (
+          <div>
+            <p className="b">Under way now</p>
+            <ul>
+              {active.map((job) => (
+                <li key={job.id} className="s">
+                  {job.device.name}: {job.sentence}
+                </li>
+              ))}
+            </ul>
+          </div>
+        )}
+        <TextField
+          label={words.abortWhy}
+          value={reason}
+          onChange={setReason}
+          lines={2}
+          autoFocus
+          testId="abort-reason"
+        />
+        <Refused error={act.error} />
+        <div className="acts">
+          <Button large onClick={props.onClose}>
+            Go on with the run
+          </Button>
+          <Button
+            large
+            look="danger"
+            type="submit"
+            testId="abort-confirm"
+            disabled={act.isPending}
+            why={reason.trim() ? null : "Write the reason first."}
+          >
+            {act.isPending ? "Sending…" : words.abortDo}
+          </Button>
+        </div>
+      </form>
+    </Dialog>
+  );
+}
+
+export function Facts({ run, steps }: { run: Run; steps: StepProgress[] }) {
+  const now = useNow();
+  const time = useLabTime();
+  const current = currentStep(steps);
+  const started = toSeconds(run.started_at);
+  const ended = toSeconds(run.ended_at);
+  const isOver = ended !== null;
+  const elapsed = started === null ? null : (ended ?? now) - started;
+  const left = run.state === "paused" ? null : run.left_s;
+  return (
+    <dl className="facts">
+      <div>
+        <dt>
+          {current && !isOver
+            ? `Step ${current.number} of ${steps.length}`
+            : `${run.steps_done} of ${run.steps_total} steps done`}
+        </dt>
+        <dd>{isOver ? runState(run.state).word : (current?.step.sentence ?? "–")}</dd>
+      </div>
+      <div>
+        <dt>Elapsed</dt>
+        <dd>{elapsed === null ? "–" : formatDuration(elapsed)}</dd>
+      </div>
+      <div>
+        <dt>{isOver ? "Planned" : "Left, by the plan"}</dt>
+        <dd>
+          {isOver
+            ? formatDuration(run.estimate_s)
+            : left === null
+              ? "–"
+              : `≈ ${formatDuration(left)}`}
+        </dd>
+      </div>
+      <div>
+        <dt>{isOver ? "Ended" : "Ends"}</dt>
+        <dd>
+          {isOver ? time.minute(ended) : left === null ? "–" : `≈ ${time.minute(now + left)}`}
+        </dd>
+      </div>
+      <div className="wide">
+        <dt>Needs you</dt>
+        <dd>{needText(run)}</dd>
+      </div>
+    </dl>
+  );
+}
+
+function needText(run: Run): string {
+  const first = findProblems(run)[0];
+  if (run.ended_at) return "nothing";
+  if (run.state === "awaiting_approval") return "approve the start";
+  if (first?.kind === "doubt") return `resolve step ${stepNumber(run, first.job.step_id)} now`;
+  if (first?.kind === "failed")
+    return run.can.resume ? "look, then resume or abort" : "look, then abort";
+  if (run.state === "paused") return "resume";
+  return "not foreseen";
+}

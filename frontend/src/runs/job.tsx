@@ -1,0 +1,25 @@
+/** One action of a run: what was asked, what came of it. */
+
+import { jobState } from "@/model/states";
+import type { Job } from "@/model/wire";
+import { Card } from "@/ui/card";
+import { StateChip } from "@/ui/state";
+import { Evidence } from "./doubt";
+
+export function JobFacts({ job }: { job: Job }) {
+  return (
+    <Card
+      title={`Action ${job.index + 1}`}
+      actions={<StateChip state={jobState(job.state)} />}
+      testId="job-card"
+    >
+      <div className="pb">
+        <h2>{job.sentence}</h2>
+        <Evidence job={job} />
+        {job.verification && (
+          <p className="help">Known by: {job.verification.replaceAll("_", " ")}</p>
+        )}
+      </div>
+    </Card>
+  );
+}

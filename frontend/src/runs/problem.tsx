@@ -1,0 +1,115 @@
+/** What stands in the way of a run, first what is most urgent. */
+
+import { findProblems, stepNumber, type Problem } from "@/model/runs";
+import { capitalise, jobState } from "@/model/states";
+import type { Run } from "@/model/wire";
+import { Link } from "react-router";
+import { Glyph } from "@/ui/glyph";
+import { At } from "@/ui/time";
+import { DoubtCard, Evidence } from "./doubt";
+import { words } from "./words";
+
+export function Problems({ run, job }: { run: Run; job: string | null }) {
+  const problems = findProblems(run);
+  const first = problems.filter((p) => p.kind !== "paused" && p.job.id === job);
+  const rest = problems.filter((p) => !first.includes(p));
+  return (
+    <>
+      {run.state === "awaiting_approval" && run.approval && <AwaitsApproval run={run} />}
+      {[...first, ...rest].map((problem) => (
+        <ProblemCard
+          key={problem.kind === "paused" ? "paused" : problem.job.id}
+          run={run}
+          problem={problem}
+        />
+      ))}
+    </>
+  );
+}
+
+function ProblemCard({ run, problem }: { run: Run; problem: Problem }) {
+  if (problem.kind === "doubt") {
+    return <DoubtCard run={run} job={problem.job} question={problem.question} />;
+  }
+  if (problem.kind === "paused") return <PausedCard run={run} />;
+  const { job } = problem;
+  const state = jobState(job.state);
+  const look = state.look === "stopped" ? "stopped" : "error";
+  return (
+    <section className="card prob" data-state={look} data-testid="problem-card" data-job={job.id}>
+      <div className="ph">
+        <Glyph look={look} />
+        {state.word}
+        <i className="sp" />
+        <span className="num t12">
+          step {stepNumber(run, job.step_id)}, <At at={job.state_at ?? job.ended_at} seconds />
+        </span>
+      </div>
+      <div className="pb">
+        <h2>{job.message || `${job.sentence} did not complete`}</h2>
+        <p className="s">{effectText(job.transaction?.state ?? null)}</p>
+        <Evidence job={job} />
+        {job.code && <p className="mono m">{job.code}</p>}
+      </div>
+    </section>
+  );
+}
+
+function effectText(transaction: string | null): string {
+  if (transaction === "rolled_back")
+    return "Nothing moved: the record is as it was before this action.";
+  if (transaction === "committed") return "Part of it happened, and the record says how much.";
+  if (transaction === "quarantined") return "What happened is not known yet.";
+  return "It never began.";
+}
+
+function PausedCard({ run }: { run: Run }) {
+  const active = run.jobs.filter((job) =>
+    ["dispatched", "accepted", "running", "completing"].includes(job.state),
+  );
+  return (
+    <section className="card prob" data-state="paused" data-testid="paused-card">
+      <div className="ph">
+        <Glyph look="paused" />
+        {run.state === "pausing" ? "Pausing" : "Paused"}
+      </div>
+      <div className="pb">
+        {run.state === "pausing" && <p className="s">{words.pausing}</p>}
+        {active.map((job) => (
+          <p key={job.id} className="s">
+            Still under way: {job.device.name}, {job.sentence}
+          </p>
+        ))}
+        <ul className="reasons">
+          {run.pause_reasons.map((reason, place) => (
+            <li key={place}>
+              {capitalise(reason.kind)}
+              {reason.by && ` by ${reason.by}`}
+              <i className="sp" />
+              <span className="m">
+                <At at={reason.at} seconds />
+              </span>
+            </li>
+          ))}
+        </ul>
+      </div>
+    </section>
+  );
+}
+
+function AwaitsApproval({ run }: { run: Run }) {
+  return (
+    <section className="card prob" data-state="needs" data-testid="approval-card">
+      <div className="ph">
+        <Glyph look="needs" />
+        Awaits approval
+      </div>
+      <div className="pb">
+        <p className="s">Nothing starts before somebody has decided.</p>
+        <Link className="btn" to={`/approvals?id=${run.approval?.id ?? ""}`}>
+          Open the request
+        </Link>
+      </div>
+    </section>
+  );
+}

@@ -1,0 +1,40 @@
+/** Words of the list of runs and of the page of one run. */
+
+export const words = {
+  title: "Runs",
+  none: "No run fits.",
+  clear: "Clear filter",
+  pause: "Pause",
+  pausing: "Pausing – after the actions that are under way",
+  resume: "Resume",
+  abort: "Abort…",
+  abortTitle: "Abort this run",
+  abortAbout:
+    "No further action starts. What is under way is stopped by its device; heating and stirring that this run began is switched off where the driver declares it. Liquid stays where it is.",
+  abortWhy: "Why",
+  abortDo: "Abort run",
+  answerFirst: "Answer what is in doubt first.",
+  cannotGoOn: "What is left needs the action that failed: abort, then start anew.",
+  notNow: "Not possible in this state, or not by you.",
+  tabs: {
+    timeline: "Timeline",
+    canvas: "Canvas",
+    logs: "Logs",
+    telemetry: "Telemetry",
+    events: "Events",
+  },
+  noEvents: "Nothing has happened yet.",
+  noLog: "No host has reported yet.",
+  noTelemetry: "No readings in this time.",
+  doubt: {
+    title: "In doubt",
+    happened: "It happened",
+    didNot: "It did not",
+    partly: "Partly",
+    discard: "I cannot tell",
+    note: "Note, required",
+    noteHelp: "What you saw: scale, balance, camera, level.",
+    sent: "Your answer is on its way to the host.",
+    mayNot: "Resolving needs the role chemist.",
+  },
+} as const;

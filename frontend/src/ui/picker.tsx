@@ -1,0 +1,98 @@
+/** Pick one of many by typing part of its name. */
+
+import { Combobox, useCombobox } from "@mantine/core";
+import { useState, type ReactNode } from "react";
+import { Icon } from "./icons";
+
+export interface Choice {
+  value: string;
+  label: string;
+  note?: string;
+}
+
+export function Picker(props: {
+  id: string;
+  value: string | null;
+  choices: readonly Choice[];
+  onChange: (value: string | null) => void;
+  placeholder: string;
+  icon?: ReactNode;
+  tail?: ReactNode;
+  canClear?: boolean;
+  isInvalid?: boolean;
+  disabled?: boolean;
+  testId?: string;
+}) {
+  const [query, setQuery] = useState<string | null>(null);
+  const combobox = useCombobox({
+    onDropdownClose: () => {
+      combobox.resetSelectedOption();
+      setQuery(null);
+    },
+    onDropdownOpen: () => combobox.selectFirstOption(),
+  });
+  const chosen = props.choices.find((choice) => choice.value === props.value);
+  const wanted = (query ?? "").trim().toLowerCase();
+  const shown = props.choices.filter((c) =>
+    `${c.label} ${c.note ?? ""}`.toLowerCase().includes(wanted),
+  );
+  const submit = (value: string): void => {
+    props.onChange(value === "" ? null : value);
+    combobox.closeDropdown();
+  };
+  return (
+    <Combobox store={combobox} onOptionSubmit={submit} offset={2}>
+      <Combobox.Target>
+        <div className="inp" aria-invalid={props.isInvalid ? true : undefined}>
+          {props.icon}
+          <input
+            id={props.id}
+            className="bare"
+            role="combobox"
+            aria-expanded={combobox.dropdownOpened}
+            data-testid={props.testId}
+            disabled={props.disabled}
+            placeholder={props.placeholder}
+            value={query ?? chosen?.label ?? ""}
+            onChange={(event) => {
+              setQuery(event.target.value);
+              combobox.openDropdown();
+              combobox.updateSelectedOptionIndex();
+            }}
+            onFocus={(event) => event.target.select()}
+            onClick={() => combobox.openDropdown()}
+            onBlur={() => combobox.closeDropdown()}
+          />
+          {chosen && props.tail && <span className="u num">{props.tail}</span>}
+          {chosen && props.canClear && <ClearButton clear={() => props.onChange(null)} />}
+        </div>
+      </Combobox.Target>
+      <Combobox.Dropdown>
+        <Options shown={shown} />
+      </Combobox.Dropdown>
+    </Combobox>
+  );
+}
+
+function ClearButton({ clear }: { clear: () => void }) {
+  return (
+    <button type="button" className="ib small" aria-label="Clear" onClick={clear}>
+      <Icon name="close" size={12} />
+    </button>
+  );
+}
+
+function Options({ shown }: { shown: readonly Choice[] }) {
+  return (
+    <Combobox.Options mah={280} className="options">
+      {shown.map((choice) => (
+        <Combobox.Option key={choice.value} value={choice.value}>
+          <span className="b cut">{choice.label}</span>
+          <i className="sp" />
+          <span className="t12 m num cut">{choice.note}</span>
+        </Combobox.Option>
+      ))}
+      {shown.length === 0 && <Combobox.Empty>Nothing fits.</Combobox.Empty>}
+    </Combobox.Options>
+  );
+}

@@ -1,0 +1,1 @@
+"""People: users, what they may do where, and the record of who clicked what."""

@@ -1,0 +1,65 @@
+"""Users, their roles on subtrees, and the audit trail."""
+
+from __future__ import annotations
+
+from django.contrib.auth.models import AbstractUser
+from django.db import models
+
+from labweb.common.clock import new_id
+from labweb.common.models import Base
+
+
+class User(AbstractUser):
+    """A person who signs in."""
+
+    id = models.UUIDField(primary_key=True, default=new_id, editable=False)
+
+    @property
+    def printed_name(self) -> str:
+        """Name as it stands under a decision."""
+        return self.get_full_name() or self.username
+
+
+class Grant(Base):
+    """A role on a subtree: it holds for the resource and everything below it."""
+
+    class Role(models.TextChoices):
+        """What a person does in the lab."""
+
+        OBSERVER = "observer"
+        CHEMIST = "chemist"
+        APPROVER = "approver"
+        ADMIN = "admin"
+
+    user = models.ForeignKey(User, on_delete=models.CASCADE, related_name="grants")
+    role = models.CharField(max_length=16, choices=Role.choices)
+    resource = models.ForeignKey("resources.Resource", on_delete=models.CASCADE, related_name="+")
+
+    class Meta:
+        constraints = [
+            models.UniqueConstraint(fields=["user", "role", "resource"], name="grant_once")
+        ]
+
+    def __str__(self) -> str:
+        return f"{self.user} as {self.role}"
+
+
+class AuditEntry(models.Model):
+    """Who did what to which object. Appended, never edited; each row binds the one before."""
+
+    id = models.BigAutoField(primary_key=True)
+    at = models.DateTimeField()
+    actor = models.ForeignKey(User, null=True, on_delete=models.PROTECT, related_name="+")
+    action = models.CharField(max_length=64)
+    subject = models.CharField(max_length=128)
+    reason = models.TextField(blank=True)
+    detail = models.JSONField(default=dict)
+    prev_hash = models.CharField(max_length=64)
+    hash = models.CharField(max_length=64, unique=True)
+
+    class Meta:
+        verbose_name_plural = "audit entries"
+        ordering = ["-id"]
+
+    def __str__(self) -> str:
+        return f"{self.action} {self.subject}"

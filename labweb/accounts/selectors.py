@@ -1,0 +1,52 @@
+"""Reads of users, grants and the audit trail."""
+
+from __future__ import annotations
+
+from uuid import UUID
+
+from rest_framework.request import Request
+
+from labweb.accounts.models import Grant
+from labweb.accounts.models import User as User
+from labweb.domain.approvals.roles import PERMISSIONS, Permission, roles_with
+from labweb.domain.errors import ForbiddenError
+
+
+def granted_roots(user: User, permission: Permission) -> set[UUID]:
+    """Return the resources whose whole subtree the user has the permission on."""
+    if not user.is_active:
+        return set()
+    rows = Grant.objects.filter(user=user, role__in=roles_with(permission))
+    return set(rows.values_list("resource_id", flat=True))
+
+
+def roles_of(user: User) -> list[str]:
+    """Return the user's roles, anywhere."""
+    return sorted(set(Grant.objects.filter(user=user).values_list("role", flat=True)))
+
+
+def permissions_of(user: User) -> frozenset[Permission]:
+    """Return everything the user's roles carry, anywhere."""
+    granted = [PERMISSIONS[role] for role in roles_of(user) if role in PERMISSIONS]
+    return frozenset().union(*granted)
+
+
+def user_by_id(user_id: UUID) -> User | None:
+    """Return the user with that id."""
+    return User.objects.filter(pk=user_id).first()
+
+
+def find_user(username: str) -> User | None:
+    """Return the user of that name."""
+    return User.objects.filter(username=username).first()
+
+
+def user_of(request: Request) -> User:
+    """Return who is signed in.
+
+    Raises:
+        ForbiddenError: Nobody is.
+    """
+    if not isinstance(request.user, User):
+        raise ForbiddenError("sign in first", code="http.not_authenticated")
+    return request.user

@@ -1,0 +1,79 @@
+"""Writes of users, grants and the audit trail."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping
+from typing import Any
+from uuid import UUID
+
+from django.db import connection
+from django.db.transaction import atomic
+
+from labweb.accounts.models import AuditEntry, Grant, User
+from labweb.common.clock import now
+from labweb.domain.messages import canonical
+
+_AUDIT_LOCK = 0x6C61_6261
+
+
+@atomic
+def ensure_user(
+    username: str, *, full_name: str, password: str, role: str, root_id: UUID
+) -> tuple[User, bool]:
+    """Create a user with a role on a subtree, unless the name is taken.
+
+    Returns:
+        The user, and whether they were created now with this password.
+    """
+    first, _, last = full_name.partition(" ")
+    user, created = User.objects.get_or_create(
+        username=username,
+        defaults={
+            "first_name": first,
+            "last_name": last,
+            "is_staff": role == "admin",
+            "is_superuser": role == "admin",
+        },
+    )
+    if created:
+        user.set_password(password)
+        user.save(update_fields=["password"])
+    Grant.objects.get_or_create(user=user, role=role, resource_id=root_id)
+    return user, created
+
+
+@atomic
+def write_audit(
+    action: str,
+    subject: str,
+    *,
+    actor: User | None,
+    reason: str = "",
+    detail: Mapping[str, Any] | None = None,
+) -> AuditEntry:
+    """Append who did what to which object, bound to the row before."""
+    with connection.cursor() as cursor:
+        cursor.execute("SELECT pg_advisory_xact_lock(%s)", [_AUDIT_LOCK])
+    last = AuditEntry.objects.order_by("-id").first()
+    at = now()
+    prev = last.hash if last is not None else ""
+    fields = {
+        "prev": prev,
+        "at": at.isoformat(),
+        "actor": None if actor is None else str(actor.pk),
+        "action": action,
+        "subject": subject,
+        "reason": reason,
+        "detail": dict(detail or {}),
+    }
+    return AuditEntry.objects.create(
+        at=at,
+        actor=actor,
+        action=action,
+        subject=subject,
+        reason=reason,
+        detail=dict(detail or {}),
+        prev_hash=prev,
+        hash=hashlib.sha256(canonical(fields)).hexdigest(),
+    )

@@ -1,0 +1,1 @@
+"""The border to the outside: routers, errors, websockets, the proxy to the twin."""

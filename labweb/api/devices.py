@@ -1,0 +1,171 @@
+"""Devices and hosts as pages show them: enrollment, link, job and readings together."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+from uuid import UUID
+
+from rest_framework.request import Request
+from rest_framework.response import Response
+from rest_framework.views import APIView
+
+from labweb.accounts.selectors import User, user_of
+from labweb.common.clock import now
+from labweb.common.render import iso
+from labweb.domain.approvals.roles import Permission
+from labweb.domain.enrollment.spec import UNITS, DriverSpec, StatusSpec
+from labweb.domain.errors import NotFoundError
+from labweb.enrollment import selectors as enrollment_selectors
+from labweb.enrollment.selectors import Device, EdgeHost
+from labweb.resources import selectors as resource_selectors
+from labweb.resources.selectors import Lab
+from labweb.runs import selectors as run_selectors
+from labweb.runs.selectors import Job
+from labweb.telemetry import selectors as telemetry_selectors
+from labweb.workflows.api import render_actions
+
+_STALE_AFTER_S = 5.0
+
+
+class Devices(APIView):
+    """Devices of the lab."""
+
+    def get(self, request: Request) -> Response:
+        """List devices with their latest readings."""
+        seen = resource_selectors.allowed_ids(user_of(request), Permission.VIEW)
+        lab = resource_selectors.the_lab()
+        rows = enrollment_selectors.visible_devices(lab, seen)
+        return Response({"devices": device_rows(rows)})
+
+
+class DeviceDetail(APIView):
+    """One device."""
+
+    def get(self, request: Request, device_id: UUID) -> Response:
+        """Return a device with its driver, actions and statuses."""
+        seen = resource_selectors.allowed_ids(user_of(request), Permission.VIEW)
+        row = enrollment_selectors.find_device(device_id)
+        if not enrollment_selectors.is_seen(row, seen):
+            raise NotFoundError(f"no device {device_id}", code="device.not_found")
+        spec = enrollment_selectors.spec_of(row)
+        names = resource_selectors.names(UUID(node) for node in row.nodes.values())
+        return Response(
+            {
+                **device_rows([row])[0],
+                "driver": {
+                    "class_name": spec.class_name,
+                    "digest": row.driver.digest,
+                    "protocol": spec.protocol,
+                    "quality": spec.quality,
+                    "doc": spec.doc,
+                },
+                "actions": render_actions(spec),
+                "statuses": [_status(status) for status in spec.statuses],
+                "config": row.config,
+                "nodes": [
+                    {"role": role, "id": node, "name": names.get(UUID(node), "")}
+                    for role, node in row.nodes.items()
+                    if UUID(node) in seen
+                ],
+                "transport": row.transport,
+            }
+        )
+
+
+class Hosts(APIView):
+    """Edge hosts of the lab."""
+
+    def get(self, request: Request) -> Response:
+        """List the hosts of devices that the caller may see, with their journals' lag."""
+        lab = resource_selectors.the_lab()
+        return Response({"hosts": host_rows(visible_hosts(lab, user_of(request)))})
+
+
+def visible_hosts(lab: Lab, user: User) -> list[EdgeHost]:
+    """Return the hosts that own a device the user may see; all to who sees the whole lab."""
+    seen = resource_selectors.allowed_ids(user, Permission.VIEW)
+    hosts = enrollment_selectors.hosts_of(lab)
+    if resource_selectors.root_of(lab).id in seen:
+        return list(hosts)
+    owners = {row.host_id for row in enrollment_selectors.visible_devices(lab, seen)}
+    return [host for host in hosts if host.id in owners]
+
+
+def _status(status: StatusSpec) -> dict[str, Any]:
+    unit = UNITS[status.value.unit][1] if status.value.unit in UNITS else ""
+    label = status.value.label or status.name
+    return {"name": status.name, "label": label, "unit": unit, "doc": status.doc}
+
+
+def device_rows(devices: Iterable[Device]) -> list[dict[str, Any]]:
+    """Render devices; a fixed number of queries."""
+    rows = list(devices)
+    latest = telemetry_selectors.latest(row.id for row in rows)
+    jobs = run_selectors.jobs_at_devices(row.id for row in rows)
+    return [_device(row, latest.get(row.id, {}), jobs.get(row.id)) for row in rows]
+
+
+def _device(row: Device, latest: dict[str, tuple[float, Any]], job: Job | None) -> dict[str, Any]:
+    spec = enrollment_selectors.spec_of(row)
+    return {
+        "id": str(row.id),
+        "key": row.key,
+        "name": row.name,
+        "role": row.driver.role,
+        "kind_label": _kind_label(spec),
+        "host": {"id": str(row.host_id), "name": row.host.name},
+        "state": row.state,
+        "link": _link(row, latest),
+        "job": None
+        if job is None
+        else {
+            "id": str(job.id),
+            "run_id": str(job.run_id),
+            "run_number": job.run.number,
+            "sentence": job.sentence,
+        },
+        "readings": [
+            {**_status(status), "status": status.name, "value": value, "at_s": at}
+            for status in spec.statuses
+            if status.name in latest
+            for at, value in [latest[status.name]]
+        ],
+    }
+
+
+def _kind_label(spec: DriverSpec) -> str:
+    label = " and ".join(role.replace("_", " ") for role in spec.roles).capitalize()
+    return label.replace("Ph ", "pH ")
+
+
+def _link(row: Device, latest: dict[str, tuple[float, Any]]) -> str:
+    if row.state != Device.State.ENROLLED:
+        return "not_enrolled"
+    if row.host.state == "quarantined":
+        return "quarantined"
+    if row.host.state not in {"online", "suspect"}:
+        return "offline"
+    if not latest:
+        return "online" if row.driver.role == "timer" else "stale"
+    age = now().timestamp() - max(at for at, _ in latest.values())
+    return "stale" if age > _STALE_AFTER_S and row.driver.role != "timer" else "online"
+
+
+def host_rows(hosts: Iterable[EdgeHost]) -> list[dict[str, Any]]:
+    """Render hosts."""
+    return [
+        {
+            "id": str(row.id),
+            "key": row.key,
+            "name": row.name,
+            "state": row.state,
+            "last_seen_at": iso(row.last_seen_at),
+            "epoch": row.epoch,
+            "acked_seq": row.acked_seq,
+            "journal_lag": max(int(row.heartbeat.get("seq_head", 0)) - row.acked_seq, 0),
+            "devices_count": row.devices.count(),
+            "heartbeat": row.heartbeat,
+        }
+        for row in hosts
+    ]

@@ -1,0 +1,181 @@
+"""Home and search: what needs a person, what runs, where things are."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from typing import Any
+from uuid import UUID
+
+from django.db.models import QuerySet
+from rest_framework.request import Request
+from rest_framework.response import Response
+from rest_framework.views import APIView
+
+from labweb.accounts.selectors import permissions_of, user_of
+from labweb.api.devices import device_rows, host_rows, visible_hosts
+from labweb.approvals import selectors as approval_selectors
+from labweb.common.render import iso
+from labweb.crutd import selectors as crutd_selectors
+from labweb.domain.approvals.roles import Permission
+from labweb.domain.units import render_volume
+from labweb.enrollment import selectors as enrollment_selectors
+from labweb.enrollment.selectors import Device
+from labweb.resources import selectors as resource_selectors
+from labweb.resources.selectors import Lab
+from labweb.runs import selectors as run_selectors
+from labweb.runs.api.drawing import workflow_rows
+from labweb.runs.api.render import names_of, render_rows
+from labweb.runs.selectors import Job, Run
+
+_MOST = 8
+_SHORTEST_QUERY = 2
+
+
+class Home(APIView):
+    """What a person sees first."""
+
+    def get(self, request: Request) -> Response:
+        """Return what needs somebody, what runs, and what was done last."""
+        user = user_of(request)
+        lab = resource_selectors.the_lab()
+        seen = resource_selectors.allowed_ids(user, Permission.VIEW)
+        runs = run_selectors.visible_runs(lab, seen)
+        devices = enrollment_selectors.visible_devices(lab, seen)
+        candidates = [row for row in devices if row.state == Device.State.CANDIDATE]
+        may_admit = Permission.ADMIT in permissions_of(user)
+        return Response(
+            {
+                "needs_you": list(_needs(lab, runs, candidates if may_admit else [])),
+                "running": render_rows(
+                    runs.filter(state__in=[*run_selectors.LIVE, "awaiting_approval"])[:20]
+                ),
+                "last_results": render_rows(
+                    runs.filter(state__in=["complete", "aborted"]).order_by("-ended_at")[:_MOST]
+                ),
+                "workflows": workflow_rows(lab)[:_MOST],
+                "devices": device_rows(devices),
+                "hosts": host_rows(visible_hosts(lab, user)),
+            }
+        )
+
+
+def _needs(lab: Lab, runs: QuerySet[Run], candidates: Iterable[Device]) -> Iterator[dict[str, Any]]:
+    shown = runs.values("pk")
+    if lab.is_stopped:
+        yield _need(
+            "stopped", "The lab is stopped", "Nothing starts before a person resets it",
+            iso(lab.stopped_at), "/", "Reset",
+        )  # fmt: skip
+    names = names_of(lab)
+    for job in run_selectors.jobs_in_doubt(lab).filter(run__in=shown):
+        yield {
+            **_need(
+                "in_doubt", _question(job, names), _where(job, names),
+                iso(job.state_at), f"/runs/{job.run_id}?job={job.id}", "Resolve",
+            ),
+            "run_id": str(job.run_id),
+            "job_id": str(job.id),
+        }  # fmt: skip
+    for row in approval_selectors.requests_of(lab).filter(state="open", run_id__in=shown):
+        yield {
+            **_need(
+                "approval", row.title, f"Asked by {row.asked_by.printed_name} · {row.policies[0]}",
+                iso(row.asked_at), f"/approvals?id={row.id}", "Review",
+            ),
+            "run_id": str(row.run_id),
+            "request_id": str(row.id),
+        }  # fmt: skip
+    yield from _paused(runs)
+    for ticket in crutd_selectors.open_tickets(lab):
+        yield _need("ticket", ticket.message, ticket.code, iso(ticket.opened_at), "/lab", "Open")
+    for device in candidates:
+        yield _need(
+            "candidate", f"{device.name} was found on {device.host.name}",
+            "It may do nothing until an admin has reviewed it", iso(device.discovered_at),
+            f"/admin/enrollment/device/{device.id}/review/", "Review",
+        )  # fmt: skip
+
+
+def _paused(runs: QuerySet[Run]) -> Iterator[dict[str, Any]]:
+    for run in runs.filter(state="paused"):
+        bad = run.jobs.filter(state__in=["aborted", "rejected", "stopped", "held"]).first()
+        if run.jobs.filter(state="in_doubt").exists():
+            continue
+        detail = "paused by a person" if bad is None else f"{bad.sentence}: {bad.message}"
+        title = f"Run #{run.number} {run.version.workflow.name} is paused"
+        yield {
+            **_need("paused", title, detail, iso(run.created_at), f"/runs/{run.id}", "Open"),
+            "run_id": str(run.id),
+        }
+
+
+def _need(
+    kind: str, title: str, detail: str, since_at: str | None, url: str, verb: str
+) -> dict[str, Any]:
+    return {
+        "kind": kind,
+        "title": title,
+        "detail": detail,
+        "since_at": since_at,
+        "url": url,
+        "verb": verb,
+        "run_id": None,
+        "job_id": None,
+        "request_id": None,
+    }
+
+
+def _question(job: Job, names: dict[str, str]) -> str:
+    operation = job.operation
+    if operation.get("op") != "transfer_liquid":
+        return f"Did this happen: {job.sentence}?"
+    source, target = names.get(operation["source_id"]), names.get(operation["target_id"])
+    return f"Was {render_volume(operation['amount_nl'])} moved from {source} to {target}?"
+
+
+def _where(job: Job, names: dict[str, str]) -> str:
+    del names
+    workflow = job.run.version.workflow.name
+    return f"In doubt · Run #{job.run.number} {workflow} · {job.device.name}: {job.message}"
+
+
+class Search(APIView):
+    """Find anything by name."""
+
+    def get(self, request: Request) -> Response:
+        """Return resources, devices, runs, workflows and lots whose name has the text."""
+        seen = resource_selectors.allowed_ids(user_of(request), Permission.VIEW)
+        text = request.query_params.get("q", "").strip().lower()[:100]
+        if len(text) < _SHORTEST_QUERY:
+            return Response({"results": []})
+        lab = resource_selectors.the_lab()
+        found = [*_places(lab, text, seen), *_work(lab, text, seen)]
+        return Response({"results": found[:40]})
+
+
+def _places(lab: Lab, text: str, seen: set[UUID]) -> Iterator[dict[str, Any]]:
+    for node in resource_selectors.resources_of(lab):
+        if node.id in seen and text in f"{node.name} {node.key} {node.id}".lower():
+            yield _result("resource", node.id, node.name, node.kind, f"/lab?sel={node.id}")
+    for device in enrollment_selectors.visible_devices(lab, seen):
+        if text in f"{device.name} {device.key} {device.id}".lower():
+            detail = device.driver.class_name
+            yield _result("device", device.id, device.name, detail, f"/devices/{device.id}")
+    for lot in crutd_selectors.visible_lots(lab, seen):
+        if text in f"{lot} {lot.key}".lower():
+            yield _result("lot", lot.id, str(lot), lot.key, "/lab")
+
+
+def _work(lab: Lab, text: str, seen: set[UUID]) -> Iterator[dict[str, Any]]:
+    for row in workflow_rows(lab):
+        if text in row["name"].lower():
+            url = f"/workflows/{row['id']}/edit"
+            yield _result("workflow", row["id"], row["name"], "workflow", url)
+    for run in run_selectors.visible_runs(lab, seen)[:200]:
+        name = f"Run #{run.number} {run.version.workflow.name}"
+        if text in name.lower():
+            yield _result("run", run.id, name, run.state, f"/runs/{run.id}")
+
+
+def _result(kind: str, ident: object, name: str, detail: str, url: str) -> dict[str, Any]:
+    return {"kind": kind, "id": str(ident), "name": name, "detail": detail, "url": url}

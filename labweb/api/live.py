@@ -1,0 +1,156 @@
+"""The browser's websocket: one per tab, topics by subscription."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+from collections import Counter
+from collections.abc import Iterable
+from importlib import import_module
+from typing import Any
+from urllib.parse import urlparse
+from uuid import UUID
+
+from channels.auth import get_user
+from channels.db import database_sync_to_async
+from channels.generic.websocket import AsyncWebsocketConsumer
+from django.conf import settings
+from django.http.request import split_domain_port, validate_host
+
+from labweb.accounts.selectors import User
+from labweb.common.feed import GROUP
+from labweb.domain.approvals.roles import Permission
+from labweb.domain.errors import NotFoundError
+from labweb.enrollment import selectors as enrollment_selectors
+from labweb.resources import selectors as resource_selectors
+from labweb.runs import selectors as run_selectors
+
+CLOSE_NOT_SIGNED_IN = 4401
+CLOSE_BAD_ORIGIN = 4403
+CLOSE_BAD_FRAME = 4400
+CLOSE_TOO_BIG = 1009
+MAX_FRAME_BYTES = 64 * 1024
+MAX_TOPICS = 200
+
+OPEN_TOPICS = frozenset({"lab", "runs", "approvals", "hosts", "devices", "events", "workflows"})
+
+CHECK_EVERY_S = 3.0
+"""A socket outlives its session by this much at most."""
+
+
+class BrowserConsumer(AsyncWebsocketConsumer):
+    """Forwards announcements on the topics a tab asked for, each with its own count."""
+
+    topics: frozenset[str] = frozenset()
+    user: User | None = None
+    watch: asyncio.Task[None] | None = None
+
+    async def connect(self) -> None:
+        """Accept a signed-in user from our own origin."""
+        self.seq: Counter[str] = Counter()
+        await self.accept()
+        if not self._has_own_origin():
+            await self.close(code=CLOSE_BAD_ORIGIN)
+        elif not await self._is_signed_in():
+            await self.close(code=CLOSE_NOT_SIGNED_IN)
+        else:
+            await self.channel_layer.group_add(GROUP, self.channel_name)
+            self.watch = asyncio.create_task(self._watch())
+
+    async def disconnect(self, code: int) -> None:  # noqa: ARG002 - Channels' shape
+        """Leave the feed."""
+        if self.watch is not None:
+            self.watch.cancel()
+        await self.channel_layer.group_discard(GROUP, self.channel_name)
+
+    def _has_own_origin(self) -> bool:
+        headers = dict(self.scope["headers"])
+        origin = headers.get(b"origin", b"").decode()
+        host = headers.get(b"host", b"").decode()
+        name = split_domain_port(host)[0]
+        is_ours = bool(name) and validate_host(name, settings.ALLOWED_HOSTS)
+        return is_ours and bool(origin) and urlparse(origin).netloc == host
+
+    async def _is_signed_in(self) -> bool:
+        """Read the session anew: it may have ended since the page was loaded."""
+        engine = import_module(settings.SESSION_ENGINE)
+        key = self.scope["session"].session_key
+        fresh: Any = {"session": engine.SessionStore(key)}
+        user = await get_user(fresh) if key else None
+        self.user = user if isinstance(user, User) else None
+        return self.user is not None and bool(await _allowed(self.user, OPEN_TOPICS))
+
+    async def _watch(self) -> None:
+        """Close within seconds of the session's end, and drop what may not be seen any more."""
+        while True:
+            await asyncio.sleep(CHECK_EVERY_S)
+            if not await self._is_signed_in() or self.user is None:
+                await self.close(code=CLOSE_NOT_SIGNED_IN)
+                return
+            self.topics = await _allowed(self.user, self.topics)
+
+    async def receive(self, text_data: str | None = None, bytes_data: bytes | None = None) -> None:
+        """Take `{"subscribe": [...]}`, `{"unsubscribe": [...]}` or `{"ping": n}`."""
+        if bytes_data is not None or text_data is None or len(text_data) > MAX_FRAME_BYTES:
+            await self.close(code=CLOSE_TOO_BIG)
+            return
+        try:
+            frame = json.loads(text_data)
+            wanted = {str(topic) for topic in frame.get("subscribe", [])}
+            left = {str(topic) for topic in frame.get("unsubscribe", [])}
+        except (ValueError, AttributeError, TypeError, RecursionError):
+            await self.close(code=CLOSE_BAD_FRAME)
+            return
+        if "ping" in frame:
+            await self._send({"pong": frame["ping"]})
+        if self.user is None or len(self.topics | wanted) > MAX_TOPICS:
+            error = {"code": "feed.too_many", "message": f"at most {MAX_TOPICS} topics"}
+            await self._send({"error": error})
+            return
+        unknown = sorted(wanted - await _allowed(self.user, wanted)) if wanted else []
+        if unknown:
+            error = {"code": "feed.unknown_topic", "message": f"no topic {', '.join(unknown)}"}
+            await self._send({"error": error})
+            return
+        self.topics = (self.topics | wanted) - left
+
+    async def feed_message(self, message: dict[str, Any]) -> None:
+        """Forward one announcement."""
+        topic = message["topic"]
+        if topic not in self.topics:
+            return
+        self.seq[topic] += 1
+        await self._send(
+            {
+                "topic": topic,
+                "seq": self.seq[topic],
+                "at": message["at"],
+                "data": message["data"],
+            }
+        )
+
+    async def _send(self, value: dict[str, Any]) -> None:
+        await self.send(text_data=json.dumps(value))
+
+
+@database_sync_to_async
+def _allowed(user: User, topics: Iterable[str]) -> frozenset[str]:
+    """Return those of the topics that the user may hear of."""
+    seen = resource_selectors.allowed_ids(user, Permission.VIEW)
+    return frozenset(topic for topic in topics if seen and _may_hear(topic, seen))
+
+
+def _may_hear(topic: str, seen: set[UUID]) -> bool:
+    if topic in OPEN_TOPICS:
+        return True
+    kind, _, text = topic.partition(":")
+    try:
+        ident = UUID(text)
+        if kind == "telemetry":
+            return enrollment_selectors.is_seen(enrollment_selectors.find_device(ident), seen)
+        if kind == "run":
+            lab = run_selectors.find_run(ident).lab
+            return run_selectors.visible_runs(lab, seen).filter(pk=ident).exists()
+    except (ValueError, NotFoundError):
+        return False
+    return False

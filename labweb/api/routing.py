@@ -1,0 +1,34 @@
+"""Websocket routes. Edge hosts carry a key and no cookie; browsers the reverse."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from channels.auth import AuthMiddlewareStack
+from channels.routing import ProtocolTypeRouter, URLRouter
+from django.core.asgi import get_asgi_application
+from django.urls import re_path
+
+from labweb.api.live import BrowserConsumer
+from labweb.api.twin_feed import FeedConsumer
+from labweb.api.twin_proxy import TwinConsumer
+from labweb.runs.live import EdgeConsumer
+
+
+def _route(pattern: str, consumer: Any) -> Any:  # noqa: ANN401 - Django's types know no ASGI
+    return re_path(pattern, consumer)
+
+
+routes: list[Any] = [
+    _route(r"^ws/edge/v1/$", EdgeConsumer.as_asgi()),
+    _route(r"^ws/v1/$", AuthMiddlewareStack(BrowserConsumer.as_asgi())),
+    _route(r"^ws/v1/feed$", FeedConsumer.as_asgi()),
+    _route(
+        r"^twin/view(?:/(?P<theme>light|dark))?/?$", AuthMiddlewareStack(TwinConsumer.as_asgi())
+    ),
+]
+
+
+def application() -> ProtocolTypeRouter:
+    """Build the ASGI application of HTTP and websockets."""
+    return ProtocolTypeRouter({"http": get_asgi_application(), "websocket": URLRouter(routes)})

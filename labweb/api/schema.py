@@ -1,0 +1,63 @@
+"""OpenAPI from the same structs that parse the bodies."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import msgspec
+from drf_spectacular.openapi import AutoSchema
+
+REFUSAL: dict[str, Any] = {
+    "type": "object",
+    "description": "Why the request was refused; nothing changed.",
+    "required": ["code", "message", "effect", "context", "findings"],
+    "properties": {
+        "code": {"type": "string"},
+        "message": {"type": "string"},
+        "effect": {"type": "string", "enum": ["none", "partial", "unknown"]},
+        "context": {"type": "object", "additionalProperties": True},
+        "findings": {"type": "array", "items": {"type": "object", "additionalProperties": True}},
+    },
+}
+"""Shape of every answer above 399."""
+
+_ANSWER: dict[str, Any] = {"type": "object", "additionalProperties": True}
+
+
+class LabSchema(AutoSchema):
+    """Describes a view by its docstrings and by the structs its `bodies` name per method."""
+
+    def get_operation_id(self) -> str:
+        """Return a name made of method and path, so that none stands twice."""
+        path = self.path.removeprefix("/api/v1/").replace("{", "by_").replace("}", "")
+        return f"{self.method.lower()}_{path.replace('/', '_').replace('-', '_')}"
+
+    def get_request_serializer(self) -> Any:  # noqa: ANN401 - the library's shape
+        """Return None: bodies are structs, not serializers."""
+        return None
+
+    def get_response_serializers(self) -> Any:  # noqa: ANN401 - the library's shape
+        """Return None: answers are rendered by functions, not serializers."""
+        return None
+
+    def get_tags(self) -> list[str]:
+        """Return the first word of the path."""
+        return [self.path.removeprefix("/api/v1/").split("/")[0] or "schema"]
+
+    def _get_request_body(self, direction: str = "request") -> dict[str, Any] | None:
+        del direction
+        body = getattr(self.view, "bodies", {}).get(self.method.lower())
+        if body is None:
+            return None
+        (schema,), components = msgspec.json.schema_components(
+            [body], ref_template="#/components/schemas/{name}"
+        )
+        found = components.get(schema.get("$ref", "").rsplit("/", 1)[-1], schema)
+        shape = {key: value for key, value in found.items() if value != []}
+        return {"required": True, "content": {"application/json": {"schema": shape}}}
+
+    def _get_response_bodies(self, direction: str = "response") -> dict[str, Any]:
+        del direction
+        answer = {"content": {"application/json": {"schema": _ANSWER}}, "description": "The answer"}
+        refusal = {"content": {"application/json": {"schema": REFUSAL}}, "description": "Refused"}
+        return {"2XX": answer, "4XX": refusal}

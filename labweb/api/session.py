@@ -1,0 +1,107 @@
+"""Sign in, sign out, who am I."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from hashlib import sha256
+from typing import Any, ClassVar
+
+import msgspec
+from django.contrib.auth import authenticate, login, logout
+from django.core.cache import cache
+from django.middleware.csrf import get_token
+from rest_framework.authentication import SessionAuthentication
+from rest_framework.exceptions import Throttled
+from rest_framework.permissions import AllowAny
+from rest_framework.request import Request
+from rest_framework.response import Response
+from rest_framework.views import APIView
+
+from labweb.accounts import selectors as account_selectors
+from labweb.accounts import services as account_services
+from labweb.accounts.selectors import User
+from labweb.common.requests import body
+from labweb.domain.errors import ForbiddenError, NotFoundError
+from labweb.resources import selectors as resource_selectors
+from labweb.runs import selectors as run_selectors
+
+MOST_FAILURES = 5
+MOST_OF_AN_ADDRESS = 20
+FORGET_AFTER_S = 300
+
+
+class Credentials(msgspec.Struct, forbid_unknown_fields=True):
+    """Body of a sign-in."""
+
+    username: str
+    password: str
+
+
+class Session(APIView):
+    """The caller's session."""
+
+    bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": Credentials}
+
+    permission_classes = (AllowAny,)
+
+    def get(self, request: Request) -> Response:
+        """Tell who is signed in, and set the CSRF cookie."""
+        get_token(request._request)  # noqa: SLF001 - DRF offers no other way to the cookie
+        return Response(_session(request.user))
+
+    def post(self, request: Request) -> Response:
+        """Sign in; after five failures of a name, or twenty of an address, wait five minutes."""
+        SessionAuthentication().enforce_csrf(request)
+        given = body(request, Credentials)
+        keys = _keys(given.username, request)
+        if any((cache.get(key) or 0) >= most for key, most in keys.items()):
+            raise Throttled(wait=FORGET_AFTER_S)
+        user = authenticate(request, username=given.username, password=given.password)
+        if not isinstance(user, User):
+            _count_failure(keys)
+            raise ForbiddenError("the name or the password is wrong", code="session.wrong")
+        cache.delete(_name_key(given.username))
+        login(request._request, user)  # noqa: SLF001 - DRF offers no other way to the session
+        account_services.write_audit("session.open", str(user.pk), actor=user)
+        return Response(_session(user))
+
+    def delete(self, request: Request) -> Response:
+        """Sign out."""
+        logout(request._request)  # noqa: SLF001 - DRF offers no other way to the session
+        return Response(status=204)
+
+
+def _name_key(username: str) -> str:
+    return f"signin:name:{sha256(username.lower().encode()).hexdigest()}"
+
+
+def _keys(username: str, request: Request) -> dict[str, int]:
+    address = request.META.get("REMOTE_ADDR", "")
+    return {_name_key(username): MOST_FAILURES, f"signin:address:{address}": MOST_OF_AN_ADDRESS}
+
+
+def _count_failure(keys: Iterable[str]) -> None:
+    for key in keys:
+        cache.add(key, 0, FORGET_AFTER_S)
+        cache.incr(key)
+
+
+def _session(user: object) -> dict[str, Any]:
+    if not isinstance(user, User) or not user.is_active:
+        return {"user": None, "lab": None}
+    try:
+        lab = run_selectors.lab_summary(resource_selectors.the_lab())
+    except NotFoundError:
+        lab = None
+    name = user.printed_name
+    return {
+        "user": {
+            "id": str(user.pk),
+            "username": user.username,
+            "name": name,
+            "initials": "".join(part[0] for part in name.split()[:2]).upper(),
+            "roles": account_selectors.roles_of(user),
+            "permissions": sorted(p.value for p in account_selectors.permissions_of(user)),
+        },
+        "lab": lab,
+    }

@@ -1,0 +1,1 @@
+"""What every app needs; no tables of its own."""

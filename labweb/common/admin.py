@@ -1,0 +1,74 @@
+"""The admin site and the base of its pages: read, filter, search; never a write of a fact."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import update_wrapper
+from typing import Any, TypeVar, cast
+from urllib.parse import urlencode
+
+from django.contrib import admin
+from django.core.exceptions import PermissionDenied
+from django.db.models import Model
+from django.http import HttpRequest, HttpResponse, HttpResponseRedirect
+from django.http.response import HttpResponseBase
+
+_SIGN_IN = "/login"
+View = TypeVar("View", bound=Callable[..., HttpResponseBase])
+
+
+class Site(admin.AdminSite):
+    """Admin pages under one sign-in: that of the app, which counts failures."""
+
+    site_header = "labweb"
+    site_title = "labweb"
+    index_title = "labweb"
+
+    def login(
+        self, request: HttpRequest, extra_context: dict[str, Any] | None = None
+    ) -> HttpResponse:
+        """Send to the app's sign-in; whoever is signed in and still comes here may not enter.
+
+        Raises:
+            PermissionDenied: The account is no staff account.
+        """
+        del extra_context
+        if self.has_permission(request):
+            return HttpResponseRedirect("/admin/")
+        if request.user.is_authenticated:
+            raise PermissionDenied
+        wanted = {"next": request.GET.get("next", "/admin/")}
+        return HttpResponseRedirect(f"{_SIGN_IN}?{urlencode(wanted)}")
+
+    def admin_view(self, view: View, cacheable: bool = False) -> View:  # noqa: FBT001, FBT002 - Django's shape
+        """Guard a view: strangers sign in first, people without the right get 403."""
+        guarded = super().admin_view(view, cacheable)
+
+        def inner(request: HttpRequest, *args: Any, **kwargs: Any) -> HttpResponseBase:  # noqa: ANN401
+            if request.user.is_authenticated and not self.has_permission(request):
+                raise PermissionDenied
+            return guarded(request, *args, **kwargs)
+
+        return cast("View", update_wrapper(inner, guarded))
+
+
+class ReadOnly(admin.ModelAdmin[Any]):
+    """A list, filters and a detail page. Facts are changed by services alone."""
+
+    list_per_page = 50
+    show_full_result_count = False
+
+    def has_add_permission(self, request: HttpRequest, *_: object) -> bool:
+        """Refuse: rows come from services."""
+        del request
+        return False
+
+    def has_change_permission(self, request: HttpRequest, obj: Model | None = None) -> bool:
+        """Refuse: rows are changed by services."""
+        del request, obj
+        return False
+
+    def has_delete_permission(self, request: HttpRequest, obj: Model | None = None) -> bool:
+        """Refuse: nothing of a record is erased."""
+        del request, obj
+        return False

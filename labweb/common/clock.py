@@ -1,0 +1,46 @@
+"""The real clock and the real source of identities."""
+
+from __future__ import annotations
+
+import os
+import threading
+import time
+from datetime import UTC, datetime
+from uuid import UUID
+
+
+class SystemClock:
+    """`labweb.domain.ports.Clock` on this machine."""
+
+    def now_s(self) -> float:
+        """Return seconds since the Unix epoch."""
+        return time.time()
+
+    def monotonic_s(self) -> float:
+        """Return seconds on a clock that never jumps."""
+        return time.monotonic()
+
+    def wait(self, duration_s: float) -> None:
+        """Block for the duration."""
+        threading.Event().wait(duration_s)
+
+
+def now() -> datetime:
+    """Return the time for a record, UTC-aware."""
+    return datetime.fromtimestamp(time.time(), tz=UTC)
+
+
+def new_id() -> UUID:
+    """Return a UUIDv7: sorts by the millisecond it was made in.
+
+    Source:
+        RFC 9562, section 5.7.
+    """
+    milliseconds = time.time_ns() // 1_000_000
+    random = int.from_bytes(os.urandom(10), "big")
+    value = (milliseconds & (1 << 48) - 1) << 80
+    value |= 0x7 << 76
+    value |= (random >> 68 & 0xFFF) << 64
+    value |= 0b10 << 62
+    value |= random & ((1 << 62) - 1)
+    return UUID(int=value)

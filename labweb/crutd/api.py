@@ -1,0 +1,224 @@
+"""REST of resources with their contents, and of events."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Mapping
+from typing import Any
+from uuid import UUID
+
+from rest_framework.request import Request
+from rest_framework.response import Response
+from rest_framework.views import APIView
+
+from labweb.accounts.selectors import user_of
+from labweb.common.render import iso
+from labweb.common.requests import whole_number
+from labweb.crutd import selectors
+from labweb.crutd.models import Event, EventSubject
+from labweb.domain.approvals.roles import Permission
+from labweb.domain.errors import DefinitionError, NotFoundError
+from labweb.domain.resources.contents import LotId, total_nl
+from labweb.domain.resources.kinds import KINDS, is_vessel
+from labweb.domain.units import render_volume
+from labweb.enrollment import selectors as enrollment_selectors
+from labweb.resources import selectors as resource_selectors
+from labweb.resources.api import render_end
+from labweb.resources.selectors import Lab, Lot, Resource
+
+_MOST_EVENTS = 500
+_DEEPEST = 12
+_ELSEWHERE = "elsewhere"
+"""Stands for the name of what the caller may not know of."""
+
+
+def visible(request: Request, resource_id: UUID) -> Resource:
+    """Return a resource the caller may see.
+
+    Raises:
+        NotFoundError: There is none, or none the caller may know of.
+    """
+    row = resource_selectors.find_resource(resource_id)
+    if row.id not in resource_selectors.allowed_ids(user_of(request), Permission.VIEW):
+        raise NotFoundError(f"no resource {resource_id}", code="resource.not_found")
+    return row
+
+
+class Resources(APIView):
+    """The tree."""
+
+    def get(self, request: Request) -> Response:
+        """List every resource the caller may see, in tree order."""
+        lab = resource_selectors.the_lab()
+        seen = resource_selectors.allowed_ids(user_of(request), Permission.VIEW)
+        rows = [row for row in resource_selectors.resources_of(lab) if row.id in seen]
+        return Response({"resources": render_rows(lab, rows)})
+
+
+class ResourceDetail(APIView):
+    """One resource."""
+
+    def get(self, request: Request, resource_id: UUID) -> Response:
+        """Return a resource with what happened to it."""
+        row = visible(request, resource_id)
+        lab = resource_selectors.the_lab()
+        seen = resource_selectors.allowed_ids(user_of(request), Permission.VIEW)
+        ends = resource_selectors.connections_of(lab).select_related("source", "target")
+        ports = [
+            {
+                "port": edge.source_port if edge.source_id == row.id else edge.target_port,
+                "to": render_end(edge.target, edge.target_port)
+                if edge.source_id == row.id
+                else render_end(edge.source, edge.source_port),
+                "medium": edge.medium,
+            }
+            for edge in ends
+            if row.id in {edge.source_id, edge.target_id}
+            and {edge.source_id, edge.target_id} <= seen
+        ]
+        events = selectors.events_of(lab, resource_id=row.id)[:_MOST_EVENTS]
+        return Response(
+            {
+                **render_rows(lab, [row])[0],
+                "config": row.config,
+                "data": row.data,
+                "extra": row.extra,
+                "size_mm": row.size_mm,
+                "ports": ports,
+                "events": render_events(list(events), seen),
+            }
+        )
+
+
+class Lineage(APIView):
+    """Where what is in a vessel came from, and where it went."""
+
+    def get(self, request: Request, resource_id: UUID) -> Response:
+        """Return the graph around a vessel, `direction` up, down or both, to `depth`."""
+        row = visible(request, resource_id)
+        direction = request.query_params.get("direction", "both")
+        depth = whole_number(request, "depth", default=3, low=1, high=_DEEPEST)
+        if direction not in {"up", "down", "both"}:
+            raise DefinitionError("direction is up, down or both", code="http.query")
+        graph = selectors.lineage(row, direction=direction, depth=depth)
+        seen = resource_selectors.allowed_ids(user_of(request), Permission.VIEW)
+        for node in graph["nodes"]:
+            if node["type"] == "vessel" and UUID(node["id"]) not in seen:
+                node.update(name=_ELSEWHERE, detail="")
+        return Response(graph)
+
+
+def render_rows(lab: Lab, rows: Iterable[Resource]) -> list[dict[str, Any]]:
+    """Render tree rows with contents and depth; a fixed number of queries."""
+    nodes = list(rows)
+    held = selectors.contents(row.id for row in nodes)
+    above = resource_selectors.ancestors(row.id for row in nodes)
+    lots = {str(lot.id): lot for lot in resource_selectors.lots_of(lab)}
+    devices = {
+        node: device
+        for device in enrollment_selectors.devices_of(lab)
+        for node in device.nodes.values()
+    }
+    return [_row(row, held.get(row.id, {}), len(above[row.id]), lots, devices) for row in nodes]
+
+
+def _row(
+    row: Resource,
+    held: Mapping[LotId, int],
+    depth: int,
+    lots: Mapping[str, Lot],
+    devices: Mapping[str, Any],
+) -> dict[str, Any]:
+    kind = KINDS.get(row.kind)
+    capacity = row.config.get("capacity_ul")
+    device = devices.get(str(row.id))
+    return {
+        "id": str(row.id),
+        "key": row.key,
+        "parent_id": None if row.parent_id is None else str(row.parent_id),
+        "name": row.name,
+        "kind": row.kind,
+        "kind_label": row.kind if kind is None else kind.label,
+        "nature": row.nature,
+        "depth": depth,
+        "holds_liquid": is_vessel(row.kind),
+        "contents": [
+            {
+                "lot_id": lot_id,
+                "lot": lots[lot_id].number or lots[lot_id].key,
+                "material": lots[lot_id].material.name,
+                "amount_nl": amount,
+            }
+            for lot_id, amount in sorted(held.items(), key=lambda item: -item[1])
+        ],
+        "volume_nl": total_nl(held),
+        "capacity_nl": None if capacity is None else round(capacity * 1000),
+        "is_quarantined": row.quarantined_by is not None,
+        "is_archived": row.is_archived,
+        "device": None if device is None else {"id": str(device.id), "name": device.name},
+        "pose": row.pose,
+    }
+
+
+def render_events(
+    events: list[Event], seen: Collection[UUID] | None = None
+) -> list[dict[str, Any]]:
+    """Render events with the resources they concern; two queries at most.
+
+    Args:
+        events: What to render.
+        seen: Resources whose names may be told; None tells all.
+    """
+    subjects = selectors.subjects_of(event.id for event in events)
+    for rows in subjects.values():
+        for subject in rows:
+            if seen is not None and subject.resource_id not in seen:
+                subject.resource.name = _ELSEWHERE
+    return [_event(event, subjects.get(event.id, [])) for event in events]
+
+
+def _event(event: Event, subjects: list[EventSubject]) -> dict[str, Any]:
+    operation = event.body.get("operation", {})
+    change = event.body.get("change") or {}
+    moved = sum(posting["amount_nl"] for posting in change.get("postings", []))
+    amount = moved or operation.get("amount_nl")
+    return {
+        "seq": event.seq,
+        "at": iso(event.at),
+        "operation": event.name,
+        "state": event.state,
+        "verification": event.body.get("verification", ""),
+        "subjects": [
+            {"id": str(s.resource_id), "name": s.resource.name, "role": s.role} for s in subjects
+        ],
+        "amount_nl": amount if operation.get("op") == "transfer_liquid" else None,
+        "summary": _summary(operation, change, subjects, amount),
+        "job_id": event.body.get("job_id"),
+        "code": event.body.get("code", ""),
+        "message": event.body.get("message", ""),
+        "transaction_id": str(event.transaction_id),
+    }
+
+
+def _summary(
+    operation: Mapping[str, Any],
+    change: Mapping[str, Any],
+    subjects: list[EventSubject],
+    amount: int | None,
+) -> str:
+    names = {s.role: s.resource.name for s in subjects}
+    match operation.get("op"):
+        case "transfer_liquid":
+            text = render_volume(amount or 0)
+            return f"{names.get('source')} → {names.get('target')}, {text}"
+        case "transfer_resource":
+            return f"{names.get('subject')}: {names.get('source')} → {names.get('target')}"
+        case "update":
+            data = next(iter((change.get("data") or {}).values()), operation.get("data", {}))
+            facts = ", ".join(f"{key} {value}" for key, value in sorted(data.items()))
+            return f"{names.get('subject')}: {facts}"
+        case "read":
+            return ", ".join(operation.get("statuses", [])) or "reading"
+        case "create":
+            return f"{names.get('subject')}: received {render_volume(amount or 0)} in all"
+        case _:
+            return names.get("subject", "")

@@ -1,0 +1,220 @@
+"""Reads of the ledger, transactions and events."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Mapping
+from functools import partial
+from typing import Any
+from uuid import UUID
+
+from django.db.models import QuerySet, Sum
+
+from labweb.crutd.models import Entry, Event, EventSubject, Holding, ResourceLock, Ticket
+from labweb.crutd.models import Transaction as Transaction
+from labweb.domain.crutd.decide import ResourceState
+from labweb.domain.crutd.provenance import Flow, is_nominal, to_graph, walk
+from labweb.domain.errors import NotFoundError
+from labweb.domain.resources.contents import LotId
+from labweb.domain.runs.locks import Lock, LockMode
+from labweb.resources import selectors as resource_selectors
+from labweb.resources.selectors import Lab, Lot, Resource
+
+
+def contents(ids: Iterable[UUID]) -> dict[UUID, dict[LotId, int]]:
+    """Return nanolitres by lot of each vessel; empty ones are missing."""
+    found: dict[UUID, dict[LotId, int]] = {}
+    rows = Holding.objects.filter(resource_id__in=list(ids), amount_nl__gt=0)
+    for resource_id, lot_id, amount in rows.values_list("resource_id", "lot_id", "amount_nl"):
+        found.setdefault(resource_id, {})[LotId(str(lot_id))] = amount
+    return found
+
+
+def state_of(row: Resource, held: dict[LotId, int], above: tuple[UUID, ...] = ()) -> ResourceState:
+    """Turn a row and its contents into what a decision needs."""
+    capacity = row.config.get("capacity_ul")
+    dead = row.config.get("dead_volume_ul") or 0
+    return ResourceState(
+        id=row.id,
+        name=row.name,
+        kind=row.kind,
+        parent_id=row.parent_id,
+        contents=held,
+        capacity_nl=None if capacity is None else round(capacity * 1000),
+        dead_volume_nl=round(dead * 1000),
+        data=row.data,
+        quarantined_by=None if row.quarantined_by is None else str(row.quarantined_by),
+        is_archived=row.is_archived,
+        ancestor_ids=above,
+    )
+
+
+def snapshot(rows: Iterable[Resource]) -> dict[UUID, ResourceState]:
+    """Return the frozen state of the rows for a decision; two queries."""
+    nodes = list(rows)
+    held = contents(row.id for row in nodes)
+    above = resource_selectors.ancestors(row.id for row in nodes)
+    return {row.id: state_of(row, held.get(row.id, {}), above[row.id]) for row in nodes}
+
+
+def lab_snapshot(lab: Lab) -> dict[UUID, ResourceState]:
+    """Return the state of every node, for compiling a workflow."""
+    rows = list(resource_selectors.resources_of(lab))
+    held = contents(row.id for row in rows)
+    parents = {row.id: row.parent_id for row in rows}
+    return {
+        row.id: state_of(row, held.get(row.id, {}), tuple(_climb(row.id, parents))) for row in rows
+    }
+
+
+def _climb(node: UUID, parents: dict[UUID, UUID | None]) -> Iterable[UUID]:
+    parent = parents[node]
+    while parent is not None:
+        yield parent
+        parent = parents[parent]
+
+
+def held_locks(ids: Iterable[UUID]) -> list[tuple[Lock, UUID]]:
+    """Return live locks on the resources, each with its transaction."""
+    rows = ResourceLock.objects.filter(resource_id__in=list(ids), released_at__isnull=True)
+    return [
+        (Lock(resource_id, LockMode(mode)), transaction_id)
+        for resource_id, mode, transaction_id in rows.values_list(
+            "resource_id", "mode", "transaction_id"
+        )
+    ]
+
+
+def transaction_for_update(transaction_id: UUID) -> Transaction:
+    """Lock and return a transaction.
+
+    Raises:
+        NotFoundError: There is none.
+    """
+    row = Transaction.objects.filter(pk=transaction_id).select_for_update().first()
+    if row is None:
+        raise NotFoundError(f"no transaction {transaction_id}", code="crutd.no_transaction")
+    return row
+
+
+def find_transaction(transaction_id: UUID) -> Transaction:
+    """Return a transaction.
+
+    Raises:
+        NotFoundError: There is none.
+    """
+    row = Transaction.objects.filter(pk=transaction_id).first()
+    if row is None:
+        raise NotFoundError(f"no transaction {transaction_id}", code="crutd.no_transaction")
+    return row
+
+
+def events_of(
+    lab: Lab, *, resource_id: UUID | None = None, job_ids: Iterable[UUID] | None = None
+) -> QuerySet[Event]:
+    """Return events, newest first, with their transactions."""
+    rows = Event.objects.filter(lab=lab).select_related("transaction")
+    if resource_id is not None:
+        rows = rows.filter(subjects__resource_id=resource_id).distinct()
+    if job_ids is not None:
+        rows = rows.filter(transaction__job_id__in=list(job_ids))
+    return rows.order_by("-seq")
+
+
+def subjects_of(event_ids: Iterable[int]) -> dict[int, list[EventSubject]]:
+    """Return the resources of each event."""
+    found: dict[int, list[EventSubject]] = {}
+    rows = EventSubject.objects.filter(event_id__in=list(event_ids)).select_related("resource")
+    for row in rows:
+        found.setdefault(row.event_id, []).append(row)
+    return found
+
+
+def flows_beyond(bounds: Mapping[str, int], *, forward: bool) -> list[Flow]:
+    """Return posted flows out of (or into) accounts, past the bound of each; one query."""
+    side = "debit__in" if forward else "credit__in"
+    rows = Entry.objects.filter(state=Entry.State.POSTED, **{side: list(bounds)})
+    grouped: dict[tuple[str, str, str], list[Entry]] = {}
+    for row in rows.order_by("id"):
+        bound = bounds[row.debit if forward else row.credit]
+        if (row.id > bound) if forward else (row.id < bound):
+            grouped.setdefault((str(row.transaction_id), row.debit, row.credit), []).append(row)
+    return [
+        Flow(
+            order=entries[0].id,
+            activity=activity,
+            source=debit,
+            target=credit,
+            amount_nl=sum(entry.amount_nl for entry in entries),
+            at=entries[0].at.isoformat(),
+            lots={str(entry.lot_id): entry.amount_nl for entry in entries},
+        )
+        for (activity, debit, credit), entries in grouped.items()
+    ]
+
+
+def lineage(resource: Resource, *, direction: str, depth: int) -> dict[str, Any]:
+    """Return the graph of what led to a vessel's contents and what became of them."""
+    start = str(resource.id)
+    flows: dict[tuple[int, str, str], Flow] = {}
+    truncated = 0
+    for forward in (False, True):
+        if direction in {"both", "down" if forward else "up"}:
+            step = partial(flows_beyond, forward=forward)
+            found, beyond = walk(start, step, forward=forward, depth=depth)
+            flows.update({(flow.order, flow.source, flow.target): flow for flow in found})
+            truncated += beyond
+    graph = to_graph(start, [flows[key] for key in sorted(flows)])
+    return {**_named(graph), "truncated": truncated}
+
+
+def _named(graph: dict[str, Any]) -> dict[str, Any]:
+    ids = [node["id"] for node in graph["nodes"]]
+    plain = [i for i in ids if not i.startswith("lot:")]
+    resources = {str(r.id): r for r in resource_selectors.rows(UUID(i) for i in plain)}
+    lot_ids = [i.removeprefix("lot:") for i in ids if i.startswith("lot:")]
+    lots = {f"lot:{lot.id}": lot for lot in resource_selectors.find_lots(lot_ids)}
+    transactions = {str(t.id): t for t in Transaction.objects.filter(pk__in=plain)}
+    for node in graph["nodes"]:
+        node.setdefault("at", None)
+        if node["id"] in resources:
+            row = resources[node["id"]]
+            node.update(name=row.name, detail=row.kind)
+        elif node["id"] in lots:
+            node.update(name=str(lots[node["id"]]), detail=lots[node["id"]].key)
+        else:
+            act = transactions[node["id"]]
+            node.update(name=act.name, detail=f"{act.state}, {act.verification or 'assumed'}")
+            node["job_id"] = None if act.job_id is None else str(act.job_id)
+    return graph
+
+
+def balance_by_lot(lab: Lab) -> dict[UUID, int]:
+    """Return, by lot, credits minus debits over all accounts; zero when nothing was lost."""
+    posted = Entry.objects.filter(state=Entry.State.POSTED, transaction__lab=lab)
+    held = (
+        Holding.objects.filter(resource__lab=lab).values("lot_id").annotate(total=Sum("amount_nl"))
+    )
+    sums = {row["lot_id"]: row["total"] for row in held}
+    for lot_id, debit, credit, amount in posted.values_list(
+        "lot_id", "debit", "credit", "amount_nl"
+    ):
+        if lot_id is None:
+            continue
+        for account, sign in ((debit, 1), (credit, -1)):
+            if not is_nominal(account):
+                sums[lot_id] = sums.get(lot_id, 0) + sign * amount
+    return sums
+
+
+def visible_lots(lab: Lab, seen: Collection[UUID]) -> list[Lot]:
+    """Return the lots that one of the resources holds; all to who sees the root."""
+    lots = resource_selectors.lots_of(lab)
+    if resource_selectors.root_of(lab).id in seen:
+        return list(lots)
+    held = Holding.objects.filter(resource_id__in=list(seen), amount_nl__gt=0)
+    return list(lots.filter(pk__in=held.values("lot_id")))
+
+
+def open_tickets(lab: Lab) -> QuerySet[Ticket]:
+    """Return contradictions nobody has looked at."""
+    return Ticket.objects.filter(lab=lab, closed_at__isnull=True).order_by("opened_at")

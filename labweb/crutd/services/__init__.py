@@ -1,0 +1,27 @@
+"""The one write path: lock, settle, resolve, import. Nothing else changes a resource."""
+
+from __future__ import annotations
+
+from labweb.crutd.services.importing import import_lab
+from labweb.crutd.services.transactions import (
+    Settlement,
+    advance,
+    carry_out,
+    discard,
+    event_hash,
+    lock_operation,
+    open_ticket,
+    settle,
+)
+
+__all__ = [
+    "Settlement",
+    "advance",
+    "carry_out",
+    "discard",
+    "event_hash",
+    "import_lab",
+    "lock_operation",
+    "open_ticket",
+    "settle",
+]

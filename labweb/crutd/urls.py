@@ -1,0 +1,13 @@
+"""Routes of the app."""
+
+from __future__ import annotations
+
+from django.urls import path
+
+from labweb.crutd import api
+
+urlpatterns = [
+    path("resources", api.Resources.as_view()),
+    path("resources/<uuid:resource_id>", api.ResourceDetail.as_view()),
+    path("resources/<uuid:resource_id>/lineage", api.Lineage.as_view()),
+]

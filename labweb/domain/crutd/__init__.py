@@ -1,0 +1,1 @@
+"""Create, Read, Update, Transfer, Delete: what each needs, does and leaves behind."""

@@ -1,0 +1,1 @@
+"""The physical graph: what can flow or be carried where."""

@@ -1,0 +1,1 @@
+"""Whole labs as files: labweb's own, Uni-Lab-OS graphs, bindings and simulated benches."""

@@ -1,0 +1,219 @@
+"""Binding files: which kind a foreign class is, and which nodes make up a device.
+
+A binding is data. Its rules speak of classes, links and fields, never of names of nodes.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+import msgspec
+from msgspec import Meta
+
+from labweb.domain.errors import Finding, LabFileError
+from labweb.domain.graph.lab_file.guard import decode_json, refuse, refuse_all
+from labweb.domain.graph.topology import Medium
+from labweb.domain.resources.kinds import KINDS
+
+_LARGEST = 1e9
+
+SCHEMA = "labweb.binding/1"
+"""Version of binding files that this package reads."""
+
+
+class _Rule(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Base of all rules."""
+
+
+class ValueRule(_Rule, frozen=True, kw_only=True):
+    """Where a value comes from: a field of a node, or the binding itself."""
+
+    value: Any = None
+    """The value; `field` is then not used."""
+
+    role: str | None = None
+    """Node that has the field; not needed in a rule of one class."""
+
+    field: str | None = None
+    """Path in the node as the foreign file has it, `config.max_volume`."""
+
+    scale: Annotated[float, Meta(gt=0)] | None = None
+    """Factor into our unit: 1000 from mL to µL. The field must then be a number."""
+
+    form: Literal["any", "text", "whole", "number"] = "any"
+    """What the field must be: text (a whole number is written as text), whole, number."""
+
+    otherwise: Any = None
+    """Value when the node has no such field; without it the rule does not apply."""
+
+
+class ClassRule(_Rule, frozen=True, kw_only=True):
+    """What a class is here."""
+
+    kind: str
+    config: dict[str, ValueRule] = msgspec.field(default_factory=dict)
+    """Config of the resource; a value that the node lacks is left out."""
+
+
+class JoinRule(_Rule, frozen=True, kw_only=True):
+    """How the nodes of one device hang together."""
+
+    by: Literal["link", "vessel"]
+    """`link`: the second role is linked to the first. `vessel`: both to one vessel."""
+
+    media: list[Medium]
+    ports: dict[str, str] = msgspec.field(default_factory=dict)
+    """Role → port at which its end of the link must be."""
+
+
+class SelectorRule(_Rule, frozen=True, kw_only=True):
+    """The node that selects ports: all but the common one are numbered from 1."""
+
+    role: str
+    common_port: str
+    count: ValueRule
+
+
+class SimulatorRule(_Rule, frozen=True, kw_only=True):
+    """Simulated instrument of a device."""
+
+    model: str
+    settings: dict[str, ValueRule] = msgspec.field(default_factory=dict)
+
+
+class DeviceRule(_Rule, frozen=True, kw_only=True):
+    """Nodes of these classes, joined like this, are one device."""
+
+    name: str
+    driver: str
+    roles: dict[str, list[str]]
+    """Role in the driver → classes, as names or patterns with `*`; in order."""
+
+    join: JoinRule | None = None
+    selector: SelectorRule | None = None
+    config: dict[str, ValueRule] = msgspec.field(default_factory=dict)
+    simulator: SimulatorRule
+
+
+class HostRule(_Rule, frozen=True, kw_only=True):
+    """Host that gets the devices."""
+
+    key: str
+    name: str
+
+
+class Binding(_Rule, frozen=True, kw_only=True):
+    """A whole binding file."""
+
+    schema: Literal["labweb.binding/1"]
+    format: Literal["uni_lab_os"]
+    about: str = ""
+    host: HostRule
+    classes: dict[str, ClassRule]
+    """Class, as a name or a pattern with `*` → what it is. An exact name goes first."""
+
+    devices: list[DeviceRule]
+    """Tried in order; a node that one rule took is not offered to the next."""
+
+    def class_rule(self, name: object) -> ClassRule | None:
+        """Return the rule of a class; None when nobody mapped it."""
+        if not isinstance(name, str) or not name:
+            return None
+        if name in self.classes:
+            return self.classes[name]
+        found = [rule for pattern, rule in self.classes.items() if is_match(name, pattern)]
+        return found[0] if found else None
+
+
+def is_match(name: object, pattern: str) -> bool:
+    """Tell whether a class is meant by a pattern; a final `*` stands for any rest.
+
+    Example:
+        >>> is_match("pump.runze.SY03B", "pump.runze.*"), is_match("pump", "pump.*")
+        (True, False)
+    """
+    if not isinstance(name, str) or not name:
+        return False
+    return name.startswith(pattern[:-1]) if pattern.endswith("*") else name == pattern
+
+
+def read_binding(raw: bytes) -> Binding:
+    """Read a binding file.
+
+    Raises:
+        LabFileError: It is no binding; the findings say where.
+    """
+    value = decode_json(raw)
+    try:
+        binding = msgspec.convert(value, Binding)
+    except msgspec.ValidationError as error:
+        raise refuse("binding.invalid", f"the binding is refused: {error}") from error
+    findings = _check(binding)
+    if findings:
+        raise refuse_all(findings, "the binding")
+    return binding
+
+
+def _check(binding: Binding) -> list[Finding]:
+    findings = [
+        Finding("binding.unknown_kind", f"class {name!r}: kind {rule.kind!r} is unknown", name)
+        for name, rule in binding.classes.items()
+        if rule.kind not in KINDS
+    ]
+    for rule in binding.devices:
+        roles = set(rule.roles)
+        named = {value.role for value in _values(rule)} - {None}
+        named |= set(rule.join.ports) if rule.join else set()
+        named |= {rule.selector.role} if rule.selector else set()
+        findings += [
+            Finding("binding.unknown_role", f"{rule.name}: there is no role {role!r}", rule.name)
+            for role in sorted(str(name) for name in named - roles)
+        ]
+        if rule.selector is not None and rule.selector.count.form != "whole":
+            text = f"{rule.name}: the count of a selector has the form whole"
+            findings.append(Finding("binding.form", text, rule.name))
+        if (len(roles) > 1) != (rule.join is not None) or len(roles) > 2 or not roles:
+            text = f"{rule.name}: one role without join, or two roles with one"
+            findings.append(Finding("binding.roles", text, rule.name))
+    return findings
+
+
+def _values(rule: DeviceRule) -> list[ValueRule]:
+    values = [*rule.config.values(), *rule.simulator.settings.values()]
+    return [*values, rule.selector.count] if rule.selector else values
+
+
+def find_value(rule: ValueRule, node: dict[str, Any]) -> Any:  # noqa: ANN401 - JSON
+    """Return the value that a rule means for a node; None when there is none.
+
+    Raises:
+        LabFileError: The field is there, but not in the form that the rule wants.
+    """
+    if rule.field is None:
+        return rule.value
+    found: Any = node
+    for part in rule.field.split("."):
+        found = found.get(part) if isinstance(found, dict) else None
+    if found is None:
+        return rule.otherwise
+    if rule.scale is None:
+        return _formed(rule, found)
+    if isinstance(found, bool) or not isinstance(found, int | float) or not 0 < found < _LARGEST:
+        raise LabFileError(f"{rule.field} is {found!r}, no positive number", code="binding.value")
+    scaled = found * rule.scale
+    return int(scaled) if float(scaled).is_integer() else scaled
+
+
+def _formed(rule: ValueRule, found: object) -> object:
+    is_whole = isinstance(found, int) and not isinstance(found, bool)
+    if rule.form == "text" and is_whole:
+        return str(found)
+    fits = {
+        "any": True,
+        "text": isinstance(found, str) and bool(found),
+        "whole": is_whole,
+        "number": is_whole or isinstance(found, float),
+    }
+    if not fits[rule.form]:
+        raise LabFileError(f"{rule.field} is {found!r}, not {rule.form}", code="binding.value")
+    return found

@@ -1,0 +1,196 @@
+"""What must hold for a lab as a whole, whichever file it came from."""
+
+from __future__ import annotations
+
+from collections import Counter, defaultdict
+from collections.abc import Iterable
+from uuid import UUID
+
+from labweb.domain.errors import Finding
+from labweb.domain.graph.lab_file.amounts import to_nl
+from labweb.domain.graph.lab_file.config import check_config
+from labweb.domain.graph.lab_file.model import DeviceEntry, LabFile, Mode
+from labweb.domain.graph.topology import Medium
+from labweb.domain.resources.contents import total_nl
+from labweb.domain.resources.kinds import is_vessel
+from labweb.domain.resources.tree import check_tree
+
+
+def check_lab(lab: LabFile) -> list[Finding]:
+    """List everything that keeps this from being a lab; an empty list means it is one."""
+    return [
+        *_check_unique(lab),
+        *check_tree(lab.resources),
+        *_check_root(lab),
+        *_check_configs(lab),
+        *_check_contents(lab),
+        *_check_ends(lab),
+        *_check_devices(lab),
+        *_check_discovered(lab),
+        *_check_lines(lab),
+        *_check_valve_ports(lab),
+    ]
+
+
+def _check_unique(lab: LabFile) -> list[Finding]:
+    sorts: dict[str, Iterable[str]] = {
+        "materials": (entry.key for entry in lab.materials),
+        "lots": (entry.key for entry in lab.lots),
+        "connections": (entry.key for entry in lab.connections),
+        "hosts": (entry.key for entry in lab.hosts),
+        "devices": (entry.key for entry in lab.devices),
+    }
+    return [
+        Finding("lab_file.duplicate", f"{count} entries of {sort} have the key {key!r}", key)
+        for sort, keys in sorts.items()
+        for key, count in Counter(keys).items()
+        if count > 1
+    ]
+
+
+def _check_root(lab: LabFile) -> list[Finding]:
+    roots = [resource.key for resource in lab.resources if resource.parent_id is None]
+    if len(roots) == 1:
+        return []
+    listed = ", ".join(repr(key) for key in roots[:5]) or "none"
+    message = f"a lab has exactly one resource without a parent; this has {len(roots)}: {listed}"
+    return [Finding("lab_file.root", message, "resources", {"roots": roots[:100]})]
+
+
+def _check_configs(lab: LabFile) -> list[Finding]:
+    return [
+        finding
+        for resource in lab.resources
+        for finding in check_config(resource.kind, resource.config, f"resources[{resource.key!r}]")
+    ]
+
+
+def _check_contents(lab: LabFile) -> list[Finding]:
+    findings = []
+    for resource_id, contents in lab.contents.items():
+        resource = lab.tree.by_id.get(resource_id)
+        if resource is None:
+            continue
+        subject = f"resources[{resource.key!r}]"
+        if not is_vessel(resource.kind):
+            message = f"{subject}: contents: a {resource.kind} holds no liquid"
+            findings.append(
+                Finding("lab_file.no_vessel", message, resource.key, {"field": "contents"})
+            )
+            continue
+        capacity_ul = resource.config.get("capacity_ul")
+        held_nl = total_nl(contents)
+        if isinstance(capacity_ul, int | float) and held_nl > capacity_ul * 1000:
+            message = f"{subject}: contents: {held_nl / 1000} µL in a vessel of {capacity_ul} µL"
+            findings.append(
+                Finding("lab_file.overfull", message, resource.key, {"field": "contents"})
+            )
+    return findings
+
+
+def _check_ends(lab: LabFile) -> list[Finding]:
+    return [
+        Finding(
+            "lab_file.dangling_end",
+            f"connections[{connection.key!r}]: {name}: no such resource in the file",
+            connection.key,
+            {"field": name},
+        )
+        for connection in lab.connections
+        for name, end in (("source", connection.source), ("target", connection.target))
+        if end.resource_id not in lab.tree.by_id
+    ]
+
+
+def _check_devices(lab: LabFile) -> list[Finding]:
+    owners: dict[UUID, set[str]] = defaultdict(set)
+    findings: list[Finding] = []
+    for device in lab.devices:
+        findings += _check_carrier(device, lab.mode)
+        for resource_id in device.nodes.values():
+            owners[resource_id].add(device.key)
+    for resource_id, keys in owners.items():
+        if len(keys) > 1 and resource_id in lab.tree.by_id:
+            key = lab.tree.by_id[resource_id].key
+            message = f"resource {key!r} is a node of several devices: {', '.join(sorted(keys))}"
+            findings.append(Finding("lab_file.node_shared", message, key, {"field": "nodes"}))
+    return findings
+
+
+def _check_discovered(lab: LabFile) -> list[Finding]:
+    known = {device.key for device in lab.devices}
+    findings = []
+    for key, count in Counter(lab.discovered).items():
+        if key not in known:
+            message = f"discovered: no device {key!r} in the file"
+            findings.append(Finding("lab_file.dangling", message, key, {"field": "discovered"}))
+        elif count > 1:
+            message = f"discovered: {key!r} stands {count} times"
+            findings.append(Finding("lab_file.duplicate", message, key, {"field": "discovered"}))
+    return findings
+
+
+def _check_carrier(device: DeviceEntry, mode: Mode) -> list[Finding]:
+    subject = f"devices[{device.key!r}]"
+    if (device.transport is None) == (device.simulator is None):
+        message = f"{subject}: give exactly one of transport and simulator"
+    elif mode is Mode.SIM and device.simulator is None:
+        message = f"{subject}: a lab in mode sim has a simulator for every device"
+    elif mode is Mode.LIVE and device.transport is None:
+        message = f"{subject}: a lab in mode live has a transport for every device"
+    else:
+        return []
+    return [Finding("lab_file.carrier", message, device.key, {"field": "transport"})]
+
+
+def _check_lines(lab: LabFile) -> list[Finding]:
+    lines: dict[str, list[DeviceEntry]] = defaultdict(list)
+    for device in lab.devices:
+        lines[device.line].append(device)
+    findings = []
+    for line, devices in lines.items():
+        if len(devices) == 1:
+            continue
+        addresses = [device.address for device in devices]
+        keys = ", ".join(device.key for device in devices)
+        if None in addresses or len(set(addresses)) < len(devices):
+            message = f"devices {keys} share line {line!r}: each needs an address of its own"
+            findings.append(Finding("lab_file.line_address", message, line, {"field": "address"}))
+        if len({device.host_id for device in devices}) > 1:
+            message = f"devices {keys} share line {line!r} but not the host"
+            findings.append(Finding("lab_file.line_host", message, line, {"field": "host"}))
+    return findings
+
+
+def _check_valve_ports(lab: LabFile) -> list[Finding]:
+    valves = {
+        resource_id
+        for device in lab.devices
+        for resource_id in device.nodes.values()
+        if resource_id in lab.tree.by_id and lab.tree.by_id[resource_id].kind == "rotary_valve"
+    }
+    tubes: dict[tuple[UUID, str], set[tuple[UUID, str]]] = defaultdict(set)
+    for connection in lab.connections:
+        if connection.medium is not Medium.LIQUID:
+            continue
+        ends = (connection.source, connection.target)
+        for own, far in (ends, ends[::-1]):
+            if own.resource_id in valves:
+                tubes[own.resource_id, own.port].add((far.resource_id, far.port))
+    return [
+        Finding(
+            "lab_file.port_taken",
+            f"port {port!r} of valve {lab.tree.by_id[valve].key!r} has {len(far)} tubes; "
+            "a port of a rotary valve takes one",
+            lab.tree.by_id[valve].key,
+            {"field": "port", "port": port},
+        )
+        for (valve, port), far in tubes.items()
+        if len(far) > 1
+    ]
+
+
+def find_amount_nl(amount_ul: float) -> int | None:
+    """Return an amount of contents in whole nanolitres; None is off the grid or not positive."""
+    amount = to_nl(amount_ul, 1000)
+    return amount or None

@@ -1,0 +1,1 @@
+"""Lab graphs of Uni-Lab-OS: read whole or refused whole, written back without a loss."""

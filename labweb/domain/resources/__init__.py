@@ -1,0 +1,1 @@
+"""What the laboratory consists of: kinds, nodes, the tree, poses and contents."""

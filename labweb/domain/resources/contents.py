@@ -1,0 +1,74 @@
+"""What a vessel holds: integer nanolitres by lot, conserved to the last one."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import NewType
+
+from labweb.domain.errors import InfeasibleError
+
+LotId = NewType("LotId", str)
+"""Id of a lot, as text."""
+
+Contents = Mapping[LotId, int]
+"""Amounts by lot in nanolitres; every amount is positive."""
+
+
+def total_nl(contents: Contents) -> int:
+    """Return the nominal volume in nanolitres."""
+    return sum(contents.values())
+
+
+def take(contents: Contents, amount_nl: int) -> dict[LotId, int]:
+    """Split off the parts by lot that a well-mixed draw of `amount_nl` carries.
+
+    Shares are proportional; the rounding rest goes to the largest remainders, ties to
+    the lot whose id sorts first, so that the parts always sum to `amount_nl`.
+
+    Raises:
+        InfeasibleError: The vessel holds less than that.
+
+    Example:
+        >>> take({LotId("a"): 2, LotId("b"): 1}, 2)
+        {'a': 1, 'b': 1}
+    """
+    total = total_nl(contents)
+    if amount_nl < 0 or amount_nl > total:
+        raise InfeasibleError(
+            f"{amount_nl} nL asked of a vessel that holds {total} nL",
+            code="contents.insufficient",
+        )
+    if amount_nl == 0:
+        return {}
+    shares = {lot: divmod(part * amount_nl, total) for lot, part in sorted(contents.items())}
+    missing = amount_nl - sum(whole for whole, _ in shares.values())
+    by_remainder = sorted(shares, key=lambda lot: (-shares[lot][1], lot))
+    extra = set(by_remainder[:missing])
+    parts = {lot: whole + (lot in extra) for lot, (whole, _) in shares.items()}
+    return {lot: part for lot, part in parts.items() if part}
+
+
+def add(contents: Contents, parts: Contents) -> dict[LotId, int]:
+    """Return the contents after the parts were poured in."""
+    merged = dict(contents)
+    for lot, part in parts.items():
+        merged[lot] = merged.get(lot, 0) + part
+    return merged
+
+
+def remove(contents: Contents, parts: Contents) -> dict[LotId, int]:
+    """Return the contents after the parts were drawn.
+
+    Raises:
+        InfeasibleError: A lot is not there in that amount.
+    """
+    left = dict(contents)
+    for lot, part in parts.items():
+        rest = left.get(lot, 0) - part
+        if rest < 0:
+            raise InfeasibleError(f"lot {lot} is short by {-rest} nL", code="contents.short")
+        if rest:
+            left[lot] = rest
+        else:
+            left.pop(lot, None)
+    return left

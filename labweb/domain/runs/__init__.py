@@ -1,0 +1,1 @@
+"""Runs, jobs and attempts: what may start, what happened, what happens next."""

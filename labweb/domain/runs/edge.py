@@ -1,0 +1,255 @@
+"""The edge host's side of one action: a pure state machine over its journal rows."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from enum import StrEnum
+from typing import Any
+from uuid import UUID
+
+from labweb.domain.crutd.conditions import (
+    Condition,
+    Result,
+    Verdict,
+    Verification,
+    verification_of,
+)
+from labweb.domain.crutd.decide import Outcome, OutcomeKind
+from labweb.domain.errors import Effect, Finding
+
+
+class ActionState(StrEnum):
+    """Where an action stands in the journal."""
+
+    ACCEPTED = "accepted"
+    STARTED = "started"
+    """On disk before the first byte to the device."""
+
+    ACTUATED = "actuated"
+    """The device has answered; what follows only reads."""
+
+    COMPLETE = "complete"
+    ABORTED = "aborted"
+    REJECTED = "rejected"
+    STOPPED = "stopped"
+    IN_DOUBT = "in_doubt"
+
+
+FINAL = frozenset(
+    {ActionState.COMPLETE, ActionState.ABORTED, ActionState.REJECTED, ActionState.STOPPED}
+)
+OPEN = frozenset(
+    {ActionState.ACCEPTED, ActionState.STARTED, ActionState.ACTUATED, ActionState.IN_DOUBT}
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HostState:
+    """What the host's journal says about the host itself."""
+
+    host_id: UUID
+    epoch: int
+    floor: int
+    boot_id: str
+    armed_boot_id: str | None
+    stop_latched: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """A decision with its reason."""
+
+    kind: str
+    code: str = ""
+    message: str = ""
+
+
+ACCEPT, DUPLICATE, DROP, REFUSE = "accept", "duplicate", "drop", "refuse"
+START, REJECT, HOLD = "start", "reject", "hold"
+
+
+def decide_accept(
+    host: HostState,
+    *,
+    host_id: UUID,
+    epoch: int,
+    dseq: int,
+    known: ActionState | None,
+    is_tombstoned: bool,
+) -> Answer:
+    """Decide what to do with an envelope whose signature holds.
+
+    A message of another epoch or below the floor is void: the server has other proof of
+    what became of it, so it is dropped without a trace in the event log.
+    """
+    if host_id != host.host_id:
+        return Answer(REFUSE, "envelope.wrong_host", "the command names another host")
+    if known is not None:
+        return Answer(DUPLICATE)
+    if epoch != host.epoch:
+        return Answer(DROP, "envelope.old_epoch", f"epoch {epoch}, session is {host.epoch}")
+    if dseq < host.floor:
+        return Answer(DROP, "envelope.below_floor", f"dispatch {dseq}, floor is {host.floor}")
+    if is_tombstoned:
+        return Answer(REFUSE, "envelope.cancelled", "it was cancelled before it arrived")
+    return Answer(ACCEPT)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Candidate:
+    """The next accepted action of a device, with what decides whether it may start."""
+
+    dseq: int
+    max_fence: int
+    """Highest dispatch sequence that has acted on the device."""
+
+    age_s: float
+    """Since its acceptance, on the monotonic clock."""
+
+    ttl_s: float
+    device_blocked_by: str | None = None
+    """Action in doubt on the same device."""
+
+
+def decide_start(
+    host: HostState,
+    candidate: Candidate,
+    *,
+    findings: Sequence[Finding],
+    results: Sequence[Result],
+) -> Answer:
+    """Decide whether the next accepted action of a device may start now.
+
+    HOLD leaves it accepted (a person or the server has to act first); REJECT ends it
+    without any effect on matter.
+    """
+    held = _decide_hold(host, candidate.device_blocked_by)
+    if held is not None:
+        return held
+    age_s, ttl_s = candidate.age_s, candidate.ttl_s
+    if candidate.dseq < host.floor:
+        return Answer(REJECT, "edge.below_floor", "the server has given it up")
+    if candidate.dseq < candidate.max_fence:
+        fence = candidate.max_fence
+        return Answer(REJECT, "edge.fenced", f"fence {fence} has passed this device")
+    if age_s > ttl_s:
+        return Answer(REJECT, "edge.expired", f"waited {age_s:.0f} s, may wait {ttl_s:.0f} s")
+    if findings:
+        return Answer(REJECT, findings[0].code, findings[0].message)
+    failed = [result for result in results if result.verdict is not Verdict.PASS]
+    if failed:
+        return Answer(REJECT, failed[0].name, failed[0].message)
+    return Answer(START)
+
+
+def _decide_hold(host: HostState, device_blocked_by: str | None) -> Answer | None:
+    if host.stop_latched:
+        return Answer(HOLD, "edge.stopped", "the lab is stopped; a person has to reset it")
+    if host.armed_boot_id != host.boot_id:
+        return Answer(HOLD, "edge.not_armed", "the machine was restarted and nobody armed it")
+    if device_blocked_by is not None:
+        return Answer(HOLD, "edge.in_doubt", f"action {device_blocked_by} is in doubt here")
+    return None
+
+
+def recover(state: ActionState) -> ActionState:
+    """Return the state a row takes when its executor comes back after a crash.
+
+    STARTED without an answer is in doubt: nobody can tell whether the device acted.
+    """
+    return ActionState.IN_DOUBT if state is ActionState.STARTED else state
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Report:
+    """What came back from the driver."""
+
+    ok: bool
+    effect: Effect = Effect.NONE
+    """Meaningful when not ok."""
+
+    moved_nl: int | None = None
+    code: str = ""
+    message: str = ""
+    evidence: dict[str, Any] = field(default_factory=dict)
+    data: dict[str, Any] = field(default_factory=dict)
+    """Statuses to store with the resource."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Conclusion:
+    """How an action ends."""
+
+    state: ActionState
+    outcome: Outcome
+    verification: Verification
+    code: str = ""
+    message: str = ""
+
+
+def conclude(report: Report, post: Sequence[tuple[Condition, Result]]) -> Conclusion:
+    """Decide how an action ends from the device's report and the post-conditions.
+
+    A sensor that contradicts the device means that nobody knows: in doubt, with both
+    numbers as evidence for the person who resolves it.
+    """
+    if not report.ok:
+        return _conclude_failure(report)
+    failed = [result for _, result in post if result.verdict is Verdict.FAIL]
+    if failed:
+        return Conclusion(
+            state=ActionState.IN_DOUBT,
+            outcome=Outcome(kind=OutcomeKind.UNKNOWN),
+            verification=Verification.ASSUMED,
+            code=failed[0].name,
+            message=failed[0].message,
+        )
+    return Conclusion(
+        state=ActionState.COMPLETE,
+        outcome=Outcome(kind=OutcomeKind.DONE, moved_nl=report.moved_nl, data=report.data),
+        verification=verification_of(post, reported=True),
+    )
+
+
+def _conclude_failure(report: Report) -> Conclusion:
+    kinds = {
+        Effect.NONE: (ActionState.ABORTED, Outcome(kind=OutcomeKind.PARTIAL, moved_nl=0)),
+        Effect.PARTIAL: (
+            ActionState.ABORTED,
+            Outcome(kind=OutcomeKind.PARTIAL, moved_nl=report.moved_nl),
+        ),
+        Effect.UNKNOWN: (ActionState.IN_DOUBT, Outcome(kind=OutcomeKind.UNKNOWN)),
+    }
+    effect = report.effect
+    if effect is Effect.PARTIAL and report.moved_nl is None:
+        effect = Effect.UNKNOWN
+    state, outcome = kinds[effect]
+    is_known = state is ActionState.ABORTED
+    return Conclusion(
+        state=state,
+        outcome=outcome,
+        verification=Verification.DEVICE if is_known else Verification.ASSUMED,
+        code=report.code,
+        message=report.message,
+    )
+
+
+ANSWERS = ("happened", "did_not", "partly", "discard")
+
+
+def resolve(answer: str, *, moved_nl: int | None) -> tuple[ActionState, Outcome] | None:
+    """Turn a person's answer about an action in doubt into its end.
+
+    `discard` ends the action as aborted and leaves its resources quarantined; the outcome
+    stays unknown. None: the answer is none of `ANSWERS`, or `partly` lacks its amount.
+    """
+    if answer == "happened":
+        return ActionState.COMPLETE, Outcome(kind=OutcomeKind.DONE)
+    if answer == "did_not":
+        return ActionState.ABORTED, Outcome(kind=OutcomeKind.PARTIAL, moved_nl=0)
+    if answer == "partly" and moved_nl is not None and moved_nl > 0:
+        return ActionState.ABORTED, Outcome(kind=OutcomeKind.PARTIAL, moved_nl=moved_nl)
+    if answer == "discard":
+        return ActionState.ABORTED, Outcome(kind=OutcomeKind.UNKNOWN)
+    return None

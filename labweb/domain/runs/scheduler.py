@@ -1,0 +1,98 @@
+"""Which jobs may be dispatched now, and what becomes of the run."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Sequence
+from dataclasses import dataclass
+from uuid import UUID
+
+from labweb.domain.runs.job import AT_EDGE, FINAL, JobState, RunState
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class JobView:
+    """What scheduling needs to know of a job."""
+
+    id: UUID
+    index: int
+    state: JobState
+    after: tuple[int, ...]
+    host_id: UUID
+
+
+def ready(jobs: Sequence[JobView], online_hosts: Collection[UUID]) -> list[JobView]:
+    """Return the queued jobs whose predecessors completed and whose host is online."""
+    state = {job.index: job.state for job in jobs}
+    return [
+        job
+        for job in jobs
+        if job.state is JobState.QUEUED
+        and job.host_id in online_hosts
+        and all(state[index] is JobState.COMPLETE for index in job.after)
+    ]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StepJob:
+    """A job of some run, as far as it tells whether its step is under way."""
+
+    run_id: UUID
+    step_id: str
+    state: JobState
+    has_started: bool
+    locks: frozenset[UUID]
+
+
+def held_by_steps(jobs: Iterable[StepJob]) -> dict[UUID, UUID]:
+    """Return which run holds a resource from the first job of a step to its last.
+
+    A pump that has drawn for one run must not be touched by another before it has
+    delivered, although each of its jobs takes and releases locks of its own.
+
+    Returns:
+        Run by resource, for every step that has begun and not ended.
+    """
+    steps: dict[tuple[UUID, str], list[StepJob]] = {}
+    for job in jobs:
+        steps.setdefault((job.run_id, job.step_id), []).append(job)
+    held: dict[UUID, UUID] = {}
+    for (run_id, _), members in steps.items():
+        has_begun = any(job.has_started or job.state in AT_EDGE for job in members)
+        if has_begun and not all(job.state in FINAL for job in members):
+            held.update(dict.fromkeys(frozenset().union(*(j.locks for j in members)), run_id))
+    return held
+
+
+def run_state(current: RunState, jobs: Sequence[JobView]) -> RunState:
+    """Return the state of a run from the states of its jobs.
+
+    A job in doubt, or one that ended badly with work left behind it, pauses the run: it
+    needs a person.
+    """
+    if current in {RunState.COMPLETE, RunState.ABORTED, RunState.DRAFT}:
+        return current
+    if current is RunState.AWAITING_APPROVAL:
+        return current
+    states = [job.state for job in jobs]
+    if all(state is JobState.COMPLETE for state in states):
+        return RunState.COMPLETE
+    is_moving = any(state in AT_EDGE for state in states)
+    if all(state in FINAL for state in states):
+        return RunState.ABORTED
+    if is_moving:
+        return RunState.PAUSING if _needs_person(states) else RunState.RUNNING
+    if _needs_person(states):
+        return RunState.PAUSED
+    has_begun = any(state is JobState.COMPLETE for state in states)
+    return RunState.RUNNING if has_begun else RunState.QUEUED
+
+
+def _needs_person(states: Sequence[JobState]) -> bool:
+    bad = {
+        JobState.IN_DOUBT,
+        JobState.ABORTED,
+        JobState.REJECTED,
+        JobState.STOPPED,
+        JobState.HELD,
+    }
+    return any(state in bad for state in states)

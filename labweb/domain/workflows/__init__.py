@@ -1,0 +1,1 @@
+"""From a recipe to the ordered actions of one lab."""

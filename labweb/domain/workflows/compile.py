@@ -1,0 +1,179 @@
+"""From a workflow to the plan of one lab: what each device does, in which order, and why not."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from uuid import UUID
+
+from labweb.domain.crutd.conditions import Condition
+from labweb.domain.crutd.operations import Update
+from labweb.domain.errors import Finding, InfeasibleError, ProtocolError
+from labweb.domain.workflows.edges import find_earlier, sort_steps
+from labweb.domain.workflows.passes.acting import PLANNERS
+from labweb.domain.workflows.passes.draft import Drafting, DraftJob, DraftStep
+from labweb.domain.workflows.passes.emptying import plan_empty_syringe
+from labweb.domain.workflows.passes.ledger import Ledger
+from labweb.domain.workflows.passes.ordering import check_order
+from labweb.domain.workflows.passes.references import check_references
+from labweb.domain.workflows.passes.strokes import syringe_tolerance_ul
+from labweb.domain.workflows.passes.transfer import plan_transfer
+from labweb.domain.workflows.passes.view import LabView
+from labweb.domain.workflows.plan import Plan, PlannedJob, PlannedStep
+from labweb.domain.workflows.protocol import Step, Workflow, bind_materials
+from labweb.domain.workflows.steps import sentence_text
+
+_PLANNERS = {"transfer": plan_transfer, "empty_syringe": plan_empty_syringe, **PLANNERS}
+
+__all__ = ["LabView", "check_plan", "compile_workflow"]
+
+INITIALIZE_S = 15.0
+"""Estimate for finding a plunger's zero."""
+
+
+def compile_workflow(workflow: Workflow, lab: LabView) -> Plan:
+    """Plan a workflow on one state of one lab.
+
+    Every liquid job is followed through the record, so that a plan that is returned can be
+    run from this state to its end without a vessel running dry or over.
+
+    Args:
+        workflow: Parsed, with every `@key` resolved.
+        lab: The lab as it is.
+
+    Returns:
+        The plan. The same workflow and lab always give the same plan.
+
+    Raises:
+        ProtocolError: The workflow itself does not say enough.
+        InfeasibleError: This lab cannot do it in this state. Either carries all findings,
+            each with the step's id as subject and the field in `context`.
+
+    Effect:
+        None. Nothing is reserved.
+    """
+    drafts, prepare, findings = _draft(workflow, lab)
+    if findings:
+        is_language = all(finding.code.startswith("protocol.") for finding in findings)
+        error = ProtocolError if is_language else InfeasibleError
+        first = findings[0]
+        more = f", and {len(findings) - 1} more" if len(findings) > 1 else ""
+        raise error(first.message + more, code=first.code, findings=findings)
+    return _render(workflow, lab, drafts, prepare)
+
+
+def check_plan(workflow: Workflow, lab: LabView) -> list[Finding]:
+    """List everything that keeps a workflow from being planned; empty means it can be."""
+    return _draft(workflow, lab)[2]
+
+
+def _draft(
+    workflow: Workflow, lab: LabView
+) -> tuple[list[DraftStep], list[DraftJob], list[Finding]]:
+    bound = bind_materials(workflow)
+    ids = [step.id for step in bound.steps]
+    order = sort_steps(ids, bound.edges)
+    drafting = Drafting(view=lab, earlier=find_earlier(ids, bound.edges))
+    if not order:
+        finding = Finding("protocol.empty", "the workflow has no steps", "", {"field": "steps"})
+        return [], [], [finding]
+    steps = {step.id: step for step in bound.steps}
+    drafts = [_draft_step(steps[step_id], drafting) for step_id in order]
+    findings = drafting.findings + check_order(drafts, drafting.earlier, lab)
+    ledger = Ledger(lab)
+    prepare = _initialize(drafts, drafting, ledger)
+    drafts = [ledger.run_step(draft) for draft in drafts]
+    rank = {step_id: place for place, step_id in enumerate(order)}
+    findings += [f for f in drafting.findings + ledger.findings if f not in findings]
+    return drafts, prepare, sorted(findings, key=lambda f: rank.get(f.subject, -1))
+
+
+def _draft_step(step: Step, drafting: Drafting) -> DraftStep:
+    missing = check_references(step, drafting.view)
+    if missing:
+        drafting.findings += missing
+        return DraftStep(step=step)
+    return _PLANNERS[step.kind](step, drafting)
+
+
+def _initialize(drafts: Sequence[DraftStep], drafting: Drafting, ledger: Ledger) -> list[DraftJob]:
+    """Plan the zero of each pump that has none, once, before everything else."""
+    jobs: list[DraftJob] = []
+    seen: set[UUID] = set()
+    for draft in drafts:
+        if draft.pump_id is None or draft.pump_id in seen:
+            continue
+        seen.add(draft.pump_id)
+        state = drafting.view.state(draft.pump_id)
+        if state is None or state.data.get("is_initialized") is True:
+            continue
+        if not ledger.check_empty(draft.pump_id, draft.step):
+            continue
+        device = drafting.view.device_by_node[draft.pump_id]
+        empty = Condition(
+            name="pump.syringe_volume",
+            device_id=device.id,
+            status="volume_ul",
+            low=0.0,
+            high=0.0,
+            tolerance=syringe_tolerance_ul(device, state.capacity_nl or 0),
+        )
+        job = drafting.job(
+            draft.step,
+            device,
+            "initialize",
+            {},
+            sentence=f"Find the zero of {state.name}",
+            operation=Update(resource_id=draft.pump_id, data={"is_initialized": True}),
+            post=(empty,),
+            locks=(draft.pump_id,),
+            estimate_s=INITIALIZE_S,
+        )
+        jobs += [job] if job is not None else []
+    return jobs
+
+
+def _render(
+    workflow: Workflow, lab: LabView, drafts: Sequence[DraftStep], prepare: Sequence[DraftJob]
+) -> Plan:
+    jobs = [_planned(job, index, ()) for index, job in enumerate(prepare)]
+    zeroed = {job.device.id: index for index, job in enumerate(prepare)}
+    last: dict[str, int] = {}
+    for draft in drafts:
+        before = {last[edge.source] for edge in workflow.edges if edge.target == draft.step.id}
+        before |= {zeroed[job.device.id] for job in draft.jobs if job.device.id in zeroed}
+        for job in draft.jobs:
+            index = len(jobs)
+            jobs.append(_planned(job, index, tuple(sorted(before))))
+            last[draft.step.id] = index
+            before = {index}
+    steps = [_planned_step(draft, lab, jobs) for draft in drafts]
+    notes = dict.fromkeys(note for draft in drafts for note in draft.notes)
+    return Plan(steps=tuple(steps), jobs=tuple(jobs), notes=tuple(notes))
+
+
+def _planned(job: DraftJob, index: int, after: tuple[int, ...]) -> PlannedJob:
+    return PlannedJob(
+        index=index,
+        step_id=job.step_id,
+        sentence=job.sentence,
+        device_id=job.device.id,
+        action=job.action,
+        args=dict(job.args),
+        operation=job.operation,
+        after=after,
+        pre=job.pre,
+        post=job.post,
+        locks=tuple(sorted(job.locks)),
+        estimate_s=round(job.estimate_s, 3),
+        recovery=job.device.spec.action(job.action).recovery,
+    )
+
+
+def _planned_step(draft: DraftStep, lab: LabView, jobs: Sequence[PlannedJob]) -> PlannedStep:
+    own = (job.estimate_s for job in jobs if job.step_id == draft.step.id)
+    return PlannedStep(
+        step_id=draft.step.id,
+        kind=draft.step.kind,
+        sentence=sentence_text(draft.step.kind, draft.step.params, lab.names),
+        estimate_s=round(sum(own), 3),
+    )

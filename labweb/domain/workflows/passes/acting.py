@@ -1,0 +1,304 @@
+"""Heating, stirring, waiting, measuring, and whatever else one device does by itself."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from uuid import UUID
+
+from labweb.domain.enrollment.device import Device
+from labweb.domain.errors import NotFoundError
+from labweb.domain.units import parse
+from labweb.domain.workflows.passes.draft import Drafting, DraftJob, DraftStep
+from labweb.domain.workflows.passes.roles import (
+    HEAT_TOLERANCE_C,
+    HOLD_TOLERANCE_C,
+    plays,
+    setting,
+)
+from labweb.domain.workflows.protocol import Step
+
+RAMP_C_S = 0.1
+"""Estimate for heating and cooling, unless the device's settings have `ramp_c_s`."""
+
+ROOM_C = 20.0
+"""Estimate of a temperature that nobody has read yet."""
+
+STIR_S = 3.0
+READ_S = 5.0
+SWITCH_S = 2.0
+
+
+def plan_heat_chill(step: Step, drafting: Drafting) -> DraftStep:
+    """Stir if asked, reach the temperature, and with a hold keep it and switch off."""
+    vessel = UUID(step.params["vessel"])
+    heater = _find_carrier(step, drafting, vessel, "heater")
+    wants_stir = "stir_speed" in step.params
+    stirrer = _find_carrier(step, drafting, vessel, "stirrer") if wants_stir else None
+    if heater is None or (wants_stir and stirrer is None):
+        return DraftStep(step=step)
+    name = drafting.name(vessel)
+    target_c = parse(step.params["temperature"], "temperature")
+    jobs: list[DraftJob | None] = []
+    if not _is_within(step, drafting, heater, "temperature_c", target_c):
+        jobs.append(None)
+    if stirrer is not None:
+        jobs.append(_stir(step, drafting, stirrer, vessel))
+    jobs.append(
+        drafting.job(
+            step,
+            heater,
+            "heat_to",
+            {"temperature_c": target_c, "tolerance_c": HEAT_TOLERANCE_C},
+            sentence=f"Bring {name} to {target_c:g} °C",
+            locks=(vessel,),
+            estimate_s=_ramp_s(drafting, heater, vessel, target_c),
+        )
+    )
+    if "hold_for" in step.params:
+        jobs += _hold(step, drafting, heater, stirrer, target_c)
+    return _draft(step, jobs)
+
+
+def _hold(
+    step: Step, drafting: Drafting, heater: Device, stirrer: Device | None, target_c: float
+) -> list[DraftJob | None]:
+    vessel = UUID(step.params["vessel"])
+    name = drafting.name(vessel)
+    hold_s = parse(step.params["hold_for"], "time")
+    args = {"duration_s": hold_s, "temperature_c": target_c, "tolerance_c": HOLD_TOLERANCE_C}
+    jobs = [
+        drafting.job(
+            step,
+            heater,
+            "hold",
+            args,
+            sentence=f"Hold {name} at {target_c:g} °C for {hold_s:g} s",
+            locks=(vessel,),
+            estimate_s=hold_s,
+        ),
+        _stop(step, drafting, heater, "stop_heating", vessel),
+    ]
+    if stirrer is not None:
+        jobs.append(_stop(step, drafting, stirrer, "stop_stirring", vessel))
+    return jobs
+
+
+def plan_stir(step: Step, drafting: Drafting) -> DraftStep:
+    """Stir for a time counted by a timer, then stop."""
+    vessel = UUID(step.params["vessel"])
+    stirrer = _find_carrier(step, drafting, vessel, "stirrer")
+    if stirrer is None:
+        return DraftStep(step=step)
+    jobs = [
+        _stir(step, drafting, stirrer, vessel),
+        _wait(step, drafting, (vessel, *stirrer.nodes.values())),
+        _stop(step, drafting, stirrer, "stop_stirring", vessel),
+    ]
+    return _draft(step, jobs)
+
+
+def plan_stop(step: Step, drafting: Drafting) -> DraftStep:
+    """Switch off the heater and the stirrer that a vessel stands on, whichever there are."""
+    vessel = UUID(step.params["vessel"])
+    jobs: list[DraftJob | None] = []
+    for role, action in (("heater", "stop_heating"), ("stirrer", "stop_stirring")):
+        found = _carriers(drafting, vessel, role)
+        jobs += [_stop(step, drafting, device, action, vessel) for device in found]
+    if not jobs:
+        message = f"{drafting.name(vessel)} stands on nothing that heats or stirs"
+        drafting.refuse(step, "plan.no_device", message, "params.vessel")
+    return _draft(step, jobs)
+
+
+def plan_wait(step: Step, drafting: Drafting) -> DraftStep:
+    """Wait on a timer of the lab."""
+    return _draft(step, [_wait(step, drafting, ())])
+
+
+def plan_weigh(step: Step, drafting: Drafting) -> DraftStep:
+    """Read a balance."""
+    return _plan_reading(step, drafting, "balance", "balance", "weigh", "Weigh on")
+
+
+def plan_measure_ph(step: Step, drafting: Drafting) -> DraftStep:
+    """Read a pH transmitter."""
+    return _plan_reading(step, drafting, "transmitter", "ph", "measure", "Measure pH with")
+
+
+def plan_device_action(step: Step, drafting: Drafting) -> DraftStep:
+    """Call one action as the driver declares it; what moves liquid must be a Transfer."""
+    device = drafting.view.find_device(UUID(step.params["device"]))
+    if device is None:
+        message = "nothing drives that resource in this lab"
+        drafting.refuse(step, "plan.no_device", message, "params.device")
+        return DraftStep(step=step)
+    name = step.params["action"]
+    try:
+        action = device.spec.action(name)
+    except NotFoundError as error:
+        drafting.refuse(step, error.code, error.message, "params.action", **error.context)
+        return DraftStep(step=step)
+    if action.operation == "transfer" and name != "initialize":
+        message = f"{name} of {device.name} moves liquid: use a Transfer, which keeps the record"
+        drafting.refuse(step, "plan.moves_liquid", message, "params.action")
+        return DraftStep(step=step)
+    job = drafting.job(
+        step,
+        device,
+        name,
+        step.params.get("args", {}),
+        sentence=f"{device.name}: {name.replace('_', ' ')}",
+        locks=drafting.view.vessels_on(device),
+        estimate_s=min(action.timeout_s or READ_S, READ_S),
+    )
+    return _draft(step, [job])
+
+
+def _draft(step: Step, jobs: list[DraftJob | None]) -> DraftStep:
+    """Keep the jobs of a step only when every one of them could be planned."""
+    made = tuple(job for job in jobs if job is not None)
+    return DraftStep(step=step, jobs=made if len(made) == len(jobs) else ())
+
+
+def _carriers(drafting: Drafting, vessel: UUID, role: str) -> list[Device]:
+    """Return the devices of a role that the vessel stands on, or else is coupled to."""
+    view = drafting.view
+    found: dict[UUID, Device] = {}
+    for resource in view.carriers(vessel):
+        device = view.device_by_node.get(resource.id)
+        if device is not None and plays(device, role):
+            found.setdefault(device.id, device)
+    return list(found.values())
+
+
+def _find_carrier(step: Step, drafting: Drafting, vessel: UUID, role: str) -> Device | None:
+    found = _carriers(drafting, vessel, role)
+    if len(found) == 1:
+        return found[0]
+    name = drafting.name(vessel)
+    if found:
+        names = ", ".join(device.name for device in found)
+        message = f"{name} has more than one {role}: {names}"
+        drafting.refuse(step, "plan.ambiguous_device", message, "params.vessel", role=role)
+    else:
+        message = f"{name} stands on no {role} that a device of this lab drives"
+        drafting.refuse(step, "plan.no_device", message, "params.vessel", role=role)
+    return None
+
+
+def _is_within(step: Step, drafting: Drafting, device: Device, quantity: str, value: float) -> bool:
+    """Check a setpoint against the range that people set on the device's resources."""
+    is_temperature = quantity == "temperature_c"
+    unit, at = ("°C", "params.temperature") if is_temperature else ("rpm", "params.stir_speed")
+    is_inside = True
+    for node_id in dict.fromkeys(device.nodes.values()):
+        resource = drafting.view.tree.by_id.get(node_id)
+        config = resource.config if resource is not None else {}
+        low, high = config.get(f"min_{quantity}"), config.get(f"max_{quantity}")
+        if (low is not None and value < low) or (high is not None and value > high):
+            bounds = f"{'-∞' if low is None else low} to {'∞' if high is None else high}"
+            message = f"{device.name} goes from {bounds} {unit}; asked for {value:g} {unit}"
+            drafting.refuse(step, "plan.out_of_range", message, at, low=low, high=high)
+            is_inside = False
+    return is_inside
+
+
+def _stir(step: Step, drafting: Drafting, stirrer: Device, vessel: UUID) -> DraftJob | None:
+    speed_rpm = parse(step.params["stir_speed"], "speed")
+    if not _is_within(step, drafting, stirrer, "speed_rpm", speed_rpm):
+        return None
+    return drafting.job(
+        step,
+        stirrer,
+        "stir",
+        {"speed_rpm": speed_rpm},
+        sentence=f"Stir {drafting.name(vessel)} at {speed_rpm:g} rpm",
+        locks=(vessel,),
+        estimate_s=STIR_S,
+    )
+
+
+def _stop(
+    step: Step, drafting: Drafting, device: Device, action: str, vessel: UUID
+) -> DraftJob | None:
+    what = "heating" if action == "stop_heating" else "stirring"
+    return drafting.job(
+        step,
+        device,
+        action,
+        {},
+        sentence=f"Stop {what} {drafting.name(vessel)}",
+        locks=(vessel,),
+        estimate_s=SWITCH_S,
+    )
+
+
+def _wait(step: Step, drafting: Drafting, locks: tuple[UUID, ...]) -> DraftJob | None:
+    timer = _free_timer(step, drafting)
+    if timer is None:
+        message = "no device of this lab is a timer"
+        drafting.refuse(step, "plan.no_device", message, "params.duration", role="timer")
+        return None
+    duration_s = parse(step.params["duration"], "time")
+    return drafting.job(
+        step,
+        timer,
+        "wait",
+        {"duration_s": duration_s},
+        sentence=f"Wait {duration_s:g} s",
+        locks=locks,
+        estimate_s=duration_s,
+    )
+
+
+def _free_timer(step: Step, drafting: Drafting) -> Device | None:
+    """Return the first timer no step uses that may run at the same time, else the first."""
+    timers = [device for device in drafting.view.devices_by_key if plays(device, "timer")]
+    if not timers:
+        return None
+    earlier = drafting.earlier[step.id]
+    users = drafting.timer_users
+    free = (t for t in timers if earlier.issuperset(users.get(t.id, ())))
+    timer = next(free, timers[0])
+    users.setdefault(timer.id, []).append(step.id)
+    return timer
+
+
+def _plan_reading(
+    step: Step, drafting: Drafting, field: str, role: str, action: str, verb: str
+) -> DraftStep:
+    device = drafting.view.find_device(UUID(step.params[field]))
+    if device is None or not plays(device, role):
+        message = "no device of this lab reads that instrument"
+        drafting.refuse(step, "plan.no_device", message, f"params.{field}", role=role)
+        return DraftStep(step=step)
+    job = drafting.job(
+        step,
+        device,
+        action,
+        {},
+        sentence=f"{verb} {device.name}",
+        locks=drafting.view.vessels_on(device),
+        estimate_s=READ_S,
+    )
+    return _draft(step, [job])
+
+
+def _ramp_s(drafting: Drafting, heater: Device, vessel: UUID, target_c: float) -> float:
+    """Estimate the time to a temperature: difference over ramp."""
+    known = [drafting.view.state(i) for i in (vessel, *heater.nodes.values())]
+    told = [state.data.get("temperature_c") for state in known if state is not None]
+    now_c = next((float(t) for t in told if isinstance(t, int | float)), ROOM_C)
+    return abs(target_c - now_c) / (setting(heater, "ramp_c_s") or RAMP_C_S)
+
+
+PLANNERS: Mapping[str, Callable[[Step, Drafting], DraftStep]] = {
+    "heat_chill": plan_heat_chill,
+    "stir": plan_stir,
+    "stop_heat_stir": plan_stop,
+    "wait": plan_wait,
+    "weigh": plan_weigh,
+    "measure_ph": plan_measure_ph,
+    "device_action": plan_device_action,
+}
+"""Planner by kind of step."""

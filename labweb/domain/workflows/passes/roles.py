@@ -1,0 +1,131 @@
+"""What a driver must offer to play a role, and what its actions leave behind."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+from uuid import UUID
+
+from labweb.domain.crutd.conditions import Condition
+from labweb.domain.enrollment.device import Device
+
+HEAT_TOLERANCE_C = 1.0
+"""How near the temperature must be before *reached* is said."""
+
+HOLD_TOLERANCE_C = 2.0
+"""How far it may wander while it is held."""
+
+SPEED_TOLERANCE_RATIO = 0.05
+SPEED_TOLERANCE_RPM = 10.0
+"""A stirrer has reached its speed within 5 %, or 10 rpm when that is more."""
+
+
+@dataclass(frozen=True, slots=True)
+class Offer:
+    """Actions and statuses by which a device is known to play a role."""
+
+    actions: tuple[str, ...]
+    statuses: tuple[str, ...] = ()
+
+
+OFFERS: Mapping[str, Offer] = {
+    "pump": Offer(("initialize", "aspirate", "dispense"), ("volume_ul", "is_initialized")),
+    "valve": Offer(("select_port",), ("port_index",)),
+    "heater": Offer(("heat_to", "hold", "stop_heating"), ("temperature_c",)),
+    "stirrer": Offer(("stir", "stop_stirring"), ("speed_rpm",)),
+    "balance": Offer(("weigh",), ("mass_mg", "is_stable")),
+    "ph": Offer(("measure",), ("value_ph",)),
+    "timer": Offer(("wait",)),
+}
+"""Role by name. A device plays it when its driver declares all of these."""
+
+
+def plays(device: Device, role: str) -> bool:
+    """Tell whether a device's driver declares all that a role needs."""
+    offer = OFFERS[role]
+    actions = {action.name for action in device.spec.actions}
+    statuses = {status.name for status in device.spec.statuses}
+    return actions.issuperset(offer.actions) and statuses.issuperset(offer.statuses)
+
+
+def acting_node(device: Device, action: str) -> UUID | None:
+    """Return the resource that acts: the node of the action's role, or the only one."""
+    role = device.spec.action(action).role
+    if role in device.nodes:
+        return device.nodes[role]
+    nodes = set(device.nodes.values())
+    return nodes.pop() if len(nodes) == 1 else None
+
+
+def setting(device: Device, name: str) -> float | None:
+    """Return a number from the device's settings, or its driver's default for it."""
+    value = device.config.get(name)
+    if value is None:
+        value = next((p.default for p in device.spec.config if p.name == name), None)
+    return float(value) if isinstance(value, int | float) else None
+
+
+def recorded_data(action: str, args: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what an action leaves in its resource's `data` once it has succeeded."""
+    match action:
+        case "select_port":
+            return {"port_index": args["port_index"]}
+        case "initialize":
+            return {"is_initialized": True}
+        case "heat_to" | "hold":
+            return {"temperature_setpoint_c": args["temperature_c"]}
+        case "stop_heating":
+            return {"temperature_setpoint_c": None}
+        case "stir":
+            return {"speed_setpoint_rpm": args["speed_rpm"]}
+        case "stop_stirring":
+            return {"speed_setpoint_rpm": 0.0}
+        case _:
+            return {}
+
+
+def read_statuses(device: Device, action: str) -> tuple[str, ...]:
+    """Return the statuses that a reading action keeps with its event."""
+    told = tuple(status.name for status in device.spec.statuses)
+    wanted = {"weigh": ("mass_mg",), "measure": ("value_ph", "temperature_c")}.get(action, told)
+    return tuple(name for name in wanted if name in told)
+
+
+def post_conditions(device: Device, action: str, args: Mapping[str, Any]) -> tuple[Condition, ...]:
+    """Return what the device's own statuses must say after an action."""
+    conditions = {
+        "select_port": lambda: _equals(device, "valve.at_port", "port_index", args["port_index"]),
+        "initialize": lambda: _equals(device, "pump.is_initialized", "is_initialized", True),  # noqa: FBT003 - the value asked for
+        "heat_to": lambda: _near(
+            device, "heater.at_temperature", "temperature_c", args["temperature_c"],
+            args["tolerance_c"],
+        ),
+        "hold": lambda: _near(
+            device, "heater.held_temperature", "temperature_c", args["temperature_c"],
+            args["tolerance_c"],
+        ),
+        "stir": lambda: _near(
+            device, "stirrer.at_speed", "speed_rpm", args["speed_rpm"],
+            max(args["speed_rpm"] * SPEED_TOLERANCE_RATIO, SPEED_TOLERANCE_RPM),
+        ),
+        "stop_stirring": lambda: _near(
+            device, "stirrer.stands", "speed_rpm", 0.0, SPEED_TOLERANCE_RPM
+        ),
+    }  # fmt: skip
+    make = conditions.get(action)
+    if make is None:
+        return ()
+    condition = make()
+    told = {status.name for status in device.spec.statuses}
+    return (condition,) if condition.status in told else ()
+
+
+def _equals(device: Device, name: str, status: str, value: bool | int) -> Condition:  # noqa: FBT001 - as in Condition
+    return Condition(name=name, device_id=device.id, status=status, equals=value)
+
+
+def _near(device: Device, name: str, status: str, value: float, tolerance: float) -> Condition:
+    return Condition(
+        name=name, device_id=device.id, status=status, low=value, high=value, tolerance=tolerance
+    )

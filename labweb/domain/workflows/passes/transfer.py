@@ -1,0 +1,103 @@
+"""A Transfer becomes strokes: turn the valve, aspirate, turn the valve, dispense."""
+
+from __future__ import annotations
+
+from uuid import UUID
+
+from labweb.domain.crutd.operations import TransferLiquid
+from labweb.domain.errors import Finding
+from labweb.domain.units import parse_volume_nl, render_volume
+from labweb.domain.workflows.passes.draft import Drafting, DraftJob, DraftStep, MassCheck
+from labweb.domain.workflows.passes.pumping import MOST_STROKES, Pumping, choose_pump
+from labweb.domain.workflows.passes.roles import plays
+from labweb.domain.workflows.passes.strokes import check_fineness, dead_volume_notes, make_strokes
+from labweb.domain.workflows.protocol import Step
+
+
+def split_strokes(amount_nl: int, syringe_nl: int) -> tuple[int, ...]:
+    """Split an amount into the fewest strokes, as equal as whole nanolitres allow.
+
+    Example:
+        >>> split_strokes(10, 4)
+        (4, 3, 3)
+    """
+    count = -(-amount_nl // syringe_nl)
+    base, rest = divmod(amount_nl, count)
+    return tuple(base + (place < rest) for place in range(count))
+
+
+def plan_transfer(step: Step, drafting: Drafting) -> DraftStep:
+    """Plan the strokes of one Transfer; findings are noted and the jobs left out."""
+    source, target = UUID(step.params["source"]), UUID(step.params["target"])
+    amount_nl = parse_volume_nl(step.params["volume"])
+    if source == target:
+        message = "source and target are the same vessel"
+        drafting.refuse(step, "crutd.same_vessel", message, "params.target")
+        return DraftStep(step=step)
+    whole = TransferLiquid(source_id=source, target_id=target, amount_nl=amount_nl)
+    mass_check = _mass_check(step, drafting, target)
+    pumping = _choose(step, drafting, whole)
+    if pumping is None:
+        return DraftStep(step=step, whole=whole)
+    strokes = make_strokes(step, drafting, pumping.device, pumping.pump_id, mass_check)
+    if strokes is None:
+        return DraftStep(step=step, whole=whole)
+    parts = split_strokes(amount_nl, strokes.syringe_nl)
+    if len(parts) > MOST_STROKES:
+        message = (
+            f"{render_volume(amount_nl)} takes {len(parts)} strokes of "
+            f"{render_volume(strokes.syringe_nl)}; at most {MOST_STROKES} are planned"
+        )
+        drafting.refuse(step, "plan.too_many_strokes", message, "params.volume")
+        return DraftStep(step=step, whole=whole)
+    check_fineness(step, drafting, pumping.device, strokes.syringe_nl, parts)
+    jobs: list[DraftJob | None] = []
+    pump_id = pumping.pump_id
+    for place, part_nl in enumerate(parts, start=1):
+        text = f", stroke {place} of {len(parts)}" if len(parts) > 1 else ""
+        draw = TransferLiquid(source_id=source, target_id=pump_id, amount_nl=part_nl)
+        push = TransferLiquid(source_id=pump_id, target_id=target, amount_nl=part_nl)
+        jobs += strokes.draw(draw, pumping.into, text) + strokes.push(push, pumping.out, text)
+        if None in jobs:
+            return DraftStep(step=step, whole=whole)
+    return DraftStep(
+        step=step,
+        jobs=tuple(job for job in jobs if job is not None),
+        whole=whole,
+        pump_id=pumping.pump_id,
+        notes=dead_volume_notes(pumping.into, pumping.out),
+    )
+
+
+def _choose(step: Step, drafting: Drafting, whole: TransferLiquid) -> Pumping | None:
+    wanted = None
+    if "pump" in step.params:
+        wanted = drafting.view.find_device(UUID(step.params["pump"]))
+        if wanted is None:
+            message = "no device of this lab drives the pump that is asked for"
+            drafting.refuse(step, "plan.no_device", message, "params.pump")
+            return None
+    source, target, amount_nl = whole.source_id, whole.target_id, whole.amount_nl
+    answer = choose_pump(drafting.view, source, target, amount_nl, wanted)
+    if isinstance(answer, Finding):
+        at = "params.pump" if wanted is not None else "params.target"
+        drafting.refuse(step, answer.code, answer.message, at, **answer.context)
+        return None
+    return answer
+
+
+def _mass_check(step: Step, drafting: Drafting, target: UUID) -> MassCheck | None:
+    if "confirm_with" not in step.params:
+        return None
+    view, at = drafting.view, "params.confirm_with"
+    balance = view.find_device(UUID(step.params["confirm_with"]))
+    if balance is None or not plays(balance, "balance"):
+        drafting.refuse(step, "plan.no_device", "no device of this lab drives that balance", at)
+        return None
+    nodes = set(balance.nodes.values())
+    carrier = next((r for r in view.tree.ancestors(target) if r.id in nodes), None)
+    if carrier is None:
+        message = f"{drafting.name(target)} does not stand on {balance.name}"
+        drafting.refuse(step, "plan.not_on_balance", message, at)
+        return None
+    return MassCheck(balance=balance, node_id=carrier.id)

@@ -1,0 +1,71 @@
+"""The Plan: what a workflow means on one lab, action by action."""
+
+from __future__ import annotations
+
+import hashlib
+from typing import Any
+from uuid import UUID
+
+import msgspec
+
+from labweb.domain.crutd.conditions import Condition
+from labweb.domain.crutd.operations import Operation
+
+
+class PlannedJob(msgspec.Struct, frozen=True, kw_only=True):
+    """One action on one device, with its one Transaction."""
+
+    index: int
+    """Place in the plan, from 0."""
+
+    step_id: str
+    """Step of the workflow it belongs to."""
+
+    sentence: str
+    """What a person reads: "Aspirate 5.00 mL from Water bottle"."""
+
+    device_id: UUID
+    action: str
+    args: dict[str, Any]
+    operation: Operation
+    after: tuple[int, ...] = ()
+    """Jobs that must have completed."""
+
+    pre: tuple[Condition, ...] = ()
+    """Checked at the edge on fresh readings just before the start."""
+
+    post: tuple[Condition, ...] = ()
+    locks: tuple[UUID, ...] = ()
+    """Resources held exclusively: device nodes, vessels, valves on the route."""
+
+    estimate_s: float = 0.0
+    recovery: str = "R3"
+
+
+class PlannedStep(msgspec.Struct, frozen=True, kw_only=True):
+    """One step of the workflow as the plan sees it."""
+
+    step_id: str
+    kind: str
+    sentence: str
+    estimate_s: float = 0.0
+
+
+class Plan(msgspec.Struct, frozen=True, kw_only=True):
+    """Ordered actions of one workflow version on one state of one lab."""
+
+    version: int = 1
+    steps: tuple[PlannedStep, ...]
+    jobs: tuple[PlannedJob, ...]
+    notes: tuple[str, ...] = ()
+    """What a reader should know: unknown dead volumes on the route."""
+
+
+def encode(plan: Plan) -> bytes:
+    """Render as canonical JSON."""
+    return msgspec.json.encode(plan, order="sorted")
+
+
+def digest(plan: Plan) -> str:
+    """Return the SHA-256 of the canonical form; what an approval signs."""
+    return hashlib.sha256(encode(plan)).hexdigest()

@@ -1,0 +1,289 @@
+"""The unit operations a person can place, and the sentences they read as.
+
+This one table feeds the browser's palette and forms, the parser and the compiler.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+from labweb.domain.workflows.unit_operations import (
+    LONGEST_QUANTITY,
+    LONGEST_REFERENCE,
+    ParameterSort,
+    PortKind,
+    StepParameter,
+    StepPort,
+    UnitOperation,
+)
+
+__all__ = [
+    "LONGEST_QUANTITY",
+    "LONGEST_REFERENCE",
+    "STEP_KINDS",
+    "ParameterSort",
+    "PortKind",
+    "StepParameter",
+    "StepPort",
+    "UnitOperation",
+    "palette",
+    "sentence",
+    "sentence_text",
+]
+
+_FIELD = re.compile(r"\{(\w+)\}")
+_MISSING = "…"
+
+
+def _vessel(name: str, label: str, help_text: str) -> StepParameter:
+    return StepParameter(
+        name=name,
+        sort=ParameterSort.RESOURCE,
+        label=label,
+        help=help_text,
+        wants={"holds": "liquid"},
+    )
+
+
+def _quantity(name: str, quantity: str, label: str, help_text: str) -> StepParameter:
+    sort = ParameterSort.QUANTITY
+    return StepParameter(name=name, sort=sort, label=label, help=help_text, quantity=quantity)
+
+
+def _device(name: str, kinds: list[str], label: str, help_text: str) -> StepParameter:
+    wants: dict[str, Any] = {"kind": kinds} if kinds else {"acts": True}
+    sort = ParameterSort.RESOURCE
+    return StepParameter(name=name, sort=sort, label=label, help=help_text, wants=wants)
+
+
+def _optional(parameter: StepParameter) -> StepParameter:
+    return replace(parameter, is_required=False)
+
+
+def _advanced(parameter: StepParameter) -> StepParameter:
+    return replace(parameter, is_required=False, is_advanced=True)
+
+
+STEP_KINDS: Mapping[str, UnitOperation] = {
+    operation.kind: operation
+    for operation in (
+        UnitOperation(
+            kind="transfer",
+            label="Transfer",
+            help="Move liquid from one vessel to another with a syringe pump.",
+            parameters=(
+                _vessel("source", "From", "Vessel the liquid is drawn from."),
+                _vessel("target", "To", "Vessel the liquid is poured into."),
+                _quantity("volume", "volume", "Volume", "How much is moved, such as 5 mL."),
+                _advanced(
+                    _quantity(
+                        "flow_rate",
+                        "flow_rate",
+                        "Flow rate",
+                        "How fast; a full syringe in 20 s when left empty.",
+                    )
+                ),
+                _advanced(
+                    _device(
+                        "pump",
+                        ["syringe_pump"],
+                        "Pump",
+                        "The pump that must do it; the one that wastes least when left empty.",
+                    )
+                ),
+                _advanced(
+                    _device(
+                        "confirm_with",
+                        ["balance"],
+                        "Confirm with",
+                        "Balance that carries the target and must see the mass arrive.",
+                    )
+                ),
+            ),
+            clauses=(
+                "Transfer {volume} from {source} to {target}",
+                " at {flow_rate}",
+                " with {pump}",
+                ", confirmed by {confirm_with}",
+            ),
+        ),
+        UnitOperation(
+            kind="empty_syringe",
+            label="Empty the syringe",
+            help="Push out everything a syringe holds by the record, in one stroke.",
+            parameters=(
+                _device("pump", ["syringe_pump"], "Pump", "The pump whose syringe is emptied."),
+                _vessel("target", "Into", "Vessel the liquid is poured into."),
+                _advanced(
+                    _quantity(
+                        "flow_rate",
+                        "flow_rate",
+                        "Flow rate",
+                        "How fast; a full syringe in 20 s when left empty.",
+                    )
+                ),
+            ),
+            clauses=("Empty the syringe of {pump} into {target}", " at {flow_rate}"),
+        ),
+        UnitOperation(
+            kind="heat_chill",
+            label="Heat or chill",
+            help="Bring a vessel to a temperature; with a hold, switch off after it.",
+            parameters=(
+                _vessel("vessel", "Vessel", "Vessel on a heater or chiller."),
+                _quantity("temperature", "temperature", "Temperature", "Such as 60 °C."),
+                _optional(
+                    _quantity("stir_speed", "speed", "Stir at", "Stir meanwhile, such as 400 rpm.")
+                ),
+                _optional(
+                    _quantity(
+                        "hold_for",
+                        "time",
+                        "Hold for",
+                        "Keep the temperature so long, then stop heating and stirring. "
+                        "Left empty, both stay on.",
+                    )
+                ),
+            ),
+            clauses=(
+                "Bring {vessel} to {temperature}",
+                ", stir at {stir_speed}",
+                ", hold for {hold_for}",
+            ),
+        ),
+        UnitOperation(
+            kind="stir",
+            label="Stir",
+            help="Stir a vessel for a time, then stop.",
+            parameters=(
+                _vessel("vessel", "Vessel", "Vessel on a stirrer."),
+                _quantity("stir_speed", "speed", "Speed", "Such as 400 rpm."),
+                _quantity("duration", "time", "Duration", "How long, such as 10 min."),
+            ),
+            clauses=("Stir {vessel} at {stir_speed} for {duration}",),
+        ),
+        UnitOperation(
+            kind="stop_heat_stir",
+            label="Stop heating and stirring",
+            help="Switch off whatever heats or stirs a vessel.",
+            parameters=(_vessel("vessel", "Vessel", "Vessel on a heater or stirrer."),),
+            clauses=("Stop heating and stirring {vessel}",),
+        ),
+        UnitOperation(
+            kind="wait",
+            label="Wait",
+            help="Do nothing for a time, counted by a timer of the lab.",
+            parameters=(_quantity("duration", "time", "Duration", "How long, such as 10 min."),),
+            clauses=("Wait {duration}",),
+        ),
+        UnitOperation(
+            kind="weigh",
+            label="Weigh",
+            help="Read a balance once it is stable.",
+            parameters=(_device("balance", ["balance"], "Balance", "Balance to read."),),
+            clauses=("Weigh on {balance}",),
+            measures="Mass",
+        ),
+        UnitOperation(
+            kind="measure_ph",
+            label="Measure pH",
+            help="Read a pH transmitter.",
+            parameters=(
+                _device("transmitter", ["transmitter"], "Transmitter", "pH transmitter to read."),
+            ),
+            clauses=("Measure pH with {transmitter}",),
+            measures="pH",
+        ),
+        UnitOperation(
+            kind="device_action",
+            label="Device action",
+            help="Call one action of one device, as its driver declares it.",
+            parameters=(
+                _device("device", [], "Device", "Device that acts."),
+                StepParameter(
+                    name="action",
+                    sort=ParameterSort.NAME,
+                    label="Action",
+                    help="Name of the action in the driver.",
+                ),
+                StepParameter(
+                    name="args",
+                    sort=ParameterSort.ARGUMENTS,
+                    label="Arguments",
+                    help="As the driver's schema asks for; numbers in the unit of their name.",
+                    is_required=False,
+                ),
+            ),
+            clauses=("Run {action} on {device}",),
+        ),
+    )
+}
+"""Unit operation by kind."""
+
+
+def palette() -> list[dict[str, Any]]:
+    """Return every unit operation as plain data, in the order of the palette."""
+    return [operation.to_json() for operation in STEP_KINDS.values()]
+
+
+def sentence(
+    kind: str, params: Mapping[str, Any], names: Mapping[str, str]
+) -> list[dict[str, Any]]:
+    """Say in plain language what a step does.
+
+    Args:
+        kind: Kind of step, in `STEP_KINDS`.
+        params: Its parameters as typed.
+        names: Name by resource reference; an unknown one is shown as an ellipsis.
+
+    Returns:
+        Parts in order. `strong` marks what a person filled in; `sort` says what it is:
+        `text`, `quantity`, `resource` or `name`.
+
+    Example:
+        >>> parts = sentence("wait", {"duration": "10 min"}, {})
+        >>> [(part["text"], part["strong"]) for part in parts]
+        [('Wait ', False), ('10 min', True)]
+    """
+    operation = STEP_KINDS[kind]
+    parts: list[dict[str, Any]] = []
+    for clause in operation.clauses:
+        fields = [operation.parameter(name) for name in _FIELD.findall(clause)]
+        if any(p is not None and not p.is_required and p.name not in params for p in fields):
+            continue
+        for position, piece in enumerate(_FIELD.split(clause)):
+            if position % 2 == 0:
+                parts += [_part(piece, "text")] if piece else []
+            else:
+                parts.append(_filled(operation, piece, params, names))
+    return parts
+
+
+def sentence_text(kind: str, params: Mapping[str, Any], names: Mapping[str, str]) -> str:
+    """Return the sentence of a step without marks.
+
+    Example:
+        >>> sentence_text("wait", {"duration": "10 min"}, {})
+        'Wait 10 min'
+    """
+    return "".join(part["text"] for part in sentence(kind, params, names))
+
+
+def _filled(
+    operation: UnitOperation, name: str, params: Mapping[str, Any], names: Mapping[str, str]
+) -> dict[str, Any]:
+    parameter = operation.parameter(name)
+    sort = parameter.sort if parameter is not None else ParameterSort.NAME
+    value = params.get(name)
+    if not isinstance(value, str):
+        return _part(_MISSING, sort.value)
+    if sort is ParameterSort.RESOURCE:
+        return _part(names.get(value, _MISSING), sort.value)
+    return _part(" ".join(value.split()), sort.value)
+
+
+def _part(text: str, sort: str) -> dict[str, Any]:
+    return {"text": text, "strong": sort != "text", "sort": sort}

@@ -1,0 +1,155 @@
+"""What a unit operation is: its parameters, its ports and the schema of its form."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
+from enum import StrEnum
+from typing import Any
+
+from labweb.domain.units import DIMENSIONS
+
+LONGEST_REFERENCE = 80
+LONGEST_QUANTITY = 64
+
+
+class PortKind(StrEnum):
+    """What an edge between two ports means; only equal kinds connect."""
+
+    DONE = "done"
+    """Order alone: ▸."""
+
+    MATERIAL = "material"
+    """The same vessel goes on into the next step: ●."""
+
+    DATA = "data"
+    """A measured value: ◆."""
+
+
+class ParameterSort(StrEnum):
+    """How a parameter is written."""
+
+    QUANTITY = "quantity"
+    """Text with a unit, as typed."""
+
+    RESOURCE = "resource"
+    """UUID of a resource as text, or `@key` in a template."""
+
+    NAME = "name"
+    """Short text: the name of an action."""
+
+    ARGUMENTS = "arguments"
+    """Object: what the action of a device is called with."""
+
+
+@dataclass(frozen=True, slots=True)
+class StepPort:
+    """One connection point of a step."""
+
+    name: str
+    kind: PortKind
+    label: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StepParameter:
+    """One field of a step's form."""
+
+    name: str
+    sort: ParameterSort
+    label: str
+    help: str
+    quantity: str = ""
+    """Dimension, for a quantity."""
+
+    wants: Mapping[str, Any] = field(default_factory=dict)
+    """Which resources may stand here: `{"holds": "liquid"}` or `{"kind": [...]}`."""
+
+    is_required: bool = True
+    is_advanced: bool = False
+
+    @property
+    def is_vessel(self) -> bool:
+        """Tell whether this names a vessel, which material ports carry."""
+        return self.wants.get("holds") == "liquid"
+
+    def schema(self, order: int) -> dict[str, Any]:
+        """Render as JSON Schema 2020-12 with the hints a form is drawn from."""
+        schema: dict[str, Any] = {
+            "x-label": self.label,
+            "x-help": self.help,
+            "x-order": order,
+            "x-advanced": self.is_advanced,
+        }
+        match self.sort:
+            case ParameterSort.QUANTITY:
+                unit = next(iter(DIMENSIONS[self.quantity].units))
+                hints = {"x-quantity": self.quantity, "x-unit": unit}
+                return {"type": "string", "maxLength": LONGEST_QUANTITY, **hints, **schema}
+            case ParameterSort.RESOURCE:
+                hint = {"x-resource": dict(self.wants)}
+                return {"type": "string", "maxLength": LONGEST_REFERENCE, **hint, **schema}
+            case ParameterSort.NAME:
+                return {"type": "string", "maxLength": LONGEST_REFERENCE, **schema}
+            case ParameterSort.ARGUMENTS:
+                return {"type": "object", **schema}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class UnitOperation:
+    """One sort of step."""
+
+    kind: str
+    label: str
+    help: str
+    parameters: tuple[StepParameter, ...]
+    clauses: tuple[str, ...]
+    """Pieces of the sentence; a piece whose optional field is not set is left out."""
+
+    measures: str = ""
+    """Label of the value it gives, "" when it measures nothing."""
+
+    def parameter(self, name: str) -> StepParameter | None:
+        """Return the parameter of that name, or None."""
+        return next((p for p in self.parameters if p.name == name), None)
+
+    @property
+    def inputs(self) -> tuple[StepPort, ...]:
+        """Ports an edge may end at."""
+        return (StepPort("start", PortKind.DONE, "Start"), *self._materials())
+
+    @property
+    def outputs(self) -> tuple[StepPort, ...]:
+        """Ports an edge may begin at."""
+        value = (StepPort("value", PortKind.DATA, self.measures),) if self.measures else ()
+        return (StepPort("done", PortKind.DONE, "Done"), *self._materials(), *value)
+
+    def _materials(self) -> tuple[StepPort, ...]:
+        vessels = (p for p in self.parameters if p.is_vessel)
+        return tuple(StepPort(p.name, PortKind.MATERIAL, p.label) for p in vessels)
+
+    def schema(self) -> dict[str, Any]:
+        """Render the parameters as JSON Schema 2020-12."""
+        return {
+            "$schema": "https://json-schema.org/draft/2020-12/schema",
+            "title": self.label,
+            "description": self.help,
+            "type": "object",
+            "properties": {
+                p.name: p.schema(order) for order, p in enumerate(self.parameters, start=1)
+            },
+            "required": [p.name for p in self.parameters if p.is_required],
+            "additionalProperties": False,
+        }
+
+    def to_json(self) -> dict[str, Any]:
+        """Render as one entry of the palette."""
+        return {
+            "kind": self.kind,
+            "label": self.label,
+            "help": self.help,
+            "clauses": list(self.clauses),
+            "inputs": [asdict(port) for port in self.inputs],
+            "outputs": [asdict(port) for port in self.outputs],
+            "params": self.schema(),
+        }

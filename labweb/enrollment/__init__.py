@@ -1,0 +1,1 @@
+"""Edge hosts, devices and driver versions, and who admitted them."""

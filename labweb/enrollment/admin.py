@@ -1,0 +1,175 @@
+"""Admin pages of hosts and devices, and the review in which a device is admitted."""
+
+from __future__ import annotations
+
+from typing import Any
+from uuid import UUID
+
+from django.contrib import admin, messages
+from django.core.exceptions import PermissionDenied
+from django.http import Http404, HttpRequest, HttpResponse, HttpResponseRedirect
+from django.template.response import TemplateResponse
+from django.urls import URLPattern, path, reverse
+from django.utils.html import format_html
+from django.views.decorators.http import require_http_methods
+
+from labweb.accounts.selectors import User
+from labweb.common.admin import ReadOnly
+from labweb.domain.approvals.roles import Permission
+from labweb.domain.enrollment.spec import ActionSpec, ParameterSpec, check_config
+from labweb.domain.errors import ForbiddenError, LabError, NotFoundError
+from labweb.enrollment import selectors, services
+from labweb.enrollment.models import Device, DriverVersion, EdgeHost
+from labweb.resources import selectors as resource_selectors
+
+_TEMPLATE = "admin/enrollment/device/review.html"
+_RECOVERY = {
+    "R0": "the device can be asked what it did",
+    "R1": "it can be repeated without harm",
+    "R2": "a measurement tells",
+    "R3": "a person has to look",
+}
+
+
+@admin.register(EdgeHost)
+class EdgeHosts(ReadOnly):
+    """Machines that own devices."""
+
+    list_display = ("name", "key", "state", "last_seen_at", "epoch", "acked_seq")
+    list_filter = ("state",)
+    search_fields = ("name", "key", "id")
+
+
+@admin.register(DriverVersion)
+class DriverVersions(ReadOnly):
+    """Driver source that was read."""
+
+    list_display = ("class_name", "module", "role", "digest", "read_at")
+    list_filter = ("role",)
+    search_fields = ("class_name", "module", "digest")
+
+
+@admin.register(Device)
+class Devices(ReadOnly):
+    """Instruments, found and admitted."""
+
+    list_display = ("name", "key", "state", "host", "driver", "discovered_at", "review_link")
+    list_filter = ("state", "host")
+    list_select_related = ("host", "driver")
+    search_fields = ("name", "key", "id")
+
+    @admin.display(description="review")
+    def review_link(self, row: Device) -> str:
+        """Link to the review."""
+        url = reverse("admin:enrollment_device_review", args=[row.pk])
+        verb = "Review" if row.state == Device.State.CANDIDATE else "Open"
+        return format_html('<a href="{}">{}</a>', url, verb)
+
+    def get_urls(self) -> list[URLPattern]:
+        """Add the review to the pages of the device."""
+        view = self.admin_site.admin_view(require_http_methods(["GET", "POST"])(self.review))
+        own = path("<uuid:device_id>/review/", view, name="enrollment_device_review")
+        return [own, *super().get_urls()]
+
+    def review(self, request: HttpRequest, device_id: UUID) -> HttpResponse:
+        """Show one device in words; admit or suspend it with a reason."""
+        device = _reviewable(request, device_id)
+        error, status = "", 200
+        if request.method == "POST":
+            try:
+                _carry_out(request, device_id)
+            except LabError as refusal:
+                error, status = refusal.message, 422
+                device.refresh_from_db()
+            else:
+                return HttpResponseRedirect(request.path)
+        context = {**self.admin_site.each_context(request), **_page(device), "error": error}
+        context["reason"] = request.POST.get("reason", "")
+        return TemplateResponse(request, _TEMPLATE, context, status=status)
+
+
+def _reviewable(request: HttpRequest, device_id: UUID) -> Device:
+    try:
+        device = selectors.find_device(device_id)
+    except NotFoundError as error:
+        raise Http404(error.message) from error
+    try:
+        resource_selectors.require(_actor(request), Permission.ADMIT, selectors.node_ids(device))
+    except ForbiddenError as error:
+        raise PermissionDenied(error.message) from error
+    return device
+
+
+def _actor(request: HttpRequest) -> User:
+    if not isinstance(request.user, User):
+        raise PermissionDenied
+    return request.user
+
+
+def _carry_out(request: HttpRequest, device_id: UUID) -> None:
+    reason, actor = request.POST.get("reason", ""), _actor(request)
+    match request.POST.get("act"):
+        case "admit":
+            row = services.admit_device(device_id, actor=actor, reason=reason)
+            messages.success(request, f"{row.name} is admitted.")
+        case "suspend":
+            row = services.suspend_device(device_id, actor=actor, reason=reason)
+            messages.success(request, f"{row.name} is suspended.")
+        case _:
+            raise PermissionDenied
+
+
+def _page(device: Device) -> dict[str, Any]:
+    spec = selectors.spec_of(device)
+    findings = [*spec.findings, *check_config(spec, device.config)]
+    return {
+        "title": f"Review {device.name}",
+        "device": device,
+        "spec": spec,
+        "actions": [_action(action) for action in spec.actions],
+        "statuses": [
+            {"name": s.name, "unit": s.value.symbol, "doc": s.doc, "every_s": s.every_s}
+            for s in spec.statuses
+        ],
+        "places": _places(device),
+        "findings": findings,
+        "config": sorted(device.config.items()),
+        "may_admit": device.state in {Device.State.CANDIDATE, Device.State.SUSPENDED},
+        "may_suspend": device.state == Device.State.ENROLLED,
+    }
+
+
+def _action(action: ActionSpec) -> dict[str, Any]:
+    return {
+        "name": action.name,
+        "doc": action.doc,
+        "parameters": [_parameter(parameter) for parameter in action.parameters],
+        "hazards": action.hazards,
+        "recovery": action.recovery,
+        "recovery_means": _RECOVERY[action.recovery],
+        "timeout_s": action.timeout_s,
+    }
+
+
+def _parameter(parameter: ParameterSpec) -> dict[str, Any]:
+    low, high = parameter.minimum, parameter.maximum
+    bounds = [f"≥ {low:g}" if low is not None else "", f"≤ {high:g}" if high is not None else ""]
+    limits = ", ".join(bound for bound in bounds if bound)
+    if parameter.choices:
+        limits = ", ".join(str(choice) for choice in parameter.choices)
+    return {"name": parameter.name, "unit": parameter.symbol, "limits": limits}
+
+
+def _places(device: Device) -> list[dict[str, str]]:
+    nodes = {role: UUID(node) for role, node in device.nodes.items()}
+    above = resource_selectors.ancestors(nodes.values())
+    names = resource_selectors.names(
+        {*nodes.values(), *(up for line in above.values() for up in line)}
+    )
+    return [
+        {
+            "role": role,
+            "path": " / ".join(names[up] for up in [*reversed(above[node]), node] if up in names),
+        }
+        for role, node in nodes.items()
+    ]

@@ -1,0 +1,1 @@
+"""Labs, the resource tree, the physical graph, materials and lots."""

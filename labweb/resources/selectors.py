@@ -1,0 +1,218 @@
+"""Reads of the tree and the graph."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable
+from uuid import UUID
+
+from django.db import connection
+from django.db.models import QuerySet
+
+from labweb.accounts import selectors as account_selectors
+from labweb.accounts.selectors import User
+from labweb.domain.approvals.roles import Permission
+from labweb.domain.errors import ForbiddenError, NotFoundError
+from labweb.domain.graph.topology import Connection as ConnectionData
+from labweb.domain.graph.topology import Medium, PhysicalGraph, PortRef
+from labweb.domain.resources.contents import LotId
+from labweb.domain.resources.kinds import Nature
+from labweb.domain.resources.node import Resource as ResourceData
+from labweb.domain.resources.pose import parse_pose
+from labweb.domain.resources.tree import Tree
+from labweb.resources.models import Connection as Connection
+from labweb.resources.models import Lab as Lab
+from labweb.resources.models import Lot as Lot
+from labweb.resources.models import Material as Material
+from labweb.resources.models import Resource as Resource
+
+_ANCESTORS = """
+WITH RECURSIVE up(start, id, parent_id, depth) AS (
+    SELECT id, id, parent_id, 0 FROM resources_resource WHERE id = ANY(%s)
+    UNION ALL
+    SELECT up.start, r.id, r.parent_id, up.depth + 1
+    FROM resources_resource r JOIN up ON r.id = up.parent_id
+)
+SELECT start, id FROM up WHERE depth > 0 ORDER BY start, depth
+"""
+
+_DESCENDANTS = """
+WITH RECURSIVE down(id) AS (
+    SELECT id FROM resources_resource WHERE id = ANY(%s)
+    UNION ALL
+    SELECT r.id FROM resources_resource r JOIN down ON r.parent_id = down.id
+)
+SELECT id FROM down
+"""
+
+
+def the_lab() -> Lab:
+    """Return the lab this server runs.
+
+    Raises:
+        NotFoundError: None was imported yet.
+    """
+    lab = Lab.objects.order_by("id").first()
+    if lab is None:
+        raise NotFoundError("no lab yet: import one with import_lab", code="lab.none")
+    return lab
+
+
+def lab_for_update(lab_id: UUID) -> Lab:
+    """Lock and return a lab."""
+    return Lab.objects.select_for_update(of=("self",)).get(pk=lab_id)
+
+
+def rows(ids: Iterable[UUID]) -> QuerySet[Resource]:
+    """The nodes with these ids, in id order."""
+    return Resource.objects.filter(pk__in=list(ids)).order_by("pk")
+
+
+def labs() -> QuerySet[Lab]:
+    """All labs."""
+    return Lab.objects.all()
+
+
+def resources_of(lab: Lab) -> QuerySet[Resource]:
+    """Every node of a lab, parents' order kept."""
+    return Resource.objects.filter(lab=lab)
+
+
+def connections_of(lab: Lab) -> QuerySet[Connection]:
+    """Every connection of a lab."""
+    return Connection.objects.filter(lab=lab)
+
+
+def lots_of(lab: Lab) -> QuerySet[Lot]:
+    """Every lot of a lab, with its material."""
+    return Lot.objects.filter(lab=lab).select_related("material")
+
+
+def find_lots(ids: Iterable[str]) -> QuerySet[Lot]:
+    """The lots with these ids, with their materials."""
+    return Lot.objects.filter(pk__in=list(ids)).select_related("material")
+
+
+def materials_of(lab: Lab) -> QuerySet[Material]:
+    """Every material of a lab."""
+    return Material.objects.filter(lab=lab)
+
+
+def find_resource(resource_id: UUID) -> Resource:
+    """Return one node.
+
+    Raises:
+        NotFoundError: There is none.
+    """
+    found = Resource.objects.filter(pk=resource_id).select_related("lab").first()
+    if found is None:
+        raise NotFoundError(f"no resource {resource_id}", code="resource.not_found")
+    return found
+
+
+def ancestors(ids: Iterable[UUID]) -> dict[UUID, tuple[UUID, ...]]:
+    """Return everything above each id, nearest first; one query."""
+    wanted = sorted(set(ids))
+    found: dict[UUID, list[UUID]] = {node: [] for node in wanted}
+    with connection.cursor() as cursor:
+        cursor.execute(_ANCESTORS, [wanted])
+        for start, node in cursor.fetchall():
+            found[start].append(node)
+    return {start: tuple(nodes) for start, nodes in found.items()}
+
+
+def descendants(ids: Iterable[UUID]) -> set[UUID]:
+    """Return the ids and everything below them; one query."""
+    with connection.cursor() as cursor:
+        cursor.execute(_DESCENDANTS, [sorted(set(ids))])
+        return {row[0] for row in cursor.fetchall()}
+
+
+def to_domain(row: Resource) -> ResourceData:
+    """Turn a row into what the rules work on."""
+    size = row.size_mm
+    return ResourceData(
+        id=row.id,
+        key=row.key,
+        name=row.name,
+        kind=row.kind,
+        nature=Nature(row.nature),
+        parent_id=row.parent_id,
+        pose=parse_pose(row.pose),
+        size_mm=None if size is None else (size[0], size[1], size[2]),
+        config=row.config,
+        data=row.data,
+        extra=row.extra,
+    )
+
+
+def tree_of(lab: Lab) -> Tree:
+    """Return the whole tree of a lab, for planning and export."""
+    return Tree(tuple(to_domain(row) for row in resources_of(lab)))
+
+
+def graph_of(lab: Lab) -> PhysicalGraph:
+    """Return the physical graph of a lab."""
+    return PhysicalGraph(
+        tuple(
+            ConnectionData(
+                id=row.id,
+                key=row.key,
+                source=PortRef(row.source_id, row.source_port),
+                target=PortRef(row.target_id, row.target_port),
+                medium=Medium(row.medium),
+                is_two_way=row.is_two_way,
+                dead_volume_nl=row.dead_volume_nl,
+                extra=row.extra,
+            )
+            for row in connections_of(lab)
+        )
+    )
+
+
+def rows_for_update(ids: Collection[UUID]) -> dict[UUID, Resource]:
+    """Lock the rows in id order and return them; never waits.
+
+    Raises:
+        django.db.OperationalError: Somebody holds one of them right now.
+    """
+    return {row.id: row for row in rows(ids).select_for_update(nowait=True)}
+
+
+def densities(lab: Lab) -> dict[LotId, float | None]:
+    """Return mg/µL by lot id; None is unknown."""
+    return {LotId(str(lot.id)): lot.material.density_mg_ul for lot in lots_of(lab)}
+
+
+def allowed_ids(user: User, permission: Permission) -> set[UUID]:
+    """Return every resource on which the user has the permission; two queries."""
+    roots = account_selectors.granted_roots(user, permission)
+    return descendants(roots) if roots else set()
+
+
+def require(user: User, permission: Permission, ids: Iterable[UUID]) -> None:
+    """Refuse unless the user has the permission on every one of the resources.
+
+    Raises:
+        ForbiddenError: They lack it; nothing changed.
+    """
+    missing = set(ids) - allowed_ids(user, permission)
+    if missing or not account_selectors.granted_roots(user, permission):
+        raise ForbiddenError(
+            f"{user.username} may not {permission.value} here",
+            context={"permission": permission.value, "resources": sorted(map(str, missing))},
+        )
+
+
+def root_of(lab: Lab) -> Resource:
+    """Return the root of a lab's tree."""
+    return Resource.objects.get(lab=lab, parent__isnull=True)
+
+
+def permissions_of(user: User) -> frozenset[Permission]:
+    """Return what the user may do anywhere; what they may do to a resource is `require`."""
+    return account_selectors.permissions_of(user)
+
+
+def names(ids: Iterable[UUID]) -> dict[UUID, str]:
+    """Return name by id."""
+    return dict(rows(ids).values_list("id", "name"))

@@ -1,0 +1,1 @@
+"""Executions: runs, jobs, attempts, dispatch and what hosts report."""

@@ -1,0 +1,1 @@
+"""REST of runs, jobs, approvals and the stop of the lab."""

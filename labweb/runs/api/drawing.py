@@ -1,0 +1,137 @@
+"""The endpoints of workflows: list, open, check against the lab."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar
+from uuid import UUID
+
+import msgspec
+from rest_framework.request import Request
+from rest_framework.response import Response
+from rest_framework.views import APIView
+
+from labweb.accounts.selectors import User, user_of
+from labweb.common.render import iso
+from labweb.common.requests import body
+from labweb.domain.approvals.roles import Permission
+from labweb.domain.errors import LabError
+from labweb.domain.workflows import plan as plans
+from labweb.domain.workflows.steps import STEP_KINDS, sentence
+from labweb.resources import selectors as resource_selectors
+from labweb.resources.selectors import Lab
+from labweb.runs import selectors, services
+from labweb.runs.api import render
+from labweb.runs.models import Run
+from labweb.workflows import api as workflow_api
+from labweb.workflows import selectors as workflow_selectors
+
+
+class CheckDocument(msgspec.Struct, forbid_unknown_fields=True):
+    """Body of a check."""
+
+    document: dict[str, Any]
+
+
+class Check(APIView):
+    """What a workflow would mean here and now."""
+
+    bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": CheckDocument}
+
+    def post(self, request: Request) -> Response:
+        """Compile a document against the lab as it is; findings are an answer, no failure."""
+        user = user_of(request)
+        document = body(request, CheckDocument).document
+        lab = resource_selectors.the_lab()
+        seen = resource_selectors.allowed_ids(user, Permission.VIEW)
+        hidden = {str(row.id) for row in resource_selectors.resources_of(lab)} - set(map(str, seen))
+        names = {key: name for key, name in services.names_for(lab).items() if key not in hidden}
+        answer: dict[str, Any] = {
+            "findings": [],
+            "plan": None,
+            "policies": [],
+            "sentences": _sentences(document, names),
+        }
+        try:
+            services.check_named(lab, document, user, Permission.VIEW)
+            found = services.preview(lab, document)
+            resource_selectors.require(user, Permission.VIEW, services.touched(found.plan))
+        except LabError as error:
+            findings = [finding.to_json() for finding in error.findings]
+            answer["findings"] = findings or [
+                {"code": error.code, "message": error.message, "subject": "", "context": {}}
+            ]
+            return Response(answer)
+        answer["plan"] = render.plan_json(
+            msgspec.to_builtins(found.plan), plans.digest(found.plan), names
+        )
+        answer["policies"] = list(found.policies)
+        return Response(answer)
+
+
+def _sentences(document: dict[str, Any], names: dict[str, str]) -> dict[str, Any]:
+    steps = document.get("steps")
+    found: dict[str, Any] = {}
+    for step in steps if isinstance(steps, list) else []:
+        if not isinstance(step, dict) or step.get("kind") not in STEP_KINDS:
+            continue
+        params = step.get("params")
+        known = params if isinstance(params, dict) else {}
+        found[str(step.get("id"))] = sentence(str(step["kind"]), known, names)
+    return found
+
+
+class Workflows(APIView):
+    """Workflows with their last runs."""
+
+    bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": workflow_api.NewWorkflow}
+
+    def get(self, request: Request) -> Response:
+        """List workflows, templates first."""
+        user_of(request)
+        return Response({"workflows": workflow_rows(resource_selectors.the_lab())})
+
+    def post(self, request: Request) -> Response:
+        """Create a workflow."""
+        row = workflow_api.create(request)
+        return Response(_workflow(row.id, user_of(request)), status=201)
+
+
+class WorkflowDetail(APIView):
+    """One workflow."""
+
+    def get(self, request: Request, workflow_id: UUID) -> Response:
+        """Return a workflow with its draft and versions."""
+        return Response(_workflow(workflow_id, user_of(request)))
+
+
+def workflow_rows(lab: Lab) -> list[dict[str, Any]]:
+    """Render workflows with the last run of each; a fixed number of queries."""
+    last = selectors.last_runs(lab)
+    return [
+        {**workflow_api.render_row(row), "last_run": _last_run(last.get(row.id))}
+        for row in workflow_selectors.workflows_of(lab)
+    ]
+
+
+def _last_run(run: Run | None) -> dict[str, Any] | None:
+    if run is None:
+        return None
+    return {
+        "id": str(run.id),
+        "number": run.number,
+        "state": run.state,
+        "ended_at": iso(run.ended_at),
+    }
+
+
+def _workflow(workflow_id: UUID, user: User) -> dict[str, Any]:
+    row = workflow_selectors.find_workflow(workflow_id)
+    last = selectors.last_runs(row.lab)
+    return {
+        **workflow_api.render_row(row),
+        "last_run": _last_run(last.get(row.id)),
+        "draft": row.draft,
+        "draft_revision": row.draft_revision,
+        "versions": [workflow_api.render_version(v) for v in row.versions.all()],
+        "can_edit": Permission.DRAW in resource_selectors.permissions_of(user),
+    }

@@ -1,0 +1,45 @@
+"""The endpoints of the lab and its stop."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+import msgspec
+from rest_framework.request import Request
+from rest_framework.response import Response
+from rest_framework.views import APIView
+
+from labweb.accounts.selectors import user_of
+from labweb.common.requests import body
+from labweb.resources import selectors as resource_selectors
+from labweb.runs import selectors, services
+from labweb.runs.api.runs import Reason
+
+
+class LabView(APIView):
+    """The lab and its stop."""
+
+    def get(self, request: Request) -> Response:
+        """Return the lab."""
+        user_of(request)
+        return Response(selectors.lab_summary(resource_selectors.the_lab()))
+
+
+class StopLab(APIView):
+    """Software stop."""
+
+    def post(self, request: Request) -> Response:
+        """Stop every device now and latch."""
+        services.stop_lab(actor=user_of(request))
+        return Response(selectors.lab_summary(resource_selectors.the_lab()))
+
+
+class ResetLab(APIView):
+    """Release after a stop."""
+
+    bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": Reason}
+
+    def post(self, request: Request) -> Response:
+        """Release the latch; starts nothing."""
+        services.reset_lab(actor=user_of(request), reason=body(request, Reason).reason)
+        return Response(selectors.lab_summary(resource_selectors.the_lab()))

@@ -1,0 +1,250 @@
+"""Render runs, jobs and requests as the browser reads them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Any
+from uuid import UUID
+
+from labweb.accounts.selectors import User
+from labweb.approvals import selectors as approval_selectors
+from labweb.approvals.selectors import ApprovalRequest
+from labweb.common.clock import now
+from labweb.common.render import iso
+from labweb.domain.approvals.policy import check_decision
+from labweb.domain.approvals.roles import Permission
+from labweb.domain.runs.job import FINAL, JobState, RunState
+from labweb.domain.units import render_volume
+from labweb.resources import selectors as resource_selectors
+from labweb.resources.selectors import Lab
+from labweb.runs import selectors
+from labweb.runs.models import Attempt, Job, Run
+
+_ENDED = {RunState.COMPLETE.value, RunState.ABORTED.value}
+
+
+def names_of(lab: Lab) -> dict[str, str]:
+    """Return name by id of every resource of a lab."""
+    return {str(row.id): row.name for row in resource_selectors.resources_of(lab)}
+
+
+def render_rows(runs: Iterable[Run]) -> list[dict[str, Any]]:
+    """Render runs for a list; two queries."""
+    rows = list(runs)
+    jobs: dict[UUID, list[Job]] = {}
+    for job in Job.objects.filter(run__in=[row.id for row in rows]).order_by("index"):
+        jobs.setdefault(job.run_id, []).append(job)
+    return [_row(row, jobs.get(row.id, [])) for row in rows]
+
+
+def _row(run: Run, jobs: list[Job]) -> dict[str, Any]:
+    steps = run.plan["steps"]
+    left = [job for job in jobs if JobState(job.state) not in FINAL]
+    open_steps = {job.step_id for job in jobs if job.state != JobState.COMPLETE.value}
+    done = [step for step in steps if step["step_id"] not in open_steps]
+    current = next((job for job in left if job.state != JobState.QUEUED.value), None)
+    version = run.version
+    ended = run.state in _ENDED
+    return {
+        "id": str(run.id),
+        "number": run.number,
+        "workflow": {
+            "id": str(version.workflow_id),
+            "name": version.workflow.name,
+            "version": version.number,
+        },
+        "mode": run.lab.mode,
+        "state": run.state,
+        "created_by": run.created_by.printed_name,
+        "created_at": iso(run.created_at),
+        "started_at": iso(run.started_at),
+        "ended_at": iso(run.ended_at),
+        "steps_total": len(steps),
+        "steps_done": len(done),
+        "step_now": None if current is None else current.sentence,
+        "in_doubt_count": sum(job.state == JobState.IN_DOUBT.value for job in jobs),
+        "estimate_s": sum(job.estimate_s for job in jobs),
+        "left_s": None if ended else _left_s(left),
+        "pause_reasons": run.pause_reasons,
+    }
+
+
+def _left_s(jobs: list[Job]) -> float:
+    at = now()
+    spent = {
+        job.id: (at - job.started_at).total_seconds() for job in jobs if job.started_at is not None
+    }
+    return sum(max(job.estimate_s - spent.get(job.id, 0.0), 0.0) for job in jobs)
+
+
+def render_plan(run: Run, jobs: Iterable[Job]) -> dict[str, Any]:
+    """Render the plan a run carries out."""
+    names = {str(job.device_id): job.device.name for job in jobs}
+    return plan_json(run.plan, run.plan_digest, names)
+
+
+def plan_json(plan: Mapping[str, Any], digest: str, names: Mapping[str, str]) -> dict[str, Any]:
+    """Render a plan with the names of its devices."""
+    return {
+        "digest": digest,
+        "estimate_s": sum(job["estimate_s"] for job in plan["jobs"]),
+        "steps": plan["steps"],
+        "jobs": [
+            {
+                "index": job["index"],
+                "step_id": job["step_id"],
+                "sentence": job["sentence"],
+                "device": {
+                    "id": str(job["device_id"]),
+                    "name": names.get(str(job["device_id"]), ""),
+                },
+                "action": job["action"],
+                "args": job["args"],
+                "after": job["after"],
+                "estimate_s": job["estimate_s"],
+            }
+            for job in plan["jobs"]
+        ],
+        "notes": plan["notes"],
+    }
+
+
+def render_run(run: Run, user: User) -> dict[str, Any]:
+    """Render a run whole."""
+    jobs = list(selectors.jobs_of(run))
+    names = names_of(run.lab)
+    attempts = {
+        attempt.job_id: attempt
+        for attempt in Attempt.objects.filter(job__run=run)
+        .select_related("transaction")
+        .order_by("number")
+    }
+    waiting = selectors.answered_actions(attempt.id for attempt in attempts.values())
+    request = approval_selectors.request_of(run.id)
+    allowed = resource_selectors.permissions_of(user)
+    ended = run.state in _ENDED
+    may_run = Permission.RUN in allowed
+    return {
+        **_row(run, jobs),
+        "document": run.version.document,
+        "plan": render_plan(run, jobs),
+        "jobs": [render_job(job, attempts.get(job.id), names, waiting) for job in jobs],
+        "approval": None if request is None else {"id": str(request.id), "state": request.state},
+        "can": {
+            "pause": may_run and not ended and not run.pause_reasons,
+            "resume": may_run
+            and not ended
+            and not run.lab.is_stopped
+            and (bool(run.pause_reasons) or any(j.state == JobState.HELD.value for j in jobs)),
+            "abort": may_run and not ended,
+            "resolve": Permission.RESOLVE in allowed,
+        },
+    }
+
+
+def render_job(
+    job: Job,
+    attempt: Attempt | None,
+    names: Mapping[str, str],
+    waiting: frozenset[UUID] = frozenset(),
+) -> dict[str, Any]:
+    """Render one job with what is known of its outcome."""
+    answered = attempt is not None and attempt.id in waiting
+    return {
+        "id": str(job.id),
+        "index": job.index,
+        "step_id": job.step_id,
+        "sentence": job.sentence,
+        "device": {"id": str(job.device_id), "name": job.device.name, "key": job.device.key},
+        "action": job.action,
+        "args": job.args,
+        "operation": job.operation,
+        "state": job.state,
+        "state_at": iso(job.state_at),
+        "started_at": iso(job.started_at),
+        "ended_at": iso(job.ended_at),
+        "estimate_s": job.estimate_s,
+        "verification": job.verification,
+        "code": job.code,
+        "message": job.message,
+        "evidence": job.evidence,
+        "after": job.after,
+        "transaction": None
+        if attempt is None
+        else {"id": str(attempt.transaction_id), "state": attempt.transaction.state},
+        "question": _question(job, names, answered=answered),
+    }
+
+
+def _question(job: Job, names: Mapping[str, str], *, answered: bool) -> dict[str, Any] | None:
+    if job.state != JobState.IN_DOUBT.value:
+        return None
+    operation = job.operation
+    if operation.get("op") == "transfer_liquid":
+        source = names.get(operation["source_id"], "?")
+        target = names.get(operation["target_id"], "?")
+        volume = render_volume(operation["amount_nl"])
+        text = f"Was {volume} moved from {source} to {target}?"
+        asked: float | None = operation["amount_nl"] / 1000
+    else:
+        source = target = ""
+        text, asked = f"Did this happen: {job.sentence}?", None
+    return {
+        "text": text,
+        "asked_ul": asked,
+        "source": source,
+        "target": target,
+        "answer_sent": answered,
+    }
+
+
+def render_request(
+    row: ApprovalRequest, run: Run, user: User, allowed: frozenset[Permission] | None = None
+) -> dict[str, Any]:
+    """Render a request with whether this person may answer it.
+
+    Args:
+        row: The request.
+        run: What it is about.
+        user: Who asks to see it.
+        allowed: What they may do anywhere; None looks it up.
+    """
+    if allowed is None:
+        allowed = resource_selectors.permissions_of(user)
+    code, why_not = check_decision(
+        asked_by=str(row.asked_by_id),
+        actor=str(user.pk),
+        allow_self=row.allow_self,
+        state=row.state,
+    )
+    may = Permission.DECIDE in allowed
+    if not may and not code:
+        why_not = "deciding needs the role approver"
+    decision = getattr(row, "decision", None)
+    return {
+        "id": str(row.id),
+        "title": row.title,
+        "state": row.state,
+        "run": {"id": str(run.id), "number": run.number},
+        "workflow": {
+            "id": str(run.version.workflow_id),
+            "name": run.version.workflow.name,
+            "version": run.version.number,
+        },
+        "policies": row.policies,
+        "asked_by": {"name": row.asked_by.printed_name},
+        "asked_at": iso(row.asked_at),
+        "expires_at": iso(row.expires_at),
+        "plan_digest": row.plan_digest,
+        "can_decide": may and not code,
+        "why_not": why_not or None,
+        "decision": None
+        if decision is None
+        else {
+            "is_approved": decision.is_approved,
+            "printed_name": decision.printed_name,
+            "meaning": decision.meaning,
+            "comment": decision.comment,
+            "at": iso(decision.at),
+        },
+    }

@@ -1,0 +1,194 @@
+"""The endpoints of runs and jobs."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar
+from uuid import UUID
+
+import msgspec
+from django.db.models import QuerySet
+from rest_framework.request import Request
+from rest_framework.response import Response
+from rest_framework.views import APIView
+
+from labweb.accounts.selectors import User, user_of
+from labweb.common.render import iso
+from labweb.common.requests import body, whole_number
+from labweb.crutd import api as crutd_api
+from labweb.crutd import selectors as crutd_selectors
+from labweb.domain.approvals.roles import Permission
+from labweb.domain.errors import DefinitionError, NotFoundError
+from labweb.domain.runs.job import RunState
+from labweb.resources import selectors as resource_selectors
+from labweb.resources.selectors import Lab
+from labweb.runs import selectors, services
+from labweb.runs.api import render
+from labweb.runs.models import Run
+from labweb.workflows import selectors as workflow_selectors
+
+MOST_UL = 1e9
+"""A cubic metre; more is a slip of the keys."""
+
+
+class StartRun(msgspec.Struct, forbid_unknown_fields=True):
+    """Body of a start."""
+
+    version_id: UUID
+
+
+class Reason(msgspec.Struct, forbid_unknown_fields=True):
+    """Body of an act that needs a reason."""
+
+    reason: str
+
+
+class Answer(msgspec.Struct, forbid_unknown_fields=True):
+    """Body of a resolution."""
+
+    answer: str
+    note: str
+    moved_ul: float | None = None
+
+
+def visible(run_id: UUID, user: User) -> Run:
+    """Return a run the user may see.
+
+    Raises:
+        NotFoundError: There is none, or it uses something they may not know of.
+    """
+    run = selectors.find_run(run_id)
+    if not visible_runs(run.lab, user).filter(pk=run_id).exists():
+        raise NotFoundError(f"no run {run_id}", code="run.not_found")
+    return run
+
+
+def visible_runs(lab: Lab, user: User) -> QuerySet[Run]:
+    """The runs of a lab that the user may see."""
+    seen = resource_selectors.allowed_ids(user, Permission.VIEW)
+    return selectors.visible_runs(lab, seen)
+
+
+class Runs(APIView):
+    """Runs of the lab."""
+
+    bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": StartRun}
+
+    def get(self, request: Request) -> Response:
+        """List runs, newest first."""
+        rows = visible_runs(resource_selectors.the_lab(), user_of(request))
+        states = [s for s in request.query_params.get("state", "").split(",") if s]
+        if not set(states) <= set(RunState):
+            raise DefinitionError("state lists states of runs", code="http.query")
+        if states:
+            rows = rows.filter(state__in=states)
+        limit = whole_number(request, "limit", default=100, low=1, high=500)
+        return Response({"runs": render.render_rows(rows[:limit])})
+
+    def post(self, request: Request) -> Response:
+        """Start a version, or ask for approval where a policy wants it."""
+        user = user_of(request)
+        version = workflow_selectors.find_version(body(request, StartRun).version_id)
+        run = services.start_run(version, actor=user)
+        return Response(render.render_run(selectors.find_run(run.id), user), status=201)
+
+
+class RunDetail(APIView):
+    """One run."""
+
+    def get(self, request: Request, run_id: UUID) -> Response:
+        """Return a run whole."""
+        user = user_of(request)
+        return Response(render.render_run(visible(run_id, user), user))
+
+
+class RunEvents(APIView):
+    """CRUTD events of one run."""
+
+    def get(self, request: Request, run_id: UUID) -> Response:
+        """List what the run's transactions did, newest first."""
+        run = visible(run_id, user_of(request))
+        ids = run.jobs.values_list("id", flat=True)
+        events = list(crutd_selectors.events_of(run.lab, job_ids=ids)[:1000])
+        rendered = crutd_api.render_events(events)
+        for event in rendered:
+            event["run"] = {"id": str(run.id), "number": run.number}
+        return Response({"events": rendered})
+
+
+class RunLog(APIView):
+    """What hosts reported of one run."""
+
+    def get(self, request: Request, run_id: UUID) -> Response:
+        """List host events of the run's actions, oldest first."""
+        run = visible(run_id, user_of(request))
+        jobs = {
+            attempt_id: job
+            for job in selectors.jobs_of(run).prefetch_related("attempts")
+            for attempt_id in [attempt.id for attempt in job.attempts.all()]
+        }
+        lines = [
+            {
+                "at": iso(event.received_at),
+                "job_id": str(jobs[event.action_id].id),
+                "job_index": jobs[event.action_id].index,
+                "kind": event.kind,
+                "text": _line(event.kind, event.body, jobs[event.action_id].sentence),
+                "body": event.body,
+            }
+            for event in selectors.host_events(list(jobs))
+            if event.action_id is not None
+        ]
+        return Response({"lines": lines})
+
+
+def _line(kind: str, report: dict[str, Any], sentence_text: str) -> str:
+    message = report.get("message")
+    return f"{sentence_text}: {kind}" + (f", {message}" if message else "")
+
+
+class RunAct(APIView):
+    """Pause, resume or abort."""
+
+    act = ""
+
+    def post(self, request: Request, run_id: UUID) -> Response:
+        """Carry out the act and return the run."""
+        user = user_of(request)
+        if self.act == "pause":
+            services.pause_run(run_id, actor=user)
+        elif self.act == "resume":
+            services.resume_run(run_id, actor=user)
+        else:
+            services.abort_run(run_id, actor=user, reason=body(request, Reason).reason)
+        return Response(render.render_run(selectors.find_run(run_id), user))
+
+
+def whole_nl(volume_ul: float) -> int:
+    """Turn microlitres of a request into nanolitres.
+
+    Raises:
+        DefinitionError: It is no volume of any laboratory.
+    """
+    if not 0 < volume_ul < MOST_UL:
+        raise DefinitionError(f"{volume_ul} µL cannot have moved", code="run.bad_amount")
+    return round(volume_ul * 1000)
+
+
+class ResolveJob(APIView):
+    """What happened in a job in doubt."""
+
+    bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": Answer}
+
+    def post(self, request: Request, job_id: UUID) -> Response:
+        """Send a person's answer to the host."""
+        user = user_of(request)
+        answer = body(request, Answer)
+        moved = None if answer.moved_ul is None else whole_nl(answer.moved_ul)
+        services.resolve_job(
+            job_id, actor=user, answer=answer.answer, moved_nl=moved, note=answer.note
+        )
+        job = selectors.find_job(job_id)
+        attempt = selectors.last_attempt(job)
+        waiting = frozenset() if attempt is None else frozenset({attempt.id})
+        names = render.names_of(job.run.lab)
+        return Response(render.render_job(job, attempt, names, waiting))

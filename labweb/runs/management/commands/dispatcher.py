@@ -1,0 +1,102 @@
+"""The dispatcher: scheduler tick, outbox relay and host monitor in one loop."""
+
+from __future__ import annotations
+
+import logging
+import signal
+import threading
+import time
+from datetime import timedelta
+from types import FrameType
+from uuid import UUID
+
+from django.core.management.base import BaseCommand
+from django.db import connection, connections
+from django.db.transaction import atomic
+from django.db.utils import InterfaceError, OperationalError
+
+from labweb.common.clock import now
+from labweb.enrollment import selectors as enrollment_selectors
+from labweb.enrollment import services as enrollment_services
+from labweb.resources import selectors as resource_selectors
+from labweb.runs import selectors, services
+from labweb.runs.services.control import tell_stop
+from labweb.telemetry import services as telemetry_services
+
+logger = logging.getLogger(__name__)
+
+_BUSY_TICK_S = 0.03
+_IDLE_TICK_S = 0.2
+_WATCH_EVERY_S = 1.0
+_TRIM_EVERY_S = 60.0
+_LEADER_LOCK = 0x6C61_6264
+
+
+class Monitor:
+    """How long each host has been silent, on this process's monotonic clock."""
+
+    def __init__(self) -> None:
+        self._seen: dict[UUID, tuple[object, float]] = {}
+
+    def silent_s(self) -> dict[UUID, float]:
+        """Return seconds since each host's last sign of life changed in the database."""
+        at = time.monotonic()
+        for host_id, seen in enrollment_selectors.all_hosts().values_list("id", "last_seen_at"):
+            if host_id not in self._seen or self._seen[host_id][0] != seen:
+                self._seen[host_id] = (seen, at)
+        return {host_id: at - since for host_id, (_, since) in self._seen.items()}
+
+
+class Command(BaseCommand):
+    """`manage.py dispatcher`."""
+
+    help = "Dispatch queued jobs to edge hosts, ring their doorbells and watch over them."
+
+    def handle(self, *_args: object, **_options: object) -> None:
+        """Run until SIGTERM; a database that is away is waited for."""
+        stop = threading.Event()
+
+        def end(_signum: int, _frame: FrameType | None) -> None:
+            stop.set()
+
+        signal.signal(signal.SIGTERM, end)
+        signal.signal(signal.SIGINT, end)
+        monitor = Monitor()
+        watched_at = trimmed_at = 0.0
+        while not stop.is_set():
+            is_busy = False
+            try:
+                is_busy = self._tick()
+                if time.monotonic() - watched_at >= _WATCH_EVERY_S:
+                    watched_at = time.monotonic()
+                    self._watch(monitor)
+                if time.monotonic() - trimmed_at >= _TRIM_EVERY_S:
+                    trimmed_at = time.monotonic()
+                    telemetry_services.trim()
+            except (OperationalError, InterfaceError) as error:
+                logger.warning("the database is away: %s", error)
+                connections.close_all()
+                stop.wait(1.0)
+            stop.wait(_BUSY_TICK_S if is_busy else _IDLE_TICK_S)
+
+    def _tick(self) -> bool:
+        """Dispatch and publish; tell whether there is live work."""
+        if not self._is_leader():
+            return False
+        services.dispatch_ready()
+        services.publish_outbox()
+        return selectors.runs_to_schedule().exists()
+
+    def _is_leader(self) -> bool:
+        with atomic(), connection.cursor() as cursor:
+            cursor.execute("SELECT pg_try_advisory_lock(%s)", [_LEADER_LOCK])
+            row = cursor.fetchone()
+            return bool(row and row[0])
+
+    def _watch(self, monitor: Monitor) -> None:
+        enrollment_services.watch_hosts(monitor.silent_s())
+        for lab in resource_selectors.labs().filter(is_stopped=True):
+            if lab.stop_id is None or lab.stopped_at is None:
+                continue
+            if now() - lab.stopped_at > timedelta(seconds=1):
+                tell_stop(lab.id, lab.stop_id, str(lab.stopped_by_id))

@@ -1,0 +1,143 @@
+"""Runs, jobs, attempts, the outbox and the events of hosts."""
+
+from __future__ import annotations
+
+from django.db import models
+
+from labweb.common.models import Base, enum_choices
+from labweb.domain.runs.job import JobState, RunState
+
+
+class Run(Base):
+    """One execution of a workflow version."""
+
+    lab = models.ForeignKey("resources.Lab", on_delete=models.PROTECT, related_name="runs")
+    number = models.PositiveIntegerField()
+    version = models.ForeignKey(
+        "workflows.WorkflowVersion", on_delete=models.PROTECT, related_name="runs"
+    )
+    plan = models.JSONField()
+    plan_digest = models.CharField(max_length=64)
+    state = models.CharField(max_length=20, choices=enum_choices(RunState))
+    created_by = models.ForeignKey("accounts.User", on_delete=models.PROTECT, related_name="+")
+    created_at = models.DateTimeField()
+    started_at = models.DateTimeField(null=True)
+    ended_at = models.DateTimeField(null=True)
+    pause_reasons = models.JSONField(default=list)
+    """Stacked: `{"kind", "by", "at"}`; it goes on when the list is empty."""
+
+    class Meta:
+        ordering = ["-number"]
+        constraints = [models.UniqueConstraint(fields=["lab", "number"], name="run_number_once")]
+
+    def __str__(self) -> str:
+        return f"Run #{self.number}"
+
+
+class Job(Base):
+    """One dispatched action of a run; intent, while an Attempt is one try."""
+
+    run = models.ForeignKey(Run, on_delete=models.PROTECT, related_name="jobs")
+    index = models.PositiveIntegerField()
+    step_id = models.CharField(max_length=64)
+    sentence = models.CharField(max_length=300)
+    device = models.ForeignKey("enrollment.Device", on_delete=models.PROTECT, related_name="jobs")
+    action = models.CharField(max_length=64)
+    args = models.JSONField()
+    operation = models.JSONField()
+    pre = models.JSONField(default=list)
+    post = models.JSONField(default=list)
+    after = models.JSONField(default=list)
+    locks = models.JSONField(default=list)
+    recovery = models.CharField(max_length=2, default="R3")
+    estimate_s = models.FloatField(default=0)
+    state = models.CharField(max_length=20, choices=enum_choices(JobState))
+    state_at = models.DateTimeField()
+    started_at = models.DateTimeField(null=True)
+    ended_at = models.DateTimeField(null=True)
+    verification = models.CharField(max_length=10, blank=True)
+    code = models.CharField(max_length=100, blank=True)
+    message = models.TextField(blank=True)
+    evidence = models.JSONField(default=dict)
+
+    class Meta:
+        ordering = ["index"]
+        constraints = [models.UniqueConstraint(fields=["run", "index"], name="job_index_once")]
+        indexes = [models.Index(fields=["state"])]
+
+    def __str__(self) -> str:
+        return self.sentence
+
+
+class Attempt(Base):
+    """One physical try of a job; its id is the action id the edge sees."""
+
+    job = models.ForeignKey(Job, on_delete=models.PROTECT, related_name="attempts")
+    number = models.PositiveIntegerField()
+    host = models.ForeignKey("enrollment.EdgeHost", on_delete=models.PROTECT, related_name="+")
+    transaction = models.OneToOneField(
+        "crutd.Transaction", on_delete=models.PROTECT, related_name="attempt"
+    )
+    dseq = models.BigIntegerField()
+    epoch = models.BigIntegerField()
+    worker_pid = models.PositiveIntegerField(null=True)
+    """Process that carried it out, from the STARTED event."""
+
+    at = models.DateTimeField()
+
+    class Meta:
+        constraints = [
+            models.UniqueConstraint(fields=["job", "number"], name="attempt_once"),
+            models.UniqueConstraint(fields=["host", "dseq"], name="dseq_once"),
+        ]
+
+    def __str__(self) -> str:
+        return f"attempt {self.number}"
+
+
+class Outbox(models.Model):
+    """A signed command on its way: written with the fact, published after the commit."""
+
+    id = models.BigAutoField(primary_key=True)
+    host = models.ForeignKey("enrollment.EdgeHost", on_delete=models.PROTECT, related_name="+")
+    action_id = models.UUIDField(db_index=True)
+    kind = models.CharField(max_length=10)
+    body = models.JSONField()
+    """The command before signing; epoch and signature are put on at publication."""
+
+    at = models.DateTimeField()
+    published_at = models.DateTimeField(null=True)
+    publish_count = models.PositiveIntegerField(default=0)
+    settled_at = models.DateTimeField(null=True)
+    """The host has answered; nothing is left to repeat."""
+
+    class Meta:
+        verbose_name_plural = "outbox"
+        indexes = [models.Index(fields=["settled_at", "host"])]
+
+    def __str__(self) -> str:
+        return f"{self.kind} {self.action_id}"
+
+
+class HostEvent(models.Model):
+    """One event of a host, exactly as it came."""
+
+    id = models.BigAutoField(primary_key=True)
+    host = models.ForeignKey("enrollment.EdgeHost", on_delete=models.PROTECT, related_name="+")
+    journal_id = models.UUIDField()
+    seq = models.BigIntegerField()
+    hash = models.CharField(max_length=64)
+    kind = models.CharField(max_length=20)
+    action_id = models.UUIDField(null=True, db_index=True)
+    at_s = models.FloatField()
+    received_at = models.DateTimeField()
+    body = models.JSONField()
+
+    class Meta:
+        ordering = ["-id"]
+        constraints = [
+            models.UniqueConstraint(fields=["host", "journal_id", "seq"], name="host_event_once")
+        ]
+
+    def __str__(self) -> str:
+        return f"{self.seq} {self.kind}"

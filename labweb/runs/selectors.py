@@ -1,0 +1,249 @@
+"""Reads of runs, jobs and what hosts reported."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Collection, Iterable
+from typing import Any
+from uuid import UUID
+
+from django.db.models import QuerySet
+
+from labweb.approvals import selectors as approval_selectors
+from labweb.common.render import iso
+from labweb.domain.errors import NotFoundError
+from labweb.domain.runs.job import AT_EDGE, JobState, RunState
+from labweb.domain.runs.scheduler import JobView, StepJob, held_by_steps
+from labweb.enrollment import selectors as enrollment_selectors
+from labweb.enrollment.selectors import EdgeHost
+from labweb.resources import selectors as resource_selectors
+from labweb.resources.selectors import Lab
+from labweb.runs.models import Attempt, HostEvent, Outbox
+from labweb.runs.models import Job as Job
+from labweb.runs.models import Run as Run
+
+LIVE = [
+    RunState.QUEUED.value,
+    RunState.RUNNING.value,
+    RunState.PAUSING.value,
+    RunState.PAUSED.value,
+    RunState.COMPLETING.value,
+]
+
+
+def runs_of(lab: Lab) -> QuerySet[Run]:
+    """Runs of a lab, newest first."""
+    return Run.objects.filter(lab=lab).select_related("version__workflow", "created_by", "lab")
+
+
+def visible_runs(lab: Lab, seen: Collection[UUID]) -> QuerySet[Run]:
+    """Runs that use none but the given resources, newest first; all to who sees the root."""
+    if resource_selectors.root_of(lab).id in seen:
+        return runs_of(lab)
+    shown = [str(node) for node in seen]
+    hidden = Job.objects.filter(run__lab=lab).exclude(locks__contained_by=shown)
+    return runs_of(lab).exclude(pk__in=hidden.values("run_id"))
+
+
+def find_run(run_id: UUID) -> Run:
+    """Return a run.
+
+    Raises:
+        NotFoundError: There is none.
+    """
+    row = (
+        Run.objects.filter(pk=run_id)
+        .select_related("version__workflow", "created_by", "lab")
+        .first()
+    )
+    if row is None:
+        raise NotFoundError(f"no run {run_id}", code="run.not_found")
+    return row
+
+
+def run_for_update(run_id: UUID) -> Run:
+    """Lock and return a run.
+
+    Raises:
+        NotFoundError: There is none.
+    """
+    row = Run.objects.filter(pk=run_id).select_for_update(of=("self",)).first()
+    if row is None:
+        raise NotFoundError(f"no run {run_id}", code="run.not_found")
+    return row
+
+
+def job_for_update(job_id: UUID) -> Job:
+    """Lock and return a job with its run and device.
+
+    Raises:
+        NotFoundError: There is none.
+    """
+    rows = Job.objects.select_for_update(of=("self",)).select_related("run__lab", "device__host")
+    row = rows.filter(pk=job_id).first()
+    if row is None:
+        raise NotFoundError(f"no job {job_id}", code="job.not_found")
+    return row
+
+
+def held_elsewhere(lab_id: UUID, run_id: UUID) -> dict[UUID, UUID]:
+    """Return, by resource, the other run that is in the middle of a step on it; one query."""
+    rows = Job.objects.filter(run__lab_id=lab_id, run__state__in=LIVE).exclude(run_id=run_id)
+    return held_by_steps(
+        StepJob(
+            run_id=owner,
+            step_id=step_id,
+            state=JobState(state),
+            has_started=started_at is not None,
+            locks=frozenset(UUID(node) for node in locks),
+        )
+        for owner, step_id, state, started_at, locks in rows.values_list(
+            "run_id", "step_id", "state", "started_at", "locks"
+        )
+    )
+
+
+def jobs_of(run: Run) -> QuerySet[Job]:
+    """Jobs of a run in plan order, with devices."""
+    return Job.objects.filter(run=run).select_related("device__host").order_by("index")
+
+
+def find_job(job_id: UUID) -> Job:
+    """Return a job with its run and device.
+
+    Raises:
+        NotFoundError: There is none.
+    """
+    row = Job.objects.filter(pk=job_id).select_related("run__lab", "device__host").first()
+    if row is None:
+        raise NotFoundError(f"no job {job_id}", code="job.not_found")
+    return row
+
+
+def views(run_id: UUID) -> list[JobView]:
+    """Return what scheduling needs to know of a run's jobs."""
+    rows = Job.objects.filter(run_id=run_id).order_by("index")
+    return [
+        JobView(
+            id=job_id,
+            index=index,
+            state=JobState(state),
+            after=tuple(after),
+            host_id=host_id,
+        )
+        for job_id, index, state, after, host_id in rows.values_list(
+            "id", "index", "state", "after", "device__host_id"
+        )
+    ]
+
+
+def runs_to_schedule() -> QuerySet[Run]:
+    """Runs with work left, oldest first; none of a stopped lab."""
+    states = [RunState.QUEUED.value, RunState.RUNNING.value]
+    return Run.objects.filter(state__in=states, lab__is_stopped=False).order_by("created_at")
+
+
+def attempt_for_update(action_id: UUID) -> Attempt | None:
+    """Lock and return the attempt an event speaks of, or None."""
+    return (
+        Attempt.objects.filter(pk=action_id)
+        .select_related("job__run", "transaction")
+        .select_for_update(of=("self",))
+        .first()
+    )
+
+
+def last_attempt(job: Job) -> Attempt | None:
+    """Return the newest try of a job."""
+    return job.attempts.order_by("-number").first()
+
+
+def pending_outbox(host: EdgeHost) -> QuerySet[Outbox]:
+    """Commands that a host has not answered, in dispatch order."""
+    return Outbox.objects.filter(host=host, settled_at__isnull=True).order_by("id")
+
+
+def jobs_in_doubt(lab: Lab) -> QuerySet[Job]:
+    """Jobs whose outcome nobody knows."""
+    rows = Job.objects.filter(run__lab=lab, state=JobState.IN_DOUBT.value)
+    return rows.select_related("run__version__workflow", "device").order_by("state_at")
+
+
+def host_events(action_ids: list[UUID]) -> QuerySet[HostEvent]:
+    """Events of hosts about some actions, oldest first."""
+    return HostEvent.objects.filter(action_id__in=action_ids).order_by("id")
+
+
+def runs_by_id(ids: Iterable[UUID]) -> dict[UUID, Run]:
+    """Return runs by id, with workflow and lab."""
+    rows = Run.objects.filter(pk__in=list(ids)).select_related("version__workflow", "lab")
+    return {row.id: row for row in rows}
+
+
+def last_runs(lab: Lab) -> dict[UUID, Run]:
+    """Return the newest run of each workflow."""
+    rows = (
+        Run.objects.filter(lab=lab)
+        .select_related("version")
+        .order_by("version__workflow_id", "-number")
+        .distinct("version__workflow_id")
+    )
+    return {row.version.workflow_id: row for row in rows}
+
+
+def answered_actions(ids: Iterable[UUID]) -> frozenset[UUID]:
+    """Return the actions for which a person's answer is on its way to the host."""
+    rows = Outbox.objects.filter(
+        action_id__in=list(ids), kind="resolve", settled_at__isnull=True
+    ).values_list("action_id", flat=True)
+    return frozenset(rows)
+
+
+def lab_summary(lab: Lab) -> dict[str, Any]:
+    """Return the lab as every page shows it."""
+    live = Run.objects.filter(lab=lab, state__in=LIVE)
+    doubts = jobs_in_doubt(lab).count()
+    paused = live.filter(state=RunState.PAUSED.value).count()
+    waiting = approval_selectors.requests_of(lab).filter(state="open").count()
+    return {
+        "id": str(lab.id),
+        "key": lab.key,
+        "name": lab.name,
+        "mode": lab.mode,
+        "time_zone": lab.time_zone,
+        "speed": float(os.environ.get("LABWEB_SPEED", "1")) if lab.mode == "sim" else 1.0,
+        "stop": _stop(lab),
+        "counts": {
+            "runs_live": live.count(),
+            "approvals_open": waiting,
+            "needs_you": doubts + paused + waiting + lab.is_stopped,
+        },
+    }
+
+
+def _stop(lab: Lab) -> dict[str, Any]:
+    hosts = [
+        {
+            "id": str(host.id),
+            "name": host.name,
+            "state": host.state,
+            "acknowledged_at": iso(host.stop_acknowledged_at)
+            if host.stop_acknowledged == lab.stop_id
+            else None,
+        }
+        for host in enrollment_selectors.hosts_of(lab)
+    ]
+    return {
+        "is_stopped": lab.is_stopped,
+        "stop_id": None if lab.stop_id is None else str(lab.stop_id),
+        "stopped_at": iso(lab.stopped_at),
+        "stopped_by": None if lab.stopped_by is None else lab.stopped_by.printed_name,
+        "hosts": hosts if lab.is_stopped else [],
+    }
+
+
+def jobs_at_devices(device_ids: Iterable[UUID]) -> dict[UUID, Job]:
+    """Return the job each device has now, from dispatch to its end."""
+    states = [state.value for state in (*AT_EDGE, JobState.IN_DOUBT)]
+    rows = Job.objects.filter(device_id__in=list(device_ids), state__in=states)
+    return {row.device_id: row for row in rows.select_related("run").order_by("-state_at")}

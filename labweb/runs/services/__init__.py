@@ -1,0 +1,41 @@
+"""Writes of runs: start, dispatch, take in what hosts report, control."""
+
+from __future__ import annotations
+
+from labweb.runs.services.control import (
+    abort_run,
+    pause_run,
+    reset_lab,
+    resolve_job,
+    resume_run,
+    stop_lab,
+)
+from labweb.runs.services.dispatch import dispatch_ready, publish_outbox
+from labweb.runs.services.ingest import ingest_events, note_quarantine
+from labweb.runs.services.start import (
+    check_named,
+    decide_request,
+    names_for,
+    preview,
+    start_run,
+    touched,
+)
+
+__all__ = [
+    "abort_run",
+    "check_named",
+    "decide_request",
+    "dispatch_ready",
+    "ingest_events",
+    "names_for",
+    "note_quarantine",
+    "pause_run",
+    "preview",
+    "publish_outbox",
+    "reset_lab",
+    "resolve_job",
+    "resume_run",
+    "start_run",
+    "stop_lab",
+    "touched",
+]

@@ -1,0 +1,229 @@
+"""What people do to runs: pause, resume, abort, resolve, stop the lab."""
+
+from __future__ import annotations
+
+from functools import partial
+from uuid import UUID
+
+from django.db.transaction import atomic, on_commit
+
+from labweb.accounts import services as account_services
+from labweb.accounts.selectors import User
+from labweb.approvals import services as approval_services
+from labweb.common import feed
+from labweb.common.clock import new_id, now
+from labweb.domain.approvals.roles import Permission
+from labweb.domain.crutd import operations
+from labweb.domain.errors import DefinitionError, StateError
+from labweb.domain.runs.edge import ANSWERS, resolve
+from labweb.domain.runs.job import UNSTARTED, JobState, Mover, RunState
+from labweb.enrollment import selectors as enrollment_selectors
+from labweb.enrollment import services as enrollment_services
+from labweb.resources import selectors as resource_selectors
+from labweb.resources import services as resource_services
+from labweb.resources.selectors import Lab
+from labweb.runs import selectors
+from labweb.runs.models import Job, Outbox, Run
+from labweb.runs.services import dispatch
+from labweb.runs.services.state import announce, move_job, refresh_run
+
+_ENDED = {RunState.COMPLETE.value, RunState.ABORTED.value}
+
+
+def _require(run: Run, actor: User, permission: Permission) -> None:
+    ids = {UUID(node) for job in run.jobs.all() for node in job.locks}
+    resource_selectors.require(actor, permission, ids)
+
+
+@atomic
+def pause_run(run_id: UUID, *, actor: User, reason: str = "user") -> Run:
+    """Hold every job that was not dispatched; what runs goes on to its end.
+
+    Raises:
+        StateError: The run has ended.
+        ForbiddenError: The actor may not run things here.
+    """
+    run = selectors.run_for_update(run_id)
+    _require(run, actor, Permission.RUN)
+    if run.state in _ENDED:
+        raise StateError(f"run #{run.number} is {run.state}", code="run.ended")
+    _add_pause(run, reason, actor)
+    account_services.write_audit("run.pause", str(run.id), actor=actor, reason=reason)
+    return refresh_run(run_id)
+
+
+def _add_pause(run: Run, kind: str, actor: User) -> None:
+    if any(entry["kind"] == kind for entry in run.pause_reasons):
+        return
+    entry = {"kind": kind, "by": actor.printed_name, "at": now().isoformat()}
+    run.pause_reasons = [*run.pause_reasons, entry]
+    run.save(update_fields=["pause_reasons"])
+
+
+@atomic
+def resume_run(run_id: UUID, *, actor: User) -> Run:
+    """Take every pause away and queue what was held: a person says that it may go on.
+
+    Raises:
+        StateError: The run has ended, the lab is stopped, or a job is in doubt.
+    """
+    run = selectors.run_for_update(run_id)
+    _require(run, actor, Permission.RUN)
+    if run.state in _ENDED:
+        raise StateError(f"run #{run.number} is {run.state}", code="run.ended")
+    if run.lab.is_stopped:
+        raise StateError("the lab is stopped: reset it first", code="run.lab_stopped")
+    if run.jobs.filter(state=JobState.IN_DOUBT.value).exists():
+        raise StateError("say first what happened in the job in doubt", code="run.in_doubt")
+    run.pause_reasons = []
+    run.save(update_fields=["pause_reasons"])
+    for job in Job.objects.filter(run=run, state=JobState.HELD.value):
+        move_job(job, JobState.QUEUED, Mover.SERVER, code="", message="")
+    account_services.write_audit("run.resume", str(run.id), actor=actor)
+    run = refresh_run(run_id)
+    on_commit(partial(announce, run_id))
+    return run
+
+
+@atomic
+def abort_run(run_id: UUID, *, actor: User, reason: str) -> Run:
+    """Stop what has not begun and cancel what was sent; what acts now runs to its end.
+
+    Raises:
+        StateError: The run has ended.
+
+    Effect:
+        Nothing that has begun is undone; liquid in a syringe stays there, recorded.
+    """
+    run = selectors.run_for_update(run_id)
+    _require(run, actor, Permission.RUN)
+    if run.state in _ENDED:
+        raise StateError(f"run #{run.number} is {run.state} already", code="run.ended")
+    for job in Job.objects.filter(run=run).select_for_update():
+        state = JobState(job.state)
+        if state in UNSTARTED:
+            move_job(job, JobState.STOPPED, Mover.SERVER, message=reason)
+        elif state in {JobState.DISPATCHED, JobState.ACCEPTED}:
+            attempt = selectors.last_attempt(job)
+            if attempt is not None:
+                dispatch.send_cancel(attempt, issued_by=str(actor.pk))
+    approval_services.withdraw(run.id)
+    if run.state == RunState.AWAITING_APPROVAL.value:
+        run.state = RunState.ABORTED.value
+        run.ended_at = now()
+    run.pause_reasons = []
+    run.save(update_fields=["state", "ended_at", "pause_reasons"])
+    account_services.write_audit("run.abort", str(run.id), actor=actor, reason=reason)
+    return refresh_run(run_id)
+
+
+@atomic
+def resolve_job(job_id: UUID, *, actor: User, answer: str, moved_nl: int | None, note: str) -> Job:
+    """Send a person's answer about a job in doubt to its host, which settles it.
+
+    Raises:
+        DefinitionError: The answer is none of the four, an amount is missing or more
+            than was asked for, or the note is empty.
+        StateError: The job is not in doubt, or was answered before.
+
+    Effect:
+        The host stays the single writer of physical facts: the record changes when its
+        RESOLVED event comes back.
+    """
+    job = selectors.job_for_update(job_id)
+    resource_selectors.require(actor, Permission.RESOLVE, [UUID(node) for node in job.locks])
+    _check_answer(job, answer, moved_nl, note)
+    if job.state != JobState.IN_DOUBT.value:
+        raise StateError(f"this job is {job.state}, not in doubt", code="run.not_in_doubt")
+    attempt = selectors.last_attempt(job)
+    if attempt is None:
+        raise StateError("this job was never dispatched", code="run.not_in_doubt")
+    waiting = Outbox.objects.filter(action_id=attempt.id, kind="resolve", settled_at__isnull=True)
+    if waiting.exists():
+        raise StateError("an answer is on its way to the host", code="run.answered")
+    dispatch.send_resolution(
+        attempt, answer=answer, moved_nl=moved_nl, note=note, issued_by=str(actor.pk)
+    )
+    account_services.write_audit(
+        "job.resolve",
+        str(job.id),
+        actor=actor,
+        reason=note,
+        detail={"answer": answer, "moved_nl": moved_nl},
+    )
+    on_commit(partial(announce, job.run_id, job.id))
+    return job
+
+
+def _check_answer(job: Job, answer: str, moved_nl: int | None, note: str) -> None:
+    if not note.strip():
+        raise DefinitionError("say what you saw: the note is empty", code="run.note_missing")
+    if resolve(answer, moved_nl=moved_nl) is None:
+        known = ", ".join(ANSWERS)
+        raise DefinitionError(
+            f"answer with one of {known}; 'partly' needs an amount above zero",
+            code="run.bad_answer",
+        )
+    operation = operations.from_json(job.operation)
+    if answer == "partly":
+        asked = getattr(operation, "amount_nl", 0)
+        if moved_nl is None or moved_nl >= asked:
+            raise DefinitionError(
+                f"'partly' must be less than the {asked} nL that were asked for",
+                code="run.bad_amount",
+            )
+
+
+@atomic
+def stop_lab(*, actor: User) -> Lab:
+    """Latch a software stop: every host halts its devices now and starts nothing more.
+
+    Effect:
+        Devices that act are halted; what they had moved is recorded, or goes in doubt.
+        It is no emergency stop.
+    """
+    lab = resource_selectors.lab_for_update(resource_selectors.the_lab().pk)
+    root = resource_selectors.root_of(lab)
+    resource_selectors.require(actor, Permission.STOP, [root.id])
+    stop_id = new_id()
+    resource_services.latch_stop(lab, stop_id=stop_id, user_id=actor.pk)
+    dispatch.void_resets(lab)
+    states = [*selectors.LIVE, RunState.AWAITING_APPROVAL.value]
+    for run in Run.objects.filter(lab=lab, state__in=states).select_for_update():
+        _add_pause(run, "stopped", actor)
+        refresh_run(run.id)
+    account_services.write_audit("lab.stop", str(lab.id), actor=actor)
+    on_commit(partial(tell_stop, lab.id, stop_id, str(actor.pk)))
+    on_commit(partial(feed.publish, "lab", {"is_stopped": True}))
+    return lab
+
+
+def tell_stop(lab_id: UUID, stop_id: UUID, issued_by: str) -> None:
+    """Send the stop to every host that has not acknowledged it."""
+    lab = resource_selectors.labs().get(pk=lab_id)
+    for host in enrollment_selectors.hosts_of(lab).exclude(stop_acknowledged=stop_id):
+        message = {"type": "edge.stop", "stop_id": str(stop_id), "issued_by": issued_by}
+        enrollment_services.tell_host(host.id, message)
+
+
+@atomic
+def reset_lab(*, actor: User, reason: str) -> Lab:
+    """Release the stop latch. Starts nothing: each run is resumed by a person.
+
+    Raises:
+        DefinitionError: No reason was given.
+        StateError: The lab is not stopped.
+        ForbiddenError: The actor may not reset.
+    """
+    lab = resource_selectors.lab_for_update(resource_selectors.the_lab().pk)
+    resource_selectors.require(actor, Permission.RESET, [resource_selectors.root_of(lab).id])
+    if not reason.strip():
+        raise DefinitionError("say why it is safe to go on", code="lab.reason_missing")
+    if not lab.is_stopped or lab.stop_id is None:
+        raise StateError("the lab is not stopped", code="lab.not_stopped")
+    resource_services.release_stop(lab)
+    for host in enrollment_selectors.hosts_of(lab):
+        dispatch.send_reset(host, stop_id=lab.stop_id, reason=reason, issued_by=str(actor.pk))
+    account_services.write_audit("lab.reset", str(lab.id), actor=actor, reason=reason)
+    on_commit(partial(feed.publish, "lab", {"is_stopped": False}))
+    return lab

@@ -1,0 +1,261 @@
+"""From a queued job to a signed command at the host's door."""
+
+from __future__ import annotations
+
+import logging
+from datetime import timedelta
+from uuid import UUID
+
+import msgspec
+from django.db.models import F, Q
+from django.db.transaction import atomic
+
+from labweb.common import queue, signing
+from labweb.common.clock import new_id, now
+from labweb.crutd import selectors as crutd_selectors
+from labweb.crutd import services as crutd_services
+from labweb.crutd.selectors import Transaction
+from labweb.domain.crutd import operations
+from labweb.domain.crutd.decide import ResourceState
+from labweb.domain.errors import LockedError, PreconditionError
+from labweb.domain.messages import Cancel, Command, Do, Reset, Resolve, ResourceView
+from labweb.domain.runs.job import JobState, Mover, RunState
+from labweb.domain.runs.scheduler import ready
+from labweb.enrollment import selectors as enrollment_selectors
+from labweb.enrollment import services as enrollment_services
+from labweb.enrollment.selectors import EdgeHost
+from labweb.resources import selectors as resource_selectors
+from labweb.resources.selectors import Lab, Resource
+from labweb.runs import selectors
+from labweb.runs.models import Attempt, Job, Outbox
+from labweb.runs.services.state import move_job, refresh_run
+
+logger = logging.getLogger(__name__)
+
+RING_AGAIN_AFTER = timedelta(seconds=2)
+"""A command that the host has not answered is rung again; the host drops repeats."""
+
+_TIMEOUT_S = 120.0
+
+
+def dispatch_ready() -> int:
+    """Dispatch every job that may go now, each in a transaction of its own.
+
+    Returns:
+        How many were dispatched.
+    """
+    online = set(enrollment_selectors.hosts_online().values_list("pk", flat=True))
+    count = 0
+    for run in selectors.runs_to_schedule():
+        for view in ready(selectors.views(run.id), online):
+            count += dispatch_job(view.id)
+    return count
+
+
+def dispatch_job(job_id: UUID) -> bool:
+    """Lock everything a job needs and write its command into the outbox.
+
+    Returns:
+        False when it has to wait for a lock; nothing was written then. A precondition
+        that fails now rejects the job, which pauses its run.
+    """
+    try:
+        with atomic():
+            return _dispatch(job_id)
+    except LockedError as error:
+        logger.debug("job %s waits: %s", job_id, error.message)
+        return False
+    except PreconditionError as error:
+        _hold(job_id, error)
+        return False
+
+
+def _dispatch(job_id: UUID) -> bool:
+    job = Job.objects.select_for_update(of=("self",)).select_related("device", "run").get(pk=job_id)
+    if job.state != JobState.QUEUED.value or job.run.pause_reasons:
+        return False
+    held = selectors.held_elsewhere(job.run.lab_id, job.run_id)
+    blocking = next((held[UUID(node)] for node in job.locks if UUID(node) in held), None)
+    if blocking is not None:
+        raise LockedError(f"run {blocking} is in the middle of a step here", code="run.step_held")
+    operation = operations.from_json(job.operation)
+    transaction = crutd_services.lock_operation(
+        operation,
+        lab=job.run.lab,
+        targets=[UUID(node) for node in job.locks],
+        actor_id=job.run.created_by_id,
+        job_id=job.id,
+    )
+    host = enrollment_selectors.host_for_update(job.device.host_id)
+    host.last_dseq += 1
+    host.save(update_fields=["last_dseq"])
+    attempt = Attempt.objects.create(
+        id=new_id(),
+        job=job,
+        number=job.attempts.count() + 1,
+        host=host,
+        transaction=transaction,
+        dseq=host.last_dseq,
+        epoch=host.epoch,
+        at=now(),
+    )
+    _post(host, attempt.id, _command(job, attempt, transaction))
+    move_job(job, JobState.DISPATCHED, Mover.SCHEDULER)
+    if job.run.started_at is None:
+        job.run.started_at = now()
+        job.run.state = RunState.RUNNING.value
+        job.run.save(update_fields=["started_at", "state"])
+    refresh_run(job.run_id)
+    return True
+
+
+def _hold(job_id: UUID, error: PreconditionError) -> None:
+    with atomic():
+        job = Job.objects.select_for_update().get(pk=job_id)
+        if job.state == JobState.QUEUED.value:
+            move_job(job, JobState.HELD, Mover.SERVER, code=error.code, message=error.message)
+            refresh_run(job.run_id)
+
+
+def _command(job: Job, attempt: Attempt, transaction: Transaction) -> Do:
+    device = enrollment_selectors.find_device(job.device_id)
+    spec = enrollment_selectors.spec_of(device)
+    rows = resource_selectors.rows(_view_ids(job, transaction))
+    states = crutd_selectors.snapshot(rows)
+    timeout_s = spec.action(job.action).timeout_s or _TIMEOUT_S
+    return Do(
+        host_id=attempt.host_id,
+        epoch=attempt.epoch,
+        dseq=attempt.dseq,
+        action_id=attempt.id,
+        job_id=job.id,
+        run_id=job.run_id,
+        attempt=attempt.number,
+        line="",
+        device_id=job.device_id,
+        driver_digest=device.driver.digest,
+        action=job.action,
+        args=job.args,
+        operation=job.operation,
+        pre=job.pre,
+        post=job.post,
+        resources=[_view(row, states[row.id]) for row in rows],
+        timeout_s=timeout_s,
+        issued_by=str(job.run.created_by_id),
+    )
+
+
+def _view_ids(job: Job, transaction: Transaction) -> set[UUID]:
+    operation = operations.from_json(transaction.operation)
+    return set(operations.touched_ids(operation)) | {UUID(node) for node in job.locks}
+
+
+def _view(row: Resource, state: ResourceState) -> ResourceView:
+    return ResourceView(
+        id=row.id,
+        name=row.name,
+        kind=row.kind,
+        rev=row.rev,
+        parent_id=row.parent_id,
+        contents={str(lot): amount for lot, amount in state.contents.items()},
+        capacity_nl=state.capacity_nl,
+        dead_volume_nl=state.dead_volume_nl,
+        data=row.data,
+        is_archived=row.is_archived,
+    )
+
+
+def _post(host: EdgeHost, action_id: UUID, command: Command) -> None:
+    body = msgspec.to_builtins(command)
+    Outbox.objects.create(host=host, action_id=action_id, kind=body["t"], body=body, at=now())
+
+
+def send_resolution(attempt: Attempt, **fields: object) -> None:
+    """Put a person's answer about an action in doubt into the outbox."""
+    host = attempt.host
+    command = msgspec.convert(
+        {
+            "t": "resolve",
+            "host_id": str(host.id),
+            "epoch": host.epoch,
+            "dseq": attempt.dseq,
+            "action_id": str(attempt.id),
+            **fields,
+        },
+        Resolve,
+    )
+    _post(host, attempt.id, command)
+
+
+def send_cancel(attempt: Attempt, *, issued_by: str) -> None:
+    """Ask the host not to start an action."""
+    command = Cancel(
+        host_id=attempt.host_id,
+        epoch=attempt.epoch,
+        dseq=attempt.dseq,
+        action_id=attempt.id,
+        issued_by=issued_by,
+    )
+    _post(attempt.host, attempt.id, command)
+
+
+def send_reset(host: EdgeHost, *, stop_id: UUID, reason: str, issued_by: str) -> None:
+    """Ask a host to release one stop."""
+    command = Reset(
+        host_id=host.id,
+        epoch=host.epoch,
+        dseq=host.last_dseq,
+        stop_id=stop_id,
+        reason=reason,
+        issued_by=issued_by,
+    )
+    _post(host, new_id(), command)
+
+
+def publish_outbox() -> int:
+    """Ring the doorbell for every command that its host has not answered yet.
+
+    The epoch is put on and the command is signed at this moment, so that a command
+    written before a reconnect is valid after it. Two relays never send the same row.
+
+    Returns:
+        How many were sent.
+    """
+    count = 0
+    for host in enrollment_selectors.hosts_online():
+        count += _publish_for(host)
+    return count
+
+
+def _publish_for(host: EdgeHost) -> int:
+    due = Q(published_at__isnull=True) | Q(published_at__lt=now() - RING_AGAIN_AFTER)
+    count = 0
+    with atomic():
+        rows = selectors.pending_outbox(host).filter(due).select_for_update(skip_locked=True)
+        for row in rows[:100]:
+            body = {**row.body, "epoch": host.epoch}
+            signed = signing.sign(msgspec.convert(body, Command))
+            if not queue.ring(host.id, signed):
+                logger.warning("the broker is away: telling host %s directly", host.name)
+            if row.publish_count:
+                nudge = {"type": "edge.nudge", "signed": msgspec.to_builtins(signed)}
+                enrollment_services.tell_host(host.id, nudge)
+            Outbox.objects.filter(pk=row.pk).update(
+                published_at=now(), publish_count=F("publish_count") + 1
+            )
+            count += 1
+    return count
+
+
+def void_resets(lab: Lab) -> None:
+    """Give up resets that no host has answered: a newer stop holds."""
+    Outbox.objects.filter(host__lab=lab, kind="reset", settled_at__isnull=True).update(
+        settled_at=now()
+    )
+
+
+def settle_outbox(action_id: UUID, kinds: list[str]) -> None:
+    """Mark commands about an action as answered."""
+    Outbox.objects.filter(action_id=action_id, kind__in=kinds, settled_at__isnull=True).update(
+        settled_at=now()
+    )

@@ -1,0 +1,247 @@
+"""Compile, ask policies, and put a run into the queue."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from datetime import timedelta
+from functools import partial
+from typing import Any
+from uuid import UUID
+
+import msgspec
+from django.db.models import Max
+from django.db.transaction import atomic, on_commit
+
+from labweb.accounts import services as account_services
+from labweb.accounts.selectors import User
+from labweb.approvals import services as approval_services
+from labweb.approvals.selectors import ApprovalRequest
+from labweb.common.clock import now
+from labweb.crutd import selectors as crutd_selectors
+from labweb.domain.approvals.roles import Permission
+from labweb.domain.crutd import operations
+from labweb.domain.crutd.decide import ResourceState
+from labweb.domain.errors import Finding, PreconditionError
+from labweb.domain.runs.job import JobState, Mover, RunState
+from labweb.domain.workflows import plan as plans
+from labweb.domain.workflows.compile import LabView, compile_workflow
+from labweb.domain.workflows.plan import Plan
+from labweb.domain.workflows.protocol import parse_workflow
+from labweb.enrollment import selectors as enrollment_selectors
+from labweb.enrollment.selectors import Device
+from labweb.resources import selectors as resource_selectors
+from labweb.resources.selectors import Lab
+from labweb.runs.models import Job, Run
+from labweb.runs.services.state import announce, move_job, refresh_run
+from labweb.telemetry import selectors as telemetry_selectors
+from labweb.workflows.selectors import WorkflowVersion
+
+_REQUEST_LIFE = timedelta(hours=24)
+
+
+def lab_view(lab: Lab) -> LabView:
+    """Return the frozen picture of a lab that compiling works on."""
+    devices = list(enrollment_selectors.enrolled_devices(lab))
+    return LabView(
+        tree=resource_selectors.tree_of(lab),
+        graph=resource_selectors.graph_of(lab),
+        devices=tuple(enrollment_selectors.to_domain(row) for row in devices),
+        snapshot=_as_devices_say(crutd_selectors.lab_snapshot(lab), devices),
+        densities_mg_ul=resource_selectors.densities(lab),
+    )
+
+
+def _as_devices_say(
+    snapshot: dict[UUID, ResourceState], devices: list[Device]
+) -> dict[UUID, ResourceState]:
+    """Put what a device last told of its own state over the record of it.
+
+    A pump that was switched off has lost its zero, whatever was recorded before.
+    """
+    latest = telemetry_selectors.latest(row.id for row in devices)
+    told = {row.id: latest.get(row.id, {}).get("is_initialized") for row in devices}
+    found = dict(snapshot)
+    for row in devices:
+        sample = told[row.id]
+        if sample is None or sample[1] is not False:
+            continue
+        for node in (UUID(text) for text in row.nodes.values()):
+            state = found[node]
+            if "is_initialized" in state.data:
+                data = {**state.data, "is_initialized": False}
+                found[node] = replace(state, data=data)
+    return found
+
+
+def names_for(lab: Lab) -> dict[str, str]:
+    """Return name by id of every resource and device, for sentences."""
+    return lab_view(lab).names
+
+
+@dataclass(frozen=True, slots=True)
+class Preview:
+    """What a start would mean now."""
+
+    plan: Plan
+    policies: tuple[str, ...]
+    """Names of the policies that want a person to look first."""
+
+
+def preview(lab: Lab, document: dict[str, Any]) -> Preview:
+    """Compile a workflow document against the lab as it is.
+
+    Raises:
+        ProtocolError: The document is malformed; findings list each place.
+        PlanningError: This lab cannot do it; findings list each reason.
+
+    Effect:
+        None.
+    """
+    plan = compile_workflow(parse_workflow(document), lab_view(lab))
+    names = tuple(policy.name for policy in approval_services.asking_policies(lab, plan))
+    return Preview(plan, names)
+
+
+def touched(plan: Plan) -> set[UUID]:
+    """Return every resource a plan uses."""
+    ids = {node for job in plan.jobs for node in job.locks}
+    for job in plan.jobs:
+        if not isinstance(job.operation, operations.Read):
+            ids.update(operations.touched_ids(job.operation))
+    return ids
+
+
+def check_named(lab: Lab, document: dict[str, Any], actor: User, permission: Permission) -> None:
+    """Refuse a document that names a resource on which the actor lacks the permission.
+
+    Done before compiling, whose findings tell what is in the vessels they speak of.
+
+    Raises:
+        ForbiddenError: It names one.
+    """
+    texts = set(_texts(document))
+    rows = resource_selectors.resources_of(lab).values_list("id", "key")
+    named = {node for node, key in rows if str(node) in texts or f"@{key}" in texts}
+    resource_selectors.require(actor, permission, named)
+
+
+def _texts(value: object) -> Iterator[str]:
+    if isinstance(value, str):
+        yield value.strip().lower()
+        yield value.strip()
+    elif isinstance(value, dict | list):
+        for child in value.values() if isinstance(value, dict) else value:
+            yield from _texts(child)
+
+
+@atomic
+def start_run(version: WorkflowVersion, *, actor: User) -> Run:
+    """Compile a version against the lab as it is and queue it, or ask for approval.
+
+    Raises:
+        ProtocolError, PlanningError: As `preview`; nothing was written.
+        ForbiddenError: The actor may not run things on some resource of the plan.
+        PreconditionError: The lab is stopped.
+
+    Effect:
+        Nothing moves before the dispatcher sends the first job.
+    """
+    lab = resource_selectors.lab_for_update(version.workflow.lab_id)
+    if lab.is_stopped:
+        finding = Finding("run.lab_stopped", "the lab is stopped: a person has to reset it first")
+        raise PreconditionError(finding.message, code=finding.code, findings=[finding])
+    check_named(lab, version.document, actor, Permission.RUN)
+    found = preview(lab, version.document)
+    resource_selectors.require(actor, Permission.RUN, touched(found.plan))
+    needs_person = bool(found.policies)
+    state = RunState.AWAITING_APPROVAL if needs_person else RunState.QUEUED
+    number = (Run.objects.filter(lab=lab).aggregate(Max("number"))["number__max"] or 0) + 1
+    run = Run.objects.create(
+        lab=lab,
+        number=number,
+        version=version,
+        plan=msgspec.to_builtins(found.plan),
+        plan_digest=plans.digest(found.plan),
+        state=state.value,
+        created_by=actor,
+        created_at=now(),
+    )
+    job_state = JobState.AWAITING_APPROVAL if needs_person else JobState.QUEUED
+    _write_jobs(run, found.plan, job_state)
+    if needs_person:
+        _ask(run, found.policies, actor)
+    account_services.write_audit(
+        "run.start", str(run.id), actor=actor, detail={"plan_digest": run.plan_digest}
+    )
+    on_commit(partial(announce, run.id))
+    return run
+
+
+def _write_jobs(run: Run, plan: Plan, state: JobState) -> None:
+    at = now()
+    Job.objects.bulk_create(
+        Job(
+            run=run,
+            index=job.index,
+            step_id=job.step_id,
+            sentence=job.sentence,
+            device_id=job.device_id,
+            action=job.action,
+            args=job.args,
+            operation=operations.to_json(job.operation),
+            pre=msgspec.to_builtins(job.pre),
+            post=msgspec.to_builtins(job.post),
+            after=list(job.after),
+            locks=[str(node) for node in job.locks],
+            recovery=job.recovery,
+            estimate_s=job.estimate_s,
+            state=state.value,
+            state_at=at,
+        )
+        for job in plan.jobs
+    )
+
+
+def _ask(run: Run, policies: tuple[str, ...], actor: User) -> ApprovalRequest:
+    return approval_services.open_request(
+        lab=run.lab,
+        title=f"Start {run.version.workflow.name} v{run.version.number}",
+        run_id=run.id,
+        plan_digest=run.plan_digest,
+        policies=policies,
+        asked_by=actor,
+        expires_at=now() + _REQUEST_LIFE,
+    )
+
+
+@atomic
+def decide_request(
+    request_id: UUID, *, actor: User, is_approved: bool, comment: str
+) -> ApprovalRequest:
+    """Answer a request; an approval releases exactly the plan that was shown.
+
+    Raises:
+        StateError: Somebody answered before, or it expired.
+        ForbiddenError: The actor asked it, or lacks the permission.
+
+    Effect:
+        Approved: the run is queued. Rejected: it ends without having begun.
+    """
+    request = approval_services.decide(
+        request_id, actor=actor, is_approved=is_approved, comment=comment
+    )
+    target = JobState.QUEUED if is_approved else JobState.STOPPED
+    run = Run.objects.select_for_update().get(pk=request.run_id)
+    for job in Job.objects.filter(run=run, state=JobState.AWAITING_APPROVAL.value):
+        move_job(job, target, Mover.SERVER)
+    if is_approved and run.lab.is_stopped and not run.pause_reasons:
+        reason = {"kind": "stopped", "by": actor.printed_name, "at": now().isoformat()}
+        run.pause_reasons = [reason]
+    run.state = RunState.QUEUED.value if is_approved else RunState.ABORTED.value
+    run.ended_at = None if is_approved else now()
+    run.save(update_fields=["state", "ended_at", "pause_reasons"])
+    if is_approved:
+        refresh_run(run.id)
+    on_commit(partial(announce, run.id))
+    return request

@@ -1,0 +1,63 @@
+"""Move jobs and runs from state to state; every other module goes through here."""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import Any
+from uuid import UUID
+
+from django.db.transaction import on_commit
+
+from labweb.common import feed
+from labweb.common.clock import now
+from labweb.domain.runs.job import FINAL, JobState, Mover, RunState, check_step
+from labweb.domain.runs.scheduler import run_state
+from labweb.runs import selectors
+from labweb.runs.models import Job, Run
+
+
+def move_job(job: Job, state: JobState, mover: Mover, **fields: Any) -> None:  # noqa: ANN401
+    """Take a job to another state.
+
+    Raises:
+        StateError: The table of steps does not list it. Nothing was written.
+    """
+    check_step(JobState(job.state), state, mover)
+    job.state = state.value
+    job.state_at = now()
+    if state is JobState.RUNNING and job.started_at is None:
+        job.started_at = job.state_at
+    if state in FINAL:
+        job.ended_at = job.state_at
+    for name, value in fields.items():
+        setattr(job, name, value)
+    job.save()
+    on_commit(partial(announce, job.run_id, job.id))
+
+
+def announce(run_id: UUID, job_id: UUID | None = None) -> None:
+    """Tell browsers that a run changed."""
+    data = {"run_id": str(run_id), "job_id": None if job_id is None else str(job_id)}
+    feed.publish(f"run:{run_id}", data)
+    feed.publish("runs", data)
+
+
+def refresh_run(run_id: UUID) -> Run:
+    """Bring a run's state in line with its jobs and its pause reasons."""
+    run = selectors.run_for_update(run_id)
+    jobs = selectors.views(run_id)
+    state = run_state(RunState(run.state), jobs)
+    if run.pause_reasons and state in {RunState.QUEUED, RunState.RUNNING}:
+        is_moving = state is RunState.RUNNING and any(
+            job.state
+            in {JobState.DISPATCHED, JobState.ACCEPTED, JobState.RUNNING, JobState.COMPLETING}
+            for job in jobs
+        )
+        state = RunState.PAUSING if is_moving else RunState.PAUSED
+    if state.value != run.state:
+        run.state = state.value
+        if state in {RunState.COMPLETE, RunState.ABORTED}:
+            run.ended_at = now()
+        run.save(update_fields=["state", "ended_at"])
+        on_commit(partial(announce, run_id))
+    return run

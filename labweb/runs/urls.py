@@ -1,0 +1,27 @@
+"""Routes of the app."""
+
+from __future__ import annotations
+
+from django.urls import path
+
+from labweb.runs.api import approvals, drawing, lab, runs
+
+urlpatterns = [
+    path("lab", lab.LabView.as_view()),
+    path("lab/stop", lab.StopLab.as_view()),
+    path("lab/reset", lab.ResetLab.as_view()),
+    path("workflows", drawing.Workflows.as_view()),
+    path("workflows/check", drawing.Check.as_view()),
+    path("workflows/<uuid:workflow_id>", drawing.WorkflowDetail.as_view()),
+    path("runs", runs.Runs.as_view()),
+    path("runs/<uuid:run_id>", runs.RunDetail.as_view()),
+    path("runs/<uuid:run_id>/events", runs.RunEvents.as_view()),
+    path("runs/<uuid:run_id>/log", runs.RunLog.as_view()),
+    path("runs/<uuid:run_id>/pause", runs.RunAct.as_view(act="pause")),
+    path("runs/<uuid:run_id>/resume", runs.RunAct.as_view(act="resume")),
+    path("runs/<uuid:run_id>/abort", runs.RunAct.as_view(act="abort")),
+    path("jobs/<uuid:job_id>/resolve", runs.ResolveJob.as_view()),
+    path("approvals", approvals.Requests.as_view()),
+    path("approvals/<uuid:request_id>", approvals.RequestDetail.as_view()),
+    path("approvals/<uuid:request_id>/decision", approvals.DecideRequest.as_view()),
+]

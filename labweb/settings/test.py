@@ -1,0 +1,30 @@
+"""The suite: the same services, a database of its own, quick password hashing."""
+
+from __future__ import annotations
+
+import os
+
+from labweb.settings.base import *
+from labweb.settings.base import REDIS_URL
+
+SECRET_KEY = "only-for-tests-" + "x" * 50
+PASSWORD_HASHERS = ["django.contrib.auth.hashers.MD5PasswordHasher"]
+SESSION_COOKIE_SECURE = False
+CSRF_COOKIE_SECURE = False
+ALLOWED_HOSTS = ["*"]
+
+# One prefix per xdist worker: they share one server.
+_PREFIX = f"test.{os.environ.get('PYTEST_XDIST_WORKER', 'main')}"
+CHANNEL_LAYERS = {
+    "default": {
+        "BACKEND": "channels_redis.pubsub.RedisPubSubChannelLayer",
+        "CONFIG": {"hosts": [REDIS_URL], "prefix": _PREFIX},
+    }
+}
+CACHES = {
+    "default": {
+        "BACKEND": "django.core.cache.backends.redis.RedisCache",
+        "LOCATION": REDIS_URL,
+        "KEY_PREFIX": _PREFIX,
+    }
+}

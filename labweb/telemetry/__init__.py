@@ -1,0 +1,1 @@
+"""Samples of device statuses: lossy by contract, never a fact."""

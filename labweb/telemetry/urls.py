@@ -1,0 +1,9 @@
+"""Routes of the app."""
+
+from __future__ import annotations
+
+from django.urls import path
+
+from labweb.telemetry import api
+
+urlpatterns = [path("devices/<uuid:device_id>/telemetry", api.Telemetry.as_view())]

@@ -1,0 +1,1 @@
+"""Workflows that people draw, and their immutable versions."""

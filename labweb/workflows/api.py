@@ -1,0 +1,173 @@
+"""REST of workflows and the palette."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar
+from uuid import UUID
+
+import msgspec
+from rest_framework.request import Request
+from rest_framework.response import Response
+from rest_framework.views import APIView
+
+from labweb.accounts.selectors import user_of
+from labweb.common.render import iso
+from labweb.common.requests import body
+from labweb.domain.approvals.roles import Permission
+from labweb.domain.enrollment.spec import DriverSpec
+from labweb.domain.units import DIMENSIONS
+from labweb.domain.workflows.steps import palette
+from labweb.enrollment import selectors as enrollment_selectors
+from labweb.resources import selectors as resource_selectors
+from labweb.workflows import selectors, services
+from labweb.workflows.models import Workflow, WorkflowVersion
+
+
+class Steps(APIView):
+    """What can be put into a workflow."""
+
+    def get(self, request: Request) -> Response:
+        """Return unit operations, device actions and the units a person may write."""
+        seen = resource_selectors.allowed_ids(user_of(request), Permission.VIEW)
+        devices = enrollment_selectors.visible_devices(resource_selectors.the_lab(), seen)
+        units = {
+            name: {
+                "canonical": dimension.canonical,
+                "suffix": dimension.suffix,
+                "units": list(dimension.units),
+            }
+            for name, dimension in DIMENSIONS.items()
+        }
+        return Response(
+            {
+                "steps": palette(),
+                "devices": [
+                    {
+                        "id": str(row.id),
+                        "name": row.name,
+                        "role": row.driver.role,
+                        "state": row.state,
+                        "actions": render_actions(enrollment_selectors.spec_of(row)),
+                    }
+                    for row in devices
+                ],
+                "units": units,
+            }
+        )
+
+
+def render_actions(spec: DriverSpec) -> list[dict[str, Any]]:
+    """Render what a device does, each with the schema of its arguments."""
+    return [
+        {
+            "name": action.name,
+            "label": action.name.replace("_", " ").capitalize(),
+            "doc": action.doc,
+            "schema": action.schema(),
+            "hazards": list(action.hazards),
+            "recovery": action.recovery,
+        }
+        for action in spec.actions
+    ]
+
+
+class NewWorkflow(msgspec.Struct, forbid_unknown_fields=True):
+    """Body of a create."""
+
+    name: str
+    document: dict[str, Any] | None = None
+    copy_of: UUID | None = None
+
+
+class Draft(msgspec.Struct, forbid_unknown_fields=True):
+    """Body of a save."""
+
+    document: dict[str, Any]
+    revision: int
+
+
+class NewVersion(msgspec.Struct, forbid_unknown_fields=True):
+    """Body of a version."""
+
+    note: str = ""
+
+
+class Drafts(APIView):
+    """The draft of one workflow."""
+
+    bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"put": Draft}
+
+    def put(self, request: Request, workflow_id: UUID) -> Response:
+        """Save the draft over the revision the caller saw."""
+        draft = body(request, Draft)
+        row = services.save_draft(
+            workflow_id,
+            document=draft.document,
+            revision=draft.revision,
+            actor=user_of(request),
+        )
+        return Response({"revision": row.draft_revision})
+
+
+class Versions(APIView):
+    """Versions of one workflow."""
+
+    bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": NewVersion}
+
+    def post(self, request: Request, workflow_id: UUID) -> Response:
+        """Freeze the draft as a version."""
+        note = body(request, NewVersion).note
+        version = services.save_version(workflow_id, note=note, actor=user_of(request))
+        return Response(render_version(version), status=201)
+
+
+class VersionDetail(APIView):
+    """One version."""
+
+    def get(self, _request: Request, workflow_id: UUID, number: int) -> Response:
+        """Return a version with its document."""
+        version = selectors.find_numbered(workflow_id, number)
+        return Response({**render_version(version), "document": version.document})
+
+
+def create(request: Request) -> Workflow:
+    """Create a workflow from a request: empty, from a document, or as a copy."""
+    wanted = body(request, NewWorkflow)
+    document = wanted.document
+    if wanted.copy_of is not None:
+        document = selectors.find_workflow(wanted.copy_of).draft
+    return services.create_workflow(
+        resource_selectors.the_lab(),
+        name=wanted.name,
+        document=document,
+        actor=user_of(request),
+    )
+
+
+def render_version(row: WorkflowVersion) -> dict[str, Any]:
+    """Render a version without its document."""
+    return {
+        "id": str(row.id),
+        "number": row.number,
+        "note": row.note,
+        "author": None if row.author is None else row.author.printed_name,
+        "at": iso(row.at),
+    }
+
+
+def render_row(row: Workflow) -> dict[str, Any]:
+    """Render a workflow for a list; its last run is put in by the caller."""
+    versions = sorted(row.versions.all(), key=lambda version: -version.number)
+    steps = row.draft.get("steps")
+    return {
+        "id": str(row.id),
+        "name": row.name,
+        "description": row.description,
+        "is_template": row.is_template,
+        "latest_version": {"id": str(versions[0].id), "number": versions[0].number}
+        if versions
+        else None,
+        "steps_count": len(steps) if isinstance(steps, list) else 0,
+        "updated_at": iso(row.updated_at),
+        "updated_by": None if row.created_by is None else row.created_by.printed_name,
+    }

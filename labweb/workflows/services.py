@@ -1,0 +1,143 @@
+"""Writes of workflows: drafts, versions, templates."""
+
+from __future__ import annotations
+
+import hashlib
+from functools import partial
+from typing import Any
+from uuid import UUID
+
+from django.db.models import Max
+from django.db.transaction import atomic, on_commit
+
+from labweb.accounts.selectors import User
+from labweb.common import feed
+from labweb.common.clock import now
+from labweb.domain.approvals.roles import Permission
+from labweb.domain.errors import DefinitionError, RevisionError
+from labweb.domain.messages import canonical
+from labweb.domain.workflows.protocol import parse_workflow
+from labweb.resources import selectors as resource_selectors
+from labweb.resources.selectors import Lab
+from labweb.workflows import selectors
+from labweb.workflows.models import Workflow, WorkflowVersion
+
+SCHEMA = "labweb.workflow/1"
+MAX_DRAFT_BYTES = 1024 * 1024
+LONGEST_NAME = 200
+
+
+def _may_draw(lab: Lab, actor: User) -> None:
+    resource_selectors.require(actor, Permission.DRAW, [resource_selectors.root_of(lab).id])
+
+
+def _check_size(document: dict[str, Any]) -> None:
+    if len(canonical(document)) > MAX_DRAFT_BYTES:
+        raise DefinitionError("a workflow may have 1 MB", code="workflow.too_large")
+
+
+@atomic
+def create_workflow(
+    lab: Lab, *, name: str, document: dict[str, Any] | None, actor: User
+) -> Workflow:
+    """Create a workflow with a draft; drafts may be unfinished.
+
+    Raises:
+        DefinitionError: The name is empty or too long, or the document too large.
+        ForbiddenError: The actor may not draw here.
+    """
+    _may_draw(lab, actor)
+    clean = name.strip()
+    if not clean or len(clean) > LONGEST_NAME:
+        raise DefinitionError(
+            "a workflow needs a name of 1 to 200 characters", code="workflow.name"
+        )
+    draft = document or {"schema": SCHEMA, "name": clean, "steps": [], "edges": []}
+    _check_size(draft)
+    at = now()
+    row = Workflow.objects.create(
+        lab=lab,
+        name=clean,
+        draft={**draft, "name": clean},
+        created_by=actor,
+        created_at=at,
+        updated_at=at,
+    )
+    on_commit(partial(feed.publish, "workflows", {"workflow_id": str(row.id)}))
+    return row
+
+
+@atomic
+def save_draft(
+    workflow_id: UUID, *, document: dict[str, Any], revision: int, actor: User
+) -> Workflow:
+    """Save a draft over the revision the author saw.
+
+    Raises:
+        RevisionError: Somebody saved in between; `context` carries the newer draft.
+    """
+    row = Workflow.objects.select_for_update().get(pk=selectors.find_workflow(workflow_id).pk)
+    _may_draw(row.lab, actor)
+    _check_size(document)
+    if row.draft_revision != revision:
+        raise RevisionError(
+            "somebody saved this draft in between",
+            code="workflow.revision",
+            context={"revision": row.draft_revision, "document": row.draft},
+        )
+    row.draft = document
+    name = document.get("name")
+    if isinstance(name, str) and 0 < len(name.strip()) <= LONGEST_NAME:
+        row.name = name.strip()
+    row.draft_revision += 1
+    row.updated_at = now()
+    row.save()
+    on_commit(partial(feed.publish, "workflows", {"workflow_id": str(row.id)}))
+    return row
+
+
+@atomic
+def save_version(workflow_id: UUID, *, note: str, actor: User | None) -> WorkflowVersion:
+    """Freeze the draft as the next version; the same draft twice is one version.
+
+    Raises:
+        ProtocolError: The draft is malformed; findings list each place.
+    """
+    row = Workflow.objects.select_for_update().get(pk=selectors.find_workflow(workflow_id).pk)
+    if actor is not None:
+        _may_draw(row.lab, actor)
+    parse_workflow(row.draft)
+    digest = hashlib.sha256(canonical(row.draft)).hexdigest()
+    last = row.versions.order_by("-number").first()
+    if last is not None and last.digest == digest:
+        return last
+    number = (row.versions.aggregate(Max("number"))["number__max"] or 0) + 1
+    return WorkflowVersion.objects.create(
+        workflow=row,
+        number=number,
+        document=row.draft,
+        digest=digest,
+        note=note[:300],
+        author=actor,
+        at=now(),
+    )
+
+
+@atomic
+def ensure_template(lab: Lab, *, document: dict[str, Any], author: User | None) -> Workflow:
+    """Write a template with its version 1 unless one of that name exists."""
+    found = Workflow.objects.filter(lab=lab, is_template=True, name=document["name"]).first()
+    if found is not None:
+        return found
+    at = now()
+    row = Workflow.objects.create(
+        lab=lab,
+        name=document["name"],
+        is_template=True,
+        draft=document,
+        created_by=author,
+        created_at=at,
+        updated_at=at,
+    )
+    save_version(row.id, note="template", actor=None)
+    return row

@@ -1,0 +1,11 @@
+"""Files of others that tests read when they lie beside the project; none is part of it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+GRAPHS = (Path(__file__).parents[1] / "../shared/data/2_unilab_graphs").resolve()
+"""Published graphs of Uni-Lab-OS."""
+
+NO_GRAPHS = "the published graphs are GPL-3.0 and not part of this repository"
+"""Why tests skip without them."""

@@ -1,0 +1,123 @@
+"""What holds for each driver of the catalog."""
+
+from __future__ import annotations
+
+import hashlib
+import importlib
+import inspect
+from pathlib import Path
+
+import pytest
+from jsonschema import Draft202012Validator
+
+from drivers.base import ActionMark, Driver, StatusMark
+from drivers.catalog.inspect import PACKAGE
+from drivers.catalog.scan import scan
+from drivers.load import source_path
+from drivers.transports.urls import make_transport
+from labweb.domain.enrollment.spec import UNITS, DriverSpec, encode, parse
+from labweb.domain.errors import DefinitionError
+from labweb.domain.units import DIMENSIONS
+from labweb.domain.units import parse as parse_quantity
+
+SPECS = scan(PACKAGE).drivers
+TESTS = Path(__file__).parent
+URLS = {
+    "byte": "tcp://127.0.0.1:4305",
+    "register": "modbus+tcp://127.0.0.1:502?device=1",
+    "virtual": "virtual:timer",
+}
+
+every_driver = pytest.mark.parametrize("spec", SPECS, ids=lambda spec: spec.class_name)
+
+
+def test_the_catalog_holds_the_starter_labs_instruments() -> None:
+    assert {role for spec in SPECS for role in spec.roles} == {
+        "balance",
+        "heater_stirrer",
+        "ph_sensor",
+        "pump",
+        "timer",
+        "valve",
+    }
+
+
+@every_driver
+def test_a_driver_keeps_every_rule(spec: DriverSpec) -> None:
+    assert spec.findings == ()
+
+
+@every_driver
+def test_a_spec_is_complete(spec: DriverSpec) -> None:
+    assert spec.roles
+    assert spec.transport
+    assert spec.doc
+    assert spec.protocol
+    assert spec.quality
+    assert spec.safe_state
+    assert spec.digest == hashlib.sha256(source_path(spec.module).read_bytes()).hexdigest()
+    assert all(action.timeout_s and action.doc and action.role for action in spec.actions)
+    assert all(status.every_s and status.doc and status.role for status in spec.statuses)
+
+
+@every_driver
+def test_every_argument_has_a_type_and_every_number_a_range(spec: DriverSpec) -> None:
+    for parameter in [one for action in spec.actions for one in action.parameters]:
+        assert parameter.type is not None
+        assert parameter.label
+        if parameter.type in {"number", "integer"}:
+            assert parameter.unit in UNITS
+            assert parameter.minimum is not None
+            assert parameter.maximum is not None
+
+
+@every_driver
+def test_every_unit_it_shows_can_be_read_back(spec: DriverSpec) -> None:
+    for parameter in [one for action in spec.actions for one in action.parameters]:
+        if parameter.quantity in DIMENSIONS:
+            assert parse_quantity(f"1 {parameter.symbol}", parameter.quantity) is not None
+
+
+@every_driver
+def test_its_schemas_are_json_schema_and_its_spec_survives_json(spec: DriverSpec) -> None:
+    for schema in [spec.config_schema(), *(action.schema() for action in spec.actions)]:
+        Draft202012Validator.check_schema(schema)
+    assert parse(encode(spec)) == spec
+
+
+@every_driver
+def test_text_and_code_agree(spec: DriverSpec) -> None:
+    found = getattr(importlib.import_module(spec.module), spec.class_name)
+    assert issubclass(found, Driver)
+    assert not inspect.isabstract(found)
+    assert found.transport_type.sort == spec.transport
+    assert set(found.config_type.__struct_fields__) == {one.name for one in spec.config}
+    for action in spec.actions:
+        mark = vars(getattr(found, action.name))["labweb_action"]
+        assert action.timeout_s is not None
+        assert mark == ActionMark(
+            action.timeout_s, action.recovery, action.hazards, action.operation
+        )
+    for status in spec.statuses:
+        mark = vars(getattr(found, status.name))["labweb_status"]
+        assert status.every_s is not None
+        assert mark == StatusMark(status.every_s)
+
+
+@every_driver
+def test_what_moves_matter_is_never_repeated_by_itself(spec: DriverSpec) -> None:
+    for action in spec.actions:
+        assert action.operation != "transfer" or action.recovery in {"R2", "R3"}
+
+
+@every_driver
+def test_it_has_tests_of_its_own(spec: DriverSpec) -> None:
+    _, folder, module = spec.module.split(".")
+    assert (TESTS / folder / f"test_{module}.py").is_file()
+
+
+@every_driver
+def test_unknown_settings_are_refused(spec: DriverSpec) -> None:
+    found = getattr(importlib.import_module(spec.module), spec.class_name)
+    with pytest.raises(DefinitionError, match="no_such_setting"):
+        found(make_transport(URLS[spec.transport]), {"no_such_setting": 1})

@@ -1,0 +1,177 @@
+"""Serial and TCP lines: whole answers, honest effects, one owner."""
+
+from __future__ import annotations
+
+import os
+import threading
+import tty
+from collections.abc import Iterator
+
+import pytest
+
+from drivers.transports.base import ByteTransport
+from drivers.transports.urls import make_transport, open_transport
+from labweb.domain.errors import DeviceTimeoutError, Effect, FrameError, UnreachableError
+from tests.drivers.wire import answering
+
+
+def opened(url: str) -> ByteTransport:
+    transport = open_transport(url)
+    assert isinstance(transport, ByteTransport)
+    return transport
+
+
+def test_an_exchange_returns_the_answer_up_to_its_terminator() -> None:
+    with answering(lambda request: request.upper() + b"left over") as port:
+        line = opened(f"tcp://127.0.0.1:{port}")
+        assert line.exchange(b"hi\r\n", until=b"\r\n", timeout_s=2) == b"HI\r\n"
+        assert line.exchange(b"ho\r\n", until=b"\r\n", timeout_s=2) == b"HO\r\n"
+        line.close()
+
+
+def test_the_observer_sees_bytes_before_they_go_and_after_they_came() -> None:
+    seen: list[tuple[str, bytes]] = []
+    with answering(lambda request: request) as port:
+        line = opened(f"tcp://127.0.0.1:{port}")
+        line.observer = lambda direction, data: seen.append((direction, data))
+        line.exchange(b"a\n", until=b"\n", timeout_s=2)
+        line.close()
+    assert seen == [("out", b"a\n"), ("in", b"a\n")]
+
+
+def test_an_observer_that_fails_keeps_the_bytes_from_going() -> None:
+    arrived: list[bytes] = []
+
+    def keep(request: bytes) -> bytes:
+        arrived.append(request)
+        return request
+
+    def fail(direction: str, data: bytes) -> None:
+        raise KeyboardInterrupt
+
+    with answering(keep) as port:
+        line = opened(f"tcp://127.0.0.1:{port}")
+        line.observer = fail
+        with pytest.raises(KeyboardInterrupt):
+            line.exchange(b"a\n", until=b"\n", timeout_s=1)
+        line.close()
+    assert arrived == []
+
+
+def test_silence_is_a_timeout_of_unknown_effect() -> None:
+    with answering(lambda request: b"half") as port:
+        line = opened(f"tcp://127.0.0.1:{port}")
+        with pytest.raises(DeviceTimeoutError) as caught:
+            line.exchange(b"a\n", until=b"\n", timeout_s=0.1)
+        line.close()
+    assert caught.value.effect is Effect.UNKNOWN
+    assert caught.value.context == {"received": b"half".hex()}
+
+
+def test_a_late_answer_is_not_taken_for_the_next_one() -> None:
+    late = threading.Event()
+
+    def answer(request: bytes) -> bytes:
+        if request == b"slow\n":
+            late.wait(0.15)
+        return request
+
+    with answering(answer) as port:
+        line = opened(f"tcp://127.0.0.1:{port}")
+        with pytest.raises(DeviceTimeoutError):
+            line.exchange(b"slow\n", until=b"\n", timeout_s=0.12)
+        assert line.exchange(b"fast\n", until=b"\n", timeout_s=2) == b"fast\n"
+        line.close()
+
+
+def test_an_endless_answer_is_cut_at_four_kibibytes() -> None:
+    with answering(lambda request: b"x" * 5000) as port:
+        line = opened(f"tcp://127.0.0.1:{port}")
+        with pytest.raises(FrameError):
+            line.exchange(b"a\n", until=b"\n", timeout_s=2)
+        line.close()
+
+
+def test_a_line_that_hangs_up_is_unreachable_and_can_be_opened_again() -> None:
+    answers = iter([None, b"again\n"])
+    with answering(lambda request: next(answers)) as port:
+        line = opened(f"tcp://127.0.0.1:{port}")
+        with pytest.raises(UnreachableError) as caught:
+            line.exchange(b"a\n", until=b"\n", timeout_s=2)
+        assert caught.value.effect is Effect.UNKNOWN
+        assert not line.is_open
+        with pytest.raises(UnreachableError) as caught:
+            line.exchange(b"a\n", until=b"\n", timeout_s=2)
+        assert caught.value.effect is Effect.NONE
+        line.open()
+        assert line.exchange(b"a\n", until=b"\n", timeout_s=2) == b"again\n"
+        line.close()
+
+
+def test_a_line_has_one_owner() -> None:
+    with answering(lambda request: request) as port:
+        first = opened(f"tcp://127.0.0.1:{port}")
+        second = make_transport(f"tcp://127.0.0.1:{port}")
+        with pytest.raises(UnreachableError, match="already open") as caught:
+            second.open()
+        assert caught.value.effect is Effect.NONE
+        first.close()
+        second.open()
+        second.close()
+
+
+def test_a_shared_line_closes_with_its_last_user() -> None:
+    one, other = object(), object()
+    with answering(lambda request: request) as port:
+        line = make_transport(f"tcp://127.0.0.1:{port}")
+        line.acquire(one)
+        line.acquire(other)
+        line.release(one)
+        line.release(one)
+        assert line.is_open
+        line.release(other)
+        assert not line.is_open
+
+
+def test_nobody_listening_is_unreachable_without_effect() -> None:
+    with answering(lambda request: request) as port:
+        pass
+    with pytest.raises(UnreachableError) as caught:
+        open_transport(f"tcp://127.0.0.1:{port}")
+    assert caught.value.effect is Effect.NONE
+
+
+@pytest.fixture
+def pseudo_terminal() -> Iterator[tuple[int, str]]:
+    main, other = os.openpty()
+    tty.setraw(other)
+    yield main, os.ttyname(other)
+    os.close(main)
+    os.close(other)
+
+
+def test_a_serial_port_carries_an_exchange(pseudo_terminal: tuple[int, str]) -> None:
+    main, path = pseudo_terminal
+    answerer = threading.Thread(target=lambda: os.write(main, os.read(main, 64).upper()))
+    answerer.start()
+    line = opened(f"serial://{path}?baud=9600&format=8N1")
+    assert line.exchange(b"in_pv_1\r\n", until=b"\r\n", timeout_s=5) == b"IN_PV_1\r\n"
+    answerer.join(5)
+    line.close()
+
+
+def test_a_serial_port_that_somebody_holds_is_unreachable(
+    pseudo_terminal: tuple[int, str],
+) -> None:
+    _, path = pseudo_terminal
+    line = opened(f"serial://{path}")
+    with pytest.raises(UnreachableError) as caught:
+        open_transport(f"serial://{path}")
+    assert caught.value.effect is Effect.NONE
+    line.close()
+
+
+def test_a_serial_port_that_is_not_there_is_unreachable() -> None:
+    with pytest.raises(UnreachableError) as caught:
+        open_transport("serial:///dev/does-not-exist")
+    assert caught.value.effect is Effect.NONE

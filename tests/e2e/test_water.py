@@ -1,0 +1,76 @@
+"""From the sign-in page to water in the reactor, and back to where the water came from."""
+
+from __future__ import annotations
+
+import pytest
+from playwright.sync_api import expect
+
+from tests.e2e.conftest import Visit
+from tests.e2e.visitor import plain
+from tests.system.stack import Stack
+
+pytestmark = [pytest.mark.slow, pytest.mark.timeout(180)]
+
+WATER = "Move 5 mL of water"
+STROKES = [b"A3000R", b"A0R"]
+"""The full 5 mL syringe has 3000 steps: plunger down, plunger up."""
+
+
+def strokes_sent(stack: Stack) -> list[bytes]:
+    """Return the plunger moves that crossed the line of pump 1, oldest first."""
+    sent = b"".join(data for direction, data in stack.tap("line0.tty") if direction == "in")
+    frames = [frame for frame in sent.split(b"\r") if frame]
+    return [move for frame in frames for move in STROKES if frame.endswith(move)]
+
+
+def test_water_moves_within_eight_presses_of_the_sign_in_page(visit: Visit, stack: Stack) -> None:
+    before = len(strokes_sent(stack))
+    chemist = visit(None)
+    chemist.open("login")
+    chemist.sign_in(stack, "chemist")
+    chemist.press(chemist.page.get_by_role("link", name=WATER, exact=True).last)
+    chemist.press("run")
+    chemist.press("start-run")
+    chemist.page.wait_for_url("**/runs/*")
+    expect(chemist.at("run")).to_have_attribute("data-state", "running", timeout=30_000)
+    assert chemist.presses <= 8
+    chemist.wait_for_state("complete", 90)
+    assert strokes_sent(stack)[before:] == STROKES
+    expect(chemist.at("run-state")).to_contain_text("Complete")
+
+
+def test_the_pages_say_what_the_bench_holds_and_where_it_came_from(
+    visit: Visit, stack: Stack
+) -> None:
+    keys = stack.keys()
+    before = stack.volumes_ul()["reactor_1"]
+    run = stack.client().start(WATER)
+    chemist = visit("chemist")
+    chemist.open(f"runs/{run['id']}")
+    chemist.wait_for_state("complete", 90)
+    chemist.go_to("Lab")
+    chemist.page.wait_for_url("**/lab")
+    really = stack.volumes_ul()
+    assert really["reactor_1"] == pytest.approx(before + 5000, abs=1)
+    for vessel in ("reactor_1", "water"):
+        figure, unit = chemist.read_volume(keys[vessel]).split()
+        assert unit == "mL"
+        assert figure == f"{really[vessel] / 1000:.{len(figure.partition('.')[2])}f}"
+    chemist.press(chemist.page.get_by_role("treeitem").filter(has_text="Reactor 1"))
+    expect(chemist.at("resource")).to_contain_text("W-0001")
+    chemist.press("lineage-link")
+    table = chemist.at("lineage-table")
+    row = table.get_by_role("row").filter(has_text="Water").first
+    expect(row).to_be_visible()
+    expect(table).to_contain_text("W-0001")
+    assert "Reactor 1" in plain(table.inner_text())
+
+
+def test_the_twin_shows_inside_the_run_page(visit: Visit, stack: Stack) -> None:
+    chemist = visit("chemist")
+    runs = stack.client().get("runs?limit=1")["runs"] or [stack.client().start(WATER)]
+    chemist.open(f"runs/{runs[0]['id']}")
+    expect(chemist.at("twin")).to_have_attribute("data-state", "live", timeout=30_000)
+    assert stack.client().get("twin")["state"] == "online"
+    scene = chemist.at("twin").frame_locator("iframe")
+    expect(scene.locator("canvas").first).to_be_visible(timeout=60_000)

@@ -1,0 +1,74 @@
+"""Two runs, one pump; and stops that come and go."""
+
+from __future__ import annotations
+
+from uuid import UUID
+
+import pytest
+
+from labweb.domain.errors import StateError
+from labweb.runs import selectors, services
+from labweb.runs.models import Attempt, Job, Outbox
+from tests.builders import a_lab, a_started_run, an_edge
+
+pytestmark = pytest.mark.django_db
+
+WATER = "Move 5 mL of water"
+
+
+def states(run_id: UUID) -> list[str]:
+    """Return the states of a run's jobs in plan order."""
+    return list(Job.objects.filter(run_id=run_id).order_by("index").values_list("state", flat=True))
+
+
+def test_a_second_run_waits_until_the_first_has_emptied_the_pump() -> None:
+    bench = a_lab()
+    edge = an_edge(bench)
+    first = a_started_run(bench, WATER)
+    second = a_started_run(bench, WATER)
+    assert services.dispatch_ready() == 1
+    edge.complete(Attempt.objects.get(job__run=first))
+    assert services.dispatch_ready() == 1
+    assert states(first.id)[1] == "dispatched"
+    assert set(states(second.id)) == {"queued"}
+    held = selectors.held_elsewhere(bench.lab.id, second.id)
+    assert set(held.values()) == {first.id}
+    edge.complete(Attempt.objects.get(job__run=first, job__state="dispatched"))
+    edge.work_off(first)
+    assert set(states(first.id)) == {"complete"}
+    assert states(second.id)[0] == "dispatched"
+
+
+def test_a_stop_gives_up_the_resets_before_it() -> None:
+    bench = a_lab()
+    an_edge(bench)
+    services.stop_lab(actor=bench.people["chemist"])
+    services.reset_lab(actor=bench.people["admin"], reason="looked")
+    assert Outbox.objects.filter(kind="reset", settled_at__isnull=True).count() == 1
+    services.stop_lab(actor=bench.people["chemist"])
+    assert not Outbox.objects.filter(kind="reset", settled_at__isnull=True).exists()
+
+
+def test_a_run_approved_while_the_lab_is_stopped_waits_for_a_person() -> None:
+    bench = a_lab()
+    an_edge(bench)
+    run = a_started_run(bench, "Heat and stir")
+    services.stop_lab(actor=bench.people["chemist"])
+    request = bench.lab.approvals.get(run_id=run.id)
+    services.decide_request(
+        request.id, actor=bench.people["approver"], is_approved=True, comment=""
+    )
+    services.reset_lab(actor=bench.people["admin"], reason="looked")
+    run.refresh_from_db()
+    assert run.state == "paused"
+    assert services.dispatch_ready() == 0
+
+
+def test_an_ended_run_is_not_resumed() -> None:
+    bench = a_lab()
+    an_edge(bench)
+    run = a_started_run(bench, WATER)
+    services.abort_run(run.id, actor=bench.people["chemist"], reason="")
+    with pytest.raises(StateError) as refused:
+        services.resume_run(run.id, actor=bench.people["chemist"])
+    assert refused.value.code == "run.ended"

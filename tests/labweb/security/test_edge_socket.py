@@ -1,0 +1,143 @@
+"""The hosts' websocket against garbage, giants, strangers and echoes."""
+
+from __future__ import annotations
+
+import base64
+from typing import Any
+from uuid import uuid4
+
+import msgspec
+import pytest
+from asgiref.sync import sync_to_async
+from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
+
+from labweb.domain.messages import Events, Heartbeat, Hello
+from labweb.runs.models import HostEvent
+from tests.builders import Bench, Edge, a_lab
+from tests.labweb.sockets import Socket, a_socket
+
+pytestmark = pytest.mark.django_db(transaction=True)
+
+PATH = "/ws/edge/v1/"
+
+
+@pytest.fixture
+def bench(transactional_db: None) -> Bench:
+    return a_lab()
+
+
+async def nonce_of(socket: Socket) -> str:
+    challenge = await socket.receive()
+    assert challenge["t"] == "challenge"
+    return str(challenge["nonce"])
+
+
+async def send(socket: Socket, frame: msgspec.Struct) -> None:
+    await socket.send_text(msgspec.json.encode(frame).decode())
+
+
+async def answer_to(socket: Socket, hello: Hello) -> Any:  # noqa: ANN401 - JSON
+    await send(socket, hello)
+    return await socket.receive()
+
+
+async def made(bench: Bench, **options: Any) -> Edge:  # noqa: ANN401 - as Edge takes
+    return await sync_to_async(Edge)(bench, **options)
+
+
+@pytest.mark.parametrize(
+    "frame", ["", "{", "[]", "[" * 5000, '{"t": "hello"}', '{"t": "nobody"}', '{"t": "events"}']
+)
+async def test_garbage_closes_the_connection(bench: Bench, frame: str) -> None:
+    async with a_socket(PATH, origin=None) as socket:
+        await nonce_of(socket)
+        await socket.send_text(frame)
+        assert await socket.closed() == 4400
+
+
+async def test_a_frame_of_a_megabyte_closes_the_connection(bench: Bench) -> None:
+    async with a_socket(PATH, origin=None) as socket:
+        await nonce_of(socket)
+        await socket.send_text("x" * 1_000_000)
+        assert await socket.closed() == 1009
+
+
+async def test_nothing_is_taken_before_the_host_has_proved_its_key(bench: Bench) -> None:
+    edge = await made(bench)
+    async with a_socket(PATH, origin=None) as socket:
+        await nonce_of(socket)
+        await send(socket, Events(epoch=0, events=[edge.event("boot", None)]))
+        assert await socket.closed() == 4400
+    assert not await HostEvent.objects.aexists()
+
+
+async def test_a_host_that_proves_its_key_is_welcome(bench: Bench) -> None:
+    edge = await made(bench)
+    async with a_socket(PATH, origin=None) as socket:
+        welcome = await answer_to(socket, edge.hello(await nonce_of(socket)))
+        assert (welcome["t"], welcome["epoch"], welcome["mode"]) == ("welcome", 1, "normal")
+        assert (await socket.receive())["t"] == "resume"
+        await send(socket, Events(epoch=1, events=[edge.event("boot", None)]))
+        assert await socket.receive() == {"t": "ack", "seq": 1}
+
+
+async def test_a_signature_of_another_key_is_refused(bench: Bench) -> None:
+    edge = await made(bench, key=Ed25519PrivateKey.generate())
+    async with a_socket(PATH, origin=None) as socket:
+        refusal = await answer_to(socket, edge.hello(await nonce_of(socket)))
+        assert (refusal["t"], refusal["code"]) == ("refuse", "host.bad_signature")
+        assert await socket.closed() == 4403
+
+
+@pytest.mark.parametrize("signature", ["", "no base64 !", base64.b64encode(b"x" * 64).decode()])
+async def test_a_signature_that_is_none_is_refused(bench: Bench, signature: str) -> None:
+    edge = await made(bench)
+    async with a_socket(PATH, origin=None) as socket:
+        hello = edge.hello(await nonce_of(socket))
+        refusal = await answer_to(socket, msgspec.structs.replace(hello, signature=signature))
+        assert refusal["code"] == "host.bad_signature"
+
+
+@pytest.mark.parametrize("field", ["seq_head", "epoch_last", "software", "boot_id"])
+async def test_a_hello_that_was_changed_after_signing_is_refused(bench: Bench, field: str) -> None:
+    edge = await made(bench)
+    async with a_socket(PATH, origin=None) as socket:
+        hello = edge.hello(await nonce_of(socket))
+        value: Any = 99 if isinstance(getattr(hello, field), int) else "changed"
+        changed = msgspec.structs.replace(hello, **{field: value})
+        assert (await answer_to(socket, changed))["code"] == "host.bad_signature"
+
+
+async def test_an_unknown_host_is_refused(bench: Bench) -> None:
+    edge = await made(bench)
+    edge.host_id = uuid4()
+    async with a_socket(PATH, origin=None) as socket:
+        refusal = await answer_to(socket, edge.hello(await nonce_of(socket)))
+        assert refusal["code"] == "host.unknown"
+
+
+async def test_a_hello_that_was_heard_before_is_refused(bench: Bench) -> None:
+    edge = await made(bench)
+    async with a_socket(PATH, origin=None) as socket:
+        heard = edge.hello(await nonce_of(socket))
+        assert (await answer_to(socket, heard))["t"] == "welcome"
+    async with a_socket(PATH, origin=None) as socket:
+        await nonce_of(socket)
+        assert (await answer_to(socket, heard))["code"] == "host.bad_signature"
+
+
+async def test_a_newer_session_ends_the_older_one(bench: Bench) -> None:
+    edge = await made(bench)
+    beat = Heartbeat(epoch=1, mono_s=1.0, seq_head=0, stop_latched=False, disk_free_bytes=1)
+    async with a_socket(PATH, origin=None) as old, a_socket(PATH, origin=None) as new:
+        assert (await answer_to(old, edge.hello(await nonce_of(old))))["epoch"] == 1
+        assert (await old.receive())["t"] == "resume"
+        assert (await answer_to(new, edge.hello(await nonce_of(new))))["epoch"] == 2
+        await send(old, beat)
+        assert await old.closed() == 4409
+
+
+async def test_a_connection_without_a_hello_is_closed_within_seconds(bench: Bench) -> None:
+    async with a_socket(PATH, origin=None) as socket:
+        await nonce_of(socket)
+        assert await socket.closed() == 4403

@@ -1,0 +1,193 @@
+"""Every URL of the server by every role; a URL that is not in the tables fails."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from typing import Any
+from uuid import UUID
+
+import pytest
+from django.db.transaction import atomic, set_rollback
+from django.http import HttpResponse
+from django.test import Client
+
+from labweb.approvals.models import ApprovalRequest
+from labweb.runs import services as run_services
+from labweb.workflows import services as workflow_services
+from tests.builders import HEAT, PASSWORD, Bench, a_started_run, an_edge, to_transfer
+from tests.labweb.web import call, code_of, routes, signed_in
+
+EVERY = ("anonymous", "observer", "chemist", "approver", "admin")
+MEMBERS = EVERY[1:]
+WORKERS = EVERY[2:]
+DECIDERS = EVERY[3:]
+
+API: dict[tuple[str, str], tuple[tuple[str, ...], Any]] = {
+    ("GET", "session"): (EVERY, None),
+    ("POST", "session"): (EVERY, {"username": "observer", "password": PASSWORD}),
+    ("DELETE", "session"): (EVERY, None),
+    ("GET", "home"): (MEMBERS, None),
+    ("GET", "search"): (MEMBERS, None),
+    ("GET", "devices"): (MEMBERS, None),
+    ("GET", "devices/<device>"): (MEMBERS, None),
+    ("GET", "devices/<device>/telemetry"): (MEMBERS, None),
+    ("GET", "hosts"): (MEMBERS, None),
+    ("GET", "twin"): (MEMBERS, None),
+    ("GET", "connections"): (MEMBERS, None),
+    ("GET", "resources"): (MEMBERS, None),
+    ("GET", "resources/<resource>"): (MEMBERS, None),
+    ("GET", "resources/<resource>/lineage"): (MEMBERS, None),
+    ("GET", "steps"): (MEMBERS, None),
+    ("GET", "lab"): (MEMBERS, None),
+    ("POST", "lab/stop"): (MEMBERS, None),
+    ("POST", "lab/reset"): (DECIDERS, {"reason": "looked"}),
+    ("GET", "workflows"): (MEMBERS, None),
+    ("POST", "workflows"): (WORKERS, {"name": "Mine"}),
+    ("POST", "workflows/check"): (MEMBERS, {"document": {}}),
+    ("GET", "workflows/<workflow>"): (MEMBERS, None),
+    ("PUT", "workflows/<workflow>/draft"): (WORKERS, {"document": {}, "revision": 1}),
+    ("POST", "workflows/<workflow>/versions"): (WORKERS, {}),
+    ("GET", "workflows/<workflow>/versions/<number>"): (MEMBERS, None),
+    ("GET", "runs"): (MEMBERS, None),
+    ("POST", "runs"): (WORKERS, {"version_id": "<version>"}),
+    ("GET", "runs/<run>"): (MEMBERS, None),
+    ("GET", "runs/<run>/events"): (MEMBERS, None),
+    ("GET", "runs/<run>/log"): (MEMBERS, None),
+    ("POST", "runs/<run>/pause"): (WORKERS, {}),
+    ("POST", "runs/<run>/resume"): (WORKERS, {}),
+    ("POST", "runs/<run>/abort"): (WORKERS, {"reason": "enough"}),
+    ("POST", "jobs/<job>/resolve"): (WORKERS, {"answer": "did_not", "note": "dry"}),
+    ("GET", "approvals"): (MEMBERS, None),
+    ("GET", "approvals/<request>"): (MEMBERS, None),
+    ("POST", "approvals/<request>/decision"): (DECIDERS, {"is_approved": True}),
+}
+"""Method and route → who may, and a body that would be right."""
+
+PAGES = {"healthz", "^(?!api/|admin/|static/|ws/|twin/view).*$"}
+MEMBERS_PAGES = {"api/schema/", r"^twin/view(?:/(?P<path>.*))?$"}
+
+
+def name_of(route: str) -> str:
+    """Name a REST route as the table does."""
+    plain = route.removeprefix("api/v1/")
+    return re.sub(r"<(?:uuid|int):(\w+?)(?:_id)?>", r"<\1>", plain)
+
+
+def rest_routes() -> Iterator[tuple[str, str]]:
+    for route, view in routes():
+        if route.startswith("api/v1/"):
+            methods = [m for m in ("get", "post", "put", "patch", "delete") if hasattr(view.cls, m)]
+            yield from ((method.upper(), name_of(route)) for method in methods)
+
+
+@pytest.fixture
+def ids(bench: Bench) -> dict[str, str]:
+    """Give one of each thing that a URL names, in a state in which every act is possible."""
+    run = a_started_run(bench)
+    attempt = to_transfer(run, an_edge(bench))
+    request_run = a_started_run(bench, HEAT)
+    workflow = workflow_services.create_workflow(
+        bench.lab, name="Own", document=None, actor=bench.people["chemist"]
+    )
+    workflow_services.save_version(workflow.id, note="", actor=bench.people["chemist"])
+    return {
+        "device": str(bench.device("timer_1").id),
+        "resource": str(bench.node("water").id),
+        "workflow": str(workflow.id),
+        "version": str(bench.version("Move 5 mL of water").id),
+        "number": "1",
+        "run": str(run.id),
+        "job": str(attempt.job_id),
+        "request": str(ApprovalRequest.objects.get(run_id=request_run.id).id),
+    }
+
+
+def prepare(bench: Bench, route: str, ids: dict[str, str]) -> None:
+    """Bring about what the act needs, for this call alone."""
+    chemist = bench.people["chemist"]
+    if route == "lab/reset":
+        run_services.stop_lab(actor=chemist)
+    if route == "runs/<run>/resume":
+        run_services.pause_run(UUID(ids["run"]), actor=chemist)
+    if route == "jobs/<job>/resolve":
+        job = bench.lab.runs.get(pk=ids["run"]).jobs.get(pk=ids["job"])
+        job.state = "in_doubt"
+        job.save(update_fields=["state"])
+
+
+def send(
+    client: Client, bench: Bench, method: str, route: str, ids: dict[str, str]
+) -> HttpResponse:
+    path = "/api/v1/" + re.sub(r"<(\w+)>", lambda found: ids[found[1]], route)
+    body = API[method, route][1]
+    if isinstance(body, dict):
+        body = {k: ids["version"] if v == "<version>" else v for k, v in body.items()}
+    with atomic():
+        prepare(bench, route, ids)
+        answer = call(client, method, path, body)
+        set_rollback(True)
+    return answer
+
+
+def test_every_rest_route_is_in_the_table() -> None:
+    assert set(rest_routes()) == set(API)
+
+
+def test_every_other_url_is_a_known_page() -> None:
+    others = {r for r, _ in routes() if not r.startswith(("api/v1/", "admin/"))}
+    assert others == PAGES | MEMBERS_PAGES
+
+
+@pytest.mark.parametrize("role", EVERY)
+def test_each_role_may_what_the_table_says_and_nothing_else(
+    bench: Bench, ids: dict[str, str], role: str
+) -> None:
+    wrong = []
+    for (method, route), (allowed, _) in API.items():
+        client = signed_in(bench.people.get(role))
+        answer = send(client, bench, method, route, ids)
+        expected = answer.status_code < 400 if role in allowed else answer.status_code == 403
+        if not expected:
+            wrong.append((method, route, answer.status_code, answer.content[:200]))
+        if role == "anonymous" and answer.status_code == 403:
+            assert code_of(answer) == "http.not_authenticated"
+    assert not wrong
+
+
+@pytest.mark.parametrize("role", EVERY)
+def test_the_schema_is_for_members(bench: Bench, role: str) -> None:
+    answer = signed_in(bench.people.get(role)).get("/api/schema/")
+    assert answer.status_code == (200 if role in MEMBERS else 403)
+
+
+def admin_paths(bench: Bench) -> Iterator[str]:
+    for route, _ in routes():
+        if not route.startswith("admin/"):
+            continue
+        path = re.sub(r"<[^>]*>", str(bench.device("ph_1").id), route)
+        path = re.sub(r"\(\?P<\w+>[^)]*\)", "x", path).replace("^", "").replace("$", "")
+        yield "/" + path
+
+
+@pytest.mark.parametrize("role", EVERY[:-1])
+def test_the_admin_pages_are_closed_to_everybody_but_admins(bench: Bench, role: str) -> None:
+    client = signed_in(bench.people.get(role))
+    entered = []
+    for path in admin_paths(bench):
+        answer = client.get(path)
+        if role == "anonymous" and path.startswith(("/admin/jsi18n", "/admin/logout")):
+            continue
+        closed = answer.status_code in {302, 404} if role == "anonymous" else False
+        if not (closed or answer.status_code in {403, 404, 405}):
+            entered.append((path, answer.status_code))
+    assert not entered
+
+
+def test_an_admin_sees_every_list(bench: Bench) -> None:
+    an_edge(bench).work_off(a_started_run(bench))
+    client = signed_in(bench.people["admin"])
+    lists = [r for r, v in routes() if r.startswith("admin/") and r.count("/") == 3]
+    assert len(lists) > 20
+    for path in lists:
+        assert client.get(f"/{path}").status_code == 200, path

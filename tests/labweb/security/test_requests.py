@@ -1,0 +1,172 @@
+"""Requests that are wrong, too large, forged or too many."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import pytest
+from django.contrib.sessions.models import Session
+from django.core.cache import cache
+from django.test import Client
+
+from labweb.runs.models import Run
+from labweb.workflows.models import Workflow
+from tests.builders import PASSWORD, Bench
+from tests.labweb.web import call, code_of, signed_in
+
+API = "/api/v1"
+
+
+@pytest.fixture
+def chemist(bench: Bench) -> Client:
+    return signed_in(bench.people["chemist"])
+
+
+def post(client: Client, path: str, raw: bytes, **headers: Any) -> Any:  # noqa: ANN401
+    return client.generic("POST", path, raw, content_type="application/json", **headers)
+
+
+BAD_BODIES = {
+    "no JSON": (b"{", 400, "http.parse_error"),
+    "no UTF-8": (b'{"name": "\xff"}', 400, "http.parse_error"),
+    "a list": (b"[]", 400, "http.parse_error"),
+    "NaN": (b'{"name": NaN}', 400, "http.parse_error"),
+    "infinity": (b'{"name": 1e999}', 400, "http.parse_error"),
+    "a long integer": (b'{"name": ' + b"9" * 5000 + b"}", 400, "http.parse_error"),
+    "U+0000": (b'{"name": "\\u0000"}', 400, "http.parse_error"),
+    "half a character": (b'{"name": "\\ud800"}', 400, "http.parse_error"),
+    "nested": (b'{"a":' * 40 + b"1" + b"}" * 40, 400, "http.parse_error"),
+    "nested deeply": (b"[" * 200_000 + b"]" * 200_000, 400, "http.parse_error"),
+    "an unknown field": (b'{"name": "x", "lab": "other"}', 422, "http.body"),
+    "a wrong type": (b'{"name": 7}', 422, "http.body"),
+    "a missing field": (b"{}", 422, "http.body"),
+    "an id that is none": (b'{"name": "x", "copy_of": "1"}', 422, "http.body"),
+}
+
+
+@pytest.mark.parametrize("name", BAD_BODIES)
+def test_a_bad_body_gets_its_code_and_changes_nothing(
+    bench: Bench, chemist: Client, name: str
+) -> None:
+    raw, status, code = BAD_BODIES[name]
+    before = Workflow.objects.count()
+    answer = post(chemist, f"{API}/workflows", raw)
+    assert (answer.status_code, code_of(answer)) == (status, code)
+    assert json.loads(answer.content)["effect"] == "none"
+    assert Workflow.objects.count() == before
+
+
+def test_fifty_megabytes_are_refused_before_they_are_parsed(chemist: Client) -> None:
+    answer = post(chemist, f"{API}/workflows", b'{"name": "' + b"x" * 50_000_000 + b'"}')
+    assert (answer.status_code, code_of(answer)) == (413, "http.too_large")
+
+
+def test_another_sort_of_body_is_refused(chemist: Client) -> None:
+    answer = chemist.post(f"{API}/workflows", {"name": "x"})
+    assert (answer.status_code, code_of(answer)) == (415, "http.unsupported_media_type")
+
+
+@pytest.mark.parametrize(
+    "query", ["limit=0", "limit=501", "limit=x", "limit=²", "state=%00", "state=running,open"]
+)
+def test_a_bad_query_is_refused(chemist: Client, query: str) -> None:
+    answer = chemist.get(f"{API}/runs?{query}")
+    assert (answer.status_code, code_of(answer)) == (422, "http.query")
+
+
+@pytest.mark.parametrize("query", ["depth=0", "depth=13", "depth=²", "direction=sideways"])
+def test_a_bad_query_for_lineage_is_refused(bench: Bench, chemist: Client, query: str) -> None:
+    answer = chemist.get(f"{API}/resources/{bench.node('water').id}/lineage?{query}")
+    assert (answer.status_code, code_of(answer)) == (422, "http.query")
+
+
+@pytest.mark.parametrize("text", ["%00", "x" * 5000, "%ff%fe", "'; DROP TABLE", "%25"])
+def test_search_takes_any_text(chemist: Client, text: str) -> None:
+    assert chemist.get(f"{API}/search?q=ab{text}").status_code == 200
+
+
+@pytest.mark.parametrize(
+    ("method", "path"),
+    [("POST", "workflows"), ("POST", "runs"), ("POST", "lab/stop"), ("DELETE", "session")],
+)
+def test_an_unsafe_call_without_the_token_is_refused(bench: Bench, method: str, path: str) -> None:
+    client = Client(enforce_csrf_checks=True)
+    client.force_login(bench.people["chemist"])
+    answer = call(client, method, f"{API}/{path}", {})
+    assert (answer.status_code, code_of(answer)) == (403, "http.permission_denied")
+    assert not Run.objects.exists()
+
+
+def test_signing_in_needs_the_token_too(bench: Bench) -> None:
+    client = Client(enforce_csrf_checks=True)
+    body = {"username": "chemist", "password": PASSWORD}
+    assert call(client, "POST", f"{API}/session", body).status_code == 403
+    client.get(f"{API}/session")
+    token = client.cookies["csrftoken"].value
+    answer = client.generic(
+        "POST",
+        f"{API}/session",
+        json.dumps(body),
+        content_type="application/json",
+        HTTP_X_CSRFTOKEN=token,
+    )
+    assert answer.status_code == 200
+
+
+def test_a_session_that_has_ended_is_told_so(bench: Bench, chemist: Client) -> None:
+    assert call(chemist, "GET", f"{API}/home").status_code == 200
+    Session.objects.all().delete()
+    answer = call(chemist, "GET", f"{API}/home")
+    assert answer.status_code in {401, 403}
+    assert code_of(answer) == "http.not_authenticated"
+
+
+def test_a_user_who_is_disabled_is_out_with_the_next_request(bench: Bench, chemist: Client) -> None:
+    user = bench.people["chemist"]
+    user.is_active = False
+    user.save(update_fields=["is_active"])
+    assert code_of(call(chemist, "GET", f"{API}/home")) == "http.not_authenticated"
+
+
+def sign_in(name: str, password: str, address: str = "192.0.2.1") -> Any:  # noqa: ANN401
+    body = json.dumps({"username": name, "password": password})
+    return Client().generic(
+        "POST", f"{API}/session", body, content_type="application/json", REMOTE_ADDR=address
+    )
+
+
+def test_five_wrong_passwords_close_the_name_for_a_while(bench: Bench) -> None:
+    for _ in range(5):
+        answer = sign_in("Chemist", "wrong")
+        assert (answer.status_code, code_of(answer)) == (403, "session.wrong")
+    answer = sign_in("chemist", PASSWORD, address="192.0.2.2")
+    assert (answer.status_code, code_of(answer)) == (429, "http.throttled")
+    assert int(answer["Retry-After"]) > 0
+    assert sign_in("approver", PASSWORD).status_code == 200
+
+
+def test_one_address_cannot_try_many_names(bench: Bench) -> None:
+    for number in range(20):
+        assert sign_in(f"{number}-nobody", "wrong").status_code == 403
+    assert sign_in("chemist", PASSWORD).status_code == 429
+    assert sign_in("chemist", PASSWORD, address="192.0.2.2").status_code == 200
+
+
+def test_signing_in_clears_the_count_of_the_name(bench: Bench) -> None:
+    for _ in range(4):
+        sign_in("chemist", "wrong")
+    assert sign_in("chemist", PASSWORD).status_code == 200
+    for _ in range(4):
+        assert sign_in("chemist", "wrong").status_code == 403
+
+
+def test_a_refusal_does_not_say_which_of_the_two_was_wrong(bench: Bench) -> None:
+    known, unknown = sign_in("chemist", "wrong"), sign_in("nobody", "wrong")
+    assert known.content == unknown.content
+
+
+def test_odd_names_do_not_break_the_count(bench: Bench) -> None:
+    for name in ("", " ", "a" * 3000, "名前 \n\t", "x:y"):
+        assert sign_in(name, "wrong").status_code == 403
+    assert cache.get("signin:name:chemist") is None

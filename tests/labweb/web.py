@@ -1,0 +1,60 @@
+"""Talk to the server as a browser does."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from typing import Any
+
+from django.http import HttpResponse
+from django.test import Client
+from django.urls import URLPattern, URLResolver, get_resolver
+
+from labweb.accounts.selectors import User
+from tests.builders import Bench
+
+
+def signed_in(user: User | None) -> Client:
+    """Return a client with the user's session; None is a stranger."""
+    client = Client(raise_request_exception=False)
+    if user is not None:
+        client.force_login(user)
+    return client
+
+
+def call(client: Client, method: str, path: str, body: object = None) -> HttpResponse:
+    """Send one request with a JSON body."""
+    data = "" if body is None else json.dumps(body)
+    answer = client.generic(method, path, data, content_type="application/json")
+    assert isinstance(answer, HttpResponse)
+    return answer
+
+
+def read(client: Client, path: str, status: int = 200) -> dict[str, Any]:
+    """Get a JSON answer of the wanted status."""
+    answer = call(client, "GET", path)
+    assert answer.status_code == status, answer.content[:500]
+    found: dict[str, Any] = json.loads(answer.content)
+    return found
+
+
+def code_of(answer: Any) -> str:  # noqa: ANN401 - each test client has its own response
+    """Return the stable code of a refusal."""
+    return str(json.loads(answer.content)["code"])
+
+
+def routes(prefix: str = "", under: URLResolver | None = None) -> Iterator[tuple[str, Any]]:
+    """List every URL pattern of the server with its view."""
+    for entry in (under or get_resolver()).url_patterns:
+        route = f"{prefix}{entry.pattern}"
+        if isinstance(entry, URLResolver):
+            yield from routes(route, entry)
+        elif isinstance(entry, URLPattern):
+            yield route, entry.callback
+
+
+def weigh(bench: Bench) -> dict[str, Any]:
+    """Return a workflow that uses the balance and nothing else."""
+    params = {"balance": str(bench.node("balance_1").id)}
+    step = {"id": "w", "kind": "weigh", "params": params, "position": {"x": 0, "y": 0}}
+    return {"schema": "labweb.workflow/1", "name": "Weigh", "steps": [step], "edges": []}

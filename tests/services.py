@@ -1,0 +1,92 @@
+"""PostgreSQL and Valkey for the tests: addressed before Django loads, started at first use.
+
+A pytest plugin (`-p tests.services` in pyproject.toml), because settings read their addresses
+when pytest-django imports them, which is before any conftest. Addresses that are set already
+are respected: then nothing is started here.
+"""
+
+from __future__ import annotations
+
+import atexit
+import os
+import shutil
+import tempfile
+from contextlib import ExitStack
+from pathlib import Path
+
+import pytest
+
+from deploy import embedded
+from deploy.embedded.layout import Layout
+from deploy.embedded.stack import Stack
+
+_LONGEST_FOLDER = 40
+_FOLDER = "LABWEB_TEST_FOLDER"
+
+
+class Services:
+    """The two servers of one test session; worker processes of xdist share those of the first."""
+
+    def __init__(self) -> None:
+        """Choose a short folder and put the addresses into the environment."""
+        self._stack = ExitStack()
+        self._is_owner = _FOLDER not in os.environ
+        self._is_running = False
+        if self._is_owner:
+            os.environ[_FOLDER] = tempfile.mkdtemp(prefix="lwt", dir=_short_parent())
+            # Also when pytest gives up before it is configured.
+            atexit.register(self.stop)
+        self.folder = Path(os.environ[_FOLDER])
+        self._is_embedded = "DATABASE_URL" not in os.environ
+        self._set_files()
+        if self._is_embedded:
+            layout = Layout(self.folder / "d")
+            os.environ.update(Stack(layout, layout.run / "s", durable=False).urls)
+
+    def _set_files(self) -> None:
+        worker = os.environ.get("PYTEST_XDIST_WORKER", "main")
+        data = self.folder / worker
+        # WhiteNoise warns of a static folder that is not there.
+        (data / "static").mkdir(mode=0o700, parents=True, exist_ok=True)
+        os.environ["LABWEB_DATA"] = str(data)
+        os.environ["LABWEB_COMMAND_KEY_FILE"] = str(data / "command.key")
+
+    def start(self) -> None:
+        """Start both, unless they run or somebody else's were given."""
+        if self._is_running or not self._is_owner or not self._is_embedded:
+            return
+        self._is_running = True
+        self._stack.enter_context(embedded.services(self.folder / "d", durable=False))
+
+    def stop(self) -> None:
+        """End both and remove what they wrote."""
+        self._stack.close()
+        if self._is_owner:
+            shutil.rmtree(self.folder, ignore_errors=True)
+
+
+def _short_parent() -> str:
+    """Give a folder whose path leaves room for the name of a unix socket."""
+    found = tempfile.gettempdir()
+    return found if len(found) <= _LONGEST_FOLDER else "/tmp"
+
+
+_services = Services()
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Start at once when workers will ask for the servers: they cannot start them."""
+    if getattr(config.option, "numprocesses", None):
+        _services.start()
+
+
+def pytest_unconfigure() -> None:
+    """Leave no process and no folder behind."""
+    _services.stop()
+
+
+@pytest.fixture(scope="session")
+def services() -> Services:
+    """Give running servers, at the addresses in the environment."""
+    _services.start()
+    return _services

@@ -1,0 +1,247 @@
+"""A whole lab of real processes, as `make run` starts it, and a client for its REST."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import httpx
+
+CHECKOUT = Path(__file__).resolve().parents[2]
+STARTS_WITHIN_S = 90.0
+
+
+def free_port() -> int:
+    """Return a TCP port nobody listens on."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
+
+
+class Client:
+    """One signed-in person."""
+
+    def __init__(self, url: str, username: str, password: str) -> None:
+        self.url = url
+        self.http = httpx.Client(base_url=f"{url}api/v1/", timeout=30.0)
+        self.http.get("session")
+        self.call("POST", "session", {"username": username, "password": password})
+
+    def call(self, method: str, path: str, body: dict[str, Any] | None = None) -> Any:  # noqa: ANN401 - JSON
+        """Send a request and return its JSON; a refusal fails the test with its text."""
+        response = self.raw(method, path, body)
+        assert response.is_success, f"{method} {path}: {response.status_code} {response.text}"
+        return response.json() if response.content else None
+
+    def raw(self, method: str, path: str, body: dict[str, Any] | None = None) -> httpx.Response:
+        """Send a request and return the answer as it is."""
+        headers = {"X-CSRFToken": self.http.cookies.get("csrftoken") or "", "Referer": self.url}
+        return self.http.request(method, path, json=body, headers=headers)
+
+    def get(self, path: str) -> Any:  # noqa: ANN401 - JSON
+        """Read."""
+        return self.call("GET", path)
+
+    def start(self, workflow: str) -> dict[str, Any]:
+        """Start the newest version of the workflow of that name."""
+        rows = self.get("workflows")["workflows"]
+        row = next(row for row in rows if row["name"] == workflow)
+        run: dict[str, Any] = self.call("POST", "runs", {"version_id": row["latest_version"]["id"]})
+        return run
+
+    def start_step(self, kind: str, params: dict[str, str]) -> dict[str, Any]:
+        """Draw a workflow of one step, save it and start it."""
+        step = {"id": "step", "kind": kind, "params": params, "position": {"x": 0, "y": 0}}
+        document = {
+            "schema": "labweb.workflow/1",
+            "name": f"One {kind}",
+            "steps": [step],
+            "edges": [],
+        }
+        made = self.call("POST", "workflows", {"name": f"One {kind}", "document": document})
+        version = self.call("POST", f"workflows/{made['id']}/versions", {"note": ""})
+        run: dict[str, Any] = self.call("POST", "runs", {"version_id": version["id"]})
+        return run
+
+    def run(self, run_id: str) -> dict[str, Any]:
+        """Read a run; a server that is away for a moment is asked again."""
+        deadline = time.monotonic() + 30
+        while True:
+            try:
+                found: dict[str, Any] = self.get(f"runs/{run_id}")
+            except (httpx.TransportError, AssertionError):
+                if time.monotonic() > deadline:
+                    raise
+                time.sleep(0.2)
+            else:
+                return found
+
+    def wait_for_run(
+        self, run_id: str, is_there: Callable[[dict[str, Any]], bool], within_s: float = 60.0
+    ) -> dict[str, Any]:
+        """Wait until the run is as asked, and return it."""
+        deadline = time.monotonic() + within_s
+        while True:
+            run = self.run(run_id)
+            if is_there(run):
+                return run
+            states = [(job["action"], job["state"], job["message"]) for job in run["jobs"]]
+            assert time.monotonic() < deadline, f"{run['state']}: {states}"
+            time.sleep(0.05)
+
+
+def is_over(run: dict[str, Any]) -> bool:
+    """Tell whether a run has ended, or waits for a person."""
+    return run["state"] in {"complete", "aborted", "paused"}
+
+
+class Stack:
+    """The processes of one lab."""
+
+    def __init__(self, data: Path, process: subprocess.Popen[bytes], port: int) -> None:
+        self.data = data
+        self.process = process
+        self.port = port
+        self.url = f"http://127.0.0.1:{port}/"
+        self._clients: dict[str, Client] = {}
+
+    def close(self) -> None:
+        """Let go of every connection."""
+        for client in self._clients.values():
+            client.http.close()
+
+    @property
+    def fault_file(self) -> Path:
+        """File that names the next fault of the edge host."""
+        return self.data / "fault"
+
+    def client(self, username: str = "chemist") -> Client:
+        """Return a person who is signed in."""
+        if username not in self._clients:
+            rows = json.loads((self.data / "passwords.json").read_text())
+            password = next(row["password"] for row in rows if row["username"] == username)
+            self._clients[username] = Client(self.url, username, password)
+        return self._clients[username]
+
+    def keys(self) -> dict[str, str]:
+        """Return the id of each resource by its key in the lab file."""
+        rows = self.client().get("resources")["resources"]
+        return {row["key"]: row["id"] for row in rows}
+
+    def pid(self, name: str) -> int:
+        """Return the process id of one process of the lab."""
+        return next(int(pid) for pid, line in _processes(self.data) if name in line)
+
+    def kill(self, name: str) -> None:
+        """End a process as a power cut would."""
+        os.kill(self.pid(name), signal.SIGKILL)
+
+    def wait_until_online(self, within_s: float = 60.0) -> None:
+        """Wait until the edge host has a session and its devices answer."""
+        deadline = time.monotonic() + within_s
+        while True:
+            devices = self.client().get("devices")["devices"]
+            links = {d["key"]: d["link"] for d in devices if d["state"] == "enrolled"}
+            if set(links.values()) == {"online"}:
+                return
+            assert time.monotonic() < deadline, links
+            time.sleep(0.2)
+
+    def actuations(self, device: str) -> list[dict[str, Any]]:
+        """Return what the simulated instrument physically did, as it counted itself."""
+        path = self.data / "taps" / f"{device}.actuations.jsonl"
+        if not path.exists():
+            return []
+        return [json.loads(line) for line in path.read_text().splitlines()]
+
+    def tap(self, name: str) -> list[tuple[str, bytes]]:
+        """Return every byte that crossed a line, with its direction."""
+        path = self.data / "taps" / f"{name}.jsonl"
+        records = [json.loads(line) for line in path.read_text().splitlines()]
+        return [(record["dir"], bytes.fromhex(record["hex"])) for record in records]
+
+    def instruments(self) -> httpx.Client:
+        """Return a client of the simulated instruments' control socket."""
+        ready = next(
+            json.loads(line)
+            for line in reversed((self.data / "logs" / "instruments.log").read_text().splitlines())
+            if line.startswith('{"ready"')
+        )
+        transport = httpx.HTTPTransport(uds=ready["control"].removeprefix("unix:"))
+        return httpx.Client(transport=transport, base_url="http://bench/", timeout=10.0)
+
+    def volumes_ul(self) -> dict[str, float]:
+        """Return what each vessel really holds."""
+        with self.instruments() as control:
+            world = control.get("world").json()
+        return {name: vessel["volume_nl"] / 1000 for name, vessel in world["vessels"].items()}
+
+
+def _processes(data: Path) -> list[tuple[str, str]]:
+    found = []
+    for entry in Path("/proc").iterdir():
+        if not entry.name.isdigit():
+            continue
+        try:
+            environment = (entry / "environ").read_bytes()
+            line = (entry / "cmdline").read_bytes().replace(b"\0", b" ").decode()
+        except OSError:
+            continue
+        if f"LABWEB_DATA={data}".encode() in environment or str(data) in line:
+            found.append((entry.name, line))
+    return found
+
+
+@contextmanager
+def running(
+    data: Path, *, speed: float = 60.0, lab: Path | None = None, with_twin: bool = False
+) -> Iterator[Stack]:
+    """Start a lab and wait until its devices answer; end it and all its processes after."""
+    port = free_port()
+    services = {"DATABASE_URL", "REDIS_URL", "AMQP_URL", "DJANGO_SETTINGS_MODULE"}
+    environment = {
+        name: value
+        for name, value in os.environ.items()
+        if name not in services and not name.startswith("LABWEB_")
+    } | {"LABWEB_FAULTS": "1", "LABWEB_FAULT_FILE": str(data / "fault")}
+    arguments = [sys.executable, "-m", "deploy.embedded", "run", "--data", str(data)]
+    arguments += ["--port", str(port), "--speed", str(speed)]
+    if not with_twin:
+        arguments += ["--no-twin"]
+    if lab is not None:
+        arguments += ["--lab", str(lab)]
+    log = data.parent / f"{data.name}.out"
+    with log.open("wb") as output:
+        process = subprocess.Popen(
+            arguments, cwd=CHECKOUT, env=environment, stdout=output, stderr=subprocess.STDOUT
+        )
+    stack = Stack(data, process, port)
+    try:
+        _wait_for_page(stack, log)
+        stack.wait_until_online()
+        yield stack
+    finally:
+        stack.close()
+        process.send_signal(signal.SIGTERM)
+        try:
+            process.wait(timeout=15)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            raise
+
+
+def _wait_for_page(stack: Stack, log: Path) -> None:
+    deadline = time.monotonic() + STARTS_WITHIN_S
+    while "Ctrl-C stops everything" not in log.read_text():
+        assert stack.process.poll() is None, log.read_text()
+        assert time.monotonic() < deadline, log.read_text()
+        time.sleep(0.1)

@@ -1,0 +1,140 @@
+"""The server's end of the uplink, as small as it can be: it keeps what comes and acknowledges."""
+
+from __future__ import annotations
+
+import base64
+import contextlib
+import threading
+import time
+from collections.abc import Iterator
+
+import msgspec
+from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PublicKey
+from websockets.exceptions import ConnectionClosed
+from websockets.sync.server import ServerConnection, serve
+
+from labweb.domain.messages import (
+    Ack,
+    Challenge,
+    DeviceConfig,
+    EdgeEvent,
+    EdgeFrame,
+    Events,
+    Heartbeat,
+    Hello,
+    Nudge,
+    Refuse,
+    Resume,
+    ServerFrame,
+    Signed,
+    StopAcknowledged,
+    StopLab,
+    Telemetry,
+    hello_bytes,
+)
+from tests.workers.bench import Server
+
+
+class Hub:
+    """Takes one host in at a time."""
+
+    def __init__(self, server: Server, devices: list[DeviceConfig], public_key: str) -> None:
+        self.server = server
+        self.devices = devices
+        self.key = Ed25519PublicKey.from_public_bytes(base64.b64decode(public_key))
+        self.hellos: list[Hello] = []
+        self.events: dict[int, EdgeEvent] = {}
+        self.received_s: dict[int, float] = {}
+        self.frames: list[EdgeFrame] = []
+        self.is_acking = True
+        self.is_refusing = False
+        self.mode = "normal"
+        self.will_resume = True
+        self.socket: ServerConnection | None = None
+        self.url = ""
+
+    @property
+    def acked(self) -> int:
+        return max(self.events, default=0)
+
+    @property
+    def kinds(self) -> list[str]:
+        return [self.events[seq].kind for seq in sorted(self.events)]
+
+    @property
+    def acknowledged_stops(self) -> list[StopAcknowledged]:
+        return [frame for frame in self.frames if isinstance(frame, StopAcknowledged)]
+
+    @property
+    def samples(self) -> list[tuple[str, str]]:
+        found = [frame for frame in self.frames if isinstance(frame, Telemetry)]
+        return [(one[0], one[1]) for frame in found for one in frame.samples]
+
+    @property
+    def heartbeats(self) -> list[Heartbeat]:
+        return [frame for frame in self.frames if isinstance(frame, Heartbeat)]
+
+    def send(self, frame: ServerFrame) -> None:
+        assert self.socket is not None
+        self.socket.send(msgspec.json.encode(frame).decode())
+
+    def nudge(self, signed: Signed) -> None:
+        self.send(Nudge(signed=signed))
+
+    def stop(self, stop: StopLab) -> None:
+        self.send(stop)
+
+    def cut(self) -> None:
+        assert self.socket is not None
+        self.socket.close()
+
+    @contextlib.contextmanager
+    def open(self, port: int = 0) -> Iterator[None]:
+        with serve(self._handle, "127.0.0.1", port) as listening:
+            self.url = f"ws://127.0.0.1:{listening.socket.getsockname()[1]}"
+            thread = threading.Thread(target=listening.serve_forever)
+            thread.start()
+            try:
+                yield
+            finally:
+                if self.socket is not None:
+                    self.socket.close()
+                listening.shutdown()
+                thread.join()
+
+    def _handle(self, socket: ServerConnection) -> None:
+        with contextlib.suppress(ConnectionClosed):
+            assert socket.request is not None
+            assert socket.request.path == "/ws/edge/v1/"
+            self._greet(socket)
+            self.socket = socket
+            for text in socket:
+                self._take(socket, msgspec.json.decode(text, type=EdgeFrame))
+
+    def _greet(self, socket: ServerConnection) -> None:
+        nonce = f"nonce {len(self.hellos)}"
+        socket.send(msgspec.json.encode(Challenge(nonce=nonce)).decode())
+        hello = msgspec.json.decode(socket.recv(), type=Hello)
+        self.key.verify(base64.b64decode(hello.signature), hello_bytes(hello, nonce))
+        self.hellos.append(hello)
+        if self.is_refusing:
+            refuse = Refuse(code="host.revoked", message="this host's key was revoked")
+            socket.send(msgspec.json.encode(refuse).decode())
+            return
+        self.server.epoch = hello.epoch_last + 1
+        welcome = self.server.welcome(*self.devices, acked_seq=self.acked, mode=self.mode)
+        socket.send(msgspec.json.encode(welcome).decode())
+        if self.will_resume:
+            resume = Resume(epoch=self.server.epoch)
+            socket.send(msgspec.json.encode(resume).decode())
+
+    def _take(self, socket: ServerConnection, frame: EdgeFrame) -> None:
+        self.frames.append(frame)
+        if isinstance(frame, Events):
+            for event in frame.events:
+                if event.seq > self.acked:
+                    assert event.seq == self.acked + 1, "a gap"
+                    self.events[event.seq] = event
+                    self.received_s[event.seq] = time.time()
+            if self.is_acking:
+                socket.send(msgspec.json.encode(Ack(seq=self.acked)).decode())

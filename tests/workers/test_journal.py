@@ -1,0 +1,175 @@
+"""What the journal promises, and what shows when somebody breaks it."""
+
+from __future__ import annotations
+
+import shutil
+import sqlite3
+from pathlib import Path
+from uuid import uuid4
+
+import pytest
+
+from labweb.domain.runs.edge import ActionState
+from tests.workers.bench import HOST_ID, Host, a_do
+from workers import journal_schema
+from workers.journal import Journal, check_journal, create_journal
+from workers.journal_schema import JournalError
+from workers.keys import create_key
+from workers.seal import Seal, raise_seal, read_seal
+from workers.session import arm, disarm_if_regressed, make_hello, record_ack, record_boot
+
+
+@pytest.fixture
+def host(tmp_path: Path) -> Host:
+    return Host(tmp_path / "host", "tcp://127.0.0.1:9")
+
+
+def test_a_commit_reaches_the_disk(host: Host) -> None:
+    pragma = {
+        name: host.journal._connection.execute(f"PRAGMA {name}").fetchone()[0]
+        for name in ("journal_mode", "synchronous", "busy_timeout")
+    }
+    assert pragma == {"journal_mode": "wal", "synchronous": 2, "busy_timeout": 5000}
+
+
+def test_the_journal_is_for_its_owner_alone(host: Host) -> None:
+    assert host.path.stat().st_mode & 0o077 == 0
+
+
+def test_a_write_that_fails_leaves_neither_row_nor_event(host: Host) -> None:
+    before = host.kinds()
+
+    def write() -> None:
+        with host.journal.write() as tx:
+            tx.set_meta("epoch", "99")
+            tx.append("boot", None, {"x": 1 // 0})
+
+    with pytest.raises(ZeroDivisionError):
+        write()
+    assert host.journal.host_state().epoch == 1
+    assert host.kinds() == before
+
+
+def test_only_one_of_two_takes_an_action_from_one_state_to_the_next(host: Host) -> None:
+    do = a_do(host.server)
+    host.take(do)
+    other = Journal(host.path)
+    with other.write() as tx:
+        tx.move(do.action_id, ActionState.ACCEPTED, ActionState.STARTED)
+    with pytest.raises(JournalError, match="is not accepted"), host.journal.write() as tx:
+        tx.move(do.action_id, ActionState.ACCEPTED, ActionState.STARTED)
+    other.close()
+
+
+def test_a_journal_put_back_from_a_copy_is_seen_and_never_armed(host: Host) -> None:
+    host.journal._connection.execute("PRAGMA wal_checkpoint(TRUNCATE)")
+    copy = host.path.with_name("copy")
+    shutil.copy(host.path, copy)
+    host.take(a_do(host.server))
+    host.journal.close()
+    for name in ("journal.sqlite3-wal", "journal.sqlite3-shm"):
+        host.path.with_name(name).unlink(missing_ok=True)
+    shutil.copy(copy, host.path)
+    restored = Journal(host.path)
+    assert restored.host_state().armed_boot_id is not None
+    assert "the seal says" in str(disarm_if_regressed(restored))
+    assert restored.host_state().armed_boot_id is None
+    assert not arm(restored)
+    assert make_hello(restored, create_key(host.folder / "key"), "n").seal_seq == 2
+    restored.close()
+
+
+def test_another_history_of_the_same_length_is_seen(host: Host) -> None:
+    seal = read_seal(host.path.with_suffix(".seal"))
+    assert seal is not None
+    host.journal._connection.execute("UPDATE event SET hash = 'other' WHERE seq = ?", (seal.seq,))
+    assert "is not the one that was sealed" in str(host.journal.regression())
+
+
+def test_the_seal_never_goes_back_and_never_changes_its_journal(host: Host) -> None:
+    path = host.path.with_suffix(".seal")
+    host.take(a_do(host.server))
+    before = read_seal(path)
+    raise_seal(path, Seal(journal_id=host.journal.journal_id, seq=1, hash="x"))
+    assert read_seal(path) == before
+    with pytest.raises(JournalError):
+        raise_seal(path, Seal(journal_id=uuid4(), seq=99, hash="x"))
+    assert read_seal(path) == before
+
+
+def test_a_damaged_file_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "journal.sqlite3"
+    create_journal(path, HOST_ID)
+    text = bytearray(path.read_bytes())
+    text[4096:8192] = b"\x5a" * 4096
+    path.write_bytes(text)
+    with pytest.raises(JournalError):
+        check_journal(path)
+    path.write_bytes(b"no database at all, but long enough to be read as one" * 100)
+    with pytest.raises(JournalError):
+        check_journal(path)
+
+
+def test_the_journal_of_another_host_or_a_newer_program_is_refused(host: Host) -> None:
+    with pytest.raises(JournalError, match="belongs to host"):
+        create_journal(host.path, uuid4())
+    host.journal._connection.execute("PRAGMA user_version = 99")
+    with pytest.raises(JournalError, match="install the newer program"):
+        Journal(host.path)
+
+
+def test_tables_do_not_change_while_an_action_is_open(
+    host: Host, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    do = a_do(host.server)
+    host.take(do)
+    changed = (journal_schema.VERSION_1, "ALTER TABLE meta ADD COLUMN note TEXT")
+    monkeypatch.setattr(journal_schema, "MIGRATIONS", changed)
+    with pytest.raises(JournalError, match="1 actions are open"):
+        Journal(host.path)
+    with host.journal.write() as tx:
+        tx.move(do.action_id, ActionState.ACCEPTED, ActionState.STOPPED)
+    Journal(host.path).close()
+    columns = sqlite3.connect(host.path).execute("PRAGMA table_info(meta)").fetchall()
+    assert [column[1] for column in columns] == ["key", "value", "note"]
+
+
+def test_a_start_of_the_machine_is_told_once_and_has_to_be_armed_anew(
+    host: Host, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    record_boot(host.journal)
+    record_boot(host.journal)
+    assert host.kinds() == ["armed", "boot"]
+    monkeypatch.setenv("LABWEB_BOOT_ID", "next")
+    later = Journal(host.path)
+    state = later.host_state()
+    assert state.armed_boot_id not in {None, state.boot_id}
+    record_boot(later)
+    assert arm(later)
+    assert host.kinds() == ["armed", "boot", "boot", "armed"]
+    later.close()
+
+
+def test_events_are_deleted_only_when_acknowledged_and_old(host: Host) -> None:
+    for _ in range(3):
+        host.take(a_do(host.server, resources=[]))
+    head = host.journal.head()
+    record_ack(host.journal, 2)
+    assert host.journal.prune(3600.0) == 0
+    assert host.journal.prune(-1.0) == 2
+    assert [one.seq for one in host.journal.events_after(0)] == [3, 4]
+    record_ack(host.journal, 99)
+    assert host.journal.acked_seq() == head[0]
+    assert host.journal.prune(-1.0) == 1
+    assert host.journal.head() == head
+
+
+def test_a_frame_of_events_stays_within_its_size(host: Host) -> None:
+    with host.journal.write() as tx:
+        for _ in range(20):
+            tx.append("boot", None, {"text": "x" * 50_000})
+    frame = host.journal.events_after(1)
+    assert 1 <= len(frame) <= 5
+    with host.journal.write() as tx:
+        tx.append("boot", None, {"text": "x" * 500_000})
+    assert len(host.journal.events_after(21)) == 1

@@ -1,0 +1,124 @@
+"""Sampling, the latest values, and the way back to a device that was away."""
+
+from __future__ import annotations
+
+import os
+import threading
+from pathlib import Path
+from uuid import uuid4
+
+import msgspec
+import pytest
+
+from labweb.domain.errors import EnrollmentError, StateError
+from labweb.domain.messages import StopLab
+from tests.workers.bench import DEVICE_ID, HOST_ID, Host, PumpProcess, until
+from workers.clock import SystemClock
+from workers.config import HostConfig, ValkeyConfig
+from workers.host import lock_host, main, reset_journal
+from workers.journal import Journal, create_journal
+from workers.keys import load_key
+from workers.line import StopWatch, make_units
+from workers.session import latch_stop
+from workers.store import Store
+from workers.telemetry import Sampler
+
+
+def a_config(folder: Path, valkey_socket: Path) -> HostConfig:
+    return HostConfig(
+        host_id=HOST_ID,
+        name="bench",
+        server_url="ws://127.0.0.1:9",
+        broker_url="memory://",
+        data_dir=str(folder),
+        key_file=str(folder / "key"),
+        valkey=ValkeyConfig(socket=str(valkey_socket)),
+    )
+
+
+def test_each_status_is_sampled_and_kept_as_latest_value(
+    host: Host, pump: PumpProcess, store: Store
+) -> None:
+    units = make_units([host.device], SystemClock())
+    sampler = Sampler(host.line, units, store, SystemClock())
+    samples = sampler.sample_once()
+    assert {one.status for one in samples} == {"volume_ul", "port_index"}
+    latest = store.latest(DEVICE_ID, "port_index")
+    assert latest is not None
+    assert latest.value == 1
+    assert host.line in store.alive()
+    units[DEVICE_ID].close()
+
+
+def test_a_silent_device_goes_offline_and_comes_back(host: Host, pump: PumpProcess) -> None:
+    device = msgspec.structs.replace(host.device, statuses={"port_index": 0.05})
+    units = make_units([device], SystemClock())
+    sampler = Sampler(host.line, units, None, SystemClock())
+    sampler.start()
+    unit = units[DEVICE_ID]
+    until(lambda: unit.is_online)
+    pump.tell("mute")
+    until(lambda: not unit.is_online)
+    pump.tell("talk")
+    until(lambda: unit.is_online)
+    sampler.stop()
+    unit.close()
+
+
+def test_a_valkey_that_is_away_costs_samples_and_nothing_else(
+    host: Host, pump: PumpProcess
+) -> None:
+    away = Store("unix:///nowhere/at/all?db=0")
+    units = make_units([host.device], SystemClock())
+    sampler = Sampler(host.line, units, away, SystemClock())
+    assert len(sampler.sample_once()) == 2
+    assert away.latest(DEVICE_ID, "port_index") is None
+    assert not away.announce_stop(host.line)
+    units[DEVICE_ID].close()
+
+
+def test_the_latch_stops_every_device_and_its_release_frees_them(
+    host: Host, pump: PumpProcess, valkey_socket: Path
+) -> None:
+    units = make_units([host.device], SystemClock())
+    unit = units[DEVICE_ID]
+    unit.connect_if_due()
+    watch = StopWatch(a_config(host.folder, valkey_socket), host.line, units, threading.Event())
+    watch.start()
+    latch_stop(host.journal, StopLab(stop_id=uuid4(), issued_by="ada"))
+    until(lambda: unit.driver.is_stopped)
+    with host.journal.write() as tx:
+        tx.set_meta("stop_id", None)
+    until(lambda: not unit.driver.is_stopped)
+    watch.stop()
+    unit.close()
+
+
+def test_a_key_is_made_once_and_kept_from_others(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "host.key"
+    assert main(["keygen", "--out", str(path)]) == 0
+    assert capsys.readouterr().out.strip() == load_key(path).public_base64
+    assert main(["keygen", "--out", str(path)]) == 1
+    assert path.stat().st_mode & 0o777 == 0o600
+    path.chmod(0o644)
+    with pytest.raises(EnrollmentError, match="0600"):
+        load_key(path)
+
+
+def test_a_journal_is_set_aside_only_while_the_host_does_not_run(
+    tmp_path: Path, valkey_socket: Path
+) -> None:
+    config = a_config(tmp_path, valkey_socket)
+    first = create_journal(config.journal_path, HOST_ID)
+    lock = lock_host(config)
+    with pytest.raises(StateError, match="runs already"):
+        reset_journal(config)
+    os.close(lock)
+    aside = reset_journal(config)
+    assert (aside / "journal.sqlite3").is_file()
+    assert create_journal(config.journal_path, HOST_ID) != first
+    fresh = Journal(config.journal_path)
+    assert fresh.regression() is None
+    fresh.close()

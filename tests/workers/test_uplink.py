@@ -1,0 +1,163 @@
+"""The uplink against a server that speaks the same messages."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+from collections.abc import AsyncIterator, Callable, Iterator
+from pathlib import Path
+from uuid import uuid4
+
+import pytest
+
+from labweb.domain.messages import Events, StopLab
+from tests.workers.bench import HOST_ID, Host, a_do
+from tests.workers.hub import Hub
+from workers.config import HostConfig, ValkeyConfig
+from workers.keys import HostKey, create_key
+from workers.store import Sample, Store
+from workers.uplink import LossGauge, Uplink
+
+
+@pytest.fixture
+def host(tmp_path: Path) -> Iterator[Host]:
+    made = Host(tmp_path / "host", "tcp://127.0.0.1:9")
+    yield made
+    made.journal.close()
+
+
+@pytest.fixture
+def key(tmp_path: Path) -> HostKey:
+    return create_key(tmp_path / "host.key")
+
+
+@pytest.fixture
+def hub(host: Host, key: HostKey) -> Iterator[Hub]:
+    made = Hub(host.server, [host.device], key.public_base64)
+    with made.open():
+        yield made
+
+
+@contextlib.asynccontextmanager
+async def connected(host: Host, hub: Hub, key: HostKey, store: Store) -> AsyncIterator[None]:
+    config = HostConfig(
+        host_id=HOST_ID,
+        name="bench",
+        server_url=hub.url,
+        broker_url="memory://",
+        data_dir=str(host.folder),
+        key_file="-",
+        valkey=ValkeyConfig(socket="/nowhere"),
+    )
+    task = asyncio.create_task(Uplink(config, host.journal, key, store, host.woken.append).run())
+    try:
+        yield
+    finally:
+        task.cancel()
+        await asyncio.gather(task, return_exceptions=True)
+
+
+async def until(condition: Callable[[], object], within_s: float = 8.0) -> None:
+    async with asyncio.timeout(within_s):
+        while not condition():
+            await asyncio.sleep(0.01)
+
+
+async def test_every_event_goes_up_once_and_in_order_over_a_broken_line(
+    host: Host, hub: Hub, key: HostKey, store: Store
+) -> None:
+    hub.is_acking = False
+    async with connected(host, hub, key, store):
+        await until(lambda: hub.acked == 1)
+        assert host.journal.acked_seq() == 0
+        host.take(a_do(host.server))
+        await asyncio.to_thread(hub.cut)
+        hub.is_acking = True
+        await until(lambda: host.journal.host_state().epoch == 3)
+        host.take(a_do(host.server, resources=[]))
+        await until(lambda: host.journal.acked_seq() == host.journal.head()[0])
+    assert hub.kinds == ["armed", "accepted", "accepted"]
+    assert [hub.events[seq] for seq in sorted(hub.events)] == host.events()
+
+
+async def test_epoch_floor_devices_and_keys_are_on_disk_before_anything_is_sent(
+    host: Host, hub: Hub, key: HostKey, store: Store
+) -> None:
+    async with connected(host, hub, key, store):
+        await until(lambda: hub.frames)
+        assert host.journal.host_state().epoch == hub.server.epoch == 2
+        assert host.journal.devices() == [host.device]
+        assert host.journal.command_keys() == host.server.keys
+
+
+async def test_a_long_backlog_goes_up_in_bounded_frames(
+    host: Host, hub: Hub, key: HostKey, store: Store
+) -> None:
+    with host.journal.write() as tx:
+        for number in range(1200):
+            tx.append("boot", None, {"number": number})
+    async with connected(host, hub, key, store):
+        await until(lambda: hub.acked == 1201)
+    sizes = [len(frame.events) for frame in hub.frames if isinstance(frame, Events)]
+    assert max(sizes) <= 500
+    assert sum(sizes) == 1201
+
+
+async def test_a_host_in_quarantine_is_disarmed(
+    host: Host, hub: Hub, key: HostKey, store: Store
+) -> None:
+    hub.mode, hub.will_resume = "quarantine", False
+    async with connected(host, hub, key, store):
+        await until(lambda: hub.frames)
+        assert host.journal.host_state().armed_boot_id is None
+        hub.mode, hub.will_resume = "normal", True
+        await asyncio.to_thread(hub.cut)
+        await until(lambda: host.journal.host_state().armed_boot_id is not None)
+
+
+async def test_a_refused_host_stays_as_it_was_and_tries_again_later(
+    host: Host, hub: Hub, key: HostKey, store: Store
+) -> None:
+    hub.is_refusing = True
+    async with connected(host, hub, key, store):
+        await until(lambda: hub.hellos)
+        await asyncio.sleep(0.2)
+        assert host.journal.host_state().epoch == 1
+        assert hub.frames == []
+
+
+async def test_a_nudge_is_as_good_as_the_broker(
+    host: Host, hub: Hub, key: HostKey, store: Store
+) -> None:
+    async with connected(host, hub, key, store):
+        await until(lambda: hub.heartbeats)
+        do = a_do(host.server)
+        hub.nudge(host.server.sign(do))
+        await until(lambda: "accepted" in hub.kinds)
+        assert host.woken == [host.line]
+        assert host.state(do.action_id) == "accepted"
+
+
+async def test_the_stop_latch_is_on_disk_when_the_stop_is_acknowledged(
+    host: Host, hub: Hub, key: HostKey, store: Store
+) -> None:
+    async with connected(host, hub, key, store):
+        await until(lambda: hub.heartbeats)
+        hub.stop(StopLab(stop_id=uuid4(), issued_by="ada"))
+        await until(lambda: hub.acknowledged_stops)
+        assert host.journal.host_state().stop_latched
+        assert hub.acknowledged_stops[0].lines == []  # no executor listens in this test
+        await until(lambda: "stop_latched" in hub.kinds)
+
+
+async def test_samples_go_up_and_what_was_lost_is_counted(
+    host: Host, hub: Hub, key: HostKey, store: Store
+) -> None:
+    async with connected(host, hub, key, store):
+        await until(lambda: hub.heartbeats)
+        await asyncio.sleep(0.3)
+        device = str(host.device.id)
+        assert store.put("line", [Sample(device, "volume_ul", 1.0, 1.0, 5.0)], 1)
+        await until(lambda: hub.samples == [(device, "volume_ul")])
+    gauge = LossGauge()
+    assert [gauge.count("a", 2, 2), gauge.count("a", 1, 6), gauge.count("a", 1, 1)] == [0, 3, 0]

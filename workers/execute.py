@@ -1,0 +1,206 @@
+"""Run one action of a device under a watchdog, and turn whatever happens into a report."""
+
+from __future__ import annotations
+
+import logging
+import os
+import threading
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Literal
+
+from drivers.base import Report as DriverReport
+from labweb.domain.crutd.decide import confirmed_nl
+from labweb.domain.errors import Effect, LabError
+from labweb.domain.messages import Do
+from labweb.domain.ports import Clock
+from labweb.domain.runs.edge import Report
+from workers import faults
+from workers.conclusions import plain
+from workers.unit import Unit
+
+log = logging.getLogger(__name__)
+
+POLL_S = 0.05
+HALT_GRACE_S = 15.0
+"""How long a device that was told to halt may take to stand still."""
+
+NL_PER_UL = 1000
+
+
+@dataclass(frozen=True, slots=True)
+class Acted:
+    """What came of an action."""
+
+    report: Report
+    is_hung: bool = False
+    """The driver has not come back; its process has to end."""
+
+
+def outer_limit_s(do: Do) -> float:
+    """Return after how long the watchdog stops a device whose driver has not."""
+    return do.timeout_s * 1.5 + 5.0
+
+
+def act(
+    unit: Unit,
+    do: Do,
+    clock: Clock,
+    *,
+    is_cancel_wanted: Callable[[], bool],
+) -> Acted:
+    """Carry out the action on a thread of its own and wait for its end.
+
+    Effect:
+        The device acts, once. Nothing is ever sent again from here.
+    """
+    task = _Task(unit, do)
+    unit.is_acting = True
+    task.start()
+    deadline_s = clock.monotonic_s() + outer_limit_s(do)
+    is_halted = False
+    while not task.wait(POLL_S):
+        if clock.monotonic_s() > deadline_s:
+            return _overrun(task, unit, clock)
+        if not is_halted and is_cancel_wanted():
+            is_halted = True
+            unit.stop()
+    unit.is_acting = False
+    return Acted(task.report())
+
+
+def _overrun(task: _Task, unit: Unit, clock: Clock) -> Acted:
+    unit.stop()
+    deadline_s = clock.monotonic_s() + HALT_GRACE_S
+    while not task.wait(POLL_S) and clock.monotonic_s() < deadline_s:
+        continue
+    is_hung = not task.is_done
+    late = {} if is_hung else plain(task.report().evidence)
+    report = Report(
+        ok=False,
+        effect=Effect.UNKNOWN,
+        code="edge.watchdog",
+        message="the action did not end in time; the device was told to halt",
+        evidence={"late": late, "is_hung": is_hung},
+    )
+    unit.is_acting = is_hung
+    return Acted(report, is_hung=is_hung)
+
+
+class _Task:
+    """The thread that calls the driver."""
+
+    def __init__(self, unit: Unit, do: Do) -> None:
+        self._unit = unit
+        self._do = do
+        self._done = threading.Event()
+        self._report: Report | None = None
+        self._thread = threading.Thread(target=self._run, name="action", daemon=True)
+
+    @property
+    def is_done(self) -> bool:
+        return self._done.is_set()
+
+    def start(self) -> None:
+        self._thread.start()
+
+    def wait(self, duration_s: float) -> bool:
+        return self._done.wait(duration_s)
+
+    def report(self) -> Report:
+        assert self._report is not None  # noqa: S101 - set before the event
+        return self._report
+
+    def _run(self) -> None:
+        try:
+            with _observed(self._unit):
+                self._report = to_report(self._do, self._unit, self._call())
+        except LabError as error:
+            self._report = _failed(error)
+        except Exception as error:
+            log.exception("driver of %s failed", self._unit.config.key)
+            self._report = Report(
+                ok=False,
+                effect=Effect.UNKNOWN,
+                code="driver.bug",
+                message=f"{type(error).__name__}: {error}",
+            )
+        finally:
+            if self._report is None:
+                self._report = Report(ok=False, effect=Effect.UNKNOWN, code="driver.bug")
+            self._done.set()
+
+    def _call(self) -> DriverReport:
+        if is_plain_read(self._do, self._unit):
+            statuses = [str(name) for name in self._do.operation.get("statuses", ())]
+            return DriverReport(evidence={name: self._unit.read(name) for name in statuses})
+        return self._unit.act(self._do.action, dict(self._do.args))
+
+
+def is_plain_read(do: Do, unit: Unit) -> bool:
+    """Say whether the action is to read statuses and nothing else."""
+    return do.operation.get("op") == "read" and do.action == "read" and not unit.has_action("read")
+
+
+def to_report(do: Do, unit: Unit, report: DriverReport) -> Report:
+    """Turn a driver's report into the journal's."""
+    evidence = plain(report.evidence)
+    data: dict[str, Any] = {}
+    if do.operation.get("op") == "update":
+        data = {key: evidence[key] for key in evidence if key in unit.config.statuses}
+    return Report(ok=True, moved_nl=_moved_nl(do, report), evidence=evidence, data=data)
+
+
+def _moved_nl(do: Do, report: DriverReport) -> int | None:
+    moved_nl, asked_nl = _to_nl(report.moved_ul), do.operation.get("amount_nl")
+    if moved_nl is None or not isinstance(asked_nl, int):
+        return moved_nl
+    return confirmed_nl(asked_nl, moved_nl, _to_nl(report.resolution_ul) or 0)
+
+
+def _failed(error: LabError) -> Report:
+    return Report(
+        ok=False,
+        effect=error.effect,
+        moved_nl=_to_nl(error.context.get("moved_ul")),
+        code=error.code,
+        message=error.message,
+        evidence=plain(error.context),
+    )
+
+
+def _to_nl(moved_ul: object) -> int | None:
+    if isinstance(moved_ul, bool) or not isinstance(moved_ul, int | float):
+        return None
+    return round(moved_ul * NL_PER_UL)
+
+
+class _observed:  # noqa: N801 - used as a context manager
+    """Pass the fault points of the wire while a test asks for them."""
+
+    def __init__(self, unit: Unit) -> None:
+        self._transport = unit.driver.transport
+        self._is_wanted = os.environ.get("LABWEB_FAULTS") == "1"
+        self._before = self._transport.observer
+        self._thread_id = 0
+        self._writes = 0
+
+    def __enter__(self) -> None:
+        if self._is_wanted:
+            self._thread_id = threading.get_ident()
+            self._transport.observer = self._see
+
+    def __exit__(self, *_: object) -> None:
+        if self._is_wanted:
+            self._transport.observer = self._before
+
+    def _see(self, direction: Literal["out", "in"], data: bytes) -> None:
+        if self._before is not None:
+            self._before(direction, data)
+        if threading.get_ident() != self._thread_id:
+            return
+        if direction == "in":
+            faults.point("execute.after_first_byte")
+            return
+        self._writes += 1
+        faults.point("execute.before_first_byte" if self._writes == 1 else "execute.mid_action")

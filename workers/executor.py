@@ -1,0 +1,368 @@
+"""Carry out the accepted actions of one line, each at most once."""
+
+from __future__ import annotations
+
+import logging
+import os
+from collections.abc import Callable, Mapping
+from typing import Any
+from uuid import UUID
+
+import msgspec
+
+from labweb.domain.crutd import decide, operations
+from labweb.domain.crutd.conditions import Condition, Result, Verification
+from labweb.domain.crutd.decide import Change, Outcome, OutcomeKind
+from labweb.domain.errors import Effect, LabError
+from labweb.domain.messages import Do
+from labweb.domain.ports import Clock
+from labweb.domain.runs import edge
+from labweb.domain.runs.edge import ActionState, Answer, Conclusion, Report
+from workers import execute, faults
+from workers.conclusions import change_body, plain, report_body, report_from, results_body
+from workers.journal import Journal
+from workers.journal_schema import ActionRow, JournalError
+from workers.keys import is_signed
+from workers.readings import Reader, prestate_body, prestate_from
+from workers.states import apply_change, snapshot
+from workers.store import Store
+from workers.transaction import Transaction
+from workers.unit import Unit
+
+log = logging.getLogger(__name__)
+
+LAST_WRITE_TRIES = 60
+"""How often the outcome of an action is written again while the disk refuses it."""
+
+LAST_WRITE_PAUSE_S = 0.5
+NEVER_S = float("inf")
+
+
+class HungDriverError(RuntimeError):
+    """A driver did not come back. Its process has to end; the journal knows all."""
+
+
+class Executor:
+    """Drains the journal for one line, in dispatch order, one action at a time."""
+
+    def __init__(
+        self,
+        journal: Journal,
+        line: str,
+        units: Mapping[UUID, Unit],
+        *,
+        store: Store | None,
+        clock: Clock,
+        is_closing: Callable[[], bool] = lambda: False,
+    ) -> None:
+        self._journal = journal
+        self._line = line
+        self._units = units
+        self._clock = clock
+        self._is_closing = is_closing
+        self._reader = Reader(units, store, clock)
+
+    # --- after a crash ---
+
+    def recover(self) -> list[UUID]:
+        """Put in doubt what was started and never answered. Call once, before anything else.
+
+        Effect:
+            None on matter: nothing is sent. Resources of such an action are quarantined.
+        """
+        doubtful = []
+        for row in self._journal.actions(self._line, ActionState.STARTED):
+            if edge.recover(row.st) is ActionState.IN_DOUBT:
+                report = Report(
+                    ok=False,
+                    effect=Effect.UNKNOWN,
+                    code="edge.interrupted",
+                    message="the host stopped between start and answer",
+                )
+                self._finish(row, report, edge.conclude(report, []), [])
+                doubtful.append(row.action_id)
+        return doubtful
+
+    # --- work ---
+
+    def drain(self) -> int:
+        """Carry out all that may start now; return how many actions ended.
+
+        Raises:
+            HungDriverError: A driver hangs; the action is in doubt, the process has to end.
+        """
+        count = 0
+        try:
+            while not self._is_closing() and self._step():
+                count += 1
+        except JournalError as error:
+            log.error("line %s holds: %s", self._line, error)
+        return count
+
+    def _step(self) -> bool:
+        """Take one action one step on; False: nothing can move now."""
+        for row in self._journal.actions(self._line, ActionState.ACTUATED):
+            if self._confirm_again(row):
+                return True
+        seen: set[UUID] = set()
+        for row in self._journal.actions(self._line, ActionState.ACCEPTED):
+            if row.device_id in seen:
+                continue
+            seen.add(row.device_id)
+            if self._try(row):
+                return True
+        return False
+
+    def _try(self, row: ActionRow) -> bool:
+        """Start an action if it may; False: it waits."""
+        if self._is_held(row.device_id):
+            return False
+        do = row.do
+        faults.enter(do.action)
+        unit = self._units.get(row.device_id)
+        problem = self._problem(row, do, unit)
+        if problem is not None:
+            return self._reject(row, problem)
+        conditions = _conditions(do.pre)
+        if unit is None or not unit.is_online or unit.driver.is_stopped:
+            # Nothing is read: only age, fence, floor and record decide.
+            with self._journal.write() as tx:
+                answer = self._decide(tx, row, do, [])
+                self._write_rejection(tx, row, answer)
+            return answer.kind == edge.REJECT
+        judged = self._reader.judge(conditions, {})
+        before = self._reader.read([*conditions, *_conditions(do.post)])
+        faults.point("execute.before_started")
+        with self._journal.write() as tx:
+            answer = self._decide(tx, row, do, [result for _, result in judged])
+            self._write_rejection(tx, row, answer, judged)
+            if answer.kind == edge.START:
+                self._write_start(tx, row, unit, before, judged)
+        if answer.kind != edge.START:
+            return answer.kind == edge.REJECT
+        faults.point("execute.after_started")
+        self._carry_out(row, do, unit, before)
+        return True
+
+    def _is_held(self, device_id: UUID) -> bool:
+        """Say whether a person or the server has to act first; spares the device a question."""
+        host = self._journal.host_state()
+        is_armed = host.armed_boot_id == host.boot_id
+        return host.stop_latched or not is_armed or self._journal.blocked_by(device_id) is not None
+
+    def _problem(self, row: ActionRow, do: Do, unit: Unit | None) -> Answer | None:
+        if not is_signed(row.signed, self._journal.command_keys()):
+            return Answer(edge.REJECT, "edge.bad_signature", "no known key signed this action")
+        if unit is None:
+            if any(device.id == row.device_id for device in self._journal.devices()):
+                return None
+            return Answer(edge.REJECT, "edge.unknown_device", "the device is not served here")
+        if do.driver_digest != unit.config.digest:
+            text = "the action was approved for another version of the driver"
+            return Answer(edge.REJECT, "edge.driver_digest", text)
+        if not unit.has_action(do.action) and not execute.is_plain_read(do, unit):
+            return Answer(edge.REJECT, "edge.no_action", f"the driver has no action {do.action!r}")
+        return None
+
+    def _reject(self, row: ActionRow, answer: Answer) -> bool:
+        with self._journal.write() as tx:
+            if tx.state_of(row.action_id) is ActionState.ACCEPTED:
+                self._write_rejection(tx, row, answer)
+        return True
+
+    def _decide(self, tx: Transaction, row: ActionRow, do: Do, results: list[Result]) -> Answer:
+        """Decide inside the write, so that nothing changes between decision and start."""
+        if tx.state_of(row.action_id) is not ActionState.ACCEPTED:
+            return Answer(edge.HOLD, "edge.taken", "the action was stopped meanwhile")
+        operation = operations.from_json(do.operation)
+        known = snapshot(tx, operations.touched_ids(operation))
+        return edge.decide_start(
+            tx.host_state(self._journal.boot_id),
+            edge.Candidate(
+                dseq=row.dseq,
+                max_fence=tx.max_fence(row.device_id),
+                age_s=self._age_s(row),
+                ttl_s=do.ttl_s,
+                device_blocked_by=tx.blocked_by(row.device_id),
+            ),
+            findings=decide.check(operation, known),
+            results=results,
+        )
+
+    def _age_s(self, row: ActionRow) -> float:
+        if row.accepted_boot_id == self._journal.boot_id:
+            return self._journal.mono_s() - row.accepted_mono_s
+        age_s = self._journal.wall_s() - row.accepted_wall_s
+        return age_s if age_s >= 0 else NEVER_S
+
+    def _write_rejection(
+        self,
+        tx: Transaction,
+        row: ActionRow,
+        answer: Answer,
+        judged: list[tuple[Condition, Result]] | None = None,
+    ) -> None:
+        if answer.kind != edge.REJECT:
+            return
+        tx.move(row.action_id, ActionState.ACCEPTED, ActionState.REJECTED)
+        body = {"code": answer.code, "message": answer.message, "pre": results_body(judged or [])}
+        tx.append("rejected", row.action_id, body)
+
+    def _write_start(
+        self,
+        tx: Transaction,
+        row: ActionRow,
+        unit: Unit,
+        before: Mapping[tuple[UUID, str], Any],
+        judged: list[tuple[Condition, Result]],
+    ) -> None:
+        tx.move(row.action_id, ActionState.ACCEPTED, ActionState.STARTED)
+        prestate = plain(prestate_body(before))
+        tx.keep(row.action_id, "prestate", prestate)
+        tx.raise_fence(row.device_id, row.dseq)
+        body = {
+            "pid": os.getpid(),
+            "line": self._line,
+            "device_id": str(row.device_id),
+            "driver_digest": unit.config.digest,
+            "epoch": row.epoch,
+            "dseq": row.dseq,
+            "prestate": prestate,
+            "pre": results_body(judged),
+        }
+        tx.append("started", row.action_id, body)
+
+    # --- the action itself ---
+
+    def _carry_out(
+        self, row: ActionRow, do: Do, unit: Unit, before: Mapping[tuple[UUID, str], Any]
+    ) -> None:
+        acted = execute.act(
+            unit, do, self._clock, is_cancel_wanted=lambda: self._is_cancelled(row.action_id)
+        )
+        if unit.driver.is_stopped and not self._journal.host_state().stop_latched:
+            # Stopped for this action alone, by a cancel or the watchdog.
+            unit.clear_stop()
+        faults.point("execute.before_actuated")
+        if not acted.report.ok:
+            self._finish(row, acted.report, edge.conclude(acted.report, []), [])
+            if acted.is_hung:
+                raise HungDriverError(unit.config.key)
+            unit.check_link()
+            return
+        self._persist(lambda: self._write_actuated(row, acted.report))
+        faults.point("execute.after_actuated")
+        self._confirm(row, do, acted.report, before)
+
+    def _is_cancelled(self, action_id: UUID) -> bool:
+        row = self._journal.action(action_id)
+        return row is not None and row.is_cancel_wanted
+
+    def _write_actuated(self, row: ActionRow, report: Report) -> None:
+        with self._journal.write() as tx:
+            body = report_body(report)
+            tx.move(row.action_id, ActionState.STARTED, ActionState.ACTUATED)
+            tx.keep(row.action_id, "report", body)
+            tx.append("actuated", row.action_id, body)
+
+    def _confirm(
+        self,
+        row: ActionRow,
+        do: Do,
+        report: Report,
+        before: Mapping[tuple[UUID, str], Any],
+    ) -> None:
+        """Read the post-conditions and end the action. Nothing here makes a device move.
+
+        A process that is told to end meanwhile leaves the action as it is; the next one
+        reads again.
+        """
+        post = self._reader.await_all(_conditions(do.post), before, is_over=self._is_closing)
+        if post is None:
+            return
+        self._finish(row, report, edge.conclude(report, post), post)
+
+    def _confirm_again(self, row: ActionRow) -> bool:
+        """End an action that was answered before a crash; False: its device is offline."""
+        unit = self._units.get(row.device_id)
+        if unit is None or not unit.is_online:
+            return False
+        report = report_from(msgspec.json.decode(row.report or "{}"))
+        before = prestate_from(msgspec.json.decode(row.prestate or '{"readings": []}'))
+        self._confirm(row, row.do, report, before)
+        return True
+
+    # --- its end ---
+
+    def _finish(
+        self,
+        row: ActionRow,
+        report: Report,
+        conclusion: Conclusion,
+        post: list[tuple[Condition, Result]],
+    ) -> None:
+        self._persist(lambda: self._write_end(row, report, conclusion, post))
+        faults.point("execute.after_done")
+
+    def _write_end(
+        self,
+        row: ActionRow,
+        report: Report,
+        conclusion: Conclusion,
+        post: list[tuple[Condition, Result]],
+    ) -> None:
+        operation = operations.from_json(row.do.operation)
+        with self._journal.write() as tx:
+            known = snapshot(tx, operations.touched_ids(operation))
+            conclusion, change = _settle(operation, known, conclusion)
+            revs = apply_change(tx, change, row.action_id)
+            body = change_body(change, revs, conclusion.outcome, conclusion.verification)
+            body |= {
+                "code": conclusion.code,
+                "message": conclusion.message,
+                "post": results_body(post),
+                "report": report_body(report),
+            }
+            current = tx.state_of(row.action_id) or row.st
+            tx.move(row.action_id, current, conclusion.state)
+            tx.keep(row.action_id, "conclusion", body)
+            tx.append(conclusion.state.value, row.action_id, body)
+            faults.point("execute.before_done")
+
+    def _persist(self, write: Callable[[], None]) -> None:
+        """Write an outcome, again and again while the disk refuses; matter has moved.
+
+        Raises:
+            JournalError: It never succeeded. The action is found in doubt at the next start.
+        """
+        for _ in range(LAST_WRITE_TRIES - 1):
+            try:
+                return write()
+            except JournalError as error:
+                if error.code == "journal.lost_claim":
+                    raise
+                log.error("outcome is not on disk yet: %s", error)
+                self._clock.wait(LAST_WRITE_PAUSE_S)
+        return write()
+
+
+def _conditions(plain_conditions: list[dict[str, Any]]) -> list[Condition]:
+    return msgspec.convert(plain_conditions, list[Condition])
+
+
+def _settle(
+    operation: operations.Operation, known: decide.Snapshot, conclusion: Conclusion
+) -> tuple[Conclusion, Change]:
+    """Settle; a report that contradicts the record means that nobody knows."""
+    try:
+        return conclusion, decide.settle(operation, known, conclusion.outcome)
+    except LabError as error:
+        unknown = Outcome(kind=OutcomeKind.UNKNOWN)
+        doubtful = Conclusion(
+            state=ActionState.IN_DOUBT,
+            outcome=unknown,
+            verification=Verification.ASSUMED,
+            code=error.code,
+            message=error.message,
+        )
+        return doubtful, decide.settle(operation, known, unknown)

@@ -1,0 +1,314 @@
+"""The journal: what an edge host knows for certain, on disk before it acts.
+
+Several processes open the same file: accept, uplink and one executor for each line. Every
+step of an action is one transaction that also appends its event, so that the event log
+is the outbox. `synchronous=FULL` makes each commit reach the disk.
+
+Source:
+    SQLite documentation, "Write-Ahead Logging" and "PRAGMA synchronous".
+"""
+
+from __future__ import annotations
+
+import os
+import sqlite3
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+from uuid import UUID, uuid4
+
+import msgspec
+
+from labweb.domain.messages import (
+    MAX_EVENTS_PER_FRAME,
+    MAX_FRAME_BYTES,
+    DeviceConfig,
+    EdgeEvent,
+)
+from labweb.domain.runs.edge import ActionState, HostState
+from workers.journal_schema import ActionRow, JournalError, migrate, to_action
+from workers.seal import Seal, create_seal, raise_seal, read_seal
+from workers.transaction import Transaction, host_state_of
+
+BUSY_TIMEOUT_S = 5.0
+BOOT_ID_FILE = Path("/proc/sys/kernel/random/boot_id")
+
+
+def boot_id() -> str:
+    """Return what tells one start of the machine from the next."""
+    return os.environ.get("LABWEB_BOOT_ID") or BOOT_ID_FILE.read_text("ascii").strip()
+
+
+class Journal:
+    """One process's hold on the journal. Use each object on one thread only."""
+
+    def __init__(
+        self,
+        path: Path,
+        *,
+        wall_s: Callable[[], float] = time.time,
+        mono_s: Callable[[], float] = time.monotonic,
+    ) -> None:
+        """Open the journal of a host that `create_journal` has set up.
+
+        Raises:
+            JournalError: There is none, it is damaged, or another program made it.
+        """
+        if not path.is_file():
+            raise JournalError(f"there is no journal at {path}")
+        self.path = path
+        self.boot_id = boot_id()
+        self.wall_s = wall_s
+        self.mono_s = mono_s
+        self._seal_path = path.with_suffix(".seal")
+        self._connection = _connect(path)
+        try:
+            with _readable():
+                migrate(self._connection)
+            self.journal_id = UUID(self._must("journal_id"))
+            self.host_id = UUID(self._must("host_id"))
+        except BaseException:
+            self._connection.close()
+            raise
+
+    def close(self) -> None:
+        """Let go of the file."""
+        self._connection.close()
+
+    # --- what it says ---
+
+    def meta(self, key: str) -> str | None:
+        """Return one remembered value of the host."""
+        row = self._one("SELECT value FROM meta WHERE key = ?", (key,))
+        return None if row is None else str(row[0])
+
+    def host_state(self) -> HostState:
+        """Return what decides whether anything may start."""
+        with _readable():
+            found = self._connection.execute("SELECT key, value FROM meta").fetchall()
+        return host_state_of({row[0]: row[1] for row in found}, self.boot_id)
+
+    def head(self) -> tuple[int, str]:
+        """Return sequence number and hash of the last event; (0, "") when there is none."""
+        row = self._one("SELECT seq, hash FROM event ORDER BY seq DESC LIMIT 1")
+        return (0, "") if row is None else (int(row[0]), str(row[1]))
+
+    def seal(self) -> Seal | None:
+        """Return the witness outside the journal."""
+        return read_seal(self._seal_path)
+
+    def regression(self) -> str | None:
+        """Say why the journal cannot be the newest one; None when nothing tells against it."""
+        seal = self.seal()
+        seq, digest = self.head()
+        if seal is None:
+            return "the seal is gone" if seq else None
+        if seal.journal_id != self.journal_id:
+            return f"the seal belongs to journal {seal.journal_id}"
+        if seal.seq > seq:
+            return f"the seal says {seal.seq}, the journal ends at {seq}"
+        if seal.seq == seq and seal.hash != digest:
+            return f"event {seq} is not the one that was sealed"
+        return None
+
+    def devices(self) -> list[DeviceConfig]:
+        """Return the devices that the server last told this host to serve."""
+        text = self.meta("devices")
+        return [] if text is None else msgspec.json.decode(text, type=list[DeviceConfig])
+
+    def command_keys(self) -> dict[str, str]:
+        """Return the public keys that may sign commands, by key id."""
+        text = self.meta("command_keys")
+        return {} if text is None else msgspec.json.decode(text, type=dict[str, str])
+
+    def acked_seq(self) -> int:
+        """Return the last event that the server has committed."""
+        return int(self.meta("acked_seq") or 0)
+
+    def action(self, action_id: UUID) -> ActionRow | None:
+        """Return one action, or None."""
+        row = self._one("SELECT * FROM action WHERE action_id = ?", (str(action_id),))
+        return None if row is None else to_action(row)
+
+    def actions(self, line: str, *states: ActionState) -> list[ActionRow]:
+        """Return the actions of a line in these states, in dispatch order."""
+        marks = ", ".join("?" for _ in states)
+        query = f"SELECT * FROM action WHERE line = ? AND st IN ({marks}) ORDER BY dseq"  # noqa: S608 - only question marks
+        return [to_action(row) for row in self._all(query, (line, *states))]
+
+    def open_ids(self) -> list[UUID]:
+        """Return every action that is not final, in dispatch order."""
+        query = (
+            "SELECT action_id FROM action WHERE st IN "
+            "('accepted', 'started', 'actuated', 'in_doubt') ORDER BY dseq"
+        )
+        return [UUID(row[0]) for row in self._all(query)]
+
+    def waiting_lines(self) -> list[str]:
+        """Return the lines that have something to do."""
+        query = "SELECT DISTINCT line FROM action WHERE st IN ('accepted', 'actuated')"
+        return [str(row[0]) for row in self._all(query)]
+
+    def is_line_acting(self, line: str) -> bool:
+        """Say whether an action of the line is between start and end."""
+        return bool(self.actions(line, ActionState.STARTED, ActionState.ACTUATED))
+
+    def blocked_by(self, device_id: UUID) -> str | None:
+        """Return the action in doubt that closes a device, or None."""
+        row = self._one(
+            "SELECT action_id FROM action WHERE device_id = ? AND st = 'in_doubt' LIMIT 1",
+            (str(device_id),),
+        )
+        return None if row is None else str(row[0])
+
+    def events_after(self, seq: int) -> list[EdgeEvent]:
+        """Return the next events, as many as one frame may hold."""
+        found: list[EdgeEvent] = []
+        size = 0
+        query = "SELECT * FROM event WHERE seq > ? ORDER BY seq LIMIT ?"
+        for row in self._all(query, (seq, MAX_EVENTS_PER_FRAME)):
+            size += len(row["body"]) + 512  # 512: the fields beside the body, generously
+            if found and size > MAX_FRAME_BYTES:
+                break
+            found.append(to_event(row))
+        return found
+
+    # --- what is written ---
+
+    @contextmanager
+    def write(self) -> Iterator[Transaction]:
+        """Make one atomic, durable write; then move the seal.
+
+        Raises:
+            JournalError: The disk refused. Nothing is written, or, when only the seal
+                failed, nothing may be actuated on the strength of it.
+        """
+        with _readable():
+            self._connection.execute("BEGIN IMMEDIATE")
+        transaction = Transaction(
+            self._connection,
+            journal_id=self.journal_id,
+            head=self.head(),
+            wall_s=self.wall_s,
+        )
+        try:
+            yield transaction
+            with _readable():
+                self._connection.execute("COMMIT")
+        except BaseException:
+            if self._connection.in_transaction:
+                self._connection.execute("ROLLBACK")
+            raise
+        seq, digest = transaction.head
+        if transaction.has_appended:
+            raise_seal(self._seal_path, Seal(journal_id=self.journal_id, seq=seq, hash=digest))
+
+    def prune(self, older_than_s: float) -> int:
+        """Delete events that are acknowledged and older than that; return how many."""
+        before_s = self.wall_s() - older_than_s
+        with self.write() as tx:
+            return tx.prune(self.acked_seq(), before_s)
+
+    # --- inside ---
+
+    def _one(self, query: str, values: tuple[Any, ...] = ()) -> sqlite3.Row | None:
+        with _readable():
+            row: sqlite3.Row | None = self._connection.execute(query, values).fetchone()
+            return row
+
+    def _all(self, query: str, values: tuple[Any, ...] = ()) -> list[sqlite3.Row]:
+        with _readable():
+            return self._connection.execute(query, values).fetchall()
+
+    def _must(self, key: str) -> str:
+        value = self.meta(key)
+        if value is None:
+            raise JournalError(f"{self.path} is no journal: it has no {key}")
+        return value
+
+
+def to_event(row: sqlite3.Row) -> EdgeEvent:
+    """Read one row of the table `event`."""
+    return EdgeEvent(
+        seq=row["seq"],
+        prev_hash=row["prev_hash"],
+        hash=row["hash"],
+        kind=row["kind"],
+        action_id=None if row["action_id"] is None else UUID(row["action_id"]),
+        at_s=row["at_s"],
+        body=msgspec.json.decode(row["body"]),
+    )
+
+
+def create_journal(path: Path, host_id: UUID) -> UUID:
+    """Set up the journal of a host, unless it is there; return its identity.
+
+    Raises:
+        JournalError: The file belongs to another host, or cannot be written.
+    """
+    path.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
+    if path.is_file() and path.stat().st_size:
+        journal = Journal(path)
+        journal.close()
+        if journal.host_id != host_id:
+            raise JournalError(f"{path} belongs to host {journal.host_id}, not to {host_id}")
+        return journal.journal_id
+    journal_id = uuid4()
+    os.close(os.open(path, os.O_RDWR | os.O_CREAT, 0o600))
+    connection = _connect(path)
+    try:
+        migrate(connection)
+        create_seal(path.with_suffix(".seal"), Seal(journal_id=journal_id, seq=0, hash=""))
+        connection.execute("BEGIN IMMEDIATE")
+        rows = [("journal_id", str(journal_id)), ("host_id", str(host_id))]
+        connection.executemany("INSERT INTO meta VALUES (?, ?)", rows)
+        connection.execute("COMMIT")
+    except sqlite3.Error as exc:
+        raise JournalError(f"the journal {path} cannot be made: {exc}") from exc
+    finally:
+        connection.close()
+    return journal_id
+
+
+def check_journal(path: Path) -> None:
+    """Read the whole file and its hash chain.
+
+    Raises:
+        JournalError: A page or an index is damaged, or the chain is broken.
+    """
+    connection = _connect(path)
+    try:
+        with _readable():
+            for pragma in ("quick_check", "integrity_check"):
+                found = [row[0] for row in connection.execute(f"PRAGMA {pragma}")]
+                if found != ["ok"]:
+                    raise JournalError(f"the journal {path} is damaged: {'; '.join(found)}")
+    finally:
+        connection.close()
+
+
+@contextmanager
+def _readable() -> Iterator[None]:
+    try:
+        yield
+    except sqlite3.Error as exc:
+        raise JournalError(f"the journal cannot be used: {exc}") from exc
+
+
+def _connect(path: Path) -> sqlite3.Connection:
+    try:
+        connection = sqlite3.connect(path, timeout=BUSY_TIMEOUT_S, isolation_level=None)
+    except sqlite3.Error as exc:
+        raise JournalError(f"the journal {path} cannot be opened: {exc}") from exc
+    try:
+        connection.row_factory = sqlite3.Row
+        connection.execute(f"PRAGMA busy_timeout = {int(BUSY_TIMEOUT_S * 1000)}")
+        connection.execute("PRAGMA journal_mode = WAL")
+        connection.execute("PRAGMA synchronous = FULL")
+        connection.execute("PRAGMA foreign_keys = ON")
+    except sqlite3.Error as exc:
+        connection.close()
+        raise JournalError(f"the journal {path} cannot be opened: {exc}") from exc
+    return connection

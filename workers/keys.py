@@ -1,0 +1,100 @@
+"""Signatures: the host's own key, and the server's keys that sign commands.
+
+Source:
+    Ed25519, RFC 8032; keys and signatures travel as base64 of their raw bytes.
+"""
+
+from __future__ import annotations
+
+import base64
+import binascii
+import os
+from collections.abc import Mapping
+from pathlib import Path
+
+from cryptography.exceptions import InvalidSignature
+from cryptography.hazmat.primitives import serialization
+from cryptography.hazmat.primitives.asymmetric.ed25519 import (
+    Ed25519PrivateKey,
+    Ed25519PublicKey,
+)
+
+from labweb.domain.errors import EnrollmentError
+from labweb.domain.messages import Hello, Signed, hello_bytes
+
+
+class HostKey:
+    """The private key of one host. It never leaves the machine."""
+
+    def __init__(self, key: Ed25519PrivateKey) -> None:
+        self._key = key
+
+    @property
+    def public_base64(self) -> str:
+        """Return the public key as the server stores it."""
+        raw = self._key.public_key().public_bytes(
+            serialization.Encoding.Raw, serialization.PublicFormat.Raw
+        )
+        return base64.b64encode(raw).decode()
+
+    def sign(self, content: bytes) -> str:
+        """Sign the bytes; base64."""
+        return base64.b64encode(self._key.sign(content)).decode()
+
+    def sign_hello(self, hello: Hello, nonce: str) -> str:
+        """Prove to the server that this host holds its key."""
+        return self.sign(hello_bytes(hello, nonce))
+
+
+def create_key(path: Path) -> HostKey:
+    """Make a new key and store it, readable by its owner alone.
+
+    Raises:
+        EnrollmentError: The file exists already; a key is never overwritten.
+    """
+    key = Ed25519PrivateKey.generate()
+    text = key.private_bytes(
+        serialization.Encoding.PEM,
+        serialization.PrivateFormat.PKCS8,
+        serialization.NoEncryption(),
+    )
+    try:
+        handle = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
+    except FileExistsError as exc:
+        raise EnrollmentError(f"{path} exists: a host's key is never overwritten") from exc
+    with os.fdopen(handle, "wb") as stream:
+        stream.write(text)
+        stream.flush()
+        os.fsync(stream.fileno())
+    return HostKey(key)
+
+
+def load_key(path: Path) -> HostKey:
+    """Read the host's key.
+
+    Raises:
+        EnrollmentError: It is missing, open to others, or no Ed25519 key.
+    """
+    try:
+        if path.stat().st_mode & 0o077:
+            raise EnrollmentError(f"{path} is open to others: set its mode to 0600")
+        key = serialization.load_pem_private_key(path.read_bytes(), password=None)
+    except (OSError, ValueError) as exc:
+        raise EnrollmentError(f"cannot read the host's key {path}: {exc}") from exc
+    if not isinstance(key, Ed25519PrivateKey):
+        raise EnrollmentError(f"{path} holds no Ed25519 key")
+    return HostKey(key)
+
+
+def is_signed(signed: Signed, keys: Mapping[str, str]) -> bool:
+    """Say whether a known key of the server signed exactly this text."""
+    public = keys.get(signed.key_id)
+    if public is None:
+        return False
+    try:
+        key = Ed25519PublicKey.from_public_bytes(base64.b64decode(public, validate=True))
+        signature = base64.b64decode(signed.signature, validate=True)
+        key.verify(signature, signed.body.encode())
+    except (InvalidSignature, ValueError, binascii.Error):
+        return False
+    return True

@@ -1,0 +1,199 @@
+"""The process of one line: its devices, its executor, its sampler, and the word to halt."""
+
+from __future__ import annotations
+
+import fcntl
+import logging
+import os
+import threading
+import time
+from pathlib import Path
+from uuid import UUID
+
+from drivers.transports.base import Transport
+from drivers.transports.urls import make_transport
+from labweb.domain.errors import LabError
+from labweb.domain.messages import DeviceConfig
+from labweb.domain.ports import Clock
+from workers.clock import SystemClock
+from workers.config import HostConfig, line_queue
+from workers.devices import lines_of
+from workers.executor import Executor
+from workers.journal import Journal
+from workers.journal_schema import JournalError
+from workers.store import Store
+from workers.telemetry import Sampler
+from workers.unit import Unit
+
+log = logging.getLogger(__name__)
+
+WATCH_S = 0.1
+BELIEVE_S = 5.0
+"""How long the word to halt counts by itself, should the latch not reach the disk."""
+
+
+class Line:
+    """Everything that acts on one wire. One process holds it, by a lock on a file."""
+
+    def __init__(self, config: HostConfig, line: str) -> None:
+        """Wait for the line's lock, load its drivers, and put in doubt what a crash left.
+
+        Raises:
+            LabError: The line has no devices, or a driver is not the approved one.
+        """
+        self.name = line
+        self._config = config
+        self._clock: Clock = SystemClock()
+        self._lock = _hold(config.folder / f"{line_queue(line)}.lock")
+        self._journal = Journal(config.journal_path)
+        self._store = Store(config.valkey_url)
+        self.units = make_units(lines_of(self._journal.devices()).get(line, []), self._clock)
+        self.is_draining = False
+        self._closing = threading.Event()
+        self._executor = Executor(
+            self._journal,
+            line,
+            self.units,
+            store=self._store,
+            clock=self._clock,
+            is_closing=self._closing.is_set,
+        )
+        for action_id in self._executor.recover():
+            log.warning("action %s is in doubt: a crash left it without an answer", action_id)
+        self._sampler = Sampler(line, self.units, self._store, self._clock)
+        self._watch = StopWatch(config, line, self.units, self._closing)
+
+    def start(self) -> None:
+        """Connect, sample, and listen for the word to halt."""
+        self._sampler.start()
+        self._watch.start()
+
+    def drain(self) -> int:
+        """Carry out what may start now."""
+        self.is_draining = True
+        try:
+            return self._executor.drain()
+        finally:
+            self.is_draining = False
+
+    def close(self) -> None:
+        """Start nothing more; after the grace, halt the devices that still act."""
+        if self._closing.is_set():
+            return
+        self._closing.set()
+        timer = threading.Timer(self._config.stop_grace_s, self._halt_acting)
+        timer.daemon = True
+        timer.start()
+
+    def release(self) -> None:
+        """Let go of the wire, at the end of the process."""
+        self._closing.set()
+        self._watch.stop()
+        self._sampler.stop()
+        for unit in self.units.values():
+            unit.close()
+        self._journal.close()
+        self._store.close()
+        os.close(self._lock)
+
+    def _halt_acting(self) -> None:
+        for unit in self.units.values():
+            if unit.is_acting:
+                unit.stop()
+
+
+class StopWatch:
+    """A thread that halts the devices as soon as the stop latch closes, and frees them after.
+
+    The word comes over the host's Valkey; the latch in the journal is the truth, and is
+    looked at ten times a second in case the word was lost.
+    """
+
+    def __init__(
+        self,
+        config: HostConfig,
+        line: str,
+        units: dict[UUID, Unit],
+        closing: threading.Event,
+    ) -> None:
+        self._config = config
+        self._line = line
+        self._units = units
+        self._closing = closing
+        self._ending = threading.Event()
+        self._is_halted = False
+        self._believe_until_s = 0.0
+        self._thread = threading.Thread(target=self._run, name="stop-watch", daemon=True)
+
+    def start(self) -> None:
+        """Begin."""
+        self._thread.start()
+
+    def stop(self) -> None:
+        """End."""
+        self._ending.set()
+        self._thread.join(timeout=2.0)
+
+    def _run(self) -> None:
+        journal = Journal(self._config.journal_path)
+        store = Store(self._config.valkey_url)
+        try:
+            while not self._ending.is_set():
+                self._look(journal)
+                if store.wait_for_stop(self._line, wait_s=WATCH_S):
+                    self._believe_until_s = time.monotonic() + BELIEVE_S
+        finally:
+            store.close()
+            journal.close()
+
+    def _look(self, journal: Journal) -> None:
+        try:
+            is_latched = journal.host_state().stop_latched
+        except JournalError:
+            log.exception("the stop latch cannot be read; devices are halted")
+            is_latched = True
+        is_latched = is_latched or time.monotonic() < self._believe_until_s
+        if is_latched and not self._is_halted:
+            self._is_halted = True
+            _halt_all(self._units)
+        elif self._is_halted and not is_latched and not self._closing.is_set():
+            self._is_halted = False
+            for unit in self._units.values():
+                unit.clear_stop()
+
+
+def _halt_all(units: dict[UUID, Unit]) -> None:
+    """Halt all devices at once: on a slow wire the second must not wait for the first's answer."""
+    threads = [threading.Thread(target=unit.stop, daemon=True) for unit in units.values()]
+    for thread in threads:
+        thread.start()
+
+
+def make_units(devices: list[DeviceConfig], clock: Clock) -> dict[UUID, Unit]:
+    """Load the drivers of one line over one shared transport; nothing is opened.
+
+    A device whose driver cannot be loaded is left out and logged: its actions wait until
+    they expire, and the others go on.
+    """
+    shared: Transport | None = None
+    units: dict[UUID, Unit] = {}
+    for device in devices:
+        try:
+            transport = (
+                make_transport(device.transport)
+                if shared is None
+                else shared.for_url(device.transport)
+            )
+            units[device.id] = Unit(device, transport, clock)
+        except LabError as error:
+            log.error("device %s is not served: %s", device.key, error)  # the reason is whole
+            continue
+        shared = shared or transport
+    return units
+
+
+def _hold(path: Path) -> int:
+    """Wait until no other process holds the line, then hold it for life."""
+    handle = os.open(path, os.O_RDWR | os.O_CREAT, 0o600)
+    fcntl.flock(handle, fcntl.LOCK_EX)
+    return handle

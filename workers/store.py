@@ -1,0 +1,154 @@
+"""The host's Valkey as a place for what may be lost: latest values, samples, signs of life."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, cast
+from uuid import UUID
+
+import msgspec
+from redis import Redis
+from redis.client import PubSub
+from redis.exceptions import RedisError
+
+STREAM = "edge:samples"
+LONGEST_STREAM_COUNT = 5000
+"""Batches kept for an uplink that is away; older ones are dropped and counted."""
+
+STOP_CHANNEL = "edge:stop"
+TIMEOUT_S = 0.5
+
+
+class Sample(msgspec.Struct, frozen=True, array_like=True):
+    """One value of one status."""
+
+    device_id: str
+    status: str
+    at_s: float
+    mono_s: float
+    value: Any
+
+
+@dataclass(frozen=True, slots=True)
+class Batch:
+    """Samples of one line, and how many it had taken or lost before."""
+
+    key: str
+    line: str
+    samples: list[Sample]
+    taken_count: int
+    """Samples the line had taken since its process began, these included."""
+
+
+class Store:
+    """Shared by the processes of one host. Nothing here is needed for correctness."""
+
+    def __init__(self, url: str) -> None:
+        self._redis: Redis = Redis.from_url(
+            url, socket_timeout=TIMEOUT_S, socket_connect_timeout=TIMEOUT_S
+        )
+
+        self._heard: PubSub | None = None
+
+    def close(self) -> None:
+        """Let go of the connection."""
+        self._redis.close()
+
+    def put(self, line: str, samples: Sequence[Sample], taken_count: int) -> bool:
+        """Keep samples as latest values and for the uplink; False: they are lost."""
+        try:
+            pipe = self._redis.pipeline(transaction=False)
+            for sample in samples:
+                pipe.hset(_latest(sample.device_id), sample.status, msgspec.json.encode(sample))
+            entry = {"line": line, "taken": taken_count, "samples": msgspec.json.encode(samples)}
+            pipe.xadd(STREAM, cast("Any", entry), maxlen=LONGEST_STREAM_COUNT, approximate=True)
+            pipe.execute()
+        except RedisError:
+            return False
+        return True
+
+    def latest(self, device_id: UUID, status: str) -> Sample | None:
+        """Return the last value of a status, or None."""
+        try:
+            found = self._redis.hget(_latest(str(device_id)), status)
+        except RedisError:
+            return None
+        return None if found is None else msgspec.json.decode(cast("bytes", found), type=Sample)
+
+    def batches(self, after: str, *, wait_s: float) -> list[Batch]:
+        """Return the batches after that key, waiting for the first; `$` means from here on."""
+        found = self._redis.xread({STREAM: after}, count=200, block=max(1, int(wait_s * 1000)))
+        entries = cast("list[Any]", found)[0][1] if found else []
+        return [_to_batch(key, fields) for key, fields in entries]
+
+    def last_key(self) -> str:
+        """Return the key of the newest batch."""
+        found = cast("list[Any]", self._redis.xrevrange(STREAM, count=1))
+        return found[0][0].decode() if found else "0-0"
+
+    def show_alive(self, line: str, mono_s: float) -> None:
+        """Say that a line's loop has come round."""
+        try:
+            self._redis.hset("edge:alive", line, mono_s)
+        except RedisError:
+            return
+
+    def alive(self) -> dict[str, float]:
+        """Return when each line's loop last came round, on the monotonic clock."""
+        try:
+            found = cast("dict[bytes, bytes]", self._redis.hgetall("edge:alive"))
+        except RedisError:
+            return {}
+        return {line.decode(): float(mono) for line, mono in found.items()}
+
+    def forget_line(self, line: str) -> None:
+        """Forget a line that is no more."""
+        try:
+            self._redis.hdel("edge:alive", line)
+        except RedisError:
+            return
+
+    def announce_stop(self, line: str) -> bool:
+        """Tell one line to halt; True: its executor is listening."""
+        try:
+            return bool(self._redis.publish(f"{STOP_CHANNEL}:{line}", b"stop"))
+        except RedisError:
+            return False
+
+    def wait_for_stop(self, line: str, *, wait_s: float) -> bool:
+        """Wait for the word to halt; False: none came. A broken link counts as silence."""
+        try:
+            if self._heard is None:
+                self._heard = self._redis.pubsub(ignore_subscribe_messages=True)  # type: ignore[no-untyped-call]
+                self._heard.subscribe(f"{STOP_CHANNEL}:{line}")
+            return self._heard.get_message(timeout=wait_s) is not None
+        except RedisError:
+            self._heard = None
+            threading.Event().wait(wait_s)
+            return False
+
+    def queue_length(self, queue: str) -> int:
+        """Return how many wake-ups wait in a queue of the host's broker."""
+        return self._redis.llen(queue)
+
+    def ping(self) -> bool:
+        """Say whether the server answers."""
+        try:
+            return bool(self._redis.ping())
+        except RedisError:
+            return False
+
+
+def _latest(device_id: str) -> str:
+    return f"edge:latest:{device_id}"
+
+
+def _to_batch(key: bytes, fields: dict[bytes, bytes]) -> Batch:
+    return Batch(
+        key=key.decode(),
+        line=fields[b"line"].decode(),
+        samples=msgspec.json.decode(fields[b"samples"], type=list[Sample]),
+        taken_count=int(fields[b"taken"]),
+    )

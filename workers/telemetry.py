@@ -1,0 +1,112 @@
+"""Keep the devices of one line connected and sample their statuses."""
+
+from __future__ import annotations
+
+import logging
+import threading
+from collections.abc import Mapping, Sequence
+from uuid import UUID
+
+from labweb.domain.errors import DeviceError, LabError
+from labweb.domain.ports import Clock
+from workers.conclusions import plain
+from workers.store import Sample, Store
+from workers.unit import Unit
+
+log = logging.getLogger(__name__)
+
+TICK_S = 0.05
+ALIVE_EVERY_S = 1.0
+FAILURES_UNTIL_OFFLINE = 3
+
+
+class Sampler:
+    """A thread that asks between the exchanges of a running action.
+
+    The transport carries one exchange at a time, so a sample waits for the wire and never
+    the other way round for longer than one exchange.
+    """
+
+    def __init__(
+        self, line: str, units: Mapping[UUID, Unit], store: Store | None, clock: Clock
+    ) -> None:
+        self._line = line
+        self._units = list(units.values())
+        self._store = store
+        self._clock = clock
+        self._due_s: dict[tuple[UUID, str], float] = {}
+        self._failures: dict[UUID, int] = {}
+        self._taken_count = 0
+        self._alive_s = float("-inf")
+        self._ending = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="sampler", daemon=True)
+
+    def start(self) -> None:
+        """Begin."""
+        self._thread.start()
+
+    def stop(self) -> None:
+        """End, and wait for the current exchange."""
+        self._ending.set()
+        self._thread.join(timeout=5.0)
+
+    def sample_once(self) -> list[Sample]:
+        """Connect what is due, ask for what is due, and hand it on."""
+        samples: list[Sample] = []
+        for unit in self._units:
+            unit.connect_if_due()
+            if unit.is_online:
+                samples += self._ask(unit)
+        self._taken_count += len(samples)
+        if samples and self._store is not None:
+            self._store.put(self._line, samples, self._taken_count)
+        self._show_alive()
+        return samples
+
+    def _run(self) -> None:
+        while not self._ending.is_set():
+            self.sample_once()
+            self._clock.wait(TICK_S)
+
+    def _ask(self, unit: Unit) -> Sequence[Sample]:
+        now_s = self._clock.monotonic_s()
+        samples = []
+        for status, period_s in unit.config.statuses.items():
+            key = (unit.config.id, status)
+            if now_s < self._due_s.get(key, 0.0) or not unit.is_online:
+                continue
+            self._due_s[key] = now_s + max(period_s, TICK_S)
+            try:
+                value = plain(unit.read(status))
+            except DeviceError as error:
+                self._note_failure(unit, error)
+                continue
+            except LabError as error:
+                log.warning("device %s: %s", unit.config.key, error)
+                self._due_s[key] = float("inf")
+                continue
+            self._failures[unit.config.id] = 0
+            samples.append(
+                Sample(
+                    device_id=str(unit.config.id),
+                    status=status,
+                    at_s=self._clock.now_s(),
+                    mono_s=self._clock.monotonic_s(),
+                    value=value,
+                )
+            )
+        return samples
+
+    def _note_failure(self, unit: Unit, error: DeviceError) -> None:
+        count = self._failures.get(unit.config.id, 0) + 1
+        self._failures[unit.config.id] = count
+        if count >= FAILURES_UNTIL_OFFLINE:
+            log.warning("device %s: %s", unit.config.key, error)
+            self._failures[unit.config.id] = 0
+            unit.lose_link()
+
+    def _show_alive(self) -> None:
+        now_s = self._clock.monotonic_s()
+        if self._store is not None and now_s - self._alive_s >= ALIVE_EVERY_S:
+            self._alive_s = now_s
+            self._store.show_alive(self._line, now_s)

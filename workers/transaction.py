@@ -1,0 +1,235 @@
+"""One atomic write to the journal: rows and the events that tell of them."""
+
+from __future__ import annotations
+
+import sqlite3
+from collections.abc import Callable
+from typing import Any
+from uuid import UUID
+
+import msgspec
+
+from labweb.domain.messages import EdgeEvent, ResourceView, canonical, event_hash
+from labweb.domain.runs.edge import ActionState, HostState
+from workers.journal_schema import ActionRow, JournalError, to_action
+
+
+class HeldResource(msgspec.Struct, frozen=True, kw_only=True):
+    """A resource as this host knows it."""
+
+    view: ResourceView
+    quarantined_by: str | None = None
+
+
+class Transaction:
+    """What may be done inside `Journal.write`."""
+
+    def __init__(
+        self,
+        connection: sqlite3.Connection,
+        *,
+        journal_id: UUID,
+        head: tuple[int, str],
+        wall_s: Callable[[], float],
+    ) -> None:
+        self._connection = connection
+        self._journal_id = journal_id
+        self._first = head
+        self._wall_s = wall_s
+        self.head = head
+
+    @property
+    def has_appended(self) -> bool:
+        """Say whether an event was appended."""
+        return self.head != self._first
+
+    # --- the event log ---
+
+    def append(self, kind: str, action_id: UUID | None, body: dict[str, Any]) -> None:
+        """Append an event to the hash chain."""
+        seq, prev = self.head
+        text = canonical(body)
+        event = EdgeEvent(
+            seq=seq + 1,
+            prev_hash=prev,
+            hash="",
+            kind=kind,
+            action_id=action_id,
+            at_s=self._wall_s(),
+            body=msgspec.json.decode(text),
+        )
+        digest = event_hash(self._journal_id, prev, event)
+        row = (event.seq, prev, digest, kind, _text(action_id), event.at_s, text.decode())
+        self._run("INSERT INTO event VALUES (?, ?, ?, ?, ?, ?, ?)", row)
+        self.head = (event.seq, digest)
+
+    def prune(self, acked_seq: int, before_s: float) -> int:
+        """Delete acknowledged events from before that time, but never the last one."""
+        last = min(acked_seq, self.head[0] - 1)
+        return self._run("DELETE FROM event WHERE seq <= ? AND at_s < ?", (last, before_s)).rowcount
+
+    # --- the host ---
+
+    def meta(self) -> dict[str, str]:
+        """Return all remembered values of the host."""
+        return {row[0]: row[1] for row in self._run("SELECT key, value FROM meta")}
+
+    def set_meta(self, key: str, value: str | None) -> None:
+        """Remember a value; None forgets it."""
+        if value is None:
+            self._run("DELETE FROM meta WHERE key = ?", (key,))
+        else:
+            self._run("INSERT OR REPLACE INTO meta VALUES (?, ?)", (key, value))
+
+    def host_state(self, boot_id: str) -> HostState:
+        """Return what decides whether anything may start, as of this write."""
+        return host_state_of(self.meta(), boot_id)
+
+    # --- actions ---
+
+    def action(self, action_id: UUID) -> ActionRow | None:
+        """Return one action, or None."""
+        found = self._run("SELECT * FROM action WHERE action_id = ?", (str(action_id),)).fetchone()
+        return None if found is None else to_action(found)
+
+    def state_of(self, action_id: UUID) -> ActionState | None:
+        """Return where an action stands as of this write, or None."""
+        found = self._run("SELECT st FROM action WHERE action_id = ?", (str(action_id),)).fetchone()
+        return None if found is None else ActionState(found[0])
+
+    def insert_action(self, row: ActionRow) -> None:
+        """Keep a new action."""
+        self._run(
+            "INSERT INTO action (action_id, dseq, epoch, line, device_id, body, key_id, signature,"
+            " st, accepted_mono_s, accepted_boot_id, accepted_wall_s)"
+            " VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)",
+            (
+                str(row.action_id),
+                row.dseq,
+                row.epoch,
+                row.line,
+                str(row.device_id),
+                row.body,
+                row.key_id,
+                row.signature,
+                row.st.value,
+                row.accepted_mono_s,
+                row.accepted_boot_id,
+                row.accepted_wall_s,
+            ),
+        )
+
+    def move(self, action_id: UUID, before: ActionState, after: ActionState) -> None:
+        """Take an action from one state to the next, if it is in the first.
+
+        Raises:
+            JournalError: It is in another state; somebody else was faster.
+        """
+        found = self._run(
+            "UPDATE action SET st = ? WHERE action_id = ? AND st = ?",
+            (after.value, str(action_id), before.value),
+        )
+        if found.rowcount != 1:
+            raise JournalError(
+                f"action {action_id} is not {before.value}", code="journal.lost_claim"
+            )
+
+    def keep(self, action_id: UUID, column: str, value: dict[str, Any]) -> None:
+        """Keep `prestate`, `report` or `conclusion` of an action."""
+        if column not in {"prestate", "report", "conclusion"}:
+            raise ValueError(column)
+        text = canonical(value).decode()
+        self._run(f"UPDATE action SET {column} = ? WHERE action_id = ?", (text, str(action_id)))  # noqa: S608 - one of three names
+
+    def want_cancel(self, action_id: UUID) -> None:
+        """Remember that a running action shall be stopped."""
+        self._run("UPDATE action SET is_cancel_wanted = 1 WHERE action_id = ?", (str(action_id),))
+
+    def blocked_by(self, device_id: UUID) -> str | None:
+        """Return the action in doubt that closes a device, or None."""
+        found = self._run(
+            "SELECT action_id FROM action WHERE device_id = ? AND st = 'in_doubt' LIMIT 1",
+            (str(device_id),),
+        ).fetchone()
+        return None if found is None else str(found[0])
+
+    def max_fence(self, device_id: UUID) -> int:
+        """Return the highest dispatch that has started on a device."""
+        found = self._run(
+            "SELECT max_dseq FROM device_fence WHERE device_id = ?", (str(device_id),)
+        ).fetchone()
+        return 0 if found is None else int(found[0])
+
+    def raise_fence(self, device_id: UUID, dseq: int) -> None:
+        """Let no earlier dispatch start on a device any more."""
+        self._run(
+            "INSERT INTO device_fence VALUES (?, ?) ON CONFLICT (device_id)"
+            " DO UPDATE SET max_dseq = max(max_dseq, excluded.max_dseq)",
+            (str(device_id), dseq),
+        )
+
+    def is_tombstoned(self, action_id: UUID) -> bool:
+        """Say whether an action was cancelled before it arrived."""
+        query = "SELECT 1 FROM tombstone WHERE action_id = ?"
+        return self._run(query, (str(action_id),)).fetchone() is not None
+
+    def add_tombstone(self, action_id: UUID, dseq: int) -> bool:
+        """Let an action that has not arrived never start; False: that was known."""
+        query = "INSERT OR IGNORE INTO tombstone VALUES (?, ?)"
+        return self._run(query, (str(action_id), dseq)).rowcount == 1
+
+    def is_first_refusal(self, subject: str) -> bool:
+        """Remember a refusal; False: it is on record, and is not told again."""
+        query = "INSERT OR IGNORE INTO refusal VALUES (?)"
+        return self._run(query, (subject,)).rowcount == 1
+
+    # --- resources ---
+
+    def resource(self, resource_id: UUID) -> HeldResource | None:
+        """Return a resource as this host knows it, or None."""
+        found = self._run(
+            "SELECT view, quarantined_by FROM resource_state WHERE id = ?", (str(resource_id),)
+        ).fetchone()
+        if found is None:
+            return None
+        view = msgspec.json.decode(found[0], type=ResourceView)
+        return HeldResource(view=view, quarantined_by=found[1])
+
+    def put_resource(self, held: HeldResource) -> None:
+        """Keep a resource."""
+        view = held.view
+        row = (str(view.id), view.rev, canonical(view).decode(), held.quarantined_by)
+        self._run("INSERT OR REPLACE INTO resource_state VALUES (?, ?, ?, ?)", row)
+
+    def quarantined_for(self, action_id: UUID) -> list[HeldResource]:
+        """Return the resources that an action in doubt has closed."""
+        found = self._run(
+            "SELECT view, quarantined_by FROM resource_state WHERE quarantined_by = ? ORDER BY id",
+            (str(action_id),),
+        ).fetchall()
+        return [
+            HeldResource(view=msgspec.json.decode(row[0], type=ResourceView), quarantined_by=row[1])
+            for row in found
+        ]
+
+    def _run(self, query: str, values: tuple[Any, ...] = ()) -> sqlite3.Cursor:
+        try:
+            return self._connection.execute(query, values)
+        except sqlite3.Error as exc:
+            raise JournalError(f"the journal cannot be written: {exc}") from exc
+
+
+def host_state_of(meta: dict[str, str], boot_id: str) -> HostState:
+    """Read the host's state from its remembered values."""
+    return HostState(
+        host_id=UUID(meta["host_id"]),
+        epoch=int(meta.get("epoch", 0)),
+        floor=int(meta.get("floor", 0)),
+        boot_id=boot_id,
+        armed_boot_id=meta.get("armed_boot_id"),
+        stop_latched="stop_id" in meta,
+    )
+
+
+def _text(value: UUID | None) -> str | None:
+    return None if value is None else str(value)
