@@ -131,7 +131,11 @@ class Transport(ABC):
 
     def _require_open(self) -> None:
         if not self.is_open:
-            raise UnreachableError(f"{self.line} is not open: connect again", effect=Effect.NONE)
+            raise UnreachableError(
+                "the line is not open: connect again",
+                effect=Effect.NONE,
+                context={"line": self.line},
+            )
 
 
 class ByteTransport(Transport):
@@ -191,8 +195,8 @@ class ByteTransport(Transport):
             left_s = deadline_s - time.monotonic()
             if left_s <= 0:
                 raise DeviceTimeoutError(
-                    f"{self.line}: no whole answer in time",
-                    context={"received": bytes(buffer).hex()},
+                    "no whole answer in time",
+                    context={"line": self.line, "received": bytes(buffer).hex()},
                 )
             with self._broken(Effect.UNKNOWN):
                 part = self._take(left_s)
@@ -200,7 +204,9 @@ class ByteTransport(Transport):
                 self._observe("in", part)
             buffer += part
             if len(buffer) > MAX_FRAME_BYTES:
-                raise FrameError(f"{self.line}: answer of more than {MAX_FRAME_BYTES} bytes")
+                raise FrameError(
+                    f"answer of more than {MAX_FRAME_BYTES} bytes", context={"line": self.line}
+                )
         return bytes(buffer[: buffer.index(until) + len(until)])
 
     def _drain(self) -> None:
@@ -210,7 +216,11 @@ class ByteTransport(Transport):
         while part := self._take(quiet_s):
             self._observe("in", part)
             if time.monotonic() > deadline_s:
-                raise FrameError(f"{self.line} does not fall silent", effect=Effect.NONE)
+                raise FrameError(
+                    "the line does not fall silent",
+                    effect=Effect.NONE,
+                    context={"line": self.line},
+                )
 
     @contextmanager
     def _broken(self, effect: Effect) -> Iterator[None]:
@@ -219,7 +229,9 @@ class ByteTransport(Transport):
             yield
         except OSError as error:
             self._close()
-            raise UnreachableError(f"{self.line} broke: {error}", effect=effect) from error
+            raise UnreachableError(
+                f"the line broke: {error}", effect=effect, context={"line": self.line}
+            ) from error
 
 
 def _claim(line: str, owner: int) -> None:

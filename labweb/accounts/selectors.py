@@ -36,6 +36,12 @@ def user_by_id(user_id: UUID) -> User | None:
     return User.objects.filter(pk=user_id).first()
 
 
+def printed_name(user_id: str) -> str:
+    """Return the name a record shows for a user; the id where there is no such user."""
+    row = User.objects.filter(pk=user_id).first() if user_id else None
+    return user_id if row is None else row.printed_name
+
+
 def find_user(username: str) -> User | None:
     """Return the user of that name."""
     return User.objects.filter(username=username).first()

@@ -124,6 +124,7 @@ def _device(row: Device, latest: dict[str, tuple[float, Any]], job: Job | None) 
             "run_id": str(job.run_id),
             "run_number": job.run.number,
             "sentence": job.sentence,
+            "state": job.state,
         },
         "readings": [
             {**_status(status), "status": status.name, "value": value, "at_s": at}

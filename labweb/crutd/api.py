@@ -19,6 +19,7 @@ from labweb.domain.approvals.roles import Permission
 from labweb.domain.errors import DefinitionError, NotFoundError
 from labweb.domain.resources.contents import LotId, total_nl
 from labweb.domain.resources.kinds import KINDS, is_vessel
+from labweb.domain.resources.tree import in_tree_order
 from labweb.domain.units import render_volume
 from labweb.enrollment import selectors as enrollment_selectors
 from labweb.resources import selectors as resource_selectors
@@ -51,6 +52,7 @@ class Resources(APIView):
         lab = resource_selectors.the_lab()
         seen = resource_selectors.allowed_ids(user_of(request), Permission.VIEW)
         rows = [row for row in resource_selectors.resources_of(lab) if row.id in seen]
+        rows = in_tree_order(rows, lambda row: (row.id, row.parent_id))
         return Response({"resources": render_rows(lab, rows)})
 
 

@@ -1,6 +1,7 @@
 /** Calls to the server: one shape of request, one shape of refusal. */
 
 import type { Finding, Refusal } from "@/model/wire";
+import { sentence } from "@/model/format";
 import { useConnection } from "./connection";
 
 /** The server said no, or did not answer at all (status 0). */
@@ -42,6 +43,12 @@ function csrfToken(): string {
   return /(?:^|;\s*)csrftoken=([^;]+)/.exec(document.cookie)?.[1] ?? "";
 }
 
+/** A finding with its message as a sentence. */
+export const spoken = (finding: Finding): Finding => ({
+  ...finding,
+  message: sentence(finding.message),
+});
+
 function refusal(code: string, message: string): Refusal {
   return { code, message, effect: "none", context: {}, findings: [] };
 }
@@ -50,7 +57,13 @@ async function readRefusal(response: Response): Promise<Refusal> {
   const fallback = refusal(`http.${response.status}`, `The server answered ${response.status}.`);
   try {
     const body = (await response.json()) as Partial<Refusal>;
-    return typeof body.message === "string" ? { ...fallback, ...body } : fallback;
+    if (typeof body.message !== "string") return fallback;
+    return {
+      ...fallback,
+      ...body,
+      message: sentence(body.message),
+      findings: (body.findings ?? []).map(spoken),
+    };
   } catch {
     return fallback;
   }

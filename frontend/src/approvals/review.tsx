@@ -5,7 +5,14 @@ import { Link, useNavigate } from "react-router";
 import { useDecide } from "@/api/commands";
 import { useStatus } from "@/api/connection";
 import { useResources, useSession } from "@/api/queries";
-import { formatDigest, formatDuration, formatMl, formatNumber, toSeconds } from "@/model/format";
+import {
+  formatDigest,
+  formatDuration,
+  formatMl,
+  formatNumber,
+  sentence,
+  toSeconds,
+} from "@/model/format";
 import { approvalState } from "@/model/states";
 import type { ApprovalDetail, Plan } from "@/model/wire";
 import { Card, Empty } from "@/ui/card";
@@ -209,7 +216,7 @@ function Decide({ request, seen }: { request: ApprovalDetail; seen: Seen }) {
   const offline = useStatus() === "offline" ? "Not connected." : null;
   const unseen = !seen.actions || !seen.materials;
   const blocked =
-    offline ?? (request.can_decide ? null : (request.why_not ?? "Not yours to decide."));
+    offline ?? (request.can_decide ? null : sentence(request.why_not ?? "Not yours to decide."));
   const whyApprove = blocked ?? (unseen ? "Scroll through actions and materials first." : null);
   const whyReject = blocked ?? (comment.trim() ? null : words.needComment);
   const send = (isApproved: boolean): void =>

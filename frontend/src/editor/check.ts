@@ -2,7 +2,7 @@
 
 import { useCallback, useEffect, useMemo } from "react";
 import { checkDocument } from "@/api/commands";
-import { messageOf } from "@/api/client";
+import { messageOf, spoken } from "@/api/client";
 import { checkGraph } from "@/model/graph";
 import { orderSteps } from "@/model/graph";
 import { sortFindings } from "@/model/findings";
@@ -32,7 +32,8 @@ export async function runCheck(signal?: AbortSignal): Promise<CheckResult | null
   const { history, set } = useEditor.getState();
   const content = contentOf(history.document);
   try {
-    const result = await checkDocument(history.document, signal ?? new AbortController().signal);
+    const answer = await checkDocument(history.document, signal ?? new AbortController().signal);
+    const result = { ...answer, findings: answer.findings.map(spoken) };
     if (contentOf(useEditor.getState().history.document) !== content) return null;
     set({ checked: { content, result, at: Date.now() / 1000 }, checkProblem: null });
     return result;
@@ -57,7 +58,8 @@ export function useVerdict(): Verdict {
   const content = useMemo(() => contentOf(document), [document]);
   return useMemo(() => {
     const result = checked?.content === content ? checked.result : null;
-    const own = result ? [] : checkGraph(palette, document);
+    // What the steps are is not known yet: nothing can be wrong with them.
+    const own = result || !palette.size ? [] : checkGraph(palette, document);
     const findings = sortFindings(result?.findings ?? own, orderSteps(document));
     return { result, findings, checkedAt: checked?.at ?? null };
   }, [checked, content, document, palette]);

@@ -35,6 +35,5 @@ export const words = {
     graph: "Graph",
     materials: "Materials",
     resources: "Resources",
-    twin: "Twin",
   },
 } as const;

@@ -2,8 +2,7 @@
 
 import { Link } from "react-router";
 import { useResource } from "@/api/queries";
-import { formatNumber, formatVolume, plain } from "@/model/format";
-import { capitalise } from "@/model/states";
+import { formatFact, formatNumber, formatVolume, plain } from "@/model/format";
 import { fillShare } from "@/model/tree";
 import type { Resource } from "@/model/wire";
 import { Empty, Failed } from "@/ui/card";
@@ -150,10 +149,11 @@ function PortRow({ port }: { port: Resource["ports"][number] }) {
 }
 
 function Plain({ name, value }: { name: string; value: unknown }) {
+  const [label, text] = formatFact(name, value);
   return (
     <>
-      <dt>{capitalise(name)}</dt>
-      <dd>{plain(value)}</dd>
+      <dt>{label}</dt>
+      <dd>{text}</dd>
     </>
   );
 }

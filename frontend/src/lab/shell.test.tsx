@@ -118,5 +118,5 @@ test("a wrong password is said in place", async () => {
   await userEvent.type(screen.getByTestId("username"), "li");
   await userEvent.type(screen.getByTestId("password"), "no");
   await userEvent.click(screen.getByTestId("sign-in"));
-  expect(await screen.findByText("the name or the password is wrong")).toBeInTheDocument();
+  expect(await screen.findByText("The name or the password is wrong")).toBeInTheDocument();
 });

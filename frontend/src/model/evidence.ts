@@ -1,6 +1,6 @@
 /** What is known of a job whose outcome is not, in rows a person can read. */
 
-import { formatArguments, plain, toSeconds } from "./format";
+import { formatArguments, plain, sentence, toSeconds } from "./format";
 import type { Job, Run } from "./wire";
 
 export interface EvidenceRow {
@@ -35,7 +35,7 @@ export function evidenceRows(job: Job, clock: (at: number) => string): EvidenceR
   const ended = toSeconds(job.ended_at);
   rows.push({
     label: "Completion",
-    text: job.message || (ended === null ? "not seen" : `reported ${clock(ended)}`),
+    text: sentence(job.message) || (ended === null ? "not seen" : `reported ${clock(ended)}`),
   });
   rows.push(...reportRows(job.evidence.report ?? {}, clock));
   for (const [word, results] of [

@@ -37,7 +37,6 @@ test("a finding names its field", () => {
 test("each code belongs to one ring", () => {
   expect(ringOf(finding("contents.insufficient"))).toBe("materials");
   expect(ringOf(finding("plan.no_device"))).toBe("resources");
-  expect(ringOf(finding("twin.collision"))).toBe("twin");
 });
 
 test("rings that could not be asked are waiting, not good", () => {
@@ -51,7 +50,6 @@ test("rings that could not be asked are waiting, not good", () => {
   expect(ringStates([], true, true)).toMatchObject({
     materials: "ok",
     resources: "ok",
-    twin: "waiting",
   });
   expect(ringStates([], false, false).fields).toBe("waiting");
 });

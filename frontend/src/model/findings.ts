@@ -2,7 +2,7 @@
 
 import type { Finding } from "./wire";
 
-export const RINGS = ["fields", "graph", "materials", "resources", "twin"] as const;
+export const RINGS = ["fields", "graph", "materials", "resources"] as const;
 export type Ring = (typeof RINGS)[number];
 
 const GRAPH_CODES = new Set([
@@ -28,7 +28,6 @@ export function ringOf(finding: Finding): Ring {
   }
   if (area === "crutd" || area === "contents" || MATERIAL_CODES.has(finding.code))
     return "materials";
-  if (area === "twin") return "twin";
   return "resources";
 }
 
@@ -75,6 +74,5 @@ export function ringStates(
     graph: state("graph", isFresh),
     materials: state("materials", read && (hasPlan || bad.has("materials"))),
     resources: state("resources", read && (hasPlan || bad.has("resources"))),
-    twin: state("twin", false),
   };
 }

@@ -222,6 +222,26 @@ function shortChange(name: string, value: number): string {
   return noun.endsWith("setpoint") ? `set ${text}` : text;
 }
 
+/** A message of the server as a sentence: begins with a capital unless its first word is a name. */
+export function sentence(text: string): string {
+  return /^[a-z][a-z']*([ ,.:;]|$)/.test(text)
+    ? text.charAt(0).toUpperCase() + text.slice(1)
+    : text;
+}
+
+/** A field of a resource as a person reads it: capacity_ul 100000 is Capacity, 100.0 mL. */
+export function formatFact(name: string, value: unknown): [label: string, text: string] {
+  const words = (text: string): string => {
+    const plainWords = text.replaceAll("_", " ").trim();
+    return plainWords.charAt(0).toUpperCase() + plainWords.slice(1);
+  };
+  if (typeof value === "number") {
+    const suffix = SUFFIXES.find(([ending]) => name.endsWith(ending));
+    if (suffix) return [words(name.slice(0, -suffix[0].length)), readingText(value, suffix[1])];
+  }
+  return [words(name), plain(value)];
+}
+
 /** Any JSON value as one line. */
 export function plain(value: unknown): string {
   if (value === null || value === undefined) return "–";

@@ -4,10 +4,12 @@ import {
   changeWords,
   formatAge,
   formatDuration,
+  formatFact,
   formatNumber,
   formatVolume,
   LabTime,
   readingText,
+  sentence,
 } from "./format";
 import { layoutBoxes } from "./layout";
 import { aDocument, OPERATIONS } from "./samples";
@@ -46,6 +48,21 @@ test("amounts are shown in the unit a chemist would write", () => {
   expect(formatVolume(310_000_000)).toBe("310.0\u202fmL");
   expect(formatNumber(-1234567.5)).toBe("\u22121\u202f234\u202f567.5");
   expect(formatNumber(Number.NaN)).toBe("–");
+});
+
+test("a field of a resource is read with the unit that its name says", () => {
+  expect(formatFact("capacity_ul", 100_000)).toEqual(["Capacity", "100.0\u202fmL"]);
+  expect(formatFact("temperature_c", 22)).toEqual(["Temperature", "22.0\u202f°C"]);
+  expect(formatFact("tare_mg", 62_000)).toEqual(["Tare", "62.000\u202fg"]);
+  expect(formatFact("ports_count", 8)).toEqual(["Ports count", "8"]);
+});
+
+test("a message begins with a capital, a name and a unit keep theirs", () => {
+  expect(sentence("no whole answer in time")).toBe("No whole answer in time");
+  expect(sentence("the syringe's plunger")).toBe("The syringe's plunger");
+  expect(sentence("pH 1 is not enrolled")).toBe("pH 1 is not enrolled");
+  expect(sentence("volume_ul is missing")).toBe("volume_ul is missing");
+  expect(sentence("")).toBe("");
 });
 
 test("durations and ages are short", () => {

@@ -51,7 +51,7 @@ test("evidence is told in words with units, and keys of the machine are left out
   });
   expect(evidenceRows(job, (at) => `t${at - 1_800_000_000}`)).toEqual([
     { label: "Command", text: "Pump 1: aspirate, volume 5.00\u202fmL; begun t0" },
-    { label: "Completion", text: "no answer within 12 s" },
+    { label: "Completion", text: "No answer within 12 s" },
     { label: "Sent", text: "t3" },
     { label: "Moved", text: "4.86\u202fmL" },
     { label: "Before: valve at source", text: "port is 3, pass" },

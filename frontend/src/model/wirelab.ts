@@ -1,6 +1,6 @@
 /** What crosses the border about approvals, resources, devices and hosts. */
 
-import type { DeviceAction, Id, Iso, Plan } from "./wire";
+import type { DeviceAction, Id, Iso, JobState, Plan } from "./wire";
 
 export interface LabEvent {
   seq: number;
@@ -130,7 +130,7 @@ export interface DeviceRow {
   host: { id: Id; name: string } | null;
   state: string;
   link: "online" | "stale" | "offline" | "not_enrolled" | "quarantined";
-  job: { id: Id; run_id: Id; run_number: number; sentence: string } | null;
+  job: { id: Id; run_id: Id; run_number: number; sentence: string; state: JobState } | null;
   readings: Reading[];
 }
 

@@ -42,13 +42,11 @@ export function Timeline({ run, picked, onPick }: TimelineProps) {
     >
       <div className="gantt">
         <div className="gx num">
-          {marks
-            .filter((at) => isClear(share(gantt, at)))
-            .map((at) => (
-              <i key={at} style={{ left: percent(at) }}>
-                {label(at)}
-              </i>
-            ))}
+          {labelled(gantt, marks).map((at) => (
+            <i key={at} style={{ left: percent(at) }}>
+              {label(at)}
+            </i>
+          ))}
         </div>
         {gantt.rows.map((row) => (
           <div className="gr" key={row.id} data-row={row.id}>
@@ -84,8 +82,15 @@ export function Timeline({ run, picked, onPick }: TimelineProps) {
   );
 }
 
-/** A label that would leave the plot on either side is not written; its line stays. */
-const isClear = (place: number): boolean => place >= 0.045 && place <= 0.955;
+/** A label that would leave the plot, or lie under the present, is not written; its line stays. */
+function labelled(gantt: Gantt, marks: number[]): number[] {
+  const present = gantt.now_s === null ? null : share(gantt, gantt.now_s);
+  return marks.filter((at) => {
+    const place = share(gantt, at);
+    const isInside = place >= 0.045 && place <= 0.955;
+    return isInside && (present === null || Math.abs(place - present) > 0.07);
+  });
+}
 
 function BarMark(props: {
   bar: Bar;

@@ -1,6 +1,7 @@
 /** What stands in the way of a run, first what is most urgent. */
 
 import { findProblems, stepNumber, type Problem } from "@/model/runs";
+import { sentence } from "@/model/format";
 import { capitalise, jobState } from "@/model/states";
 import type { Run } from "@/model/wire";
 import { Link } from "react-router";
@@ -46,7 +47,7 @@ function ProblemCard({ run, problem }: { run: Run; problem: Problem }) {
         </span>
       </div>
       <div className="pb">
-        <h2>{job.message || `${job.sentence} did not complete`}</h2>
+        <h2>{sentence(job.message) || `${job.sentence} did not complete`}</h2>
         <p className="s">{effectText(job.transaction?.state ?? null)}</p>
         <Evidence job={job} />
         {job.code && <p className="mono m">{job.code}</p>}

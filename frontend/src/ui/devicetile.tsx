@@ -2,7 +2,7 @@
 
 import { Link } from "react-router";
 import { readingText } from "@/model/format";
-import { linkState, type State } from "@/model/states";
+import { jobState, linkState, type State } from "@/model/states";
 import { isSetpoint } from "@/model/telemetry";
 import type { DeviceRow, Reading } from "@/model/wire";
 import { Icon, iconOf } from "./icons";
@@ -13,6 +13,7 @@ import { Age } from "./time";
 /** State of a device for its tile: its link first, then whether it works. */
 export function deviceState(device: DeviceRow): State {
   if (device.link !== "online") return linkState(device.link);
+  if (device.job?.state === "in_doubt") return jobState("in_doubt");
   return device.job ? { look: "running", word: "Busy" } : { look: "idle", word: "Idle" };
 }
 

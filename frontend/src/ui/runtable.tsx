@@ -18,7 +18,7 @@ export function RunTable({ runs, isHistory = false }: { runs: RunRow[]; isHistor
           <th>State</th>
           <th className="wide">Step</th>
           <th className="wide">Done, by step</th>
-          <th className="r">Left</th>
+          <th className="r wide">Left</th>
           {isHistory && <th className="wide">Started</th>}
           {isHistory && <th className="wide">By</th>}
         </tr>
@@ -66,7 +66,7 @@ function Row({ run, isHistory }: { run: RunRow; isHistory: boolean }) {
       <td className="wide">
         <Progress share={done} look={look} />
       </td>
-      <td className="r num">
+      <td className="r num wide">
         {run.left_s === null || run.state === "paused" ? "–" : formatDuration(run.left_s)}
       </td>
       {isHistory && (

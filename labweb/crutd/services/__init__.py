@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from labweb.crutd.services.importing import import_lab
+from labweb.crutd.services.importing import check_time_zone, import_lab
 from labweb.crutd.services.transactions import (
     Settlement,
     advance,
@@ -18,6 +18,7 @@ __all__ = [
     "Settlement",
     "advance",
     "carry_out",
+    "check_time_zone",
     "discard",
     "event_hash",
     "import_lab",

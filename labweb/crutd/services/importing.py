@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import zoneinfo
 from collections.abc import Iterator
 
 from django.db.transaction import atomic
@@ -16,7 +17,7 @@ from labweb.crutd.services.transactions import post, record
 from labweb.domain.crutd import operations
 from labweb.domain.crutd.decide import Change, Posting
 from labweb.domain.crutd.lifecycle import TransactionState
-from labweb.domain.errors import StateError
+from labweb.domain.errors import LabFileError, StateError
 from labweb.domain.graph.lab_file.model import LabFile
 from labweb.domain.resources.node import Resource as ResourceData
 from labweb.resources import selectors as resource_selectors
@@ -35,11 +36,13 @@ def import_lab(lab_file: LabFile, *, actor: User | None, source: dict[str, str])
     """Write a lab that was read and checked as a whole.
 
     Raises:
+        LabFileError: This machine knows no such time zone. Nothing was written.
         StateError: A lab of that name exists already. Nothing was written.
 
     Effect:
         Contents are received from outside: each amount leaves RECEIPT and enters its vessel.
     """
+    check_time_zone(lab_file)
     if resource_selectors.labs().filter(pk=lab_file.id).exists():
         raise StateError(f"the lab {lab_file.name!r} exists already", code="lab.exists")
     lab = resource_services.create_lab(
@@ -60,6 +63,20 @@ def import_lab(lab_file: LabFile, *, actor: User | None, source: dict[str, str])
     _receive(lab, lab_file, actor)
     account_services.write_audit("lab.import", str(lab.id), actor=actor, detail=source)
     return lab
+
+
+def check_time_zone(lab_file: LabFile) -> None:
+    """See to it that times can be shown in the lab's zone.
+
+    Raises:
+        LabFileError: This machine knows no such zone.
+    """
+    if lab_file.time_zone not in zoneinfo.available_timezones():
+        raise LabFileError(
+            f"there is no time zone {lab_file.time_zone!r}; name one like Europe/Zurich or UTC",
+            code="lab_file.time_zone",
+            context={"field": "time_zone"},
+        )
 
 
 def _free_key(lab_file: LabFile) -> str:

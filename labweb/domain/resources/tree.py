@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TypeVar
 from uuid import UUID
 
 from labweb.domain.errors import Finding, NotFoundError
@@ -60,6 +61,30 @@ class Tree:
         for child in self.children.get(resource_id, ()):
             yield child
             yield from self.descendants(child.id)
+
+
+T = TypeVar("T")
+
+
+def in_tree_order(nodes: Sequence[T], place: Callable[[T], tuple[UUID, UUID | None]]) -> list[T]:
+    """Order nodes so that each is followed by all below it; siblings keep their order.
+
+    Args:
+        nodes: A tree or a part of one: what has no parent among them stands at the top.
+        place: Id and parent of a node.
+    """
+    known = {place(node)[0] for node in nodes}
+    children: dict[UUID | None, list[T]] = {}
+    for node in nodes:
+        parent = place(node)[1]
+        children.setdefault(parent if parent in known else None, []).append(node)
+    ordered: list[T] = []
+    waiting = children.get(None, [])[::-1]
+    while waiting:
+        node = waiting.pop()
+        ordered.append(node)
+        waiting += children.get(place(node)[0], [])[::-1]
+    return ordered
 
 
 def check_tree(resources: Iterable[Resource]) -> list[Finding]:

@@ -90,6 +90,7 @@ def abort_run(run_id: UUID, *, actor: User, reason: str) -> Run:
     """Stop what has not begun and cancel what was sent; what acts now runs to its end.
 
     Raises:
+        DefinitionError: No reason was given.
         StateError: The run has ended.
 
     Effect:
@@ -97,6 +98,8 @@ def abort_run(run_id: UUID, *, actor: User, reason: str) -> Run:
     """
     run = selectors.run_for_update(run_id)
     _require(run, actor, Permission.RUN)
+    if not reason.strip():
+        raise DefinitionError("say why the run is given up", code="run.reason_missing")
     if run.state in _ENDED:
         raise StateError(f"run #{run.number} is {run.state} already", code="run.ended")
     for job in Job.objects.filter(run=run).select_for_update():

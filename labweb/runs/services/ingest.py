@@ -9,6 +9,7 @@ from uuid import UUID
 
 from django.db.transaction import atomic
 
+from labweb.accounts import selectors as account_selectors
 from labweb.common.clock import now
 from labweb.crutd import services as crutd_services
 from labweb.crutd.services import Settlement
@@ -201,8 +202,10 @@ def _on_resolved(attempt: Attempt, event: EdgeEvent) -> None:
     resolution = {
         "answer": body.get("answer"),
         "note": body.get("note"),
-        "by": body.get("issued_by"),
+        "by": account_selectors.printed_name(str(body.get("issued_by", ""))),
     }
+    if body.get("answer") == "partly":
+        resolution["moved_nl"] = settlement.outcome.moved_nl
     evidence = {**attempt.job.evidence, "resolution": resolution}
     move_job(attempt.job, state, Mover.EDGE, evidence=evidence)
 

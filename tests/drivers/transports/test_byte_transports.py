@@ -65,7 +65,7 @@ def test_silence_is_a_timeout_of_unknown_effect() -> None:
             line.exchange(b"a\n", until=b"\n", timeout_s=0.1)
         line.close()
     assert caught.value.effect is Effect.UNKNOWN
-    assert caught.value.context == {"received": b"half".hex()}
+    assert caught.value.context == {"line": line.line, "received": b"half".hex()}
 
 
 def test_a_late_answer_is_not_taken_for_the_next_one() -> None:

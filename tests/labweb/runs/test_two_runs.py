@@ -68,7 +68,7 @@ def test_an_ended_run_is_not_resumed() -> None:
     bench = a_lab()
     an_edge(bench)
     run = a_started_run(bench, WATER)
-    services.abort_run(run.id, actor=bench.people["chemist"], reason="")
+    services.abort_run(run.id, actor=bench.people["chemist"], reason="enough")
     with pytest.raises(StateError) as refused:
         services.resume_run(run.id, actor=bench.people["chemist"])
     assert refused.value.code == "run.ended"

@@ -13,7 +13,7 @@ from typing import Any
 import msgspec
 from django.core.management.base import BaseCommand, CommandError
 
-from labweb.crutd.services import import_lab
+from labweb.crutd.services import check_time_zone, import_lab
 from labweb.domain.errors import Finding, LabError
 from labweb.domain.graph.lab_file.bind import apply_binding
 from labweb.domain.graph.lab_file.bindings import read_binding
@@ -56,6 +56,7 @@ class Command(BaseCommand):
             answer["format"] = detect(raw).value
             lab_file = self._read(raw, path.stem, options["bind"])
             answer |= _counted(lab_file)
+            check_time_zone(lab_file)
             if not options["check"]:
                 source = {"file": path.name, "format": answer["format"]}
                 source["sha256"] = hashlib.sha256(raw).hexdigest()
