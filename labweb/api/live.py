@@ -87,7 +87,10 @@ class BrowserConsumer(AsyncWebsocketConsumer):
             if not await self._is_signed_in() or self.user is None:
                 await self.close(code=CLOSE_NOT_SIGNED_IN)
                 return
-            self.topics = await _allowed(self.user, self.topics)
+            checked = self.topics
+            # Only what was checked may go: the tab may have asked for more in the meantime.
+            lost = checked - await _allowed(self.user, checked)
+            self.topics -= lost
 
     async def receive(self, text_data: str | None = None, bytes_data: bytes | None = None) -> None:
         """Take `{"subscribe": [...]}`, `{"unsubscribe": [...]}` or `{"ping": n}`."""

@@ -30,6 +30,7 @@ def add(visitor: Visitor, words: str) -> None:
     """Add a step with the keyboard alone: A, its name, Enter."""
     visitor.page.locator("#find-step").focus()
     visitor.page.keyboard.type(words)
+    visitor.page.locator("[data-testid=palette] [data-testid^=add-]").first.wait_for()
     visitor.key("Enter")
     visitor.at("inspector").wait_for()
 
@@ -40,6 +41,8 @@ def pick(visitor: Visitor, name: str, choice: str) -> None:
     visitor.press(box)
     box.fill(choice)
     visitor.key("Enter")
+    # What is merely typed is gone once the field is left; what was chosen stays.
+    visitor.key("Tab")
     expect(box).to_have_value(choice)
 
 

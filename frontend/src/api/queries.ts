@@ -32,9 +32,12 @@ const get =
   ({ signal }: { signal: AbortSignal }): Promise<T> =>
     call<T>("GET", path, undefined, signal);
 
+/** With the live stream, ask all the same now and then: an announcement may have been lost. */
+const SELDOM_S = 30;
+
 /** Without the live stream, ask every few seconds instead. */
-function usePolling(seconds: number): number | false {
-  return useConnection((state) => state.isOpen) ? false : seconds * 1000;
+function usePolling(seconds: number): number {
+  return (useConnection((state) => state.isOpen) ? SELDOM_S : seconds) * 1000;
 }
 
 export function useSession(): UseQueryResult<Session> {

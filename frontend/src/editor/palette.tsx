@@ -1,9 +1,10 @@
 /** Steps to choose from: acts of chemistry first, then what each device can do. */
 
 import { useMemo, useState, type KeyboardEvent } from "react";
+import { useDevices } from "@/api/queries";
 import { linkState, type State } from "@/model/states";
 import { findChoices } from "@/model/tree";
-import type { PaletteDevice, ResourceRow, UnitOperation } from "@/model/wire";
+import type { DeviceRow, PaletteDevice, ResourceRow, UnitOperation } from "@/model/wire";
 import { Glyph } from "@/ui/glyph";
 import { Icon, iconOf, type IconName } from "@/ui/icons";
 import { addFromPalette, DRAG_TYPE, paletteItem } from "./steps";
@@ -26,6 +27,7 @@ export function Palette() {
   const palette = useEditor((state) => state.palette);
   const devices = useEditor((state) => state.devices);
   const resources = useEditor((state) => state.resources);
+  const live = useDevices();
   const wanted = query.trim().toLowerCase();
   const steps = useMemo(
     () =>
@@ -58,6 +60,8 @@ export function Palette() {
         <kbd>A</kbd>
       </label>
       <h3>{words.editor.chemistry}</h3>
+      {palette.size === 0 && <p className="help">{words.editor.loading}</p>}
+      {palette.size > 0 && steps.length === 0 && <p className="help">{words.editor.noStep}</p>}
       <ul>
         {steps.map((step) => (
           <Item
@@ -73,7 +77,12 @@ export function Palette() {
       </ul>
       <h3>{words.editor.deviceActions}</h3>
       {devices.map((device) => (
-        <DeviceGroup key={device.id} device={device} wanted={wanted} />
+        <DeviceGroup
+          key={device.id}
+          device={device}
+          link={live.data?.find((row) => row.id === device.id)?.link}
+          wanted={wanted}
+        />
       ))}
     </aside>
   );
@@ -109,17 +118,22 @@ function Item(props: {
 }
 
 /** An enrolled device is as one expects it; anything else is said. */
-function stateOf(state: string): State {
-  if (state === "enrolled") return linkState("online");
+function stateOf(state: string, link: string | undefined): State {
+  if (state === "enrolled") return linkState(link === undefined ? "online" : link);
   return { ...linkState(state === "candidate" ? "not_enrolled" : state), look: "offline" };
 }
 
-function DeviceGroup({ device, wanted }: { device: PaletteDevice; wanted: string }) {
+function DeviceGroup(props: {
+  device: PaletteDevice;
+  link: DeviceRow["link"] | undefined;
+  wanted: string;
+}) {
+  const { device, wanted } = props;
   const [isOpen, setOpen] = useState(false);
   const actions = device.actions.filter((action) =>
     `${device.name} ${action.label}`.toLowerCase().includes(wanted),
   );
-  const link = stateOf(device.state);
+  const link = stateOf(device.state, props.link);
   if (wanted && !actions.length) return null;
   const showsActions = isOpen || wanted !== "";
   return (

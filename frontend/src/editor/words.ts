@@ -17,6 +17,8 @@ export const words = {
     save: "Save version",
     find: "Find a step",
     chemistry: "Chemistry steps",
+    loading: "Loading…",
+    noStep: "No step of this name.",
     deviceActions: "Device actions",
     emptyCanvas: "Pick a step on the left to begin.",
     nothingSelected: "Select a step to see what it does.",

@@ -9,6 +9,7 @@ import { show } from "@/testpage";
 import { Loaded } from "./card";
 import { Button } from "./controls";
 import { QuantityField, quantityProblem } from "./quantityfield";
+import { Picker } from "./picker";
 import { StateChip } from "./state";
 
 function Field({ begin = "" }: { begin?: string }) {
@@ -101,4 +102,31 @@ test("every chip has its word", () => {
 test("a button with a reason against it is disabled", () => {
   show(<Button why="The lab is stopped.">Start</Button>);
   expect(screen.getByRole("button")).toBeDisabled();
+});
+
+function Vessels() {
+  const [value, setValue] = useState<string | null>(null);
+  const choices = ["Waste water", "Water", "Acid"].map((label) => ({ value: label, label }));
+  return (
+    <Picker
+      id="p"
+      testId="vessel"
+      value={value}
+      choices={choices}
+      onChange={setValue}
+      placeholder="Choose…"
+    />
+  );
+}
+
+test("Enter takes what was typed to the letter before what merely holds it", async () => {
+  show(<Vessels />);
+  const box = screen.getByTestId("vessel");
+  await userEvent.type(box, "water{Enter}");
+  await userEvent.tab();
+  expect(box).toHaveValue("Water");
+  await userEvent.clear(box);
+  await userEvent.type(box, "nothing of the sort{Enter}");
+  await userEvent.tab();
+  expect(box).toHaveValue("Water");
 });

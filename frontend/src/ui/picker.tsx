@@ -1,7 +1,7 @@
 /** Pick one of many by typing part of its name. */
 
 import { Combobox, useCombobox } from "@mantine/core";
-import { useState, type ReactNode } from "react";
+import { useEffect, useState, type ReactNode } from "react";
 import { Icon } from "./icons";
 
 export interface Choice {
@@ -33,9 +33,12 @@ export function Picker(props: {
   });
   const chosen = props.choices.find((choice) => choice.value === props.value);
   const wanted = (query ?? "").trim().toLowerCase();
-  const shown = props.choices.filter((c) =>
-    `${c.label} ${c.note ?? ""}`.toLowerCase().includes(wanted),
-  );
+  const shown = fitting(props.choices, wanted);
+  useEffect(() => {
+    if (query !== null) combobox.selectFirstOption();
+    // The store is made anew at each drawing; only what is typed counts.
+    // eslint-disable-next-line react-hooks/exhaustive-deps
+  }, [query]);
   const submit = (value: string): void => {
     props.onChange(value === "" ? null : value);
     combobox.closeDropdown();
@@ -57,7 +60,13 @@ export function Picker(props: {
             onChange={(event) => {
               setQuery(event.target.value);
               combobox.openDropdown();
-              combobox.updateSelectedOptionIndex();
+            }}
+            onKeyDown={(event) => {
+              // Who types fast presses Enter before the list has drawn what it marks.
+              const isMarked = combobox.getSelectedOptionIndex() >= 0;
+              if (event.key !== "Enter" || query === null || isMarked || !shown[0]) return;
+              event.preventDefault();
+              submit(shown[0].value);
             }}
             onFocus={(event) => event.target.select()}
             onClick={() => combobox.openDropdown()}
@@ -72,6 +81,13 @@ export function Picker(props: {
       </Combobox.Dropdown>
     </Combobox>
   );
+}
+
+/** Choices that hold what is typed; one whose name is just that comes first. */
+export function fitting(choices: readonly Choice[], wanted: string): Choice[] {
+  const found = choices.filter((c) => `${c.label} ${c.note ?? ""}`.toLowerCase().includes(wanted));
+  const isSame = (choice: Choice): number => (choice.label.toLowerCase() === wanted ? 0 : 1);
+  return found.sort((a, b) => isSame(a) - isSame(b));
 }
 
 function ClearButton({ clear }: { clear: () => void }) {

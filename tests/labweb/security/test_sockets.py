@@ -14,6 +14,7 @@ from django.test import Client
 from pytest_django import Settings
 
 from labweb.accounts.selectors import User
+from labweb.api import live
 from labweb.common import feed
 from labweb.runs.models import Run
 from tests.builders import Bench, a_lab, a_started_run, a_user
@@ -76,6 +77,19 @@ async def test_a_member_hears_what_they_asked_for(chemist: tuple[Bench, Client])
             await sync_to_async(feed.publish)(topic, {"about": topic})
         heard = await socket.receive()
         assert (heard["topic"], heard["seq"], heard["data"]) == ("runs", 1, {"about": "runs"})
+
+
+async def test_what_is_asked_for_while_rights_are_looked_up_again_is_not_forgotten(
+    chemist: tuple[Bench, Client], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(live, "CHECK_EVERY_S", 0.0)
+    async with a_socket("/ws/v1/", client=chemist[1]) as socket:
+        for count in range(40):
+            await socket.send_text(json.dumps({"subscribe": ["runs"]}))
+            assert await socket.ask({"ping": count}) == {"pong": count}
+            await sync_to_async(feed.publish)("runs", {"count": count})
+            assert (await socket.receive())["data"] == {"count": count}
+            await socket.send_text(json.dumps({"unsubscribe": ["runs"]}))
 
 
 @pytest.mark.parametrize(
