@@ -1,5 +1,7 @@
 /** What stands in the way of a run, first what is most urgent. */
 
+import { useTopics } from "@/api/live";
+import { useDevices } from "@/api/queries";
 import { findProblems, stepNumber, type Problem } from "@/model/runs";
 import { sentence } from "@/model/format";
 import { capitalise, jobState } from "@/model/states";
@@ -17,6 +19,7 @@ export function Problems({ run, job }: { run: Run; job: string | null }) {
   return (
     <>
       {run.state === "awaiting_approval" && run.approval && <AwaitsApproval run={run} />}
+      <WaitsForDevices run={run} />
       {[...first, ...rest].map((problem) => (
         <ProblemCard
           key={problem.kind === "paused" ? "paused" : problem.job.id}
@@ -54,6 +57,30 @@ function ProblemCard({ run, problem }: { run: Run; problem: Problem }) {
       </div>
     </section>
   );
+}
+
+/** Work that a host has, for a device that does not answer. */
+function WaitsForDevices({ run }: { run: Run }) {
+  const devices = useDevices();
+  useTopics("devices");
+  const waiting = run.jobs.filter((job) => job.state === "accepted");
+  const away = (devices.data ?? []).filter(
+    (device) => device.link !== "online" && waiting.some((job) => job.device.id === device.id),
+  );
+  return away.map((device) => (
+    <section key={device.id} className="card prob" data-testid="waits-card" data-state="offline">
+      <div className="ph">
+        <Glyph look="offline" />
+        Waits for {device.name}
+      </div>
+      <div className="pb">
+        <p className="s">{words.waits}</p>
+        <Link className="btn" to={`/devices/${device.id}`}>
+          Open {device.name}
+        </Link>
+      </div>
+    </section>
+  ));
 }
 
 function effectText(transaction: string | null): string {

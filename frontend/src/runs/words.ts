@@ -15,6 +15,7 @@ export const words = {
   abortDo: "Abort run",
   answerFirst: "Answer what is in doubt first.",
   cannotGoOn: "What is left needs the action that failed: abort, then start anew.",
+  waits: "It does not answer its host. The action begins by itself once it does; or abort the run.",
   notNow: "Not possible in this state, or not by you.",
   tabs: {
     timeline: "Timeline",
