@@ -100,7 +100,7 @@ function HostTable({ rows }: { rows: HostRow[] }) {
         <tr>
           <th>Host</th>
           <th>State</th>
-          <th className="r">Last heard</th>
+          <th className="r wide">Last heard</th>
           <th className="r">Devices</th>
           <th className="r">Journal not synced</th>
         </tr>
@@ -112,7 +112,7 @@ function HostTable({ rows }: { rows: HostRow[] }) {
             <td>
               <StateChip state={hostChip(row.state)} />
             </td>
-            <td className="r m">
+            <td className="r m wide">
               <Age at_s={toSeconds(row.last_seen_at)} />
             </td>
             <td className="r num">{row.devices_count}</td>

@@ -5,7 +5,7 @@ import { Link, useParams } from "react-router";
 import { useTopics } from "@/api/live";
 import { useDevice } from "@/api/queries";
 import { useChannels } from "@/api/telemetry";
-import { formatDigest, plain } from "@/model/format";
+import { formatDigest, plain, formatFact } from "@/model/format";
 import { capitalise } from "@/model/states";
 import { isSetpoint, labelOf } from "@/model/telemetry";
 import type { Device, Reading } from "@/model/wire";
@@ -246,10 +246,11 @@ function NodeRow({ node }: { node: Device["nodes"][number] }) {
 }
 
 function SettingRow({ name, value }: { name: string; value: unknown }) {
+  const [label, text] = formatFact(name, value);
   return (
     <>
-      <dt className="mono">{name}</dt>
-      <dd className="mono">{plain(value)}</dd>
+      <dt title={name}>{label}</dt>
+      <dd>{text}</dd>
     </>
   );
 }

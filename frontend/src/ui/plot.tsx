@@ -52,7 +52,7 @@ export function Plot({ channel, height, from_s, to_s }: PlotProps) {
     const options = plotOptions(
       node.clientWidth,
       height,
-      (at) => time.minute(at),
+      (at) => at.map((one) => (spacing(at) < 60 ? time.second(one) : time.minute(one))),
       window_s,
       isStepped,
     );
@@ -83,7 +83,7 @@ export function Plot({ channel, height, from_s, to_s }: PlotProps) {
 function plotOptions(
   width: number,
   height: number,
-  clock: (at: number) => string,
+  clock: (at: number[]) => string[],
   window_s: { current: [number | undefined, number | undefined] },
   isStepped: boolean,
 ): uPlot.Options {
@@ -109,7 +109,7 @@ function plotOptions(
       y: { range: (_, min, max) => roomy(min, max) },
     },
     axes: [
-      { ...axis, size: 22, space: 64, values: (_, at) => at.map(clock), grid: { show: false } },
+      { ...axis, size: 22, space: 64, values: (_, at) => clock(at), grid: { show: false } },
       {
         ...axis,
         size: 38,
@@ -140,14 +140,18 @@ function plotOptions(
   };
 }
 
+/** Distance between two marks of an axis. */
+const spacing = (at: number[]): number => Math.abs((at[1] ?? 1) - (at[0] ?? 0));
+
 function decimals(at: number[]): number {
-  const step = Math.abs((at[1] ?? 1) - (at[0] ?? 0));
+  const step = spacing(at);
   return step >= 1 ? 0 : step >= 0.1 ? 1 : 2;
 }
 
 /** A little air above and below, and never a window without height. */
 function roomy(min: number | null, max: number | null): [number, number] {
   if (min === null || max === null) return [0, 1];
-  const span = Math.max(max - min, Math.abs(max) * 0.05, 0.5);
-  return [min - span * 0.08, max + span * 0.08];
+  const span = Math.max(max - min, Math.abs(max) * 0.05, 1);
+  const middle = (min + max) / 2;
+  return [middle - span * 0.58, middle + span * 0.58];
 }
