@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 from uuid import UUID, uuid5
@@ -57,7 +57,7 @@ def rows_of(deck: str) -> tuple[Resource, ...]:
     part, notes = parse_pylabrobot(load(PYLABROBOT / f"plr_deck_{deck}.json"))
     assert notes == []
     identity = Identity(id=DECK, key="deck", name="Deck", parent_id=None)
-    return part_resources(part, identity, full_racks={"tips"})
+    return part_resources(part, identity, partial(uuid5, DECK), full_racks={"tips"})
 
 
 class Script:

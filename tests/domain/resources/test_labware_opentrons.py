@@ -59,7 +59,7 @@ def test_a_plate_of_schema_3_is_turned_to_the_front_left_corner() -> None:
     assert plate.find_well("A1").bottom == (14, 69, 3.5)
     assert plate.seat.footprint is not None
     assert (plate.seat.footprint.back_mm, plate.seat.footprint.front_mm) == (80, 0)
-    assert not plate.seat.has_overhang
+    assert plate.seat.origin == (0, 80, 0)
 
 
 def test_measured_heights_are_taken_as_a_table() -> None:

@@ -124,18 +124,48 @@ def test_a_plate_on_a_flat_adapter_is_pushed_to_the_wall(side: str, x_mm: float)
     )
     adapter["features"]["slotFootprintAsChild"] = FOOTPRINT
     plate = a_v3_plate("plate", flatSupportThermalCouplingAsChild={"wellExteriorBottomZ": 1})
+    rectangle = Footprint(left_mm=0, back_mm=80, right_mm=120, front_mm=0, z_mm=0)
     module = Module(
-        model="shaker", offset=Vector(0, 0, 18), side="left" if side == "left" else "right"
+        model="shaker",
+        offset=Vector(0, 0, 18),
+        footprint=rectangle,
+        side="left" if side == "left" else "right",
     )
     stack = [parse_opentrons(adapter), parse_opentrons(plate)]
     assert find_corner(stack, a_slot(), module) == pytest.approx((x_mm, 107, 18 + 3.7))
 
 
-def test_labware_that_overhangs_needs_a_feature_to_stand_by() -> None:
-    value = a_v3_plate("wide", nothing={})
-    value["extents"]["total"]["backLeftBottom"]["x"] = -5
-    with pytest.raises(InfeasibleError, match="reaches beyond its own origin"):
-        find_corner([parse_opentrons(value)], a_slot())
+def test_labware_of_schema_3_without_a_feature_has_no_place_on_a_deck() -> None:
+    lid = parse_opentrons(a_v3_plate("lid", opentronsFlexTipRackLidAsChild={"matingZ": 0}))
+    for module in (None, Module(model="shaker", offset=Vector(0, 0, 5))):
+        with pytest.raises(InfeasibleError) as refused:
+            find_corner([lid], a_slot(), module)
+        assert refused.value.code == "labware.no_seat"
+
+
+def test_labware_of_schema_3_stands_in_the_middle_of_a_module_that_tells_its_rectangle() -> None:
+    rectangle = Footprint(left_mm=0, back_mm=90, right_mm=130, front_mm=0, z_mm=0)
+    module = Module(model="shaker", offset=Vector(1, 2, 18), footprint=rectangle)
+    corner = find_corner([parse_opentrons(a_v3_plate())], a_slot(), module)
+    assert corner == (164 + 1 + 5, 107 + 2 + 5, 18)
+
+
+def test_two_of_schema_3_without_a_common_feature_meet_back_left_by_their_overlap() -> None:
+    upper = a_v3_plate("upper", slotFootprintAsChild=FOOTPRINT)
+    upper["stackingOffsetWithLabware"] = {"lower": {"x": 1, "y": 0, "z": 4}}
+    upper["extents"]["total"]["frontRightTop"]["y"] = -70
+    lower = parse_opentrons(a_v3_plate("lower", slotFootprintAsChild=FOOTPRINT))
+    corner = find_corner([lower, parse_opentrons(upper)], a_slot())
+    assert corner == (165, 113 + 80 - 70, 14 - 4)
+
+
+def test_labware_that_overhangs_does_not_stand_on_labware_of_schema_2() -> None:
+    wide = a_v3_plate("wide", slotFootprintAsChild=FOOTPRINT)
+    wide["extents"]["total"]["backLeftBottom"]["x"] = -5
+    wide["stackingOffsetWithLabware"] = {"default": {"x": 0, "y": 0, "z": 4}}
+    with pytest.raises(InfeasibleError) as refused:
+        find_corner([a_plate("below"), parse_opentrons(wide)], a_slot())
+    assert refused.value.code == "labware.no_seat"
 
 
 def test_an_empty_stack_has_no_place() -> None:
@@ -157,6 +187,7 @@ def test_turned_labware_has_its_wells_turned_about_its_corner() -> None:
 def a_deck(**changes: object) -> Json:
     area = {
         "id": "A1",
+        "areaType": "slot",
         "offsetFromCutoutFixture": [1.0, 0.0, 14.5],
         "matingSurfaceUnitVector": [-1, 1, -1],
         "boundingBox": {"xDimension": 128.0, "yDimension": 86.0, "zDimension": 0},
@@ -166,6 +197,7 @@ def a_deck(**changes: object) -> Json:
         "otId": "deck",
         "metadata": {"displayName": "Deck"},
         "dimensions": [600, 500, 0],
+        "cornerOffsetFromOrigin": [-20, -10, 0],
         "locations": {
             "cutouts": [{"id": "cutoutA1", "position": [0, 321, 0]}],
             "addressableAreas": [area],

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from uuid import UUID, uuid5
 
 import pytest
@@ -10,11 +11,13 @@ from labweb.domain.errors import DefinitionError
 from labweb.domain.graph.lab_file.config import check_config
 from labweb.domain.resources.kinds import KINDS
 from labweb.domain.resources.labware.definition import Vector
+from labweb.domain.resources.labware.files import read_labware, resources_of
 from labweb.domain.resources.labware.opentrons import parse_opentrons
 from labweb.domain.resources.labware.part import find_bottoms
 from labweb.domain.resources.labware.pylabrobot import parse_pylabrobot
 from labweb.domain.resources.labware.rows import (
     Identity,
+    ids_in_labware,
     labware_resources,
     part_resources,
     tip_id,
@@ -134,7 +137,7 @@ def test_every_published_definition_becomes_a_tree_that_a_lab_file_takes() -> No
 def test_a_published_deck_becomes_rows_that_stand_where_the_engine_has_them(deck: str) -> None:
     part, _ = parse_pylabrobot(load(PYLABROBOT / f"plr_deck_{deck}.json"))
     identity = Identity(id=PLATE, key="deck", name="Deck", parent_id=None)
-    rows = part_resources(part, identity, full_racks={"tips"})
+    rows = part_resources(part, identity, partial(uuid5, PLATE), full_racks={"tips"})
     assert check_tree(rows) == []
     assert configs_are_allowed(rows)
     tree = Tree(rows)
@@ -156,6 +159,41 @@ def test_a_published_deck_becomes_rows_that_stand_where_the_engine_has_them(deck
     assert {row.config["capacity_ul"] for row in tips} == {360}
 
 
+@corpus
+def test_the_slots_of_one_deck_are_the_same_by_both_engines() -> None:
+    deck = read_labware(load(OPENTRONS / "deck/v5_ot2_standard.json"))
+    other = read_labware(load(PYLABROBOT / "plr_deck_ot.json"))
+    assert (deck.format, other.format) == ("opentrons-deck/5", "pylabrobot")
+    one, two = (
+        Tree(resources_of(file, an_identity("deck"), partial(uuid5, PLATE)))
+        for file in (deck, other)
+    )
+    assert configs_are_allowed(one.resources)
+    assert len(one.resources) == 13
+    for n in range(1, 13):
+        ours, theirs = one.by_key[f"deck/{n}"].pose, two.by_key[f"deck/ot2_deck_slot_{n}"].pose
+        assert ours is not None
+        assert theirs is not None
+        assert (ours.x_mm, ours.y_mm) == pytest.approx((theirs.x_mm, theirs.y_mm), abs=0.001)
+
+
+@corpus
+def test_a_person_may_say_that_every_rack_of_a_file_is_full() -> None:
+    file = read_labware(load(PYLABROBOT / "plr_deck_star.json"))
+    rows = resources_of(file, an_identity("deck"), partial(uuid5, PLATE), is_full=True)
+    assert sum(row.kind == "tip" for row in rows) == 96 + 8
+    deck = read_labware(load(OPENTRONS / "deck/v5_ot3_standard.json"))
+    with pytest.raises(DefinitionError):
+        resources_of(deck, an_identity("deck"), partial(uuid5, PLATE), is_full=True)
+
+
+@pytest.mark.parametrize("value", [None, [], {}, {"schemaVersion": 2}, {"type": "Plate"}])
+def test_a_file_of_another_format_is_refused(value: object) -> None:
+    with pytest.raises(DefinitionError) as refused:
+        read_labware(value)
+    assert refused.value.code == "labware.unknown_format"
+
+
 def bottom_of(tree: Tree, row: Resource) -> Vector:
     """Find the middle of the bottom of a resource from the rows alone."""
     pose = row.pose
@@ -166,3 +204,14 @@ def bottom_of(tree: Tree, row: Resource) -> Vector:
         pose = compose(parent.pose, pose)
     middle = rotate(pose.rotation_wxyz, (row.size_mm[0] / 2, row.size_mm[1] / 2, 0.0))
     return Vector(pose.x_mm, pose.y_mm, pose.z_mm).plus(Vector(*middle))
+
+
+def test_ids_in_labware_come_from_the_labware_wherever_its_key_leads() -> None:
+    """room ── deck/rack ── A1 ── tip, and a flask whose key only looks like a well's"""
+    kinds = {"deck/rack": "tip_rack", "deck/rack/A1": "tip_spot", "deck/rack/A1/tip": "tip"}
+    kinds |= {"room": "room", "room/flask": "flask", "room/A1": "well"}
+    ids = {key: uuid5(BENCH, key) for key in kinds}
+    assert ids_in_labware(kinds, ids) == {
+        "deck/rack/A1": well_id(ids["deck/rack"], "A1"),
+        "deck/rack/A1/tip": tip_id(ids["deck/rack"], "A1"),
+    }

@@ -14,6 +14,7 @@ MAX_PLACES = 10_000
 VERSIONS = (4, 5)
 
 _BACK_LEFT = [-1, 1, -1]
+_FOR_LABWARE = ("slot", "stagingSlot")
 _AXES = ("xDimension", "yDimension", "zDimension")
 
 
@@ -29,6 +30,9 @@ class Slot:
     footprint: Footprint
     """The rectangle that labware stands on, from the corner of the slot."""
 
+    is_for_labware: bool = True
+    """Labware stands on it; else it is a bin, a chute or the top of a module."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class DeckDefinition:
@@ -38,6 +42,9 @@ class DeckDefinition:
     label: str
     source: str
     size: Vector
+    corner: Vector
+    """Front left bottom corner of the deck, from that of its first slot."""
+
     slots: Mapping[str, Slot]
 
     def find_slot(self, name: str) -> Slot:
@@ -85,13 +92,15 @@ def parse_opentrons_deck(value: object) -> DeckDefinition:
                 name, _slot(name, areas[name], cutouts[cutout])
             ):
                 fixture.refuse("labware.deck", f"puts {name!r} at a second place")
-    size = _triple(reader, "dimensions")
+    size, corner = _triple(reader, "dimensions"), _triple(reader, "cornerOffsetFromOrigin")
+    name, label = reader.text("otId"), reader.optional_object("metadata").text("displayName")
     reader.done("the deck definition")
     return DeckDefinition(
-        name=reader.text("otId"),
-        label=reader.optional_object("metadata").text("displayName"),
+        name=name,
+        label=label,
         source=f"opentrons-deck/{version}",
         size=size,
+        corner=corner,
         slots=slots,
     )
 
@@ -128,4 +137,5 @@ def _slot(name: str, area: Reader, cutout: Vector) -> Slot:
             z_mm=0.0,
             is_pushed_to_back_left=area.value.get("matingSurfaceUnitVector") == _BACK_LEFT,
         ),
+        is_for_labware=area.text("areaType") in _FOR_LABWARE,
     )

@@ -115,8 +115,8 @@ class Seat:
     takes: Mapping[str, Vector] = field(default_factory=dict)
     """Points of its own that come to lie on those of what carries it."""
 
-    has_overhang: bool = False
-    """It reaches beyond its own origin, so that no rule of older formats tells its place."""
+    origin: Vector | None = None
+    """Origin that its offsets count from; None: our own, the front left bottom corner."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -42,7 +42,7 @@ def read_seat(reader: Reader, version: int, size: Vector, origin: Vector) -> Sea
         platform=_footprint(features, "slotFootprintAsParent", origin),
         gives=gives,
         takes=takes,
-        has_overhang=origin != Vector(0.0, size.y_mm, 0.0),
+        origin=origin,
     )
 
 

@@ -37,6 +37,9 @@ class Module:
     offset: Vector
     """Of the plane that labware stands on, from the corner of the slot as the module is there."""
 
+    footprint: Footprint | None = None
+    """The rectangle that labware stands on, where the module tells one."""
+
     side: Literal["left", "right"] | None = None
     """On which side of the deck it is turned to; a few adapters depend on it."""
 
@@ -77,13 +80,12 @@ def find_corner(
 
 def _on_deck(labware: LabwareDefinition, slot: Slot, module: Module | None) -> Vector:
     seat = labware.seat
-    if module is not None:
-        _check_corner(labware, f"the module {module.model}")
-        return ZERO.minus(seat.on_module.get(module.model, ZERO))
-    if seat.footprint is not None:
-        return _meet(slot.footprint, seat.footprint)
-    _check_corner(labware, f"the slot {slot.name}")
-    return ZERO
+    below = slot.footprint if module is None else module.footprint
+    if seat.footprint is not None and below is not None:
+        return _meet(below, seat.footprint)
+    if seat.origin is not None:
+        raise _no_seat(labware, slot.name if module is None else module.model)
+    return ZERO if module is None else ZERO.minus(seat.on_module.get(module.model, ZERO))
 
 
 def _on_labware(
@@ -94,9 +96,20 @@ def _on_labware(
         return joint
     if labware.seat.footprint is not None and below.seat.platform is not None:
         return _meet(below.seat.platform, labware.seat.footprint)
-    _check_corner(labware, below.label)
     overlap = _overlap(labware, below)
-    return Vector(overlap.x_mm, overlap.y_mm, below.size.z_mm - overlap.z_mm)
+    shift = Vector(overlap.x_mm, overlap.y_mm, below.size.z_mm - overlap.z_mm)
+    own, theirs = labware.seat.origin, below.seat.origin
+    if own is not None and theirs is not None:
+        return shift.plus(theirs).minus(own)
+    if _overhangs(labware) or _overhangs(below):
+        raise _no_seat(labware, below.name)
+    return shift
+
+
+def _overhangs(labware: LabwareDefinition) -> bool:
+    """Tell whether labware reaches beyond the origin that its offsets count from."""
+    origin = labware.seat.origin
+    return origin is not None and origin != Vector(0.0, labware.size.y_mm, 0.0)
 
 
 def _joint(seat: Seat, below: Seat, module: Module | None) -> Vector | None:
@@ -129,22 +142,16 @@ def _overlap(labware: LabwareDefinition, below: LabwareDefinition) -> Vector:
         return known["default"]
     if below.seat.gives_default and "default" in below.seat.on_labware:
         return below.seat.on_labware["default"]
-    raise InfeasibleError(
-        f"{labware.label} does not say how it stands on {below.label}: "
-        f"add an offset for {below.name} to its definition",
+    raise _no_seat(labware, below.name)
+
+
+def _no_seat(labware: LabwareDefinition, below: str) -> InfeasibleError:
+    return InfeasibleError(
+        f"nothing says how {labware.label} stands on {below}: add an offset or a feature to "
+        "its definition",
         code="labware.no_seat",
-        context={"labware": labware.name, "below": below.name},
+        context={"labware": labware.name, "below": below},
     )
-
-
-def _check_corner(labware: LabwareDefinition, below: str) -> None:
-    if labware.seat.has_overhang:
-        raise InfeasibleError(
-            f"{labware.label} reaches beyond its own origin and has no feature by which it "
-            f"stands on {below}",
-            code="labware.no_seat",
-            context={"labware": labware.name},
-        )
 
 
 def well_position(

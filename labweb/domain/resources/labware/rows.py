@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 from uuid import UUID, uuid5
@@ -12,6 +12,7 @@ import msgspec
 from labweb.domain.errors import DefinitionError, Finding
 from labweb.domain.resources.amounts import from_nl
 from labweb.domain.resources.kinds import KINDS
+from labweb.domain.resources.labware.deck import DeckDefinition, Slot
 from labweb.domain.resources.labware.definition import (
     LabwareDefinition,
     TipDefinition,
@@ -26,6 +27,7 @@ LONGEST_KEY = 500
 """Longest key of a resource."""
 
 _LABWARE = frozenset({"plate", "tip_rack", "tube_rack", "reservoir"})
+_INSIDE = frozenset({"well", "tube", "trough", "tip_spot", "tip"})
 _UL = 1000
 
 
@@ -47,6 +49,26 @@ def well_id(labware_id: UUID, address: str) -> UUID:
 def tip_id(labware_id: UUID, address: str) -> UUID:
     """Return the id of the tip that a full rack brings at an address."""
     return uuid5(labware_id, f"{address}/tip")
+
+
+def ids_in_labware(kinds: Mapping[str, str], ids: Mapping[str, UUID]) -> dict[str, UUID]:
+    """Return, by key, the ids of what lies in labware, which are those of an import.
+
+    Args:
+        kinds: Kind of every resource of a file, by key.
+        ids: Id of every resource, by key, labware among them.
+    """
+    found: dict[str, UUID] = {}
+    for key, kind in kinds.items():
+        if kind not in _INSIDE:
+            continue
+        labware, _, address = key.rpartition("/")
+        if kind == "tip":
+            labware, _, place = labware.rpartition("/")
+            address = f"{place}/{address}"
+        if kinds.get(labware) in _LABWARE:
+            found[key] = uuid5(ids[labware], address)
+    return found
 
 
 def labware_resources(
@@ -91,12 +113,22 @@ def labware_resources(
 
 
 def _check(definition: LabwareDefinition, identity: Identity, *, has_tips: bool) -> None:
-    findings = []
     longest = max((len(well.address) for well in definition.wells), default=0)
-    if not 1 <= len(identity.key) + longest + len("/") + len("/tip") <= LONGEST_KEY:
-        findings.append(Finding("labware.text", "the key is too long for its wells", "key"))
+    _check_identity(identity, longest + len("Tip  of "))
     if has_tips and definition.tip is None:
-        findings.append(Finding("labware.tips", f"{definition.label} is no tip rack", "tips"))
+        finding = Finding("labware.tips", f"{definition.label} is no tip rack", "tips")
+        raise DefinitionError(finding.message, code="labware.invalid", findings=[finding])
+
+
+def _check_identity(identity: Identity, room_count: int = 0) -> None:
+    """Refuse a key or a name that is none, or that leaves no room for what lies in it."""
+    findings = [
+        Finding("labware.text", f"the {what} {text[:40]!r} is empty or cannot be printed", what)
+        for what, text in (("key", identity.key), ("name", identity.name))
+        if not text.strip() or not text.isprintable()
+    ]
+    if max(len(identity.key), len(identity.name)) + room_count > LONGEST_KEY:
+        findings.append(Finding("labware.text", "key or name leaves no room for its wells", "key"))
     if findings:
         raise DefinitionError(findings[0].message, code="labware.invalid", findings=findings)
 
@@ -175,7 +207,11 @@ def _tip(tip: TipDefinition, identity: Identity, well: WellDefinition) -> Resour
 
 
 def part_resources(
-    part: Part, identity: Identity, *, full_racks: Collection[str] = ()
+    part: Part,
+    identity: Identity,
+    id_of: Callable[[str], UUID],
+    *,
+    full_racks: Collection[str] = (),
 ) -> tuple[Resource, ...]:
     """Return a part and all below it, parents first.
 
@@ -185,24 +221,25 @@ def part_resources(
     Args:
         part: The outermost part.
         identity: As what it is known.
+        id_of: Gives the id to a key of this lab; what lies in labware has its id from that.
         full_racks: Names of the tip racks in it of which a person says that they are full.
 
     Raises:
         DefinitionError: `labware.invalid`: a piece of labware in it cannot be described.
     """
-    root = _Root(identity.id, identity.key, frozenset(full_racks))
+    root = _Root(identity.key, id_of, frozenset(full_racks))
     return tuple(_below(part, identity, root))
 
 
 @dataclass(frozen=True, slots=True)
 class _Root:
-    id: UUID
     key: str
+    id_of: Callable[[str], UUID]
     full_racks: frozenset[str]
 
     def identity(self, part: Part, parent_id: UUID) -> Identity:
         key = f"{self.key}/{part.name}"
-        return Identity(id=uuid5(self.id, part.name), key=key, name=part.name, parent_id=parent_id)
+        return Identity(id=self.id_of(key), key=key, name=part.name, parent_id=parent_id)
 
 
 def _below(part: Part, identity: Identity, root: _Root) -> Iterator[Resource]:
@@ -219,9 +256,7 @@ def _below(part: Part, identity: Identity, root: _Root) -> Iterator[Resource]:
 
 
 def _plain(part: Part, identity: Identity) -> Resource:
-    if len(identity.key) > LONGEST_KEY:
-        finding = Finding("labware.text", f"the key of {part.name} is too long", part.name)
-        raise DefinitionError(finding.message, code="labware.invalid", findings=[finding])
+    _check_identity(identity)
     return Resource(
         id=identity.id,
         key=identity.key,
@@ -242,3 +277,41 @@ def _plain_config(part: Part) -> Mapping[str, Any]:
     if kind in ("well", "tube", "trough"):
         return _cavity_config(part.capacity_nl, part.size.z_mm, part.cavity, is_round=part.is_round)
     return _vessel_config(part.capacity_nl) if kind == "waste" else {}
+
+
+def deck_resources(
+    deck: DeckDefinition, identity: Identity, id_of: Callable[[str], UUID]
+) -> tuple[Resource, ...]:
+    """Return a deck and its slots for labware, the deck first.
+
+    Bins, chutes and module tops are things of their own and not part of the deck.
+    """
+    _check_identity(identity, max((len(name) for name in deck.slots), default=0) + len("/"))
+    own = Resource(
+        id=identity.id,
+        key=identity.key,
+        name=identity.name,
+        kind="deck",
+        nature=KINDS["deck"].nature,
+        parent_id=identity.parent_id,
+        size_mm=deck.size,
+        config={"definition": deck.name, "definition_format": deck.source},
+    )
+    slots = [slot for slot in deck.slots.values() if slot.is_for_labware]
+    return (own, *(_slot(deck, slot, identity, id_of) for slot in slots))
+
+
+def _slot(
+    deck: DeckDefinition, slot: Slot, identity: Identity, id_of: Callable[[str], UUID]
+) -> Resource:
+    key = f"{identity.key}/{slot.name}"
+    return Resource(
+        id=id_of(key),
+        key=key,
+        name=f"{identity.name} {slot.name}",
+        kind="slot",
+        nature=KINDS["slot"].nature,
+        parent_id=identity.id,
+        pose=Pose(*slot.corner.minus(deck.corner)),
+        size_mm=slot.size,
+    )
