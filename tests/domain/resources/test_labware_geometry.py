@@ -78,7 +78,7 @@ def area_mm2(section: Section, level: float) -> float:
 
 def _circle_in_box(r: float, x: float, y: float) -> float:
     """Add up strips of the box, each cut at the circle."""
-    steps = 4000
+    steps = 400
     width = min(x / 2, r) / steps
     heights = (min(y / 2, math.sqrt(max(r**2 - ((k + 0.5) * width) ** 2, 0))) for k in range(steps))
     return 4 * width * sum(heights)
@@ -167,9 +167,24 @@ def test_an_amount_that_does_not_go_in_has_no_level() -> None:
             (SquaredCone(bottom_mm=0, top_mm=1, diameter_mm=9, x_mm=3, y_mm=4, circle="top"),),
             "larger than its rectangle",
         ),
+        (
+            (RoundedCuboid(bottom_mm=0, top_mm=1, diameter_mm=9, x_mm=0, y_mm=4, circle="top"),),
+            "no area",
+        ),
         ((Table(bottom_mm=0, top_mm=2, points=((0, 0), (2, 5), (1, 9))),), "must both rise"),
         ((Table(bottom_mm=0, top_mm=2, points=((0, 1), (2, 5))),), "starts at zero"),
     ],
 )
 def test_sections_that_are_no_cavity_are_told(sections: Cavity, problem: str) -> None:
     assert any(problem in found for found in check_cavity(sections))
+
+
+def test_a_squared_cone_whose_circle_is_as_wide_as_its_box_is_the_box() -> None:
+    box = SquaredCone(bottom_mm=0, top_mm=2, diameter_mm=5, x_mm=3, y_mm=4, circle="bottom")
+    assert check_cavity((box,)) == []
+    assert volume_ul((box,), 0.5) == pytest.approx(6)
+
+
+def test_a_full_well_is_full_to_its_top() -> None:
+    cube = Cuboidal(bottom_mm=0, top_mm=5, bottom_x_mm=2, bottom_y_mm=2, top_x_mm=2, top_y_mm=2)
+    assert level_mm((cube,), 20_000) == pytest.approx(5)

@@ -160,6 +160,27 @@ def test_all_that_is_wrong_is_told_at_once() -> None:
     assert {"wells.A1.x", "wells.B1.depth", "dimensions.zDimension"} <= set(found)
 
 
+def test_a_rack_of_two_kinds_of_tips_is_refused() -> None:
+    parameters = {"isTiprack": True, "loadName": "rack", "tipLength": 50}
+    metadata = {"displayName": "Rack", "displayCategory": "tipRack"}
+    value = an_opentrons_plate(parameters=parameters, metadata=metadata)
+    assert codes(changed(value, "wells.A1.totalLiquidVolume", 7)) == {"parameters": "labware.tips"}
+
+
+def test_a_spring_that_pushes_elsewhere_is_refused() -> None:
+    value = changed(
+        a_v3_plate(), "features.slotFootprintAsChild.springDirectionalForce", "frontRight"
+    )
+    subject = "features.slotFootprintAsChild.springDirectionalForce"
+    assert codes(value) == {subject: "labware.choice"}
+
+
+def test_a_geometry_with_more_sections_than_any_well_needs_is_refused() -> None:
+    value = an_opentrons_plate(innerLabwareGeometry={"cone": {"sections": [{}] * 1001}})
+    subject = "innerLabwareGeometry.cone.sections"
+    assert codes(value)[subject] == "labware.too_many"
+
+
 def test_an_address_that_is_none_is_refused() -> None:
     value = an_opentrons_plate(ordering=[["first"]])
     value["wells"] = {"first": value["wells"]["A1"]}

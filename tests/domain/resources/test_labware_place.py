@@ -14,6 +14,7 @@ from labweb.domain.resources.labware.place import Anchor, Module, find_corner, w
 from labweb.domain.resources.pose import Pose, compose
 from tests.domain.resources.labware_files import Json, a_v3_plate, an_opentrons_plate
 
+TWICE = [{"providesAddressableAreas": {"cutoutA1": ["A1"], "cutoutB1": ["A1"]}}]
 FOOTPRINT = {"backLeft": {"x": 0, "y": 0}, "frontRight": {"x": 120, "y": -80}, "z": 0}
 
 
@@ -199,7 +200,10 @@ def a_deck(**changes: object) -> Json:
         "dimensions": [600, 500, 0],
         "cornerOffsetFromOrigin": [-20, -10, 0],
         "locations": {
-            "cutouts": [{"id": "cutoutA1", "position": [0, 321, 0]}],
+            "cutouts": [
+                {"id": "cutoutA1", "position": [0, 321, 0]},
+                {"id": "cutoutB1", "position": [0, 214, 0]},
+            ],
             "addressableAreas": [area],
         },
         "cutoutFixtures": [{"providesAddressableAreas": {"cutoutA1": ["A1"]}}],
@@ -227,6 +231,7 @@ def test_a_slot_lies_at_its_cutout_plus_its_own_offset() -> None:
         ),
         ({"cutoutFixtures": [{"providesAddressableAreas": {"cutoutA1": 3}}]}, "labware.field"),
         ({"locations": {"cutouts": [], "addressableAreas": []}}, "labware.deck"),
+        ({"cutoutFixtures": TWICE}, "labware.deck"),
     ],
 )
 def test_a_deck_that_is_wrong_is_refused(changes: Json, code: str) -> None:

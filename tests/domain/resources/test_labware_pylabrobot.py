@@ -230,6 +230,19 @@ def test_a_name_stands_once() -> None:
     assert findings_of(deck) == {"children[1].name": "labware.duplicate"}
 
 
+def test_heights_need_not_start_at_the_bottom() -> None:
+    well = a_node("well", "well", height_volume_data={"1.5": 20, "3": 80})
+    part, _ = parse_pylabrobot(well)
+    assert part.cavity is not None
+    assert volume_ul(part.cavity, 0.75) == 10
+
+
+def test_a_table_with_more_points_than_any_well_needs_is_refused() -> None:
+    points = {str(n): n for n in range(1001)}
+    found = findings_of(a_node("well", "well", height_volume_data=points))
+    assert found == {"height_volume_data": "labware.too_many"}
+
+
 def test_a_tree_that_is_too_deep_is_refused() -> None:
     node = a_node("0", "carrier")
     for depth in range(1, 40):

@@ -106,6 +106,28 @@ def test_a_key_that_leaves_no_room_for_its_wells_is_refused() -> None:
         labware_resources(parse_opentrons(an_opentrons_plate()), an_identity("k" * 495))
 
 
+def test_a_bin_holds_what_its_only_well_does() -> None:
+    value = an_opentrons_plate()
+    value["metadata"]["displayCategory"] = "trash"
+    (row,) = labware_resources(parse_opentrons(value), an_identity("bin"))
+    assert (row.kind, row.config) == ("waste", {"capacity_ul": 501})
+
+
+def test_what_nobody_mapped_is_foreign_and_has_no_wells() -> None:
+    value = an_opentrons_plate()
+    value["metadata"]["displayCategory"] = "system"
+    (row,) = labware_resources(parse_opentrons(value), an_identity("thing"))
+    assert (row.kind, row.config) == ("foreign", {})
+
+
+@pytest.mark.parametrize(("key", "name"), [("", "Plate"), ("p\n", "Plate"), ("p", "\x00")])
+def test_a_key_or_name_that_is_none_is_refused(key: str, name: str) -> None:
+    identity = Identity(id=PLATE, key=key, name=name, parent_id=BENCH)
+    with pytest.raises(DefinitionError) as refused:
+        labware_resources(parse_opentrons(an_opentrons_plate()), identity)
+    assert [finding.code for finding in refused.value.findings] == ["labware.text"]
+
+
 def configs_are_allowed(rows: tuple[Resource, ...]) -> bool:
     return not [f for row in rows for f in check_config(row.kind, row.config, row.key)]
 
