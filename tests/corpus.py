@@ -4,8 +4,16 @@ from __future__ import annotations
 
 from pathlib import Path
 
-GRAPHS = (Path(__file__).parents[1] / "../shared/data/2_unilab_graphs").resolve()
+_DATA = (Path(__file__).parents[1] / "../shared/data").resolve()
+
+GRAPHS = _DATA / "2_unilab_graphs"
 """Published graphs of Uni-Lab-OS."""
 
 NO_GRAPHS = "the published graphs are GPL-3.0 and not part of this repository"
 """Why tests skip without them."""
+
+LABWARE = _DATA / "3_labware"
+"""Labware, decks and protocols of two engines, with what the engines make of them."""
+
+NO_LABWARE = "the published labware lies beside the repository, not in it"
+"""Why tests skip without it."""

@@ -77,6 +77,24 @@ def resources_of(lab: Lab) -> QuerySet[Resource]:
     return Resource.objects.filter(lab=lab)
 
 
+def find_by_key(lab: Lab, key: str) -> Resource:
+    """Return the node of a lab that has this key.
+
+    Raises:
+        NotFoundError: There is none.
+    """
+    found = Resource.objects.filter(lab=lab, key=key).first()
+    if found is None:
+        raise NotFoundError(f"no resource has the key {key!r}", code="resource.not_found")
+    return found
+
+
+def taken_keys(lab: Lab, keys: Collection[str]) -> list[str]:
+    """Return those of the keys that a lab has already, sorted."""
+    found = Resource.objects.filter(lab=lab, key__in=keys)
+    return sorted(found.values_list("key", flat=True))
+
+
 def connections_of(lab: Lab) -> QuerySet[Connection]:
     """Every connection of a lab."""
     return Connection.objects.filter(lab=lab)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 from uuid import UUID
 
@@ -44,6 +44,12 @@ def create_resource(create: Create, lab: Lab) -> None:
         nature=KINDS[create.kind].nature.value,
         config=create.config,
     )
+
+
+def set_size(resource_id: UUID, size_mm: Sequence[float] | None) -> None:
+    """Say how large the box around a node is."""
+    size = None if size_mm is None else list(size_mm)
+    Resource.objects.filter(pk=resource_id).update(size_mm=size)
 
 
 def update_data(resource_id: UUID, data: Mapping[str, Any]) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from labweb.crutd.services.importing import check_time_zone, import_lab
+from labweb.crutd.services.labware import import_labware
 from labweb.crutd.services.transactions import (
     Settlement,
     advance,
@@ -22,6 +23,7 @@ __all__ = [
     "discard",
     "event_hash",
     "import_lab",
+    "import_labware",
     "lock_operation",
     "open_ticket",
     "settle",

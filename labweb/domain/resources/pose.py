@@ -36,6 +36,54 @@ class Pose:
         }
 
 
+Quaternion = tuple[float, float, float, float]
+"""w, x, y, z; of length one."""
+
+
+def rotate(
+    rotation_wxyz: Quaternion, point: tuple[float, float, float]
+) -> tuple[float, float, float]:
+    """Turn a point by a rotation.
+
+    Example:
+        >>> half = math.sqrt(0.5)
+        >>> [round(part, 6) for part in rotate((half, 0.0, 0.0, half), (1.0, 0.0, 5.0))]
+        [0.0, 1.0, 5.0]
+    """
+    w, x, y, z = rotation_wxyz
+    a, b, c = point
+    # t = 2 q × p, and p + w t + q × t.
+    t = (2 * (y * c - z * b), 2 * (z * a - x * c), 2 * (x * b - y * a))
+    return (
+        a + w * t[0] + y * t[2] - z * t[1],
+        b + w * t[1] + z * t[0] - x * t[2],
+        c + w * t[2] + x * t[1] - y * t[0],
+    )
+
+
+def turn(first: Quaternion, then: Quaternion) -> Quaternion:
+    """Return the rotation of a frame `then` that stands in a frame `first`."""
+    a, b, c, d = first
+    w, x, y, z = then
+    return (
+        a * w - b * x - c * y - d * z,
+        a * x + b * w + c * z - d * y,
+        a * y - b * z + c * w + d * x,
+        a * z + b * y - c * x + d * w,
+    )
+
+
+def compose(parent: Pose, child: Pose) -> Pose:
+    """Return the pose, in the parent's frame's own parent, of what stands in it."""
+    x, y, z = rotate(parent.rotation_wxyz, (child.x_mm, child.y_mm, child.z_mm))
+    return Pose(
+        parent.x_mm + x,
+        parent.y_mm + y,
+        parent.z_mm + z,
+        turn(parent.rotation_wxyz, child.rotation_wxyz),
+    )
+
+
 def parse_pose(value: Mapping[str, Any] | None) -> Pose | None:
     """Read a pose; None means that nobody knows where the resource is.
 

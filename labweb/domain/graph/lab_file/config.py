@@ -9,8 +9,9 @@ import msgspec
 from msgspec import Meta
 
 from labweb.domain.errors import Finding
-from labweb.domain.graph.lab_file.entries import NotNegative, Positive, read_entry
+from labweb.domain.graph.lab_file.entries import Name, NotNegative, Positive, read_entry
 from labweb.domain.resources.kinds import KINDS, is_vessel
+from labweb.domain.resources.labware.geometry import Cavity, Section, check_cavity
 
 Celsius = Annotated[float, Meta(ge=-273.15, le=3000)]
 
@@ -34,6 +35,37 @@ class VesselConfig(_Config, frozen=True, kw_only=True):
 
     tare_mg: NotNegative | None = None
     temperature_c: Celsius | None = None
+
+
+class CavityConfig(VesselConfig, frozen=True, kw_only=True):
+    """A vessel of labware, with the shape of its inside where a definition tells it."""
+
+    depth_mm: Positive | None = None
+    is_round: bool | None = None
+    cavity: tuple[Section, ...] | None = None
+    """Sections from the bottom up; absent is unknown."""
+
+
+class TipConfig(VesselConfig, frozen=True, kw_only=True):
+    """A tip of a pipette."""
+
+    length_mm: Positive | None = None
+    overlap_mm: NotNegative | None = None
+
+
+class TipSpotConfig(_Config, frozen=True, kw_only=True):
+    """A place for a tip, and the tips that it is made for."""
+
+    tip_length_mm: NotNegative | None = None
+    tip_overlap_mm: NotNegative | None = None
+    tip_capacity_ul: NotNegative | None = None
+
+
+class LabwareConfig(_Config, frozen=True, kw_only=True):
+    """A piece of labware that a definition describes."""
+
+    definition: Name | None = None
+    definition_format: Name | None = None
 
 
 class RotaryValveConfig(_Config, frozen=True, kw_only=True):
@@ -75,6 +107,11 @@ class BalanceConfig(_Config, frozen=True, kw_only=True):
 
 
 _SPECIAL: Mapping[str, type[_Config]] = {
+    **dict.fromkeys(("well", "tube", "trough"), CavityConfig),
+    **dict.fromkeys(("plate", "tip_rack", "tube_rack", "reservoir", "carrier"), LabwareConfig),
+    **dict.fromkeys(("lid", "deck"), LabwareConfig),
+    "tip": TipConfig,
+    "tip_spot": TipSpotConfig,
     "rotary_valve": RotaryValveConfig,
     "heater": HeaterConfig,
     "stirrer": StirrerConfig,
@@ -87,9 +124,7 @@ def config_schema(kind: str) -> type[msgspec.Struct] | None:
     """Return the schema of a kind's config; None for `foreign`, which takes anything."""
     if kind == "foreign":
         return None
-    if is_vessel(kind):
-        return VesselConfig
-    return _SPECIAL.get(kind, PlainConfig)
+    return _SPECIAL.get(kind) or (VesselConfig if is_vessel(kind) else PlainConfig)
 
 
 def check_config(kind: str, config: Mapping[str, Any], subject: str) -> list[Finding]:
@@ -117,4 +152,10 @@ def _check_ranges(config: Mapping[str, Any], subject: str) -> list[Finding]:
         if low is not None and high is not None and low > high:
             message = f"{subject}.config: {low_name} {low} is above {high_name} {high}"
             findings.append(Finding("lab_file.range", message, subject, {"field": low_name}))
+    if config.get("cavity") is not None:
+        sections = msgspec.convert(config["cavity"], Cavity)
+        findings += [
+            Finding("lab_file.range", f"{subject}.config: cavity: {problem}", subject)
+            for problem in check_cavity(sections)
+        ]
     return findings

@@ -41,6 +41,7 @@ from labweb.domain.graph.lab_file.model import (
 from labweb.domain.graph.topology import Connection, Medium, PortRef
 from labweb.domain.resources.contents import LotId
 from labweb.domain.resources.kinds import KINDS
+from labweb.domain.resources.labware.rows import ids_in_labware
 from labweb.domain.resources.node import Resource
 from labweb.domain.resources.pose import Pose, parse_pose
 
@@ -93,6 +94,8 @@ class _Reader:
         }
         for sort, values in sorts.items():
             self.ids[sort] = {key: entry_id(self.lab, sort, key) for key in _keys(values)}
+        kinds = {entry.key: entry.kind for entry in resources}
+        self.ids["resource"] |= ids_in_labware(kinds, self.ids["resource"])
         lab = LabFile(
             id=self.lab,
             name=self.top.name,
