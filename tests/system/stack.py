@@ -149,6 +149,10 @@ class Stack:
         """Return the process id of one process of the lab."""
         return next(int(pid) for pid, line in _processes(self.data) if name in line)
 
+    def command_lines(self) -> list[str]:
+        """Return the command of every process of the lab."""
+        return [line for _, line in _processes(self.data)]
+
     def kill(self, name: str) -> None:
         """End a process as a power cut would."""
         os.kill(self.pid(name), signal.SIGKILL)
