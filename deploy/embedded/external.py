@@ -12,6 +12,7 @@ import subprocess
 import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 from urllib.parse import parse_qsl, urlencode, urlsplit, urlunsplit
 
 from deploy.embedded.errors import EmbeddedError
@@ -41,6 +42,9 @@ class Found:
     version: str
     identity: str = ""
     """Of a database: differs from every other one's, also of one made later under its name."""
+
+    is_empty: bool = False
+    """Of a database: no table is in it yet."""
 
     @property
     def line(self) -> str:
@@ -123,9 +127,9 @@ def reach(given: Mapping[str, str], environment: Mapping[str, str]) -> dict[str,
     return {name: Found(name, **answer) for name, answer in answers.items()}
 
 
-def _answers(done: subprocess.CompletedProcess[str]) -> dict[str, dict[str, str]]:
+def _answers(done: subprocess.CompletedProcess[str]) -> dict[str, dict[str, Any]]:
     try:
-        answers: dict[str, dict[str, str]] = json.loads(done.stdout)
+        answers: dict[str, dict[str, Any]] = json.loads(done.stdout)
     except ValueError as error:
         said = done.stderr.strip().splitlines() or ["(nothing)"]
         raise EmbeddedError(f"The check of the given servers failed: {said[-1]}") from error

@@ -27,6 +27,9 @@ from deploy.embedded.external import AMQP, DATABASE, REDIS, given_urls
 TIMEOUT_S = 3
 OLDEST_POSTGRESQL = 15
 OLDEST_REDIS = 7
+Answer = dict[str, str | bool]
+"""Fields of `external.Found`, or the one field ``error``."""
+
 _OURS = ("resources", "enrollment", "crutd")
 """Apps of which one at least has migrated in a database that labweb has begun to fill."""
 
@@ -57,7 +60,7 @@ class _Place:
         return UnusableError(f"{self.text} cannot be used: {words or type(why).__name__}.")
 
 
-def postgresql(url: str) -> dict[str, str]:
+def postgresql(url: str) -> Answer:
     """Sign in to a database and see to it that it is empty or labweb's own.
 
     Raises:
@@ -86,7 +89,12 @@ def postgresql(url: str) -> dict[str, str]:
                 raise place.fail("it holds tables that are not labweb's; give the lab an empty one")
     except psycopg.Error as error:
         raise place.fail(error) from None
-    return {"place": text, "version": version.split()[0], "identity": f"{cluster}/{number}"}
+    return {
+        "place": text,
+        "version": version.split()[0],
+        "identity": f"{cluster}/{number}",
+        "is_empty": not has_tables,
+    }
 
 
 def _is_ours(connection: psycopg.Connection[tuple[object, ...]]) -> bool:
@@ -94,7 +102,7 @@ def _is_ours(connection: psycopg.Connection[tuple[object, ...]]) -> bool:
     return connection.execute(query, [list(_OURS)]).fetchone() == (True,)
 
 
-def redis(url: str) -> dict[str, str]:
+def redis(url: str) -> Answer:
     """Sign in to a Redis or Valkey.
 
     Raises:
@@ -129,7 +137,7 @@ def _redis_version(client: Redis) -> str:
         return ""
 
 
-def rabbitmq(url: str) -> dict[str, str]:
+def rabbitmq(url: str) -> Answer:
     """Sign in to a virtual host.
 
     Raises:
@@ -155,7 +163,7 @@ def rabbitmq(url: str) -> dict[str, str]:
     return {"place": place.text, "version": version}
 
 
-ASK: dict[str, Callable[[str], dict[str, str]]] = {
+ASK: dict[str, Callable[[str], Answer]] = {
     DATABASE: postgresql,
     REDIS: redis,
     AMQP: rabbitmq,
@@ -171,7 +179,7 @@ def main() -> None:
     sys.stdout.write(json.dumps(answers) + "\n")
 
 
-def _answer(name: str, url: str) -> dict[str, str]:
+def _answer(name: str, url: str) -> Answer:
     try:
         return ASK[name](url)
     except UnusableError as error:

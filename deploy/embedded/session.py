@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from time import monotonic
 
-from deploy.embedded import external, processes, record, stages
+from deploy.embedded import belongs, external, processes, record, stages
 from deploy.embedded.children import Process, last_lines
 from deploy.embedded.console import Console, welcome
 from deploy.embedded.errors import EmbeddedError
@@ -90,6 +90,8 @@ def run(
         _check_port(options.port)
         given = external.given_urls()
         found = external.reach(given, clean_environment())
+        if external.DATABASE in found:
+            belongs.check(layout, found[external.DATABASE])
         ensure_secret_key(layout)
         site = Site(
             layout,
@@ -170,8 +172,8 @@ class _Session:
             if postgres is None
             else postgres.system_identifier()
         )
-        path = self._site.layout.run / "stages.json"
-        ledger = stages.Ledger(path, database, self._stack.given_urls)
+        belongs.remember(self._site.layout, database)
+        ledger = stages.Ledger(self._site.layout.stages, database, self._stack.given_urls)
         for stage in self._tables.stages(self._site):
             if ledger.is_done(stage):
                 self._console.line(f"{stage.name} … unchanged")

@@ -1,5 +1,6 @@
 """A lab on servers of the person's own: used when they answer, refused by name when not."""
 
+import signal
 import socket
 import subprocess
 import sys
@@ -78,6 +79,45 @@ def test_given_servers_are_used_not_started_and_left_running(
     with redis.Redis.from_url(own["REDIS_URL"]) as client:
         assert client.ping()
     assert reach({"DATABASE_URL": database}, surroundings())
+
+
+def test_a_second_start_on_a_given_database_repeats_no_stage(
+    start_lab: StartLab, database: str
+) -> None:
+    given = {"DATABASE_URL": database}
+    lab = start_lab(given=given)
+    lab.wait_said("Ctrl-C stops everything")
+    lab.end(signal.SIGTERM)
+    _fill(database)
+    again = start_lab(given=given)
+    again.wait_said("Ctrl-C stops everything")
+    assert "Lab and users … unchanged" in "".join(again.said)
+    assert (again.data / "stage-runs").read_text(encoding="ascii") == "run\n"
+
+
+def test_a_database_with_the_lab_of_another_data_directory_is_refused(
+    start_lab: StartLab, database: str, lab_file: Path, tmp_path: Path, free_port: int
+) -> None:
+    _fill(database)
+    given, other = {"DATABASE_URL": database}, tmp_path / "other"
+    command = ("run", "--lab", str(lab_file), "--data", str(other), "--port", str(free_port))
+    done = _run(given, *command)
+    assert done.returncode == 1
+    assert f"/fresh holds a lab, and not the one of {other}" in done.stderr
+    assert not (other / "stage-runs").exists()
+    lab = start_lab()
+    lab.wait_said("Ctrl-C stops everything")
+    lab.end(signal.SIGTERM)
+    done = _run(given, *command[:4], str(lab.data), *command[5:])
+    assert f"moved or restored, remove {lab.data}/databases.json" in done.stderr
+    (lab.data / "databases.json").unlink()
+    start_lab(given=given).wait_said("Ctrl-C stops everything")
+
+
+def _fill(database: str) -> None:
+    """Put what a migrated labweb is known by into a database."""
+    with psycopg.connect(database, autocommit=True) as connection:
+        connection.execute("CREATE TABLE django_migrations AS SELECT 'crutd' AS app")
 
 
 def test_what_is_not_given_is_embedded(
