@@ -2,26 +2,31 @@
 
 A pytest plugin (`-p tests.services` in pyproject.toml), because settings read their addresses
 when pytest-django imports them, which is before any conftest. Addresses that are set already
-are respected: then nothing is started here.
+are respected: that server is not started here, and the run works in a database of its own on it.
 """
 
 from __future__ import annotations
 
 import atexit
+import json
 import os
 import shutil
 import tempfile
 from contextlib import ExitStack
 from pathlib import Path
+from secrets import token_hex
 
 import pytest
 
 from deploy import embedded
+from deploy.embedded import external
 from deploy.embedded.layout import Layout
 from deploy.embedded.stack import Stack
+from tests.rooms import with_database
 
 _LONGEST_FOLDER = 40
 _FOLDER = "LABWEB_TEST_FOLDER"
+_GIVEN = "LABWEB_TEST_GIVEN"
 
 
 class Services:
@@ -37,11 +42,23 @@ class Services:
             # Also when pytest gives up before it is configured.
             atexit.register(self.stop)
         self.folder = Path(os.environ[_FOLDER])
-        self._is_embedded = "DATABASE_URL" not in os.environ
+        if self._is_owner:
+            os.environ[_GIVEN] = json.dumps(external.given_urls())
+        self.given: dict[str, str] = json.loads(os.environ[_GIVEN])
+        self._is_embedded = not {external.DATABASE, external.REDIS} <= self.given.keys()
         self._set_files()
+        if self._is_owner:
+            self._set_addresses()
+
+    def _set_addresses(self) -> None:
         if self._is_embedded:
             layout = Layout(self.folder / "d")
-            os.environ.update(Stack(layout, layout.run / "s", durable=False).urls)
+            stack = Stack(layout, layout.run / "s", durable=False)
+            os.environ.update(stack.urls | external.urls_for_children(self.given))
+        if external.DATABASE in self.given:
+            # Django makes a test database beside it and removes it: test_labweb_….
+            url = with_database(self.given[external.DATABASE], f"labweb_{token_hex(6)}")
+            os.environ[external.DATABASE] = url
 
     def _set_files(self) -> None:
         worker = os.environ.get("PYTEST_XDIST_WORKER", "main")
@@ -52,7 +69,7 @@ class Services:
         os.environ["LABWEB_COMMAND_KEY_FILE"] = str(data / "command.key")
 
     def start(self) -> None:
-        """Start both, unless they run or somebody else's were given."""
+        """Start both, unless they run or somebody else's were given in place of both."""
         if self._is_running or not self._is_owner or not self._is_embedded:
             return
         self._is_running = True
@@ -83,6 +100,11 @@ def pytest_configure(config: pytest.Config) -> None:
 def pytest_unconfigure() -> None:
     """Leave no process and no folder behind."""
     _services.stop()
+
+
+def given_urls() -> dict[str, str]:
+    """Give the addresses that were set before this run set its own."""
+    return dict(_services.given)
 
 
 @pytest.fixture(scope="session")

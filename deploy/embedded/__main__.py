@@ -11,13 +11,13 @@ import threading
 from pathlib import Path
 from types import FrameType
 
-from deploy.embedded import procfs, record
+from deploy.embedded import external, procfs, record
 from deploy.embedded.errors import EmbeddedError
 from deploy.embedded.guard import guarded
 from deploy.embedded.layout import DEFAULT_LAB, Layout, data_directory_of
 from deploy.embedded.processes import table as default_processes
 from deploy.embedded.session import Options, ProcessTable, StageTable, run
-from deploy.embedded.stack import services
+from deploy.embedded.stack import clean_environment, services
 from deploy.embedded.stages import table as default_stages
 
 FAILED = 1
@@ -26,6 +26,12 @@ NOT_RUNNING = 3
 
 _STOP_WITHIN_S = 10.0
 _LAST_PORT = 65535
+_SERVERS = """\
+servers of your own, in the environment; each that is set takes the place of the embedded one:
+  DATABASE_URL  PostgreSQL 15 or later: postgresql://user@host:5432/name, an empty database
+  REDIS_URL     Redis or Valkey 7 or later: redis://host:6379/0, one database number per lab
+  AMQP_URL      RabbitMQ as the broker: amqp://user@host:5672/vhost, one virtual host per lab
+"""
 
 
 def main(
@@ -36,8 +42,10 @@ def main(
 ) -> int:
     """Do what the command line asks and return the exit code."""
     given = _parser().parse_args(arguments)
-    data: Path = given.data or data_directory_of(given.lab)
     try:
+        if given.command == "check":
+            return _check()
+        data: Path = given.data or data_directory_of(given.lab)
         if given.command == "run":
             options = Options(
                 given.lab, data, given.bind, given.port, given.speed, not given.no_twin
@@ -53,6 +61,17 @@ def main(
 
 def _run(options: Options, guard: int, process_table: ProcessTable, stage_table: StageTable) -> int:
     run(options, guard, process_table=process_table, stage_table=stage_table)
+    return 0
+
+
+def _check() -> int:
+    """Say of every server, given or embedded, which one a lab would use."""
+    given = external.given_urls()
+    found = external.reach(given, clean_environment())
+    for name, kind in external.NAMES.items():
+        own = "none, the broker is Redis" if name == external.AMQP else "embedded"
+        line = found[name].line if name in found else f"{kind} … {own}: {name} is not set"
+        sys.stdout.write(f"{line}\n")
     return 0
 
 
@@ -105,17 +124,30 @@ def _stop(data: Path) -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(prog="python -m deploy.embedded", description=__doc__)
+    parser = argparse.ArgumentParser(
+        prog="python -m deploy.embedded",
+        description=__doc__,
+        epilog=_SERVERS,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
     commands = parser.add_subparsers(dest="command", required=True)
     for name, text in (
         ("run", "run a lab until Ctrl-C"),
         ("status", "say what runs"),
         ("stop", "stop a running lab"),
         ("services", "run PostgreSQL and Valkey alone and print their addresses as JSON"),
+        ("check", "say whether the servers that the environment names can be used"),
     ):
-        command = commands.add_parser(name, help=text, description=text)
-        command.add_argument("--data", type=Path, help="data directory (var/<lab name>)")
-        command.add_argument("--lab", type=Path, default=DEFAULT_LAB, help="lab file")
+        command = commands.add_parser(
+            name,
+            help=text,
+            description=text,
+            epilog=_SERVERS if name in {"run", "check"} else None,
+            formatter_class=argparse.RawDescriptionHelpFormatter,
+        )
+        if name != "check":
+            command.add_argument("--data", type=Path, help="data directory (var/<lab name>)")
+            command.add_argument("--lab", type=Path, default=DEFAULT_LAB, help="lab file")
         if name == "run":
             _add_run_options(command)
     return parser

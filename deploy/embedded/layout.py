@@ -51,6 +51,16 @@ class Layout:
         return self.data / "run"
 
     @property
+    def stages(self) -> Path:
+        """Which start-up steps were done to which database."""
+        return self.run / "stages.json"
+
+    @property
+    def databases(self) -> Path:
+        """Identities of the databases that were filled from here."""
+        return self.data / "databases.json"
+
+    @property
     def secret_key(self) -> Path:
         """Random, made once, mode 0600."""
         return self.data / "secret_key"

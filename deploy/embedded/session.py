@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from time import monotonic
 
-from deploy.embedded import processes, record, stages
+from deploy.embedded import belongs, external, processes, record, stages
 from deploy.embedded.children import Process, last_lines
 from deploy.embedded.console import Console, welcome
 from deploy.embedded.errors import EmbeddedError
@@ -43,6 +43,23 @@ class Options:
     with_twin: bool = True
 
 
+@dataclass(frozen=True, slots=True)
+class Servers:
+    """What database and broker the lab has."""
+
+    stack: Stack
+    found: Mapping[str, external.Found]
+    """The person's own, by variable."""
+
+
+@dataclass(frozen=True, slots=True)
+class Tables:
+    """What the lab is made of."""
+
+    processes: ProcessTable
+    stages: StageTable
+
+
 def run(
     options: Options,
     guard: int,
@@ -71,6 +88,10 @@ def run(
     descriptor = claim(layout)
     try:
         _check_port(options.port)
+        given = external.given_urls()
+        found = external.reach(given, clean_environment())
+        if external.DATABASE in found:
+            belongs.check(layout, found[external.DATABASE])
         ensure_secret_key(layout)
         site = Site(
             layout,
@@ -81,7 +102,8 @@ def run(
             speed=options.speed,
             with_twin=options.with_twin,
         )
-        _Session(site, guard, console, process_table, stage_table).run()
+        servers = Servers(Stack(site.layout, site.sockets, given=given), found)
+        _Session(site, servers, guard, console, Tables(process_table, stage_table)).run()
     finally:
         record.forget(layout)
         close_sockets(layout)
@@ -92,18 +114,13 @@ class _Session:
     """The steps of a start, and the supervision after it."""
 
     def __init__(
-        self,
-        site: Site,
-        guard: int,
-        console: Console,
-        process_table: ProcessTable,
-        stage_table: StageTable,
+        self, site: Site, servers: Servers, guard: int, console: Console, tables: Tables
     ) -> None:
         self._site = site
         self._console = console
-        self._stack = Stack(site.layout, site.sockets)
-        self._processes = process_table
-        self._stages = stage_table
+        self._stack = servers.stack
+        self._found = servers.found
+        self._tables = tables
         book = record.begin(guard)
         book.url, book.lab, book.speed = site.url, str(site.lab), site.speed
         self._environment = processes.environment(site, self._stack.urls, book.token)
@@ -130,13 +147,18 @@ class _Session:
         environment: Mapping[str, str] = clean_environment() | {
             record.MARK: self._environment[record.MARK]
         }
-        self._supervisor.start(valkey.process(), environment)
-        with self._console.stage("PostgreSQL"):
-            postgres.prepare(environment)
-            self._supervisor.start(postgres.process(), environment)
-            self._wait_ready("postgresql", postgres.is_ready)
-        with self._console.stage("Valkey"):
-            self._wait_ready("valkey", valkey.is_ready)
+        for server in self._found.values():
+            self._console.line(server.line)
+        if valkey is not None:
+            self._supervisor.start(valkey.process(), environment)
+        if postgres is not None:
+            with self._console.stage("PostgreSQL"):
+                postgres.prepare(environment)
+                self._supervisor.start(postgres.process(), environment)
+                self._wait_ready("postgresql", postgres.is_ready)
+        if valkey is not None:
+            with self._console.stage("Valkey"):
+                self._wait_ready("valkey", valkey.is_ready)
 
     def _wait_ready(self, name: str, is_ready: Callable[[], bool]) -> None:
         log = self._supervisor.log_of(name)
@@ -144,9 +166,15 @@ class _Session:
         wait_ready(name, is_ready, lambda: ended(name), log, self._supervisor.pause)
 
     def _run_stages(self) -> None:
-        cluster = self._stack.postgres.system_identifier()
-        ledger = stages.Ledger(self._site.layout.run / "stages.json", cluster)
-        for stage in self._stages(self._site):
+        postgres = self._stack.postgres
+        database = (
+            self._found[external.DATABASE].identity
+            if postgres is None
+            else postgres.system_identifier()
+        )
+        belongs.remember(self._site.layout, database)
+        ledger = stages.Ledger(self._site.layout.stages, database, self._stack.given_urls)
+        for stage in self._tables.stages(self._site):
             if ledger.is_done(stage):
                 self._console.line(f"{stage.name} … unchanged")
                 continue
@@ -169,7 +197,7 @@ class _Session:
 
     def _open(self, health: Health) -> None:
         """Start every process, and say so once web answers."""
-        table = self._processes(self._site)
+        table = self._tables.processes(self._site)
         late = [process for process in table if process.after_web]
         for process in table:
             if not process.after_web:

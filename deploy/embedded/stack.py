@@ -5,13 +5,13 @@ from __future__ import annotations
 import os
 import subprocess
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from signal import Signals
 from time import monotonic
 
-from deploy.embedded import leftovers, record
+from deploy.embedded import external, leftovers, record
 from deploy.embedded.children import (
     Process,
     describe_exit,
@@ -36,23 +36,58 @@ _STOP_S = 3.0
 
 
 class Stack:
-    """The two servers of one data directory."""
+    """The servers of one data directory: two of its own, less what the person gives."""
 
-    def __init__(self, layout: Layout, sockets: Path, *, durable: bool = True) -> None:
-        """Choose programs and addresses; nothing is started."""
+    def __init__(
+        self,
+        layout: Layout,
+        sockets: Path,
+        *,
+        durable: bool = True,
+        given: Mapping[str, str] | None = None,
+    ) -> None:
+        """Choose programs and addresses; nothing is started.
+
+        Args:
+            layout: Where they work.
+            sockets: A private folder with a short path.
+            durable: False gives up safety against power loss, for tests.
+            given: Addresses of the person's own servers (see `external`).
+        """
         self.layout = layout
+        self._given = dict(given or {})
         log = layout.logs / "postgresql.log"
-        self.postgres = Postgres(layout.cluster, sockets, log, durable=durable)
-        self.valkey = Valkey(layout.broker, sockets, durable=durable)
+        self.postgres = (
+            None
+            if external.DATABASE in self._given
+            else Postgres(layout.cluster, sockets, log, durable=durable)
+        )
+        self.valkey = (
+            None
+            if external.REDIS in self._given
+            else Valkey(layout.broker, sockets, durable=durable)
+        )
 
     @property
     def urls(self) -> dict[str, str]:
         """Give the addresses as the environment variables that labweb reads."""
-        return {
-            "DATABASE_URL": self.postgres.url,
-            "REDIS_URL": self.valkey.url,
-            "LABWEB_BROKER_URL": self.valkey.broker_url,
-        }
+        found: dict[str, str] = {}
+        if self.postgres is not None:
+            found[external.DATABASE] = self.postgres.url
+        if self.valkey is not None:
+            found[external.REDIS] = self.valkey.url
+            found[external.BROKER] = self.valkey.broker_url
+        return found | self.given_urls
+
+    @property
+    def given_urls(self) -> dict[str, str]:
+        """Give those of the addresses that are the person's own."""
+        return external.urls_for_children(self._given)
+
+    @property
+    def servers(self) -> tuple[Valkey | Postgres, ...]:
+        """List what is started here, in the order of the start."""
+        return tuple(server for server in (self.valkey, self.postgres) if server is not None)
 
     def log_of(self, process: Process) -> Path:
         """Name the file that a process writes to."""
@@ -61,7 +96,7 @@ class Stack:
 
 def clean_environment() -> dict[str, str]:
     """Copy this process's environment without what would mislead a child."""
-    misleading = {"PYTHONDONTWRITEBYTECODE", "AMQP_URL", "NOTIFY_SOCKET"}
+    misleading = {"PYTHONDONTWRITEBYTECODE", "NOTIFY_SOCKET", external.BROKER, *external.NAMES}
     return {
         name: value
         for name, value in os.environ.items()
@@ -153,8 +188,7 @@ def _start(stack: Stack, running: list[tuple[Process, subprocess.Popen[bytes]]])
     book = record.begin(os.getpid())
     environment = clean_environment() | {record.MARK: book.token}
     pause = threading.Event().wait
-    servers: tuple[Valkey | Postgres, ...] = (stack.valkey, stack.postgres)
-    for server in servers:
+    for server in stack.servers:
         if isinstance(server, Postgres):
             server.prepare(environment)
         process = server.process()
@@ -164,7 +198,7 @@ def _start(stack: Stack, running: list[tuple[Process, subprocess.Popen[bytes]]])
         if identity := identity_of(popen):
             book.processes[process.name] = record.Entry(identity, process.orphan_signal)
         book.save(stack.layout)
-    for server, (process, popen) in zip(servers, running, strict=True):
+    for server, (process, popen) in zip(stack.servers, running, strict=True):
         wait_ready(process.name, server.is_ready, popen.poll, stack.log_of(process), pause)
 
 

@@ -6,7 +6,7 @@ import hashlib
 import json
 import sys
 import sysconfig
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -56,11 +56,21 @@ def table(site: Site) -> list[Stage]:
 
 
 class Ledger:
-    """Which stages have been done to which cluster."""
+    """Which stages have been done to which database."""
 
-    def __init__(self, path: Path, cluster: str) -> None:
-        """Read what was done to this cluster; another one's history counts for nothing."""
+    def __init__(self, path: Path, cluster: str, urls: Mapping[str, str] | None = None) -> None:
+        """Read what was done to this database; another one's history counts for nothing.
+
+        Args:
+            path: The file.
+            cluster: Identity of the database.
+            urls: Addresses of the person's own servers; stages write them into files, so
+                with other addresses every stage is done again.
+        """
         self._path = path
+        if urls:
+            # Only a digest is written: an address may hold a password.
+            cluster = _digest([cluster, *(f"{name}={url}" for name, url in sorted(urls.items()))])
         self._cluster = cluster
         content = read_json(path)
         self._done: dict[str, str] = {}

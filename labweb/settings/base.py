@@ -8,6 +8,7 @@ from typing import Any
 
 import django_stubs_ext
 from psycopg.conninfo import conninfo_to_dict
+from redis.connection import parse_url
 
 django_stubs_ext.monkeypatch()  # lets Django's generic classes take their type argument
 
@@ -16,6 +17,7 @@ ROOT = Path(__file__).resolve().parents[2]
 DATABASE_URL = os.environ.get("DATABASE_URL", "postgresql://labweb@/labweb")
 REDIS_URL = os.environ.get("REDIS_URL", "redis://127.0.0.1:6379/0")
 BROKER_URL = os.environ.get("AMQP_URL") or os.environ.get("LABWEB_BROKER_URL") or REDIS_URL
+REDIS_DATABASE = int(parse_url(REDIS_URL).get("db", 0))  # type: ignore[no-untyped-call]
 DATA_DIR = Path(os.environ.get("LABWEB_DATA", ROOT / "var" / "starter"))
 
 
@@ -108,7 +110,8 @@ DEFAULT_AUTO_FIELD = "django.db.models.BigAutoField"
 CHANNEL_LAYERS = {
     "default": {
         "BACKEND": "channels_redis.pubsub.RedisPubSubChannelLayer",
-        "CONFIG": {"hosts": [REDIS_URL], "prefix": "labweb"},
+        # Redis publishes to the listeners of all its databases: two labs would hear each other.
+        "CONFIG": {"hosts": [REDIS_URL], "prefix": f"labweb.{REDIS_DATABASE}"},
     }
 }
 

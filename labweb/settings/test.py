@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from pathlib import Path
 
 from labweb.settings.base import *
 from labweb.settings.base import REDIS_URL
@@ -13,8 +14,9 @@ SESSION_COOKIE_SECURE = False
 CSRF_COOKIE_SECURE = False
 ALLOWED_HOSTS = ["*"]
 
-# One prefix per xdist worker: they share one server.
-_PREFIX = f"test.{os.environ.get('PYTEST_XDIST_WORKER', 'main')}"
+# One prefix per run and xdist worker: they share one server.
+_RUN = Path(os.environ.get("LABWEB_TEST_FOLDER", "alone")).name
+_PREFIX = f"test.{_RUN}.{os.environ.get('PYTEST_XDIST_WORKER', 'main')}"
 CHANNEL_LAYERS = {
     "default": {
         "BACKEND": "channels_redis.pubsub.RedisPubSubChannelLayer",

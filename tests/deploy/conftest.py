@@ -7,7 +7,7 @@ import socket
 import subprocess
 import sys
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from time import monotonic
@@ -16,7 +16,7 @@ from urllib.request import urlopen
 
 import pytest
 
-from deploy.embedded import leftovers, procfs, record
+from deploy.embedded import external, leftovers, procfs, record
 from deploy.embedded.layout import Layout, close_sockets
 
 PLAIN_LAB = Path(__file__).with_name("plain_lab.py")
@@ -70,6 +70,12 @@ class RunningLab:
         return monotonic() - began
 
 
+def surroundings() -> dict[str, str]:
+    """Give this process's environment without the addresses that its servers have."""
+    without = {name: value for name, value in os.environ.items() if name not in external.NAMES}
+    return without | {"PYTHONDONTWRITEBYTECODE": "1", "LABWEB_BROKER_URL": "amqp://elsewhere"}
+
+
 T = TypeVar("T")
 
 
@@ -117,7 +123,11 @@ def start_lab(lab_file: Path, tmp_path: Path, free_port: int) -> Iterator[StartL
     """Start the plain lab; whatever runs at the end of the test is ended."""
     labs: list[RunningLab] = []
 
-    def start(data: Path = tmp_path / "data", port: int = free_port) -> RunningLab:
+    def start(
+        data: Path = tmp_path / "data",
+        port: int = free_port,
+        given: Mapping[str, str] | None = None,
+    ) -> RunningLab:
         command = [sys.executable, str(PLAIN_LAB), "run", "--lab", str(lab_file)]
         popen = subprocess.Popen(
             [*command, "--data", str(data), "--port", str(port)],
@@ -125,7 +135,7 @@ def start_lab(lab_file: Path, tmp_path: Path, free_port: int) -> Iterator[StartL
             stderr=subprocess.STDOUT,
             text=True,
             start_new_session=True,
-            env=os.environ | {"PYTHONDONTWRITEBYTECODE": "1", "AMQP_URL": "amqp://elsewhere"},
+            env=surroundings() | dict(given or {}),
         )
         lab = RunningLab(data, port, popen)
         threading.Thread(target=_listen, args=(lab,), daemon=True).start()

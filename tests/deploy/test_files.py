@@ -114,6 +114,19 @@ def test_a_stage_is_repeated_when_its_input_its_output_or_the_cluster_changed(
     assert not Ledger(path, "cluster").is_done(stage)
 
 
+def test_a_stage_is_repeated_when_a_given_server_has_another_address(tmp_path: Path) -> None:
+    stage = Stage("seed", ("seed",), "one")
+    path = tmp_path / "stages.json"
+    secret = "pw-7Q"
+    one = {"LABWEB_BROKER_URL": f"amqp://lab:{secret}@127.0.0.1/one"}
+    two = {"LABWEB_BROKER_URL": f"amqp://lab:{secret}@127.0.0.1/two"}
+    Ledger(path, "cluster", one).enter(stage)
+    assert Ledger(path, "cluster", one).is_done(stage)
+    assert not Ledger(path, "cluster", two).is_done(stage)
+    assert not Ledger(path, "cluster").is_done(stage)
+    assert secret not in path.read_text(encoding="utf-8")
+
+
 def test_the_table_binds_web_to_loopback_and_names_every_process_once(tmp_path: Path) -> None:
     processes = table(_a_site(tmp_path, port=8123, speed=20.0))
     names = [process.name for process in processes]
@@ -132,15 +145,16 @@ def test_the_twin_can_be_left_out(tmp_path: Path) -> None:
     assert "twin" not in names
 
 
-def test_a_broker_of_the_person_s_own_environment_does_not_reach_the_lab(
+def test_a_process_of_the_lab_gets_the_addresses_of_the_supervisor_and_no_others(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    for name in ("AMQP_URL", "PGHOST", "PYTHONDONTWRITEBYTECODE"):
+    for name in ("AMQP_URL", "LABWEB_BROKER_URL", "PGHOST", "PYTHONDONTWRITEBYTECODE"):
         monkeypatch.setenv(name, "elsewhere")
     monkeypatch.setenv("DATABASE_URL", "postgresql://elsewhere")
     found = environment(_a_site(tmp_path), {"DATABASE_URL": "here"}, "token")
     assert found["DATABASE_URL"] == "here"
-    assert not {"AMQP_URL", "PGHOST", "PYTHONDONTWRITEBYTECODE"} & set(found)
+    strangers = {"AMQP_URL", "LABWEB_BROKER_URL", "PGHOST", "PYTHONDONTWRITEBYTECODE"}
+    assert not strangers & set(found)
 
 
 @pytest.mark.parametrize("content", [None, "{", "{}", '[{"username": "ada"}]'])

@@ -12,7 +12,14 @@ from pathlib import Path
 import pytest
 
 from deploy.embedded.layout import CHECKOUT
-from tests.deploy.conftest import PLAIN_LAB, RunningLab, StartLab, is_alive, wait_until
+from tests.deploy.conftest import (
+    PLAIN_LAB,
+    RunningLab,
+    StartLab,
+    is_alive,
+    surroundings,
+    wait_until,
+)
 
 
 def _opened(lab: RunningLab) -> RunningLab:
@@ -25,7 +32,9 @@ def _opened(lab: RunningLab) -> RunningLab:
 
 def _command(*arguments: str) -> subprocess.CompletedProcess[str]:
     command = [sys.executable, str(PLAIN_LAB), *arguments]
-    return subprocess.run(command, capture_output=True, text=True, timeout=30, check=False)
+    return subprocess.run(
+        command, capture_output=True, text=True, timeout=30, check=False, env=surroundings()
+    )
 
 
 def test_a_start_says_each_step_and_the_accounts_that_keep_their_first_password(

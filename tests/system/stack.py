@@ -16,8 +16,13 @@ from typing import Any
 
 import httpx
 
+from tests.rooms import rooms
+from tests.services import given_urls
+
 CHECKOUT = Path(__file__).resolve().parents[2]
 STARTS_WITHIN_S = 90.0
+BROKER = "vk.sock"
+"""Marks the embedded broker's command line; the edge host's own has another socket."""
 
 
 def free_port() -> int:
@@ -107,7 +112,10 @@ def is_over(run: dict[str, Any]) -> bool:
 class Stack:
     """The processes of one lab."""
 
-    def __init__(self, data: Path, process: subprocess.Popen[bytes], port: int) -> None:
+    def __init__(
+        self, data: Path, process: subprocess.Popen[bytes], port: int, given: dict[str, str]
+    ) -> None:
+        self.given = given
         self.data = data
         self.process = process
         self.port = port
@@ -140,6 +148,10 @@ class Stack:
     def pid(self, name: str) -> int:
         """Return the process id of one process of the lab."""
         return next(int(pid) for pid, line in _processes(self.data) if name in line)
+
+    def command_lines(self) -> list[str]:
+        """Return the command of every process of the lab."""
+        return [line for _, line in _processes(self.data)]
 
     def kill(self, name: str) -> None:
         """End a process as a power cut would."""
@@ -203,28 +215,51 @@ def _processes(data: Path) -> list[tuple[str, str]]:
 
 @contextmanager
 def running(
-    data: Path, *, speed: float = 60.0, lab: Path | None = None, with_twin: bool = False
+    data: Path,
+    *,
+    speed: float = 60.0,
+    lab: Path | None = None,
+    with_twin: bool = False,
+    embedded: bool = False,
 ) -> Iterator[Stack]:
-    """Start a lab and wait until its devices answer; end it and all its processes after."""
+    """Start a lab and wait until its devices answer; end it and all its processes after.
+
+    Args:
+        data: Data directory, with a short path.
+        speed: Simulated seconds per second.
+        lab: Lab file; None is the starter lab.
+        with_twin: Start the twin as well.
+        embedded: Start database and broker with the lab, whatever this run was given, so
+            that a test may kill them.
+    """
+    with rooms({} if embedded else given_urls()) as given:
+        arguments = ["--speed", str(speed)]
+        if not with_twin:
+            arguments += ["--no-twin"]
+        if lab is not None:
+            arguments += ["--lab", str(lab)]
+        with _started(data, arguments, given) as stack:
+            yield stack
+
+
+@contextmanager
+def _started(data: Path, arguments: list[str], given: dict[str, str]) -> Iterator[Stack]:
     port = free_port()
     services = {"DATABASE_URL", "REDIS_URL", "AMQP_URL", "DJANGO_SETTINGS_MODULE"}
     environment = {
         name: value
         for name, value in os.environ.items()
         if name not in services and not name.startswith("LABWEB_")
-    } | {"LABWEB_FAULTS": "1", "LABWEB_FAULT_FILE": str(data / "fault")}
-    arguments = [sys.executable, "-m", "deploy.embedded", "run", "--data", str(data)]
-    arguments += ["--port", str(port), "--speed", str(speed)]
-    if not with_twin:
-        arguments += ["--no-twin"]
-    if lab is not None:
-        arguments += ["--lab", str(lab)]
+    }
+    environment |= {"LABWEB_FAULTS": "1", "LABWEB_FAULT_FILE": str(data / "fault"), **given}
+    command = [sys.executable, "-m", "deploy.embedded", "run", "--data", str(data)]
+    command += ["--port", str(port), *arguments]
     log = data.parent / f"{data.name}.out"
     with log.open("wb") as output:
         process = subprocess.Popen(
-            arguments, cwd=CHECKOUT, env=environment, stdout=output, stderr=subprocess.STDOUT
+            command, cwd=CHECKOUT, env=environment, stdout=output, stderr=subprocess.STDOUT
         )
-    stack = Stack(data, process, port)
+    stack = Stack(data, process, port, given)
     try:
         _wait_for_page(stack, log)
         stack.wait_until_online()

@@ -151,7 +151,8 @@ def answer(
         return is_over(found) and not found["in_doubt_count"]
 
     stack.client().wait_for_run(run["id"], is_answered, 60)
-    seen = stack.client().run(run["id"])
+    # A run that goes on by itself may have been read in the moment before it did.
+    seen = stack.client().wait_for_run(run["id"], is_over, 60)
     if seen["state"] == "paused":
         stack.client().call("POST", f"runs/{run['id']}/abort", {"reason": "end of the test"})
         seen = stack.client().wait_for_run(run["id"], lambda found: found["state"] == "aborted")

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from tests.system.stack import Stack, is_over
+from tests.system.stack import BROKER, Stack, is_over
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(240)]
 
@@ -35,13 +35,14 @@ def is_moving(run: dict[str, Any]) -> bool:
     [
         ("web", "uvicorn"),
         ("dispatcher", "dispatcher"),
-        ("broker", "vk.sock"),
+        ("broker", BROKER),
         ("host", "workers.host"),
     ],
 )
 def test_kill_9_in_the_middle_of_a_run_does_not_spoil_it(
-    stack: Stack, name: str, process: str
+    stack_to_break: Stack, name: str, process: str
 ) -> None:
+    stack = stack_to_break
     before = volume_nl(stack, "waste")
     run = start(stack, "9 mL")
     stack.client().wait_for_run(run["id"], is_moving)

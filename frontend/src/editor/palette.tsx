@@ -46,19 +46,7 @@ export function Palette() {
   };
   return (
     <aside className="pal" aria-label="Steps" data-testid="palette">
-      <label className="find2">
-        <Icon name="search" />
-        <input
-          id="find-step"
-          className="bare"
-          placeholder={words.editor.find}
-          aria-label={words.editor.find}
-          value={query}
-          onChange={(event) => setQuery(event.target.value)}
-          onKeyDown={onKey}
-        />
-        <kbd>A</kbd>
-      </label>
+      <FindStep query={query} onQuery={setQuery} onKey={onKey} />
       <h3>{words.editor.chemistry}</h3>
       {palette.size === 0 && <p className="help">{words.editor.loading}</p>}
       {palette.size > 0 && steps.length === 0 && <p className="help">{words.editor.noStep}</p>}
@@ -85,6 +73,28 @@ export function Palette() {
         />
       ))}
     </aside>
+  );
+}
+
+function FindStep(props: {
+  query: string;
+  onQuery: (query: string) => void;
+  onKey: (event: KeyboardEvent) => void;
+}) {
+  return (
+    <label className="find2">
+      <Icon name="search" />
+      <input
+        id="find-step"
+        className="bare"
+        placeholder={words.editor.find}
+        aria-label={words.editor.find}
+        value={props.query}
+        onChange={(event) => props.onQuery(event.target.value)}
+        onKeyDown={props.onKey}
+      />
+      <kbd>A</kbd>
+    </label>
   );
 }
 
