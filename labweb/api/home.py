@@ -11,9 +11,10 @@ from rest_framework.request import Request
 from rest_framework.response import Response
 from rest_framework.views import APIView
 
-from labweb.accounts.selectors import permissions_of, user_of
+from labweb.accounts.selectors import User, permissions_of, user_of
 from labweb.api.devices import device_rows, host_rows, visible_hosts
 from labweb.approvals import selectors as approval_selectors
+from labweb.common.reading import one_moment
 from labweb.common.render import iso
 from labweb.crutd import selectors as crutd_selectors
 from labweb.domain.approvals.roles import Permission
@@ -36,27 +37,29 @@ class Home(APIView):
 
     def get(self, request: Request) -> Response:
         """Return what needs somebody, what runs, and what was done last."""
-        user = user_of(request)
-        lab = resource_selectors.the_lab()
-        seen = resource_selectors.allowed_ids(user, Permission.VIEW)
-        runs = run_selectors.visible_runs(lab, seen)
-        devices = enrollment_selectors.visible_devices(lab, seen)
-        candidates = [row for row in devices if row.state == Device.State.CANDIDATE]
-        may_admit = Permission.ADMIT in permissions_of(user)
-        return Response(
-            {
-                "needs_you": list(_needs(lab, runs, candidates if may_admit else [])),
-                "running": render_rows(
-                    runs.filter(state__in=[*run_selectors.LIVE, "awaiting_approval"])[:20]
-                ),
-                "last_results": render_rows(
-                    runs.filter(state__in=["complete", "aborted"]).order_by("-ended_at")[:_MOST]
-                ),
-                "workflows": workflow_rows(lab)[:_MOST],
-                "devices": device_rows(devices),
-                "hosts": host_rows(visible_hosts(lab, user)),
-            }
-        )
+        with one_moment():
+            return Response(_home(user_of(request)))
+
+
+def _home(user: User) -> dict[str, Any]:
+    lab = resource_selectors.the_lab()
+    seen = resource_selectors.allowed_ids(user, Permission.VIEW)
+    runs = run_selectors.visible_runs(lab, seen)
+    devices = enrollment_selectors.visible_devices(lab, seen)
+    candidates = [row for row in devices if row.state == Device.State.CANDIDATE]
+    may_admit = Permission.ADMIT in permissions_of(user)
+    return {
+        "needs_you": list(_needs(lab, runs, candidates if may_admit else [])),
+        "running": render_rows(
+            runs.filter(state__in=[*run_selectors.LIVE, "awaiting_approval"])[:20]
+        ),
+        "last_results": render_rows(
+            runs.filter(state__in=["complete", "aborted"]).order_by("-ended_at")[:_MOST]
+        ),
+        "workflows": workflow_rows(lab)[:_MOST],
+        "devices": device_rows(devices),
+        "hosts": host_rows(visible_hosts(lab, user)),
+    }
 
 
 def _needs(lab: Lab, runs: QuerySet[Run], candidates: Iterable[Device]) -> Iterator[dict[str, Any]]:

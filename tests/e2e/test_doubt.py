@@ -12,10 +12,10 @@ from playwright.sync_api import expect
 
 from tests.e2e.conftest import Visit
 from tests.e2e.drawing import add, new_workflow, pick, run_it
-from tests.e2e.visitor import LONG, Visitor
+from tests.e2e.visitor import Visitor
 from tests.system.stack import Stack
 
-pytestmark = [pytest.mark.slow, pytest.mark.timeout(180), LONG]
+pytestmark = [pytest.mark.slow, pytest.mark.timeout(180)]
 
 ANSWERS = ["It happened", "It did not", "Partly", "I cannot tell"]
 

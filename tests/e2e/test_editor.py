@@ -20,10 +20,10 @@ from tests.e2e.drawing import (
     wait_until_saved,
     write,
 )
-from tests.e2e.visitor import LONG, Visitor, plain
+from tests.e2e.visitor import Visitor, plain
 from tests.system.stack import Stack
 
-pytestmark = [pytest.mark.slow, pytest.mark.timeout(180), LONG]
+pytestmark = [pytest.mark.slow, pytest.mark.timeout(180)]
 
 SAYS_WITHIN_S = 2.5
 """A second on an idle machine; tests may share theirs."""

@@ -7,10 +7,10 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Browser, expect
 
-from tests.e2e.visitor import DESKTOP, LONG, PHONE, Visitor, visiting
+from tests.e2e.visitor import DESKTOP, PHONE, Visitor, visiting
 from tests.system.stack import Stack
 
-pytestmark = [pytest.mark.slow, pytest.mark.timeout(180), LONG]
+pytestmark = [pytest.mark.slow, pytest.mark.timeout(180)]
 
 SCREENS = Path(__file__).resolve().parents[2] / "test-results" / "screens"
 SIZES = {"desk": DESKTOP, "phone": PHONE}

@@ -9,10 +9,10 @@ import pytest
 from playwright.sync_api import expect
 
 from tests.e2e.conftest import Visit
-from tests.e2e.visitor import LONG, Visitor
+from tests.e2e.visitor import Visitor
 from tests.system.stack import Stack
 
-pytestmark = [pytest.mark.slow, pytest.mark.timeout(180), LONG]
+pytestmark = [pytest.mark.slow, pytest.mark.timeout(180)]
 
 
 def stop(visitor: Visitor) -> None:

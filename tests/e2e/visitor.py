@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from urllib.parse import urlparse
 
-import pytest
 from playwright.sync_api import (
     Browser,
     BrowserContext,
@@ -29,11 +27,6 @@ WITHIN_MS = 20_000
 DESKTOP = {"width": 1440, "height": 900}
 PHONE = {"width": 390, "height": 844}
 IN_PAGE = {"data", "blob", "about"}
-
-LONG = pytest.mark.skipif(
-    "LABWEB_SOAK" not in os.environ, reason="minutes in the browser: part of `make soak`"
-)
-"""Marks journeys that are too long for every change."""
 
 
 class Visitor:

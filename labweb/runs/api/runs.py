@@ -12,6 +12,7 @@ from rest_framework.response import Response
 from rest_framework.views import APIView
 
 from labweb.accounts.selectors import User, user_of
+from labweb.common.reading import one_moment
 from labweb.common.render import iso
 from labweb.common.requests import body, whole_number
 from labweb.crutd import api as crutd_api
@@ -82,7 +83,8 @@ class Runs(APIView):
         if states:
             rows = rows.filter(state__in=states)
         limit = whole_number(request, "limit", default=100, low=1, high=500)
-        return Response({"runs": render.render_rows(rows[:limit])})
+        with one_moment():
+            return Response({"runs": render.render_rows(rows[:limit])})
 
     def post(self, request: Request) -> Response:
         """Start a version, or ask for approval where a policy wants it."""
@@ -98,7 +100,8 @@ class RunDetail(APIView):
     def get(self, request: Request, run_id: UUID) -> Response:
         """Return a run whole."""
         user = user_of(request)
-        return Response(render.render_run(visible(run_id, user), user))
+        with one_moment():
+            return Response(render.render_run(visible(run_id, user), user))
 
 
 class RunEvents(APIView):
