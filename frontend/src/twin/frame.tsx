@@ -5,6 +5,7 @@ import { useStatus } from "@/api/connection";
 import { useTwin } from "@/api/queries";
 import { Button } from "@/ui/controls";
 import { Glyph } from "@/ui/glyph";
+import { useIsDark } from "@/ui/theme";
 import { useLabTime } from "@/ui/time";
 import "./twin.css";
 
@@ -56,13 +57,20 @@ export function TwinFrame({ title }: { title: string }) {
   const { isLive, lostAt, life, url } = useTwinLife();
   const [isWanted, setWanted] = useState(() => !matchMedia("(max-width: 640px)").matches);
   const time = useLabTime();
+  const isDark = useIsDark();
   const frame = useRef<HTMLIFrameElement>(null);
   const state = isLive ? "live" : url === null ? "unknown" : "frozen";
   const words = lostAt === null ? "The twin is not running" : `Frozen since ${time.second(lostAt)}`;
   return (
     <div className="twin" data-testid="twin" data-state={state} data-twin-life={life}>
       {isWanted && url !== null && (isLive || lostAt !== null) && (
-        <iframe ref={frame} key={life} src={url} title={title} tabIndex={-1} />
+        <iframe
+          ref={frame}
+          key={life}
+          src={`${url}${isDark ? "dark" : "light"}/`}
+          title={title}
+          tabIndex={-1}
+        />
       )}
       {isWanted && isLive && <Cameras frame={frame} />}
       {!isWanted && isLive && (

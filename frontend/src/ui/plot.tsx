@@ -2,10 +2,10 @@
 
 import uPlot from "uplot";
 import "uplot/dist/uPlot.min.css";
-import { useEffect, useRef, useState } from "react";
+import { useEffect, useRef } from "react";
 import { formatNumber } from "@/model/format";
 import { plotColumns, type Channel } from "@/model/telemetry";
-import { useTheme } from "./theme";
+import { useIsDark } from "./theme";
 import { useLabTime } from "./time";
 
 /** Colours as the browser computes them: a token may be light-dark(…). */
@@ -18,19 +18,6 @@ function resolve(token: string): string {
   return color;
 }
 
-/** Changes when light becomes dark, by hand or by the system. */
-export function useThemeKey(): string {
-  const { theme } = useTheme();
-  const [isDark, setDark] = useState(() => matchMedia("(prefers-color-scheme: dark)").matches);
-  useEffect(() => {
-    const media = matchMedia("(prefers-color-scheme: dark)");
-    const onChange = (): void => setDark(media.matches);
-    media.addEventListener("change", onChange);
-    return () => media.removeEventListener("change", onChange);
-  }, []);
-  return `${theme}${isDark ? "dark" : "light"}`;
-}
-
 interface PlotProps {
   channel: Channel;
   height: number;
@@ -41,7 +28,7 @@ interface PlotProps {
 export function Plot({ channel, height, from_s, to_s }: PlotProps) {
   const box = useRef<HTMLDivElement>(null);
   const plot = useRef<uPlot | null>(null);
-  const theme = useThemeKey();
+  const isDark = useIsDark();
   const time = useLabTime();
   const isStepped = channel.status.endsWith("_index");
   const window_s = useRef<[number | undefined, number | undefined]>([from_s, to_s]);
@@ -65,10 +52,10 @@ export function Plot({ channel, height, from_s, to_s }: PlotProps) {
       made.destroy();
       plot.current = null;
     };
-  }, [height, theme, time, isStepped]);
+  }, [height, isDark, time, isStepped]);
   useEffect(() => {
     plot.current?.setData(plotColumns(channel));
-  }, [channel, from_s, to_s, theme, time, height]);
+  }, [channel, from_s, to_s, isDark, time, height]);
   return (
     <div
       ref={box}

@@ -1,5 +1,6 @@
 /** Light, dark, or as the system says; kept in this browser. */
 
+import { useSyncExternalStore } from "react";
 import { create } from "zustand";
 
 export type Theme = "system" | "light" | "dark";
@@ -26,3 +27,18 @@ export const useTheme = create<{ theme: Theme; setTheme: (theme: Theme) => void 
     set({ theme });
   },
 }));
+
+const DARK = "(prefers-color-scheme: dark)";
+
+function listenToScheme(onChange: () => void): () => void {
+  const media = matchMedia(DARK);
+  media.addEventListener("change", onChange);
+  return () => media.removeEventListener("change", onChange);
+}
+
+/** Whether the page is dark, by hand or by the system. */
+export function useIsDark(): boolean {
+  const { theme } = useTheme();
+  const isSystemDark = useSyncExternalStore(listenToScheme, () => matchMedia(DARK).matches);
+  return theme === "system" ? isSystemDark : theme === "dark";
+}
