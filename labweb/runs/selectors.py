@@ -11,6 +11,7 @@ from django.db.models import QuerySet
 
 from labweb.approvals import selectors as approval_selectors
 from labweb.common.render import iso
+from labweb.crutd import selectors as crutd_selectors
 from labweb.domain.errors import NotFoundError
 from labweb.domain.runs.job import AT_EDGE, JobState, RunState
 from labweb.domain.runs.scheduler import JobView, StepJob, held_by_steps
@@ -203,7 +204,10 @@ def lab_summary(lab: Lab) -> dict[str, Any]:
     """Return the lab as every page shows it."""
     live = Run.objects.filter(lab=lab, state__in=LIVE)
     doubts = jobs_in_doubt(lab).count()
-    paused = live.filter(state=RunState.PAUSED.value).count()
+    paused = live.filter(state=RunState.PAUSED.value)
+    # A run that waits for an answer is one thing, not two.
+    alone = paused.exclude(jobs__state=JobState.IN_DOUBT.value).count()
+    tickets = crutd_selectors.open_tickets(lab).count()
     waiting = approval_selectors.requests_of(lab).filter(state="open").count()
     return {
         "id": str(lab.id),
@@ -216,7 +220,7 @@ def lab_summary(lab: Lab) -> dict[str, Any]:
         "counts": {
             "runs_live": live.count(),
             "approvals_open": waiting,
-            "needs_you": doubts + paused + waiting + lab.is_stopped,
+            "needs_you": doubts + alone + waiting + tickets + lab.is_stopped,
         },
     }
 

@@ -16,7 +16,17 @@ from labweb.enrollment import services as enrollment_services
 from labweb.resources.models import Resource
 from labweb.runs import services
 from labweb.runs.models import Attempt, HostEvent, Job, Run
-from tests.builders import Bench, Edge, a_started_run, an_edge, dispatched, public_half, to_transfer
+from labweb.runs.selectors import lab_summary
+from tests.builders import (
+    HEAT,
+    Bench,
+    Edge,
+    a_started_run,
+    an_edge,
+    dispatched,
+    public_half,
+    to_transfer,
+)
 
 
 def held_nl(bench: Bench, key: str) -> int:
@@ -154,6 +164,15 @@ def test_an_action_in_doubt_quarantines_its_vessels_and_keeps_its_locks(bench: B
     assert not Entry.objects.filter(transaction=attempt.transaction, state="posted").exists()
     assert Run.objects.get(pk=run.pk).state == "paused"
     assert services.dispatch_ready() == 0
+
+
+def test_a_run_that_waits_for_an_answer_is_one_thing_that_needs_a_person(bench: Bench) -> None:
+    run = a_started_run(bench)
+    edge = an_edge(bench)
+    edge.lose(to_transfer(run, edge))
+    assert lab_summary(bench.lab)["counts"]["needs_you"] == 1
+    a_started_run(bench, HEAT)
+    assert lab_summary(bench.lab)["counts"]["needs_you"] == 2
 
 
 @pytest.mark.parametrize(
