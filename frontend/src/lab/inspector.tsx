@@ -1,14 +1,16 @@
 /** A resource: what it holds, where it stands, what it is wired to, what happened to it. */
 
 import { Link } from "react-router";
-import { useResource } from "@/api/queries";
+import { useResource, useResources } from "@/api/queries";
 import { formatFact, formatNumber, formatVolume, plain } from "@/model/format";
 import { fillShare } from "@/model/tree";
+import { wellMap } from "@/model/wells";
 import type { Resource } from "@/model/wire";
 import { Empty, Failed } from "@/ui/card";
 import { EventTable } from "@/ui/events";
 import { Glyph } from "@/ui/glyph";
 import { FillBar, Volume } from "@/ui/number";
+import { WellGrid } from "./wellmap";
 import { words } from "./words";
 
 export function ResourceInspector({
@@ -50,6 +52,7 @@ function Details({ resource, isShort }: { resource: Resource; isShort: boolean }
         </p>
       )}
       {resource.holds_liquid && <ContentsTable resource={resource} />}
+      <Wells resource={resource} />
       <Facts resource={resource} isShort={isShort} />
       {!isShort && (
         <>
@@ -62,6 +65,21 @@ function Details({ resource, isShort }: { resource: Resource; isShort: boolean }
         </>
       )}
     </div>
+  );
+}
+
+/** The map of a plate, also beside one of its wells. */
+function Wells({ resource }: { resource: Resource }) {
+  const { data: rows = [] } = useResources();
+  const parent = rows.find((row) => row.id === resource.parent_id);
+  const own = wellMap(rows, resource.id);
+  const map = own ?? (parent ? wellMap(rows, parent.id) : null);
+  if (!map) return null;
+  return (
+    <>
+      <h3 className="sub">{own ? words.wells.title : `${parent?.name ?? ""}`}</h3>
+      <WellGrid map={map} picked={resource.id} />
+    </>
   );
 }
 

@@ -2,11 +2,15 @@
 
 import { useState, type KeyboardEvent } from "react";
 import { fillShare, parentIds, visibleRows } from "@/model/tree";
+import { mappedIds } from "@/model/wells";
 import type { ResourceRow } from "@/model/wire";
 import { Glyph } from "@/ui/glyph";
 import { Icon } from "@/ui/icons";
 import { FillBar, Volume } from "@/ui/number";
 import { words } from "./words";
+
+/** Places from which on a plate begins folded: its map says more than that many rows. */
+const MANY = 12;
 
 interface TreeProps {
   rows: ResourceRow[];
@@ -16,7 +20,7 @@ interface TreeProps {
 }
 
 export function ResourceTree({ rows, picked, onPick, isNarrow = false }: TreeProps) {
-  const [closed, setClosed] = useState<ReadonlySet<string>>(new Set());
+  const [closed, setClosed] = useState<ReadonlySet<string>>(() => mappedIds(rows, MANY));
   const [query, setQuery] = useState("");
   const parents = parentIds(rows);
   const shown = visibleRows(rows, closed, query);

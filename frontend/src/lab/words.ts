@@ -56,4 +56,8 @@ export const words = {
     lineage: "Lineage",
     quarantined: "Quarantined",
   },
+  wells: {
+    title: "Wells",
+    caption: "Wells by row and column; the disc shows how full each is",
+  },
 } as const;

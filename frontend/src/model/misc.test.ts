@@ -12,35 +12,10 @@ import {
   sentence,
 } from "./format";
 import { layoutBoxes } from "./layout";
-import { aDocument, OPERATIONS } from "./samples";
+import { aDocument, aRow, OPERATIONS } from "./samples";
 import { namesOf, sentenceOf, sentenceText } from "./sentence";
 import { appendSamples, pairSeries, plotColumns, readable } from "./telemetry";
 import { findChoices, visibleRows } from "./tree";
-import type { ResourceRow } from "./wire";
-
-const row = (
-  id: string,
-  parent: string | null,
-  change: Partial<ResourceRow> = {},
-): ResourceRow => ({
-  id,
-  key: id,
-  parent_id: parent,
-  name: id,
-  kind: "flask",
-  kind_label: "Flask",
-  nature: "resource",
-  depth: 0,
-  holds_liquid: true,
-  contents: [],
-  volume_nl: 0,
-  capacity_nl: null,
-  is_quarantined: false,
-  is_archived: false,
-  device: null,
-  pose: null,
-  ...change,
-});
 
 test("amounts are shown in the unit a chemist would write", () => {
   expect(formatVolume(5_000_000)).toBe("5.00\u202fmL");
@@ -80,8 +55,8 @@ test("times are those of the lab, in 24 hours", () => {
 test("a sentence leaves out a clause whose field is empty, and marks what is missing", () => {
   const palette = makePalette(OPERATIONS);
   const names = namesOf([
-    row("r1", null, { name: "Water" }),
-    row("r2", null, { name: "Reactor 1" }),
+    aRow("r1", null, { name: "Water" }),
+    aRow("r2", null, { name: "Reactor 1" }),
   ]);
   const texts = aDocument().steps.map((step) =>
     sentenceText(sentenceOf(palette.get(step.kind), step, names)),
@@ -91,17 +66,22 @@ test("a sentence leaves out a clause whose field is empty, and marks what is mis
 });
 
 test("a closed branch hides all below it, and a search shows the way to each hit", () => {
-  const rows = [row("lab", null), row("bench", "lab"), row("deck", "bench"), row("vial", "deck")];
+  const rows = [
+    aRow("lab", null),
+    aRow("bench", "lab"),
+    aRow("deck", "bench"),
+    aRow("vial", "deck"),
+  ];
   expect(visibleRows(rows, new Set(["bench"]), "").map((r) => r.id)).toEqual(["lab", "bench"]);
   expect(visibleRows(rows, new Set(["bench"]), "vial")).toHaveLength(4);
 });
 
 test("only what fits may stand in a field", () => {
   const rows = [
-    row("flask", null),
-    row("pump", null, { kind: "syringe_pump", device: { id: "d", name: "P" } }),
-    row("old", null, { is_archived: true }),
-    row("balance", null, { kind: "balance", holds_liquid: false }),
+    aRow("flask", null),
+    aRow("pump", null, { kind: "syringe_pump", device: { id: "d", name: "P" } }),
+    aRow("old", null, { is_archived: true }),
+    aRow("balance", null, { kind: "balance", holds_liquid: false }),
   ];
   expect(findChoices(rows, { holds: "liquid" }).map((r) => r.id)).toEqual(["flask"]);
   expect(findChoices(rows, { kind: ["balance"] }).map((r) => r.id)).toEqual(["balance"]);

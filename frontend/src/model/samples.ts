@@ -4,6 +4,7 @@ import type {
   Job,
   JobState,
   PlannedJob,
+  ResourceRow,
   Run,
   UnitOperation,
   UnitTable,
@@ -171,3 +172,28 @@ export function aRun(jobs: Job[], change: Partial<Run> = {}): Run {
     ...change,
   };
 }
+
+/** A resource with that id, under that parent. */
+export const aRow = (
+  id: string,
+  parent: string | null,
+  change: Partial<ResourceRow> = {},
+): ResourceRow => ({
+  id,
+  key: id,
+  parent_id: parent,
+  name: id,
+  kind: "flask",
+  kind_label: "Flask",
+  nature: "resource",
+  depth: 0,
+  holds_liquid: true,
+  contents: [],
+  volume_nl: 0,
+  capacity_nl: null,
+  is_quarantined: false,
+  is_archived: false,
+  device: null,
+  pose: null,
+  ...change,
+});
