@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 from labweb.domain.crutd.provenance.flows import Flow
 from labweb.domain.crutd.provenance.lineage import History, Page
@@ -14,6 +15,12 @@ Link = tuple[int, str]
 
 
 def flow(order: int, source: str, target: str, *, activity: str = "", **lots: int) -> Flow:
+    return a_flow(order, source, target, lots, activity=activity)
+
+
+def a_flow(
+    order: int, source: str, target: str, lots: Mapping[Any, int], *, activity: str = ""
+) -> Flow:
     return Flow(
         order=order,
         activity=activity or f"t{order}",
@@ -21,7 +28,7 @@ def flow(order: int, source: str, target: str, *, activity: str = "", **lots: in
         target=target,
         amount_nl=sum(lots.values()),
         at=f"2026-01-01T00:00:{order % 60:02}Z",
-        lots=lots,
+        lots=dict(lots),
     )
 
 
@@ -75,7 +82,7 @@ class Book:
 
     def _write(self, source: str, target: str, parts: dict[LotId, int]) -> None:
         order = len(self.flows) + 1
-        self.flows.append(flow(order, source, target, **{str(lot): n for lot, n in parts.items()}))
+        self.flows.append(a_flow(order, source, target, parts))
         for lot, amount in parts.items():
             carried = set(self.marks.get((source, lot), set())) | {(order, lot)}
             self._taint(source, target, lot, order)
