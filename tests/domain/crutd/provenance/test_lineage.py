@@ -29,7 +29,7 @@ def a_book(acts: list[tuple[str, str, str]], amounts: list[int]) -> Book:
     return book
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=100, deadline=None)
 @given(ACTS, AMOUNTS)
 def test_lineage_up_is_what_marks_on_every_drop_would_tell(
     acts: list[tuple[str, str, str]], amounts: list[int]
@@ -41,7 +41,7 @@ def test_lineage_up_is_what_marks_on_every_drop_would_tell(
         assert trace.is_whole
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=100, deadline=None)
 @given(ACTS, AMOUNTS)
 def test_lineage_down_is_every_flow_that_carried_something_of_the_vessel(
     acts: list[tuple[str, str, str]], amounts: list[int]
@@ -52,7 +52,7 @@ def test_lineage_down_is_every_flow_that_carried_something_of_the_vessel(
         assert links(trace.flows) == book.touched.get(vessel, set()), vessel
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=50, deadline=None)
 @given(ACTS, AMOUNTS, st.integers(0, 4), st.integers(1, 10))
 def test_a_bounded_walk_is_part_of_the_whole_and_says_that_it_is_cut(
     acts: list[tuple[str, str, str]], amounts: list[int], depth: int, size: int
