@@ -24,7 +24,11 @@ MOST_FLOWS = 2000
 _MOST_ENTRIES = 20_000
 """Ledger rows that one step of a walk may read."""
 
-_FIELDS = ("id", "transaction_id", "debit", "credit", "lot_id", "amount_nl", "at")
+_COLUMNS = [field.name for field in Entry._meta.concrete_fields]  # noqa: SLF001 - Django's own API
+_AMOUNTS = tuple(name for name in _COLUMNS if name.startswith("amount_"))
+"""Columns of an amount, one for each unit; all but one of a row are zero."""
+
+_FIELDS = ("id", "transaction_id", "debit", "credit", "lot_id", "at", *_AMOUNTS)
 
 
 def history(accounts: Collection[str]) -> Page:
@@ -87,12 +91,16 @@ def _flows(rows: Sequence[tuple[Any, ...]]) -> list[Flow]:
             activity=activity,
             source=debit,
             target=credit,
-            amount_nl=sum(entry[5] for entry in entries),
-            at=entries[0][6].isoformat(),
-            lots={str(entry[4]): entry[5] for entry in entries},
+            at=entries[0][5].isoformat(),
+            lots={str(entry[4]): sum(entry[6:]) for entry in entries},
+            in_ug=frozenset(str(entry[4]) for entry in entries if _is_mass(entry[6:])),
         )
         for (activity, debit, credit), entries in grouped.items()
     ]
+
+
+def _is_mass(amounts: Sequence[int]) -> bool:
+    return any(n and name.endswith("_ug") for name, n in zip(_AMOUNTS, amounts, strict=True))
 
 
 def traces(resource: Resource, *, direction: str, limits: Limits) -> list[Trace]:

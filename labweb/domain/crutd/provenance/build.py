@@ -118,7 +118,7 @@ class _Builder:
         before = dict(self._now)
         after: dict[str, str] = {}
         for flow in flows:
-            moved = {"amount_nl": flow.amount_nl}
+            moved = _amounts(flow)
             source = self._source(name, flow, before, after, fact)
             if flow.target in self._resources:
                 state = self._state(fact, flow.target, after)
@@ -138,7 +138,7 @@ class _Builder:
         fact: TransactionFact,
     ) -> list[str]:
         """Bind where a flow came from; return the entities that its target is derived from."""
-        moved = {"amount_nl": flow.amount_nl}
+        moved = _amounts(flow)
         lots = [f"lot/{lot}" for lot in flow.lots if f"lot/{lot}" in self.nodes]
         if is_reaction(flow.source):
             for lot in lots:
@@ -233,6 +233,11 @@ class _Builder:
         reading = f"reading/{fact.id}"
         self._add(reading, Kind.ENTITY, "reading", job.sentence, reported(job))
         self._bind(Bond.GENERATED, reading, name, at=fact.ended_at)
+
+
+def _amounts(flow: Flow) -> dict[str, Fact]:
+    found = {"amount_nl": flow.amount_nl, "amount_ug": flow.amount_ug}
+    return {unit: amount for unit, amount in found.items() if amount}
 
 
 def _named(operation: Mapping[str, Any]) -> list[str]:

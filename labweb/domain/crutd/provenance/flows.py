@@ -21,9 +21,22 @@ class Flow:
 
     source: str
     target: str
-    amount_nl: int
     at: str
     lots: Mapping[str, int]
+    """Amount of each lot, in the lot's unit."""
+
+    in_ug: frozenset[str] = frozenset()
+    """Lots that are counted by mass; the others are counted in nanolitres."""
+
+    @property
+    def amount_nl(self) -> int:
+        """Return the volume of all lots that are counted by volume."""
+        return sum(amount for lot, amount in self.lots.items() if lot not in self.in_ug)
+
+    @property
+    def amount_ug(self) -> int:
+        """Return the mass of all lots that are counted by mass."""
+        return sum(amount for lot, amount in self.lots.items() if lot in self.in_ug)
 
     @property
     def key(self) -> tuple[str, str, str]:

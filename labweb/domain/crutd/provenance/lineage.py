@@ -292,8 +292,5 @@ def _trimmed(found: _Links) -> tuple[Flow, ...]:
     for (key, lot), flow in found.items():
         flows[key] = flow
         lots.setdefault(key, {})[lot] = flow.lots[lot]
-    trimmed = [
-        replace(flow, lots=dict(sorted(lots[key].items())), amount_nl=sum(lots[key].values()))
-        for key, flow in flows.items()
-    ]
+    trimmed = [replace(flow, lots=dict(sorted(lots[key].items()))) for key, flow in flows.items()]
     return tuple(sorted(trimmed, key=lambda flow: (flow.order, flow.key)))

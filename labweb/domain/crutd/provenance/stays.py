@@ -16,6 +16,8 @@ class Move:
     at: datetime
     resource: str
     source: str
+    """Empty: nobody wrote down where it had stood."""
+
     target: str
 
 
@@ -83,7 +85,7 @@ def _gathered(
 
 
 def _ever_in(moves: Iterable[Move], parent: str | None) -> set[str]:
-    found = {end for move in moves for end in (move.source, move.target)}
+    found = {end for move in moves for end in (move.source, move.target)} - {""}
     return found if parent is None else found | {parent}
 
 
@@ -107,7 +109,7 @@ def _parent_at(moves: Sequence[Move], now: str | None, at: datetime | None) -> s
     if not moves:
         return now
     done = [move for move in moves if at is not None and move.at <= at]
-    return done[-1].target if done else moves[0].source
+    return done[-1].target if done else moves[0].source or None
 
 
 def clipped(
