@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from uuid import UUID
 
 from rest_framework.request import Request
@@ -34,6 +35,12 @@ def permissions_of(user: User) -> frozenset[Permission]:
 def user_by_id(user_id: UUID) -> User | None:
     """Return the user with that id."""
     return User.objects.filter(pk=user_id).first()
+
+
+def printed_names(ids: Iterable[str]) -> dict[str, str]:
+    """Return the name that stands under a decision, by id; one query."""
+    rows = User.objects.filter(pk__in=list(ids))
+    return {str(row.pk): row.printed_name for row in rows}
 
 
 def find_user(username: str) -> User | None:

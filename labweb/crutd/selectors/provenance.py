@@ -32,6 +32,9 @@ ORDER BY e.seq DESC
 LIMIT %s
 """
 
+FOREVER = 2**62
+"""Later in the chain than every event."""
+
 Window = tuple[UUID, int, int]
 """A resource, and the first and last place in the chain of events."""
 
@@ -139,4 +142,4 @@ def moves_of(ids: Collection[str]) -> list[Move]:
 def parents_of(ids: Collection[str]) -> dict[str, str | None]:
     """Return where each resource stands now; one query."""
     rows = resource_selectors.rows(UUID(i) for i in ids).values_list("id", "parent_id")
-    return {str(node): None if parent is None else str(parent) for node, parent in rows}
+    return {str(node): _text(parent) or None for node, parent in rows}

@@ -26,7 +26,6 @@ def a_flow(
         activity=activity or f"t{order}",
         source=source,
         target=target,
-        amount_nl=sum(lots.values()),
         at=f"2026-01-01T00:00:{order % 60:02}Z",
         lots=dict(lots),
     )

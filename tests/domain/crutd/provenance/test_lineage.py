@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -29,7 +31,6 @@ def a_book(acts: list[tuple[str, str, str]], amounts: list[int]) -> Book:
     return book
 
 
-@settings(max_examples=100, deadline=None)
 @given(ACTS, AMOUNTS)
 def test_lineage_up_is_what_marks_on_every_drop_would_tell(
     acts: list[tuple[str, str, str]], amounts: list[int]
@@ -41,7 +42,6 @@ def test_lineage_up_is_what_marks_on_every_drop_would_tell(
         assert trace.is_whole
 
 
-@settings(max_examples=100, deadline=None)
 @given(ACTS, AMOUNTS)
 def test_lineage_down_is_every_flow_that_carried_something_of_the_vessel(
     acts: list[tuple[str, str, str]], amounts: list[int]
@@ -175,6 +175,11 @@ def test_a_stay_is_told_by_the_acts_that_began_and_ended_it() -> None:
     assert spans == {("v-a", "t1", "t2"), ("v-b", "t2", "t3"), ("v-c", "t3", None)}
     down = {(s.vessel, s.first, s.last) for s in trace_down("v-a", reader(flows), FAR).spans}
     assert down == {("v-a", None, None), ("v-b", "t2", "t3"), ("v-c", "t3", None)}
+
+
+def test_a_flow_tells_volume_and_mass_apart() -> None:
+    mixed = replace(flow(1, "v-a", "v-b", water=5, salt=3), in_ug=frozenset({"salt"}))
+    assert (mixed.amount_nl, mixed.amount_ug) == (5, 3)
 
 
 def test_a_picture_has_each_vessel_act_and_lot_once() -> None:
