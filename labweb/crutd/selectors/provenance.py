@@ -24,13 +24,16 @@ COLLECTIONS = {"plate", "tip_rack", "tube_rack"}
 _ACTS = """
 SELECT DISTINCT e.seq, e.transaction_id
 FROM unnest(%s::uuid[], %s::bigint[], %s::bigint[]) AS stay(resource_id, first, last)
-JOIN crutd_eventsubject s ON s.resource_id = stay.resource_id
+CROSS JOIN LATERAL (
+    SELECT event_id FROM crutd_eventsubject
+    WHERE resource_id = stay.resource_id AND role = 'subject' OFFSET 0
+) s
 JOIN crutd_event e ON e.id = s.event_id AND e.seq BETWEEN stay.first AND stay.last
-WHERE e.body #>> '{operation,op}' NOT LIKE 'transfer%%'
-   OR e.body #>> '{operation,op}' = 'transfer_resource'
 ORDER BY e.seq DESC
 LIMIT %s
 """
+"""Who pours is `source`, who is poured into `target`: those are left to the ledger. OFFSET 0
+keeps the planner from reading the whole table once instead of a few rows of each resource."""
 
 FOREVER = 2**62
 """Later in the chain than every event."""

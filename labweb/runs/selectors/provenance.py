@@ -169,13 +169,25 @@ def _windows(traces: Iterable[Trace]) -> list[Window]:
     acts = {act for span in spans for act in (span.first, span.last) if act is not None}
     places = crutd.seqs(UUID(act) for act in acts)
     above = resource_selectors.ancestors({UUID(span.vessel) for span in spans})
-    found: set[Window] = set()
+    found: dict[UUID, list[tuple[int, int]]] = {}
     for span in spans:
         first = 0 if span.first is None else places.get(UUID(span.first), 0)
         last = FOREVER if span.last is None else places.get(UUID(span.last), FOREVER)
         vessel = UUID(span.vessel)
-        found.update((node, first, last) for node in (vessel, *above[vessel]))
-    return sorted(found)
+        for node in (vessel, *above[vessel]):
+            found.setdefault(node, []).append((first, last))
+    return [(node, *stay) for node, stays in sorted(found.items()) for stay in _merged(stays)]
+
+
+def _merged(stays: Iterable[tuple[int, int]]) -> list[tuple[int, int]]:
+    """Join stays that overlap."""
+    merged: list[tuple[int, int]] = []
+    for first, last in sorted(stays):
+        if merged and first <= merged[-1][1]:
+            merged[-1] = (merged[-1][0], max(last, merged[-1][1]))
+        else:
+            merged.append((first, last))
+    return merged
 
 
 def _jobs_of(transactions: Iterable[TransactionFact]) -> list[Job]:
