@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 from labweb.domain.crutd.provenance.flows import Flow, is_nominal
@@ -27,14 +28,24 @@ def to_graph(start: str, flows: Sequence[Flow]) -> dict[str, Any]:
             nodes += [
                 {"id": f"lot:{lot}", "kind": "entity", "type": "lot"} for lot in sorted(flow.lots)
             ]
-            edges += [_edge(f"lot:{lot}", flow.target, n, flow.at) for lot, n in flow.lots.items()]
+            edges += [
+                _edge(f"lot:{lot}", flow.target, replace(flow, lots={lot: amount}))
+                for lot, amount in flow.lots.items()
+            ]
             continue
-        edges.append(_edge(flow.source, flow.activity, flow.amount_nl, flow.at))
+        edges.append(_edge(flow.source, flow.activity, flow))
         if not is_nominal(flow.target):
-            edges.append(_edge(flow.activity, flow.target, flow.amount_nl, flow.at))
+            edges.append(_edge(flow.activity, flow.target, flow))
     unique = {node["id"]: node for node in nodes}
     return {"root": start, "nodes": list(unique.values()), "edges": edges}
 
 
-def _edge(source: str, target: str, amount_nl: int, at: str) -> dict[str, Any]:
-    return {"source": source, "target": target, "amount_nl": amount_nl, "at": at, "label": ""}
+def _edge(source: str, target: str, flow: Flow) -> dict[str, Any]:
+    return {
+        "source": source,
+        "target": target,
+        "amount_nl": flow.amount_nl,
+        "amount_ug": flow.amount_ug,
+        "at": flow.at,
+        "label": "",
+    }

@@ -194,3 +194,12 @@ def test_a_picture_has_each_vessel_act_and_lot_once() -> None:
     assert {(e["source"], e["target"]) for e in picture["edges"]} == {
         ("lot:water", "v-a"), ("v-a", "t2"), ("t2", "v-b"), ("v-b", "t3"),
     }  # fmt: skip
+
+
+def test_a_picture_tells_volume_and_mass_apart() -> None:
+    brought = replace(flow(1, "RECEIPT", "v-a", water=9, salt=4), in_ug=frozenset({"salt"}))
+    amounts = {
+        edge["source"]: (edge["amount_nl"], edge["amount_ug"])
+        for edge in to_graph("v-a", [brought])["edges"]
+    }
+    assert amounts == {"lot:water": (9, 0), "lot:salt": (0, 4)}
