@@ -8,12 +8,15 @@ import json
 import zipfile
 from importlib import resources
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 import pyarrow.parquet as pq  # type: ignore[import-untyped]
 import pytest
 import requests
+from asgiref.sync import async_to_sync
 from django.core.management import CommandError, call_command
+from django.http import StreamingHttpResponse
+from django.test import AsyncClient
 from requests_cache import CachedSession
 from rocrate.rocrate import ROCrate  # type: ignore[import-untyped]
 from rocrate_validator.models import Severity  # type: ignore[import-untyped]
@@ -24,6 +27,7 @@ from labweb.crutd.models import Event
 from labweb.crutd.services import event_hash
 from labweb.domain.crutd.provenance.prov_check import check_prov
 from labweb.domain.crutd.provenance.prov_read import read_prov
+from labweb.runs.api import crate as crate_api
 from labweb.runs.models import Run
 from labweb.runs.services import crate as crates
 from labweb.telemetry.models import Sample
@@ -216,6 +220,34 @@ def test_a_run_with_too_many_samples_is_refused(
     monkeypatch.setattr(crates, "MOST_SAMPLES", 1)
     answer = call(signed_in(bench.people["admin"]), "GET", f"{API}/runs/{run.id}/crate")
     assert (answer.status_code, code_of(answer)) == (409, "crate.too_large")
+
+
+def test_a_crate_is_sent_in_blocks_and_vanishes_with_the_answer(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    run = done(bench)[0]
+    monkeypatch.setattr(crate_api, "_BLOCK", 1000)
+    opened: list[IO[bytes]] = []
+    pack = crates.pack_run
+
+    def watched(*args: Any) -> IO[bytes]:  # noqa: ANN401 - as they come
+        opened.append(pack(*args))
+        return opened[-1]
+
+    monkeypatch.setattr(crate_api, "pack_run", watched)
+
+    async def blocks() -> list[bytes]:
+        client = AsyncClient()
+        await client.aforce_login(bench.people["observer"])
+        answer = await client.get(f"{API}/runs/{run.id}/crate")
+        assert isinstance(answer, StreamingHttpResponse)
+        assert answer.is_async
+        return [block async for block in answer]
+
+    found = async_to_sync(blocks)()
+    assert {len(block) for block in found[:-1]} == {1000}
+    assert set(zipfile.ZipFile(io.BytesIO(b"".join(found))).namelist()) >= FILES
+    assert [file.closed for file in opened] == [True]
 
 
 def test_who_may_not_see_a_run_gets_no_crate(bench: Bench) -> None:
