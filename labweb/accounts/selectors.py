@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from uuid import UUID
 
 from rest_framework.request import Request
@@ -36,10 +37,10 @@ def user_by_id(user_id: UUID) -> User | None:
     return User.objects.filter(pk=user_id).first()
 
 
-def printed_name(user_id: str) -> str:
-    """Return the name a record shows for a user; the id where there is no such user."""
-    row = User.objects.filter(pk=user_id).first() if user_id else None
-    return user_id if row is None else row.printed_name
+def printed_names(ids: Iterable[str]) -> dict[str, str]:
+    """Return the name that stands under a decision, by id; one query."""
+    rows = User.objects.filter(pk__in=list(ids))
+    return {str(row.pk): row.printed_name for row in rows}
 
 
 def find_user(username: str) -> User | None:

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Awaitable, Callable
 from inspect import iscoroutinefunction
 
-from django.http import HttpRequest, HttpResponse
+from django.http import HttpRequest
+from django.http.response import HttpResponseBase
 from django.utils.decorators import sync_and_async_middleware
 
 _APP_POLICY = (
@@ -16,7 +17,9 @@ _APP_POLICY = (
 )
 """Inline styles stay allowed: the component library and React Flow place things with them."""
 
-Handler = Callable[[HttpRequest], HttpResponse] | Callable[[HttpRequest], Awaitable[HttpResponse]]
+Handler = (
+    Callable[[HttpRequest], HttpResponseBase] | Callable[[HttpRequest], Awaitable[HttpResponseBase]]
+)
 
 
 @sync_and_async_middleware
@@ -24,20 +27,20 @@ def headers(get_response: Handler) -> Handler:
     """Add the content security policy unless a view has set its own."""
     if iscoroutinefunction(get_response):
 
-        async def answer_async(request: HttpRequest) -> HttpResponse:
+        async def answer_async(request: HttpRequest) -> HttpResponseBase:
             return _with_policy(await get_response(request))
 
         return answer_async
 
-    def answer(request: HttpRequest) -> HttpResponse:
+    def answer(request: HttpRequest) -> HttpResponseBase:
         response = get_response(request)
-        assert isinstance(response, HttpResponse)  # noqa: S101 - narrows the sync branch
+        assert isinstance(response, HttpResponseBase)  # noqa: S101 - narrows the sync branch
         return _with_policy(response)
 
     return answer
 
 
-def _with_policy(response: HttpResponse) -> HttpResponse:
+def _with_policy(response: HttpResponseBase) -> HttpResponseBase:
     response.headers.setdefault("Content-Security-Policy", _APP_POLICY)
     response.headers.setdefault("Permissions-Policy", "camera=(), microphone=(), geolocation=()")
     return response

@@ -56,8 +56,15 @@ class LabSchema(AutoSchema):
         shape = {key: value for key, value in found.items() if value != []}
         return {"required": True, "content": {"application/json": {"schema": shape}}}
 
+    def _answer(self) -> dict[str, Any]:
+        """Return what a view answers with: JSON, or a file of the view's `answer_type`."""
+        kind = getattr(self.view, "answer_type", None)
+        if kind is None:
+            return {"application/json": {"schema": _ANSWER}}
+        return {kind: {"schema": {"type": "string", "format": "binary"}}}
+
     def _get_response_bodies(self, direction: str = "response") -> dict[str, Any]:
         del direction
-        answer = {"content": {"application/json": {"schema": _ANSWER}}, "description": "The answer"}
+        answer = {"content": self._answer(), "description": "The answer"}
         refusal = {"content": {"application/json": {"schema": REFUSAL}}, "description": "Refused"}
         return {"2XX": answer, "4XX": refusal}

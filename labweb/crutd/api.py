@@ -15,6 +15,7 @@ from labweb.common.render import iso
 from labweb.common.requests import whole_number
 from labweb.crutd import selectors
 from labweb.crutd.models import Event, EventSubject
+from labweb.crutd.selectors import lineage
 from labweb.domain.approvals.roles import Permission
 from labweb.domain.errors import DefinitionError, NotFoundError
 from labweb.domain.resources.contents import LotId, total_nl
@@ -27,7 +28,6 @@ from labweb.resources.api import render_end
 from labweb.resources.selectors import Lab, Lot, Resource
 
 _MOST_EVENTS = 500
-_DEEPEST = 12
 _ELSEWHERE = "elsewhere"
 """Stands for the name of what the caller may not know of."""
 
@@ -98,14 +98,15 @@ class Lineage(APIView):
         """Return the graph around a vessel, `direction` up, down or both, to `depth`."""
         row = visible(request, resource_id)
         direction = request.query_params.get("direction", "both")
-        depth = whole_number(request, "depth", default=3, low=1, high=_DEEPEST)
+        depth = whole_number(request, "depth", default=3, low=1, high=lineage.DEEPEST)
         if direction not in {"up", "down", "both"}:
             raise DefinitionError("direction is up, down or both", code="http.query")
-        graph = selectors.lineage(row, direction=direction, depth=depth)
+        graph = lineage.lineage(row, direction=direction, depth=depth)
         seen = resource_selectors.allowed_ids(user_of(request), Permission.VIEW)
         for node in graph["nodes"]:
             if node["type"] == "vessel" and UUID(node["id"]) not in seen:
                 node.update(name=_ELSEWHERE, detail="")
+        graph["unread"] = [node for node in graph["unread"] if UUID(node) in seen]
         return Response(graph)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Iterable
 from uuid import UUID
 
 import msgspec
@@ -13,6 +13,7 @@ from labweb.domain.enrollment.spec import DriverSpec
 from labweb.domain.errors import NotFoundError
 from labweb.domain.messages import DeviceConfig
 from labweb.enrollment.models import Device as Device
+from labweb.enrollment.models import DriverVersion
 from labweb.enrollment.models import EdgeHost as EdgeHost
 from labweb.resources import selectors as resource_selectors
 from labweb.resources.selectors import Lab
@@ -133,3 +134,9 @@ def config_for_host(row: Device) -> DeviceConfig:
         statuses={status.name: status.every_s or 1.0 for status in spec.statuses},
         nodes={role: UUID(node) for role, node in row.nodes.items()},
     )
+
+
+def driver_names(digests: Iterable[str]) -> dict[str, str]:
+    """Return the class of each driver version by the digest of its source."""
+    rows = DriverVersion.objects.filter(digest__in=list(digests))
+    return {row.digest: f"{row.module}:{row.class_name}" for row in rows}

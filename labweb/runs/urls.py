@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from django.urls import path
 
-from labweb.runs.api import approvals, drawing, lab, runs
+from labweb.runs.api import approvals, crate, drawing, lab, provenance, runs
 
 urlpatterns = [
     path("lab", lab.LabView.as_view()),
@@ -20,6 +20,11 @@ urlpatterns = [
     path("runs/<uuid:run_id>/pause", runs.RunAct.as_view(act="pause")),
     path("runs/<uuid:run_id>/resume", runs.RunAct.as_view(act="resume")),
     path("runs/<uuid:run_id>/abort", runs.RunAct.as_view(act="abort")),
+    path("runs/<uuid:run_id>/provenance", provenance.RunProvenance.as_view()),
+    path("runs/<uuid:run_id>/crate", crate.RunCrate.as_view()),
+    path("lots/<uuid:lot_id>/provenance", provenance.LotProvenance.as_view()),
+    path("resources/<uuid:resource_id>/provenance", provenance.ResourceProvenance.as_view()),
+    path("resources/<uuid:resource_id>/conditions", provenance.Conditions.as_view()),
     path("jobs/<uuid:job_id>/resolve", runs.ResolveJob.as_view()),
     path("approvals", approvals.Requests.as_view()),
     path("approvals/<uuid:request_id>", approvals.RequestDetail.as_view()),

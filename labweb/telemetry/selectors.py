@@ -6,6 +6,8 @@ from collections.abc import Iterable
 from typing import Any
 from uuid import UUID
 
+from django.db.models import QuerySet
+
 from labweb.telemetry.models import Sample
 
 MOST_POINTS = 4000
@@ -34,3 +36,10 @@ def latest(device_ids: Iterable[UUID]) -> dict[UUID, dict[str, tuple[float, Any]
     for device_id, status, at, value in rows.values_list("device_id", "status", "at", "value"):
         found.setdefault(device_id, {})[status] = (at, value)
     return found
+
+
+def samples(device_ids: Iterable[UUID], since: float, until: float) -> QuerySet[Sample]:
+    """Samples of some devices within the window, oldest first."""
+    return Sample.objects.filter(
+        device_id__in=list(device_ids), at__gte=since, at__lte=until
+    ).order_by("at", "id")

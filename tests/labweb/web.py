@@ -6,7 +6,8 @@ import json
 from collections.abc import Iterator
 from typing import Any
 
-from django.http import HttpResponse
+from asgiref.sync import async_to_sync
+from django.http import HttpResponse, StreamingHttpResponse
 from django.test import Client
 from django.urls import URLPattern, URLResolver, get_resolver
 
@@ -23,11 +24,18 @@ def signed_in(user: User | None) -> Client:
 
 
 def call(client: Client, method: str, path: str, body: object = None) -> HttpResponse:
-    """Send one request with a JSON body."""
+    """Send one request with a JSON body; what is streamed is read to its end."""
     data = "" if body is None else json.dumps(body)
     answer = client.generic(method, path, data, content_type="application/json")
+    if isinstance(answer, StreamingHttpResponse):
+        content = async_to_sync(_whole)(answer)
+        return HttpResponse(content, status=answer.status_code, headers=dict(answer.headers))
     assert isinstance(answer, HttpResponse)
     return answer
+
+
+async def _whole(answer: StreamingHttpResponse) -> bytes:
+    return b"".join([block async for block in answer])
 
 
 def read(client: Client, path: str, status: int = 200) -> dict[str, Any]:

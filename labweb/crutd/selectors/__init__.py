@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping
-from functools import partial
-from typing import Any
+from collections.abc import Collection, Iterable
 from uuid import UUID
 
 from django.db.models import QuerySet, Sum
@@ -12,7 +10,7 @@ from django.db.models import QuerySet, Sum
 from labweb.crutd.models import Entry, Event, EventSubject, Holding, ResourceLock, Ticket
 from labweb.crutd.models import Transaction as Transaction
 from labweb.domain.crutd.decide import ResourceState
-from labweb.domain.crutd.provenance import Flow, is_nominal, to_graph, walk
+from labweb.domain.crutd.provenance import is_nominal
 from labweb.domain.errors import NotFoundError
 from labweb.domain.resources.contents import LotId
 from labweb.domain.runs.locks import Lock, LockMode
@@ -127,65 +125,6 @@ def subjects_of(event_ids: Iterable[int]) -> dict[int, list[EventSubject]]:
     for row in rows:
         found.setdefault(row.event_id, []).append(row)
     return found
-
-
-def flows_beyond(bounds: Mapping[str, int], *, forward: bool) -> list[Flow]:
-    """Return posted flows out of (or into) accounts, past the bound of each; one query."""
-    side = "debit__in" if forward else "credit__in"
-    rows = Entry.objects.filter(state=Entry.State.POSTED, **{side: list(bounds)})
-    grouped: dict[tuple[str, str, str], list[Entry]] = {}
-    for row in rows.order_by("id"):
-        bound = bounds[row.debit if forward else row.credit]
-        if (row.id > bound) if forward else (row.id < bound):
-            grouped.setdefault((str(row.transaction_id), row.debit, row.credit), []).append(row)
-    return [
-        Flow(
-            order=entries[0].id,
-            activity=activity,
-            source=debit,
-            target=credit,
-            amount_nl=sum(entry.amount_nl for entry in entries),
-            at=entries[0].at.isoformat(),
-            lots={str(entry.lot_id): entry.amount_nl for entry in entries},
-        )
-        for (activity, debit, credit), entries in grouped.items()
-    ]
-
-
-def lineage(resource: Resource, *, direction: str, depth: int) -> dict[str, Any]:
-    """Return the graph of what led to a vessel's contents and what became of them."""
-    start = str(resource.id)
-    flows: dict[tuple[int, str, str], Flow] = {}
-    truncated = 0
-    for forward in (False, True):
-        if direction in {"both", "down" if forward else "up"}:
-            step = partial(flows_beyond, forward=forward)
-            found, beyond = walk(start, step, forward=forward, depth=depth)
-            flows.update({(flow.order, flow.source, flow.target): flow for flow in found})
-            truncated += beyond
-    graph = to_graph(start, [flows[key] for key in sorted(flows)])
-    return {**_named(graph), "truncated": truncated}
-
-
-def _named(graph: dict[str, Any]) -> dict[str, Any]:
-    ids = [node["id"] for node in graph["nodes"]]
-    plain = [i for i in ids if not i.startswith("lot:")]
-    resources = {str(r.id): r for r in resource_selectors.rows(UUID(i) for i in plain)}
-    lot_ids = [i.removeprefix("lot:") for i in ids if i.startswith("lot:")]
-    lots = {f"lot:{lot.id}": lot for lot in resource_selectors.find_lots(lot_ids)}
-    transactions = {str(t.id): t for t in Transaction.objects.filter(pk__in=plain)}
-    for node in graph["nodes"]:
-        node.setdefault("at", None)
-        if node["id"] in resources:
-            row = resources[node["id"]]
-            node.update(name=row.name, detail=row.kind)
-        elif node["id"] in lots:
-            node.update(name=str(lots[node["id"]]), detail=lots[node["id"]].key)
-        else:
-            act = transactions[node["id"]]
-            node.update(name=act.name, detail=f"{act.state}, {act.verification or 'assumed'}")
-            node["job_id"] = None if act.job_id is None else str(act.job_id)
-    return graph
 
 
 def balance_by_lot(lab: Lab) -> dict[UUID, int]:

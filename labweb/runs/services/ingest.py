@@ -202,12 +202,16 @@ def _on_resolved(attempt: Attempt, event: EdgeEvent) -> None:
     resolution = {
         "answer": body.get("answer"),
         "note": body.get("note"),
-        "by": account_selectors.printed_name(str(body.get("issued_by", ""))),
+        "by": _name_of(str(body.get("issued_by") or "")),
     }
     if body.get("answer") == "partly":
         resolution["moved_nl"] = settlement.outcome.moved_nl
     evidence = {**attempt.job.evidence, "resolution": resolution}
     move_job(attempt.job, state, Mover.EDGE, evidence=evidence)
+
+
+def _name_of(user_id: str) -> str:
+    return account_selectors.printed_names([user_id] if user_id else []).get(user_id, user_id)
 
 
 def _kept(settlement: Settlement) -> Settlement:

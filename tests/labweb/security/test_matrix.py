@@ -13,6 +13,7 @@ from django.http import HttpResponse
 from django.test import Client
 
 from labweb.approvals.models import ApprovalRequest
+from labweb.resources.models import Lot
 from labweb.runs import services as run_services
 from labweb.workflows import services as workflow_services
 from tests.builders import HEAT, PASSWORD, Bench, a_started_run, an_edge, to_transfer
@@ -38,6 +39,9 @@ API: dict[tuple[str, str], tuple[tuple[str, ...], Any]] = {
     ("GET", "resources"): (MEMBERS, None),
     ("GET", "resources/<resource>"): (MEMBERS, None),
     ("GET", "resources/<resource>/lineage"): (MEMBERS, None),
+    ("GET", "resources/<resource>/provenance"): (MEMBERS, None),
+    ("GET", "resources/<resource>/conditions?device=<device>"): (MEMBERS, None),
+    ("GET", "lots/<lot>/provenance"): (MEMBERS, None),
     ("GET", "steps"): (MEMBERS, None),
     ("GET", "lab"): (MEMBERS, None),
     ("POST", "lab/stop"): (MEMBERS, None),
@@ -54,6 +58,8 @@ API: dict[tuple[str, str], tuple[tuple[str, ...], Any]] = {
     ("GET", "runs/<run>"): (MEMBERS, None),
     ("GET", "runs/<run>/events"): (MEMBERS, None),
     ("GET", "runs/<run>/log"): (MEMBERS, None),
+    ("GET", "runs/<run>/provenance"): (MEMBERS, None),
+    ("GET", "runs/<run>/crate"): (MEMBERS, None),
     ("POST", "runs/<run>/pause"): (WORKERS, {}),
     ("POST", "runs/<run>/resume"): (WORKERS, {}),
     ("POST", "runs/<run>/abort"): (WORKERS, {"reason": "enough"}),
@@ -94,6 +100,7 @@ def ids(bench: Bench) -> dict[str, str]:
     return {
         "device": str(bench.device("timer_1").id),
         "resource": str(bench.node("water").id),
+        "lot": str(Lot.objects.get(key="water_lot").id),
         "workflow": str(workflow.id),
         "version": str(bench.version("Move 5 mL of water").id),
         "number": "1",
@@ -131,7 +138,7 @@ def send(
 
 
 def test_every_rest_route_is_in_the_table() -> None:
-    assert set(rest_routes()) == set(API)
+    assert set(rest_routes()) == {(method, route.split("?")[0]) for method, route in API}
 
 
 def test_every_other_url_is_a_known_page() -> None:

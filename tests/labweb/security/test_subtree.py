@@ -16,6 +16,7 @@ from django.test import Client
 from labweb.accounts.selectors import User
 from labweb.crutd import services as crutd_services
 from labweb.domain.crutd import operations
+from labweb.resources.models import Lot
 from labweb.runs.models import Run
 from labweb.workflows import services as workflow_services
 from labweb.workflows.models import WorkflowVersion
@@ -59,11 +60,16 @@ def test_a_detail_outside_is_as_if_it_were_not_there(bench: Bench, client: Clien
     outside = {
         f"{API}/resources/{bench.node('water').id}": "resource.not_found",
         f"{API}/resources/{bench.node('water').id}/lineage": "resource.not_found",
+        f"{API}/resources/{bench.node('water').id}/provenance": "resource.not_found",
+        f"{API}/resources/{bench.node('water').id}/conditions": "resource.not_found",
+        f"{API}/lots/{Lot.objects.get(key='water_lot').id}/provenance": "lot.not_found",
         f"{API}/devices/{bench.device('pump_1').id}": "device.not_found",
         f"{API}/devices/{bench.device('pump_1').id}/telemetry": "device.not_found",
         f"{API}/runs/{run.id}": "run.not_found",
         f"{API}/runs/{run.id}/events": "run.not_found",
         f"{API}/runs/{run.id}/log": "run.not_found",
+        f"{API}/runs/{run.id}/provenance": "run.not_found",
+        f"{API}/runs/{run.id}/crate": "run.not_found",
     }
     for path, code in outside.items():
         assert read(client, path, status=404)["code"] == code

@@ -1,0 +1,148 @@
+"""What the record says of transactions, resources, lots and moves, for the graph."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Mapping
+from typing import Any
+from uuid import UUID
+
+from django.db import connection
+from django.db.models import Q
+
+from labweb.common.render import iso
+from labweb.crutd.models import Event, EventSubject, Transaction
+from labweb.domain.crutd.provenance.facts import LotFact, ResourceFact, TransactionFact
+from labweb.domain.crutd.provenance.stays import Move
+from labweb.resources import selectors as resource_selectors
+
+MOST_ACTS = 1000
+"""Acts other than pouring that one answer may hold."""
+
+COLLECTIONS = {"plate", "tip_rack", "tube_rack"}
+"""Kinds whose parts are members of a whole."""
+
+_ACTS = """
+SELECT DISTINCT e.seq, e.transaction_id
+FROM unnest(%s::uuid[], %s::bigint[], %s::bigint[]) AS stay(resource_id, first, last)
+CROSS JOIN LATERAL (
+    SELECT event_id FROM crutd_eventsubject
+    WHERE resource_id = stay.resource_id AND role = 'subject' OFFSET 0
+) s
+JOIN crutd_event e ON e.id = s.event_id AND e.seq BETWEEN stay.first AND stay.last
+ORDER BY e.seq DESC
+LIMIT %s
+"""
+"""Who pours is `source`, who is poured into `target`: those are left to the ledger. OFFSET 0
+keeps the planner from reading the whole table once instead of a few rows of each resource."""
+
+FOREVER = 2**62
+"""Later in the chain than every event."""
+
+Window = tuple[UUID, int, int]
+"""A resource, and the first and last place in the chain of events."""
+
+
+def seqs(transaction_ids: Iterable[UUID]) -> dict[UUID, int]:
+    """Return the place in the chain of the last event of each transaction."""
+    rows = Event.objects.filter(transaction_id__in=list(transaction_ids)).order_by("seq")
+    return dict(rows.values_list("transaction_id", "seq"))
+
+
+def acts_within(windows: Collection[Window], limit: int = MOST_ACTS) -> tuple[list[UUID], bool]:
+    """Return transactions on resources within windows, the newest first; none that pours.
+
+    Returns:
+        Their ids, and whether there are more than `limit`.
+    """
+    ids, firsts, lasts = zip(*windows, strict=True) if windows else ((), (), ())
+    with connection.cursor() as cursor:
+        cursor.execute(_ACTS, [list(ids), list(firsts), list(lasts), limit + 1])
+        found = [row[1] for row in cursor.fetchall()]
+    return list(dict.fromkeys(found[:limit])), len(found) > limit
+
+
+def transaction_facts(ids: Iterable[UUID]) -> list[TransactionFact]:
+    """Return transactions, each with the newest of its events; two queries."""
+    rows = list(Transaction.objects.filter(pk__in=list(ids)))
+    events: dict[UUID, tuple[int, str, Any]] = {}
+    found = Event.objects.filter(transaction__in=[row.pk for row in rows]).order_by("seq")
+    for about, seq, digest, at in found.values_list("transaction_id", "seq", "hash", "at"):
+        events[about] = (seq, digest, at)
+    return [_fact(row, *events.get(row.id, (0, "", None))) for row in rows]
+
+
+def _fact(row: Transaction, seq: int, digest: str, at: Any) -> TransactionFact:  # noqa: ANN401
+    return TransactionFact(
+        id=str(row.id),
+        seq=seq,
+        name=row.name,
+        state=row.state,
+        started_at=iso(row.proposed_at) or "",
+        ended_at=iso(row.settled_at or at) or "",
+        operation=row.operation,
+        change=row.change or {},
+        verification=row.verification,
+        code=row.code,
+        event_hash=digest,
+        actor_id=_text(row.actor_id),
+        job_id=_text(row.job_id),
+    )
+
+
+def _text(value: object) -> str:
+    return "" if value is None else str(value)
+
+
+def resource_facts(ids: Collection[UUID]) -> list[ResourceFact]:
+    """Return resources, with the plate or rack that each stands in."""
+    rows = list(resource_selectors.rows(ids))
+    above = resource_selectors.rows({row.parent_id for row in rows if row.parent_id is not None})
+    kinds: dict[UUID | None, str] = dict(above.values_list("id", "kind"))
+    return [
+        ResourceFact(
+            id=str(row.id),
+            name=row.name,
+            kind=row.kind,
+            collection_id=str(row.parent_id) if kinds.get(row.parent_id) in COLLECTIONS else "",
+        )
+        for row in rows
+    ]
+
+
+def lot_facts(ids: Iterable[str]) -> list[LotFact]:
+    """Return lots with their materials."""
+    return [
+        LotFact(
+            id=str(row.id),
+            name=str(row),
+            material=row.material.name,
+            number=row.number,
+            supplier=row.supplier,
+            expires_on="" if row.expires_on is None else row.expires_on.isoformat(),
+        )
+        for row in resource_selectors.find_lots(ids)
+    ]
+
+
+def moves_of(ids: Collection[str]) -> list[Move]:
+    """Return every committed change of place of the resources; one query."""
+    rows = EventSubject.objects.filter(
+        Q(event__state="committed"),
+        resource_id__in=list(ids),
+        role="subject",
+    ).exclude(event__body__change__moves={})
+    found = []
+    facts = rows.values_list("resource_id", "event__at", "event__body")
+    for resource_id, at, body in facts:
+        change: Mapping[str, Any] = body.get("change") or {}
+        target = (change.get("moves") or {}).get(str(resource_id))
+        source = body["operation"].get("from_id")
+        if target is not None:
+            found.append(Move(at, str(resource_id), _text(source), str(target)))
+    return found
+
+
+def parents_of(ids: Collection[str]) -> dict[str, str | None]:
+    """Return where each resource stands now; one query."""
+    rows = resource_selectors.rows(UUID(i) for i in ids).values_list("id", "parent_id")
+    return {str(node): _text(parent) or None for node, parent in rows}

@@ -1,0 +1,124 @@
+"""The endpoints of provenance: what led to a thing, what it touched, and under which conditions."""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime
+from typing import Any
+from uuid import UUID
+
+from rest_framework.request import Request
+from rest_framework.response import Response
+from rest_framework.views import APIView
+
+from labweb.accounts.selectors import user_of
+from labweb.common.clock import now
+from labweb.common.requests import seconds, whole_number
+from labweb.crutd import selectors as crutd_selectors
+from labweb.crutd.api import visible as visible_resource
+from labweb.crutd.selectors.lineage import DEEPEST
+from labweb.domain.approvals.roles import Permission
+from labweb.domain.crutd.provenance.prov_json import render_prov
+from labweb.domain.crutd.provenance.views import to_json
+from labweb.domain.errors import DefinitionError, NotFoundError
+from labweb.enrollment import selectors as enrollment_selectors
+from labweb.resources import selectors as resource_selectors
+from labweb.runs.api.runs import visible as visible_run
+from labweb.runs.selectors import conditions as condition_selectors
+from labweb.runs.selectors import provenance
+from labweb.runs.selectors.provenance import Provenance
+
+_FORMS = ("json", "prov")
+_DEPTH = 10
+
+
+def _asked(request: Request) -> dict[str, Any]:
+    """Read `direction` and `depth`.
+
+    Raises:
+        DefinitionError: One of them is none that is offered.
+    """
+    direction = request.query_params.get("direction", "both")
+    if direction not in provenance.DIRECTIONS:
+        raise DefinitionError("direction is up, down or both", code="http.query")
+    if request.query_params.get("form", "json") not in _FORMS:
+        raise DefinitionError("form is json or prov", code="http.query")
+    depth = whole_number(request, "depth", default=_DEPTH, low=1, high=DEEPEST)
+    return {"direction": direction, "depth": depth}
+
+
+def _told(request: Request, found: Provenance) -> Response:
+    seen = resource_selectors.allowed_ids(user_of(request), Permission.VIEW)
+    graph = provenance.seen_by(found, seen)
+    if request.query_params.get("form") == "prov":
+        return Response(render_prov(graph, str(found.lab.id)))
+    return Response({**to_json(graph), "truncation": found.truncation()})
+
+
+class ResourceProvenance(APIView):
+    """What led to a resource, and what it touched."""
+
+    def get(self, request: Request, resource_id: UUID) -> Response:
+        """Return the graph: `direction` up, down or both; `depth`; `form` json or prov."""
+        row = visible_resource(request, resource_id)
+        return _told(request, provenance.of_resource(row, **_asked(request)))
+
+
+class LotProvenance(APIView):
+    """What was made from a lot."""
+
+    def get(self, request: Request, lot_id: UUID) -> Response:
+        """Return the graph: `direction` up, down or both; `depth`; `form` json or prov."""
+        lab = resource_selectors.the_lab()
+        seen = resource_selectors.allowed_ids(user_of(request), Permission.VIEW)
+        lots = {lot.id: lot for lot in crutd_selectors.visible_lots(lab, seen)}
+        if lot_id not in lots:
+            raise NotFoundError(f"no lot {lot_id}", code="lot.not_found")
+        return _told(request, provenance.of_lot(lots[lot_id], **_asked(request)))
+
+
+class RunProvenance(APIView):
+    """What a run used and made."""
+
+    def get(self, request: Request, run_id: UUID) -> Response:
+        """Return the graph: `direction` up, down or both; `depth`; `form` json or prov."""
+        run = visible_run(run_id, user_of(request))
+        return _told(request, provenance.of_run(run, **_asked(request)))
+
+
+class Conditions(APIView):
+    """What a device told while a resource was in it."""
+
+    def get(self, request: Request, resource_id: UUID) -> Response:
+        """Return each stay in the device `device` from `since_s` to `until_s`."""
+        row = visible_resource(request, resource_id)
+        device = enrollment_selectors.find_device(_uuid(request, "device"))
+        seen = resource_selectors.allowed_ids(user_of(request), Permission.VIEW)
+        if not enrollment_selectors.is_seen(device, seen):
+            raise NotFoundError(f"no device {device.id}", code="device.not_found")
+        until = seconds(request, "until_s", now().timestamp())
+        since = seconds(request, "since_s", 0.0)
+        found = condition_selectors.conditions(
+            row,
+            device,
+            since=datetime.fromtimestamp(since, UTC),
+            until=datetime.fromtimestamp(until, UTC),
+        )
+        _hide_acts(request, found)
+        return Response(found)
+
+
+def _hide_acts(request: Request, found: dict[str, Any]) -> None:
+    """Leave out the acts of runs that the caller may not know of."""
+    runs = {act["run_id"] for stay in found["stays"] for act in stay["acts"]}
+    if runs:
+        shown = provenance.shown_runs(runs, user_of(request))
+        for stay in found["stays"]:
+            stay["acts"] = [act for act in stay["acts"] if act["run_id"] in shown]
+
+
+def _uuid(request: Request, name: str) -> UUID:
+    text = request.query_params.get(name, "")
+    try:
+        return UUID(text)
+    except ValueError as error:
+        raise DefinitionError(f"{name} must be an id", code="http.query") from error

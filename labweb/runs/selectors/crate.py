@@ -1,0 +1,141 @@
+"""What a crate of a run holds, read from the record."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from datetime import datetime
+from typing import Any
+from uuid import UUID
+
+from labweb.common.clock import now
+from labweb.common.render import iso
+from labweb.crutd import selectors as crutd_selectors
+from labweb.crutd.selectors import lineage
+from labweb.domain.crutd.provenance.build import reported
+from labweb.enrollment import selectors as enrollment_selectors
+from labweb.enrollment.selectors import Device
+from labweb.runs.models import Attempt, HostEvent, Job, Run
+from labweb.runs.selectors import governed
+from labweb.telemetry import selectors as telemetry_selectors
+
+_CHUNK = 10_000
+
+
+def actions_of(run: Run) -> dict[UUID, UUID]:
+    """Return the transaction of each try, by the try's id."""
+    rows = Attempt.objects.filter(job__run=run).order_by("dseq")
+    return dict(rows.values_list("pk", "transaction_id"))
+
+
+def devices_of(run: Run) -> list[Device]:
+    """Return the devices that the run's jobs are for."""
+    ids = Job.objects.filter(run=run).values("device_id")
+    return list(enrollment_selectors.devices_of(run.lab).filter(pk__in=ids).order_by("key"))
+
+
+def window_of(run: Run) -> tuple[datetime, datetime]:
+    """Return the time from the start of a run to its end, or till now."""
+    return run.started_at or run.created_at, run.ended_at or now()
+
+
+def events(run: Run) -> Iterator[dict[str, Any]]:
+    """Yield the run's events in the order of the chain, with the hashes that bind them."""
+    jobs = run.jobs.values_list("id", flat=True)
+    rows = crutd_selectors.events_of(run.lab, job_ids=jobs).order_by("seq")
+    for row in rows.iterator(chunk_size=_CHUNK):
+        yield {
+            "seq": row.seq,
+            "at": iso(row.at),
+            "operation": row.name,
+            "state": row.state,
+            "transaction_id": str(row.transaction_id),
+            "body": row.body,
+            "prev_hash": row.prev_hash,
+            "hash": row.hash,
+        }
+
+
+def host_events(run: Run) -> Iterator[dict[str, Any]]:
+    """Yield what hosts reported of the run's actions, as it came."""
+    rows = HostEvent.objects.filter(action_id__in=actions_of(run)).order_by("id")
+    for row in rows.iterator(chunk_size=_CHUNK):
+        yield {
+            "host_id": str(row.host_id),
+            "journal_id": str(row.journal_id),
+            "seq": row.seq,
+            "hash": row.hash,
+            "kind": row.kind,
+            "action_id": str(row.action_id),
+            "at_s": row.at_s,
+            "received_at": iso(row.received_at),
+            "body": row.body,
+        }
+
+
+def ledger(run: Run) -> Iterator[dict[str, Any]]:
+    """Yield what the run moved, by lot, each in the unit of the lot."""
+    for flow in lineage.flows_of(actions_of(run).values()):
+        for lot, amount in flow.lots.items():
+            unit = "amount_ug" if lot in flow.in_ug else "amount_nl"
+            yield {
+                "transaction_id": flow.activity,
+                "at": flow.at,
+                "lot_id": lot,
+                "debit": flow.source,
+                "credit": flow.target,
+                unit: amount,
+            }
+
+
+def readings(run: Run) -> Iterator[dict[str, Any]]:
+    """Yield what devices reported with the run's jobs."""
+    jobs = list(Job.objects.filter(run=run).select_related("device").order_by("index"))
+    devices = {str(job.device_id): job.device for job in jobs}
+    for fact in governed.job_facts(jobs):
+        told = reported(fact)
+        if told:
+            yield {
+                "job_id": fact.id,
+                "index": fact.index,
+                "sentence": fact.sentence,
+                "device": devices[fact.device_id].key,
+                "driver_digest": fact.driver_digest,
+                "at": fact.ended_at or None,
+                "verification": fact.verification,
+                "reported": told,
+            }
+
+
+def approvals(run: Run) -> list[dict[str, Any]]:
+    """Return the decisions about the run, with the names that stand under them."""
+    facts = governed.decision_facts(run.lab, [str(run.pk)])
+    names = governed.people(fact.actor_id for fact in facts)
+    return [
+        {
+            "printed_name": names.get(fact.actor_id, ""),
+            "meaning": fact.meaning,
+            "is_approved": fact.is_approved,
+            "at": fact.at,
+        }
+        for fact in facts
+    ]
+
+
+def sample_count(run: Run) -> int:
+    """Return how many samples the run's devices gave while it went on."""
+    since, until = window_of(run)
+    ids = [device.pk for device in devices_of(run)]
+    return telemetry_selectors.samples(ids, since.timestamp(), until.timestamp()).count()
+
+
+def samples(run: Run) -> Iterator[tuple[str, str, float, float | None, str | None]]:
+    """Yield (device key, status, seconds, number, other value as JSON) of the run's devices."""
+    since, until = window_of(run)
+    keys = {device.pk: device.key for device in devices_of(run)}
+    rows = telemetry_selectors.samples(keys, since.timestamp(), until.timestamp())
+    fields = rows.values_list("device_id", "status", "at", "value")
+    for device_id, status, at, value in fields.iterator(chunk_size=_CHUNK):
+        is_number = isinstance(value, int | float) and not isinstance(value, bool)
+        number = float(value) if is_number else None
+        yield keys[device_id], status, at, number, None if is_number else json.dumps(value)
