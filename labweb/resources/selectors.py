@@ -203,6 +203,12 @@ def require(user: User, permission: Permission, ids: Iterable[UUID]) -> None:
         )
 
 
+def quarantined_by(transaction_id: UUID) -> list[UUID]:
+    """Return what a transaction closed and nobody has opened since."""
+    closed = Resource.objects.filter(quarantined_by=transaction_id)
+    return list(closed.values_list("pk", flat=True))
+
+
 def root_of(lab: Lab) -> Resource:
     """Return the root of a lab's tree."""
     return Resource.objects.get(lab=lab, parent__isnull=True)

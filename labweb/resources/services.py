@@ -68,9 +68,9 @@ def quarantine(ids: Collection[UUID], transaction_id: UUID) -> None:
     Resource.objects.filter(pk__in=ids).update(quarantined_by=transaction_id)
 
 
-def release(transaction_id: UUID) -> None:
-    """Open what a transaction had quarantined."""
-    Resource.objects.filter(quarantined_by=transaction_id).update(quarantined_by=None)
+def release(ids: Collection[UUID]) -> None:
+    """Open what was quarantined."""
+    Resource.objects.filter(pk__in=ids).update(quarantined_by=None)
 
 
 def raise_revs(ids: Collection[UUID]) -> None:

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from labweb.crutd.services.importing import import_lab
+from labweb.crutd.services.recording import event_hash, open_ticket
 from labweb.crutd.services.transactions import (
     Settlement,
     advance,
     carry_out,
     discard,
-    event_hash,
     lock_operation,
-    open_ticket,
     settle,
 )
 

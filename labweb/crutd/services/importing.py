@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import hashlib
+import zlib
 from collections.abc import Iterator
 
 from django.db.transaction import atomic
@@ -10,21 +12,21 @@ from django.utils.text import slugify
 from labweb.accounts import services as account_services
 from labweb.accounts.selectors import User
 from labweb.common.clock import now
-from labweb.crutd.models import Transaction
+from labweb.crutd.models import EventHead, LabBase, Transaction
 from labweb.crutd.selectors.exporting import file_extra
-from labweb.crutd.services.transactions import post, record
+from labweb.crutd.services.posting import post
+from labweb.crutd.services.recording import record
 from labweb.domain.crutd import operations
 from labweb.domain.crutd.decide import Change, Posting
+from labweb.domain.crutd.ledger import Account
 from labweb.domain.crutd.lifecycle import TransactionState
 from labweb.domain.errors import StateError
 from labweb.domain.graph.lab_file.model import LabFile
+from labweb.domain.graph.lab_file.render import render_lab
 from labweb.domain.resources.node import Resource as ResourceData
 from labweb.resources import selectors as resource_selectors
 from labweb.resources import services as resource_services
 from labweb.resources.selectors import Connection, Lab, Lot, Material, Resource
-
-RECEIPT = "RECEIPT"
-"""Nominal account that what is delivered to the lab comes out of."""
 
 LONGEST_KEY = 50
 """Longest key of a lab, which stands in addresses of pages."""
@@ -160,11 +162,23 @@ def _receive(lab: Lab, lab_file: LabFile, actor: User | None) -> None:
         message=f"imported {len(lab_file.resources)} resources",
     )
     postings = tuple(_postings(lab_file))
-    post(row, postings)
-    record(row, Change(state=TransactionState.COMMITTED, postings=postings))
+    post(row, postings, ())
+    base = _keep_base(lab, lab_file)
+    EventHead.objects.create(lab=lab)
+    record(row, Change(state=TransactionState.COMMITTED, postings=postings), base=base.sha256)
+
+
+def _keep_base(lab: Lab, lab_file: LabFile) -> LabBase:
+    """Keep the lab as it was imported, for events to be replayed on."""
+    document = render_lab(lab_file)
+    return LabBase.objects.create(
+        lab=lab,
+        document=zlib.compress(document, level=1),
+        sha256=hashlib.sha256(document).hexdigest(),
+    )
 
 
 def _postings(lab_file: LabFile) -> Iterator[Posting]:
     for resource_id, amounts in lab_file.contents.items():
         for lot, amount_nl in amounts.items():
-            yield Posting(lot, RECEIPT, str(resource_id), amount_nl)
+            yield Posting(lot, Account.RECEIPT.value, str(resource_id), amount_nl)

@@ -12,6 +12,7 @@ from enum import StrEnum
 from typing import Any
 from uuid import UUID
 
+from labweb.domain.crutd.ledger import Posting as Posting
 from labweb.domain.crutd.lifecycle import TransactionState
 from labweb.domain.crutd.operations import (
     Create,
@@ -24,7 +25,7 @@ from labweb.domain.crutd.operations import (
     touched_ids,
 )
 from labweb.domain.errors import Finding, StateError
-from labweb.domain.resources.contents import Contents, LotId, take, total_nl
+from labweb.domain.resources.contents import Contents, take, total_nl
 from labweb.domain.resources.kinds import KINDS
 from labweb.domain.units import render_volume
 
@@ -79,20 +80,6 @@ class Outcome:
     """Statuses the device reported, for an Update."""
 
 
-@dataclass(frozen=True, slots=True, order=True)
-class Posting:
-    """One double entry: `amount_nl` of `lot` leaves one account and enters the other."""
-
-    lot: LotId
-    debit: str
-    """Account the lot leaves: a resource id, or a nominal account."""
-
-    credit: str
-    """Account the lot enters."""
-
-    amount_nl: int
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Change:
     """What is to be written; applied in one atomic block."""
@@ -108,20 +95,20 @@ class Change:
     archived: frozenset[UUID] = frozenset()
     quarantined: frozenset[UUID] = frozenset()
     created: tuple[Create, ...] = ()
+    released: frozenset[UUID] = frozenset()
+    """Resources whose quarantine ends; the server fills this in when it settles."""
 
     def to_json(self) -> dict[str, Any]:
         """Render as plain data; equal changes render equal."""
         return {
             "state": self.state.value,
-            "postings": [
-                {"lot": p.lot, "debit": p.debit, "credit": p.credit, "amount_nl": p.amount_nl}
-                for p in sorted(self.postings)
-            ],
+            "postings": [posting.to_json() for posting in sorted(self.postings)],
             "data": {str(k): dict(v) for k, v in sorted(self.data.items())},
             "moves": {str(k): str(v) for k, v in sorted(self.moves.items())},
             "archived": sorted(str(i) for i in self.archived),
             "quarantined": sorted(str(i) for i in self.quarantined),
             "created": [str(c.resource_id) for c in self.created],
+            "released": sorted(str(i) for i in self.released),
         }
 
 
@@ -313,6 +300,12 @@ def _settle_liquid(operation: TransferLiquid, snapshot: Snapshot, outcome: Outco
     if moved > total_nl(source.contents):
         raise StateError(
             f"{moved} nL moved out of {source.name}, which held {total_nl(source.contents)} nL",
+            code="crutd.contradiction",
+        )
+    target = snapshot[operation.target_id]
+    if target.capacity_nl is not None and moved > target.capacity_nl - total_nl(target.contents):
+        raise StateError(
+            f"{moved} nL moved into {target.name}, which has no room for it",
             code="crutd.contradiction",
         )
     debit, credit = str(operation.source_id), str(operation.target_id)

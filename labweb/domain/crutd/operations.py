@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from enum import StrEnum
 from typing import Any
 from uuid import UUID
@@ -104,6 +105,43 @@ def touched_ids(operation: Operation) -> tuple[UUID, ...]:
         case _:
             ids = {operation.resource_id, operation.archive_id}
     return tuple(sorted(ids))
+
+
+@dataclass(frozen=True, slots=True)
+class Reservation:
+    """An amount promised on both sides before anything moves; its lots are not known yet."""
+
+    debit: str
+    credit: str
+    amount_nl: int = 0
+    amount_ug: int = 0
+
+
+def reservations(operation: Operation) -> tuple[Reservation, ...]:
+    """Return what an operation reserves while it is under way."""
+    match operation:
+        case TransferLiquid():
+            source, target = str(operation.source_id), str(operation.target_id)
+            return (Reservation(source, target, amount_nl=operation.amount_nl),)
+        case _:
+            return ()
+
+
+def subjects_of(operation: Operation) -> tuple[tuple[UUID, str], ...]:
+    """Return the resources that an event of the operation concerns, each with its role."""
+    match operation:
+        case TransferLiquid():
+            return ((operation.source_id, "source"), (operation.target_id, "target"))
+        case TransferResource():
+            return (
+                (operation.resource_id, "subject"),
+                (operation.from_id, "source"),
+                (operation.to_id, "target"),
+            )
+        case Read():
+            return ()
+        case _:
+            return ((operation.resource_id, "subject"),)
 
 
 def to_json(operation: Operation) -> dict[str, Any]:
