@@ -6,18 +6,22 @@ from collections.abc import Collection, Iterable, Mapping
 from typing import Any
 from uuid import UUID
 
+from drf_spectacular.utils import OpenApiParameter, extend_schema
 from rest_framework.request import Request
 from rest_framework.response import Response
 from rest_framework.views import APIView
 
 from labweb.accounts.selectors import user_of
+from labweb.common.clock import now
 from labweb.common.render import iso
-from labweb.common.requests import whole_number
+from labweb.common.requests import moment, whole_number
 from labweb.crutd import selectors
 from labweb.crutd.models import Event, EventSubject
+from labweb.crutd.selectors.past import Past, as_it_was
 from labweb.domain.approvals.roles import Permission
+from labweb.domain.crutd.ledger import Amount
 from labweb.domain.errors import DefinitionError, NotFoundError
-from labweb.domain.resources.contents import LotId, total_nl
+from labweb.domain.resources.contents import LotId
 from labweb.domain.resources.kinds import KINDS, is_vessel
 from labweb.domain.units import render_volume
 from labweb.enrollment import selectors as enrollment_selectors
@@ -25,6 +29,12 @@ from labweb.resources import selectors as resource_selectors
 from labweb.resources.api import render_end
 from labweb.resources.selectors import Lab, Lot, Resource
 
+_AT = OpenApiParameter(
+    "at",
+    {"type": "string", "format": "date-time"},
+    description="Show the lab as it was at this time, ISO 8601 with its zone. A time to come is "
+    "refused with `time.future`, one before the import with `time.before_lab`.",
+)
 _MOST_EVENTS = 500
 _DEEPEST = 12
 _ELSEWHERE = "elsewhere"
@@ -46,10 +56,15 @@ def visible(request: Request, resource_id: UUID) -> Resource:
 class Resources(APIView):
     """The tree."""
 
+    @extend_schema(parameters=[_AT])
     def get(self, request: Request) -> Response:
-        """List every resource the caller may see, in tree order."""
+        """List every resource the caller may see, in tree order; `at` shows them as they were."""
         lab = resource_selectors.the_lab()
         seen = resource_selectors.allowed_ids(user_of(request), Permission.VIEW)
+        at = moment(request, "at")
+        if at is not None:
+            past = as_it_was(lab, at, now=now())
+            return Response({"at": iso(at), "resources": render_past(lab, past, seen)})
         rows = [row for row in resource_selectors.resources_of(lab) if row.id in seen]
         return Response({"resources": render_rows(lab, rows)})
 
@@ -110,20 +125,35 @@ class Lineage(APIView):
 def render_rows(lab: Lab, rows: Iterable[Resource]) -> list[dict[str, Any]]:
     """Render tree rows with contents and depth; a fixed number of queries."""
     nodes = list(rows)
-    held = selectors.contents(row.id for row in nodes)
+    held = selectors.amounts(row.id for row in nodes)
     above = resource_selectors.ancestors(row.id for row in nodes)
     lots = {str(lot.id): lot for lot in resource_selectors.lots_of(lab)}
-    devices = {
+    devices = _devices(lab)
+    return [_row(row, held.get(row.id, {}), len(above[row.id]), lots, devices) for row in nodes]
+
+
+def render_past(lab: Lab, past: Past, seen: Collection[UUID]) -> list[dict[str, Any]]:
+    """Render a lab at one moment as `render_rows` does now; devices are those of today."""
+    lots = {str(lot.id): lot for lot in resource_selectors.lots_of(lab)}
+    devices = _devices(lab)
+    return [
+        _row(row, past.contents.get(row.id, {}), past.depths[row.id], lots, devices)
+        for row in past.rows
+        if row.id in seen
+    ]
+
+
+def _devices(lab: Lab) -> dict[str, Any]:
+    return {
         node: device
         for device in enrollment_selectors.devices_of(lab)
         for node in device.nodes.values()
     }
-    return [_row(row, held.get(row.id, {}), len(above[row.id]), lots, devices) for row in nodes]
 
 
 def _row(
     row: Resource,
-    held: Mapping[LotId, int],
+    held: Mapping[LotId, Amount],
     depth: int,
     lots: Mapping[str, Lot],
     devices: Mapping[str, Any],
@@ -146,11 +176,12 @@ def _row(
                 "lot_id": lot_id,
                 "lot": lots[lot_id].number or lots[lot_id].key,
                 "material": lots[lot_id].material.name,
-                "amount_nl": amount,
+                "amount_nl": amount.nl,
+                "amount_ug": amount.ug,
             }
-            for lot_id, amount in sorted(held.items(), key=lambda item: -item[1])
+            for lot_id, amount in sorted(held.items(), key=lambda item: (-item[1].nl, -item[1].ug))
         ],
-        "volume_nl": total_nl(held),
+        "volume_nl": sum(amount.nl for amount in held.values()),
         "capacity_nl": None if capacity is None else round(capacity * 1000),
         "is_quarantined": row.quarantined_by is not None,
         "is_archived": row.is_archived,

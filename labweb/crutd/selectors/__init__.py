@@ -12,6 +12,7 @@ from django.db.models import QuerySet, Sum
 from labweb.crutd.models import Entry, Event, EventSubject, Holding, ResourceLock, Ticket
 from labweb.crutd.models import Transaction as Transaction
 from labweb.domain.crutd.decide import ResourceState
+from labweb.domain.crutd.ledger import Amount
 from labweb.domain.crutd.provenance import Flow, is_nominal, to_graph, walk
 from labweb.domain.errors import NotFoundError
 from labweb.domain.resources.contents import LotId
@@ -26,6 +27,17 @@ def contents(ids: Iterable[UUID]) -> dict[UUID, dict[LotId, int]]:
     rows = Holding.objects.filter(resource_id__in=list(ids), amount_nl__gt=0)
     for resource_id, lot_id, amount in rows.values_list("resource_id", "lot_id", "amount_nl"):
         found.setdefault(resource_id, {})[LotId(str(lot_id))] = amount
+    return found
+
+
+def amounts(ids: Iterable[UUID]) -> dict[UUID, dict[LotId, Amount]]:
+    """Return what each vessel holds by lot, whatever it is counted in; empty ones are missing."""
+    found: dict[UUID, dict[LotId, Amount]] = {}
+    rows = Holding.objects.filter(resource_id__in=list(ids))
+    columns = ("resource_id", "lot_id", "amount_nl", "amount_ug")
+    for resource_id, lot_id, nl, ug in rows.values_list(*columns):
+        if nl or ug:
+            found.setdefault(resource_id, {})[LotId(str(lot_id))] = Amount(nl, ug)
     return found
 
 

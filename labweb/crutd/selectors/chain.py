@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import zlib
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import msgspec
@@ -30,8 +30,7 @@ def first_broken_event(lab: Lab) -> Finding | None:
     if head is None:
         return Finding("events.no_head", "nothing says where the chain ends", str(lab.id))
     seq, prev = 0, ""
-    rows = Event.objects.filter(lab=lab).order_by("seq")
-    for batch in _batches(rows.iterator(chunk_size=_AT_ONCE)):
+    for batch in _batches(lab):
         subjects = _subjects(batch)
         for event in batch:
             broken = _broken(event, seq + 1, prev, subjects.get(event.id, set()))
@@ -44,14 +43,21 @@ def first_broken_event(lab: Lab) -> Finding | None:
     return _broken_base(lab)
 
 
-def _batches(rows: Iterable[Event]) -> Iterable[list[Event]]:
-    batch: list[Event] = []
-    for row in rows:
-        batch.append(row)
-        if len(batch) == _AT_ONCE:
-            yield batch
-            batch = []
-    yield batch
+def _batches(lab: Lab, up_to: int | None = None) -> Iterator[list[Event]]:
+    """Yield the events of a lab in order, a page at a time, however many there are."""
+    rows = Event.objects.filter(lab=lab).order_by("seq")
+    if up_to is not None:
+        rows = rows.filter(seq__lte=up_to)
+    batch = list(rows[:_AT_ONCE])
+    while batch:
+        yield batch
+        batch = list(rows.filter(seq__gt=batch[-1].seq)[:_AT_ONCE])
+
+
+def events_in_order(lab: Lab, *, up_to: int | None = None) -> Iterator[Event]:
+    """Yield the events of a lab, the first one first, to the last or to this number."""
+    for batch in _batches(lab, up_to):
+        yield from batch
 
 
 def _subjects(batch: list[Event]) -> dict[int, set[tuple[str, str]]]:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
-import zlib
 from collections.abc import Iterator
 
 from django.db.transaction import atomic
@@ -14,6 +12,7 @@ from labweb.accounts.selectors import User
 from labweb.common.clock import now
 from labweb.crutd.models import EventHead, LabBase, Transaction
 from labweb.crutd.selectors.exporting import file_extra
+from labweb.crutd.selectors.past import pack
 from labweb.crutd.services.posting import post
 from labweb.crutd.services.recording import record
 from labweb.domain.crutd import operations
@@ -22,7 +21,6 @@ from labweb.domain.crutd.ledger import Account
 from labweb.domain.crutd.lifecycle import TransactionState
 from labweb.domain.errors import StateError
 from labweb.domain.graph.lab_file.model import LabFile
-from labweb.domain.graph.lab_file.render import render_lab
 from labweb.domain.resources.node import Resource as ResourceData
 from labweb.resources import selectors as resource_selectors
 from labweb.resources import services as resource_services
@@ -170,12 +168,9 @@ def _receive(lab: Lab, lab_file: LabFile, actor: User | None) -> None:
 
 def _keep_base(lab: Lab, lab_file: LabFile) -> LabBase:
     """Keep the lab as it was imported, for events to be replayed on."""
-    document = render_lab(lab_file)
-    return LabBase.objects.create(
-        lab=lab,
-        document=zlib.compress(document, level=1),
-        sha256=hashlib.sha256(document).hexdigest(),
-    )
+    document, sha256 = pack(lab_file)
+    base: LabBase = LabBase.objects.create(lab=lab, document=document, sha256=sha256)
+    return base
 
 
 def _postings(lab_file: LabFile) -> Iterator[Posting]:
