@@ -3,22 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping
-from typing import Any
+from typing import Annotated, Any, ClassVar
 from uuid import UUID
 
+import msgspec
 from drf_spectacular.utils import OpenApiParameter, extend_schema
 from rest_framework.request import Request
 from rest_framework.response import Response
 from rest_framework.views import APIView
 
-from labweb.accounts.selectors import user_of
+from labweb.accounts.selectors import User, user_of
 from labweb.common.clock import now
 from labweb.common.render import iso
-from labweb.common.requests import moment, whole_number
-from labweb.crutd import selectors
+from labweb.common.requests import body, moment, whole_number
+from labweb.crutd import selectors, services
 from labweb.crutd.models import Event, EventSubject
 from labweb.crutd.selectors.past import Past, as_it_was
 from labweb.domain.approvals.roles import Permission
+from labweb.domain.crutd import operations
 from labweb.domain.crutd.ledger import Amount
 from labweb.domain.errors import DefinitionError, NotFoundError
 from labweb.domain.resources.contents import LotId
@@ -102,6 +104,55 @@ class ResourceDetail(APIView):
                 "events": render_events(list(events), seen),
             }
         )
+
+
+class Act(msgspec.Struct, forbid_unknown_fields=True):
+    """What a person did or is about to do by hand."""
+
+    operation: operations.HandOperation
+    note: Annotated[str, msgspec.Meta(max_length=2000)] = ""
+
+
+class Operations(APIView):
+    """Operations that people carry out by hand and tell of."""
+
+    bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": Act}
+
+    def post(self, request: Request) -> Response:
+        """Check an operation under locks and write it down as done: all of it, or nothing."""
+        act = body(request, Act)
+        user = user_of(request)
+        _require(user, act.operation)
+        row = services.carry_out(
+            act.operation, lab=resource_selectors.the_lab(), actor_id=user.pk, note=act.note
+        )
+        event = row.events.get()
+        return Response({"transaction_id": str(row.id), **render_events([event])[0]}, status=201)
+
+
+class OperationCheck(APIView):
+    """What speaks against an operation."""
+
+    bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": Act}
+
+    def post(self, request: Request) -> Response:
+        """List every finding against an operation as things stand; change nothing."""
+        act = body(request, Act)
+        _require(user_of(request), act.operation)
+        findings = services.check_operation(act.operation, lab=resource_selectors.the_lab())
+        return Response({"findings": [finding.to_json() for finding in findings]})
+
+
+def _require(user: User, operation: operations.Operation) -> None:
+    """Refuse who may not do this, or may not know of a resource it names."""
+    wanted = Permission.RUN
+    if isinstance(operation, operations.Correct):
+        wanted = Permission.RESOLVE
+    ids = set(operations.touched_ids(operation))
+    seen = resource_selectors.allowed_ids(user, Permission.VIEW)
+    for resource_id in sorted(ids - seen):
+        raise NotFoundError(f"no resource {resource_id}", code="resource.not_found")
+    resource_selectors.require(user, wanted, ids)
 
 
 class Lineage(APIView):
@@ -210,8 +261,9 @@ def render_events(
 def _event(event: Event, subjects: list[EventSubject]) -> dict[str, Any]:
     operation = event.body.get("operation", {})
     change = event.body.get("change") or {}
-    moved = sum(posting["amount_nl"] for posting in change.get("postings", []))
-    amount = moved or operation.get("amount_nl")
+    postings = change.get("postings", [])
+    amount = sum(posting["amount_nl"] for posting in postings) or operation.get("amount_nl")
+    mass = sum(posting.get("amount_ug", 0) for posting in postings) or operation.get("amount_ug")
     return {
         "seq": event.seq,
         "at": iso(event.at),
@@ -222,7 +274,8 @@ def _event(event: Event, subjects: list[EventSubject]) -> dict[str, Any]:
             {"id": str(s.resource_id), "name": s.resource.name, "role": s.role} for s in subjects
         ],
         "amount_nl": amount if operation.get("op") == "transfer_liquid" else None,
-        "summary": _summary(operation, change, subjects, amount),
+        "amount_ug": mass if operation.get("op") == "transfer_mass" else None,
+        "summary": _summary(operation, change, subjects, (amount or 0, mass or 0)),
         "job_id": event.body.get("job_id"),
         "code": event.body.get("code", ""),
         "message": event.body.get("message", ""),
@@ -234,14 +287,14 @@ def _summary(
     operation: Mapping[str, Any],
     change: Mapping[str, Any],
     subjects: list[EventSubject],
-    amount: int | None,
+    amounts: tuple[int, int],
 ) -> str:
     names = {s.role: s.resource.name for s in subjects}
+    text = _amounts(*amounts)
     match operation.get("op"):
-        case "transfer_liquid":
-            text = render_volume(amount or 0)
+        case "transfer_liquid" | "transfer_mass":
             return f"{names.get('source')} → {names.get('target')}, {text}"
-        case "transfer_resource":
+        case "transfer_resource" | "restore":
             return f"{names.get('subject')}: {names.get('source')} → {names.get('target')}"
         case "update":
             data = next(iter((change.get("data") or {}).values()), operation.get("data", {}))
@@ -250,6 +303,19 @@ def _summary(
         case "read":
             return ", ".join(operation.get("statuses", [])) or "reading"
         case "create":
-            return f"{names.get('subject')}: received {render_volume(amount or 0)} in all"
+            return f"{names.get('subject')}: received {text} in all"
+        case "receive":
+            return f"{operation.get('number') or operation.get('key')}: received {text}"
+        case "correct":
+            where = f"{operation['account']}: {operation['reason']}"
+            return f"{names.get('subject')}: {text}, {where}"
+        case "dispose":
+            return f"{names.get('source')}: {text} to waste"
         case _:
             return names.get("subject", "")
+
+
+def _amounts(amount_nl: int, amount_ug: int) -> str:
+    if amount_ug and amount_nl:
+        return f"{render_volume(amount_nl)} and {amount_ug / 1000:g} mg"
+    return f"{amount_ug / 1000:g} mg" if amount_ug else render_volume(amount_nl)

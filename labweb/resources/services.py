@@ -9,7 +9,7 @@ from uuid import UUID
 from django.db.models import F
 
 from labweb.common.clock import now
-from labweb.domain.crutd.operations import Create
+from labweb.domain.crutd.operations import Create, Receive
 from labweb.domain.resources.kinds import KINDS
 from labweb.resources.models import Connection, Lab, Lot, Material, Resource
 
@@ -46,6 +46,22 @@ def create_resource(create: Create, lab: Lab) -> None:
     )
 
 
+def create_lot(receive: Receive, lab: Lab) -> None:
+    """Write one new lot."""
+    Lot.objects.create(
+        id=receive.lot_id,
+        lab=lab,
+        key=receive.key,
+        material_id=receive.material_id,
+        supplier=receive.supplier,
+        number=receive.number,
+        expires_on=receive.expires_on,
+        purity=receive.purity,
+        phase=receive.phase.value,
+        position=Lot.objects.filter(lab=lab).count(),
+    )
+
+
 def update_data(resource_id: UUID, data: Mapping[str, Any]) -> None:
     """Merge fields into `data`."""
     row = Resource.objects.get(pk=resource_id)
@@ -61,6 +77,11 @@ def move(resource_id: UUID, parent_id: UUID) -> None:
 def archive(ids: Collection[UUID]) -> None:
     """Take nodes out of service; nothing is erased."""
     Resource.objects.filter(pk__in=ids).update(is_archived=True)
+
+
+def restore(ids: Collection[UUID]) -> None:
+    """Put archived nodes back into service."""
+    Resource.objects.filter(pk__in=ids).update(is_archived=False)
 
 
 def quarantine(ids: Collection[UUID], transaction_id: UUID) -> None:

@@ -124,6 +124,8 @@ def _materials(lab: Lab, lab_file: LabFile) -> Iterator[Material]:
             density_mg_ul=material.density_mg_ul,
             ph=material.ph,
             hazards=list(material.hazards),
+            groups=list(material.groups),
+            incompatible_with=list(material.incompatible_with),
             position=position,
         )
 
@@ -139,6 +141,7 @@ def _lots(lab: Lab, lab_file: LabFile) -> Iterator[Lot]:
             number=lot.number or "",
             expires_on=lot.expires_on,
             purity=lot.purity or "",
+            phase=lot.phase.value,
             position=position,
         )
 
@@ -176,4 +179,7 @@ def _keep_base(lab: Lab, lab_file: LabFile) -> LabBase:
 def _postings(lab_file: LabFile) -> Iterator[Posting]:
     for resource_id, amounts in lab_file.contents.items():
         for lot, amount_nl in amounts.items():
-            yield Posting(lot, Account.RECEIPT.value, str(resource_id), amount_nl)
+            yield Posting(lot, Account.RECEIPT.value, str(resource_id), amount_nl=amount_nl)
+    for resource_id, amounts in lab_file.masses.items():
+        for lot, amount_ug in amounts.items():
+            yield Posting(lot, Account.RECEIPT.value, str(resource_id), amount_ug=amount_ug)

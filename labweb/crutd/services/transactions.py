@@ -13,6 +13,7 @@ from django.db.transaction import atomic
 from labweb.common.clock import now
 from labweb.crutd import selectors
 from labweb.crutd.models import ResourceLock, Transaction
+from labweb.crutd.selectors.facts import facts_for, holders
 from labweb.crutd.services.posting import post, reserve
 from labweb.crutd.services.recording import open_ticket, record
 from labweb.domain.crutd import decide, lifecycle, operations
@@ -48,7 +49,7 @@ def lock_operation(
     wanted_ids = touched & _resource_ids(touched) | set(targets)
     rows = _rows(wanted_ids)
     _check_free(rows, wanted_ids)
-    findings = _check_operation(operation, rows)
+    findings = _check_operation(operation, lab, rows)
     if findings:
         raise PreconditionError(findings[0].message, code=findings[0].code, findings=findings)
     row = Transaction.objects.create(
@@ -93,11 +94,19 @@ def _check_free(rows: Mapping[UUID, Resource], ids: Collection[UUID]) -> None:
 
 
 def _check_operation(
-    operation: operations.Operation, rows: Mapping[UUID, Resource]
+    operation: operations.Operation, lab: Lab, rows: Mapping[UUID, Resource]
 ) -> list[Finding]:
     if isinstance(operation, operations.Read):
         return []
-    return decide.check(operation, selectors.snapshot(rows.values()))
+    states = selectors.snapshot(rows.values())
+    return decide.check(operation, states, facts_for(operation, lab, states))
+
+
+def check_operation(operation: operations.Operation, *, lab: Lab) -> list[Finding]:
+    """List all that speaks against an operation now, who uses its resources included."""
+    states = selectors.snapshot(resource_selectors.rows(operations.touched_ids(operation)))
+    facts = replace(facts_for(operation, lab, states), held=holders(operation))
+    return decide.check(operation, states, facts)
 
 
 def _take_locks(row: Transaction, ids: Collection[UUID]) -> None:
@@ -202,12 +211,14 @@ def _with_released(row: Transaction, change: Change, settlement: Settlement) -> 
     if not is_settled or settlement.keep_quarantined:
         return change
     closed = resource_selectors.quarantined_by(row.id)
-    return replace(change, released=frozenset(closed) - change.quarantined)
+    return replace(change, released=(change.released | set(closed)) - change.quarantined)
 
 
 def _apply(
     row: Transaction, operation: operations.Operation, change: Change, settlement: Settlement
 ) -> None:
+    if isinstance(operation, operations.Receive) and change.postings:
+        resource_services.create_lot(operation, row.lab)
     for create in change.created:
         resource_services.create_resource(create, row.lab)
     for resource_id, data in change.data.items():
@@ -216,6 +227,8 @@ def _apply(
         resource_services.move(resource_id, parent_id)
     if change.archived:
         resource_services.archive(change.archived)
+    if change.restored:
+        resource_services.restore(change.restored)
     if change.released:
         resource_services.release(change.released)
     if change.quarantined:
@@ -231,7 +244,8 @@ def _apply(
 def changed_ids(change: Change) -> set[UUID]:
     """Return the resources whose state a change alters."""
     vessels = vessels_of(change.postings)
-    return vessels | set(change.data) | set(change.moves) | set(change.archived)
+    placed = set(change.moves) | change.archived | change.restored
+    return vessels | set(change.data) | placed | change.released
 
 
 def _close(row: Transaction, change: Change, settlement: Settlement) -> None:
@@ -265,7 +279,12 @@ def discard(transaction_id: UUID, settlement: Settlement) -> None:
 
 @atomic
 def carry_out(
-    operation: operations.Operation, *, lab: Lab, actor_id: UUID, targets: Collection[UUID] = ()
+    operation: operations.Operation,
+    *,
+    lab: Lab,
+    actor_id: UUID,
+    targets: Collection[UUID] = (),
+    note: str = "",
 ) -> Transaction:
     """Do a purely digital or hand-made operation at once: lock, settle as done, release.
 
@@ -278,5 +297,8 @@ def carry_out(
     """
     row = lock_operation(operation, lab=lab, targets=targets, actor_id=actor_id)
     outcome = Outcome(kind=OutcomeKind.DONE)
-    settle(row.id, Settlement(outcome=outcome, verification="assumed", actor_id=actor_id))
+    settlement = Settlement(
+        outcome=outcome, verification="assumed", actor_id=actor_id, message=note
+    )
+    settle(row.id, settlement)
     return selectors.find_transaction(row.id)

@@ -159,7 +159,8 @@ def _count(replay: Replay, body: Mapping[str, Any], postings: Iterable[Posting])
     change = body["change"]
     if "base" in body:
         return
-    listed = {UUID(key) for name in ("data", "moves", "archived") for key in change[name]}
+    names = ("data", "moves", "archived", "restored", "released")
+    listed = {UUID(key) for name in names for key in change.get(name, ())}
     for node in vessels_of(postings) | listed:
         replay.nodes[node].rev += 1
 
