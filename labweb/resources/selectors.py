@@ -115,9 +115,11 @@ def ancestors(ids: Iterable[UUID]) -> dict[UUID, tuple[UUID, ...]]:
     return {start: tuple(node for node, _ in above) for start, above in _above(ids).items()}
 
 
-def ancestors_and_archived(
-    ids: Iterable[UUID],
-) -> tuple[dict[UUID, tuple[UUID, ...]], set[UUID]]:
+Above = tuple[dict[UUID, tuple[UUID, ...]], set[UUID]]
+"""Everything above each id, and the ids that stand in something archived."""
+
+
+def ancestors_and_archived(ids: Iterable[UUID]) -> Above:
     """Return everything above each id, and the ids that stand in something archived; one query."""
     found = _above(ids)
     archived = {start for start, above in found.items() if any(closed for _, closed in above)}

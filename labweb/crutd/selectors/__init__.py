@@ -18,7 +18,7 @@ from labweb.domain.errors import NotFoundError
 from labweb.domain.resources.contents import LotId
 from labweb.domain.runs.locks import Lock, LockMode
 from labweb.resources import selectors as resource_selectors
-from labweb.resources.selectors import Lab, Lot, Resource
+from labweb.resources.selectors import Above, Lab, Lot, Resource
 
 
 def contents(ids: Iterable[UUID]) -> dict[UUID, dict[LotId, int]]:
@@ -74,11 +74,11 @@ def _thousandfold(value: float | None) -> int | None:
     return None if value is None else round(value * 1000)
 
 
-def snapshot(rows: Iterable[Resource]) -> dict[UUID, ResourceState]:
-    """Return the frozen state of the rows for a decision; two queries."""
+def snapshot(rows: Iterable[Resource], known: Above | None = None) -> dict[UUID, ResourceState]:
+    """Return the frozen state of the rows for a decision; one query where `known`, or two."""
     nodes = list(rows)
     held = amounts(row.id for row in nodes)
-    above, archived = resource_selectors.ancestors_and_archived(row.id for row in nodes)
+    above, archived = known or resource_selectors.ancestors_and_archived(r.id for r in nodes)
     return {
         row.id: state_of(
             row, held.get(row.id, _NOTHING), above[row.id], is_archived=row.id in archived

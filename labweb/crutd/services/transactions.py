@@ -21,10 +21,10 @@ from labweb.domain.crutd.decide import Change, Outcome, OutcomeKind
 from labweb.domain.crutd.ledger import vessels_of
 from labweb.domain.crutd.lifecycle import TransactionState
 from labweb.domain.errors import Finding, LockedError, PreconditionError, StateError
-from labweb.domain.runs.locks import conflicts, lock_set
+from labweb.domain.runs.locks import Lock, conflicts, lock_set
 from labweb.resources import selectors as resource_selectors
 from labweb.resources import services as resource_services
-from labweb.resources.selectors import Lab, Resource
+from labweb.resources.selectors import Above, Lab, Resource
 
 
 @atomic
@@ -45,11 +45,11 @@ def lock_operation(
     Effect:
         None on matter. Locks hold until the transaction is settled; they never expire.
     """
-    touched = set(operations.touched_ids(operation))
-    wanted_ids = touched & _resource_ids(touched) | set(targets)
-    rows = _rows(wanted_ids)
-    _check_free(rows, wanted_ids)
-    findings = _check_operation(operation, lab, rows)
+    rows = _rows({*operations.touched_ids(operation), *targets})
+    above = resource_selectors.ancestors_and_archived(rows)
+    wanted = lock_set(rows, above[0])
+    _check_free(rows, wanted)
+    findings = _check_operation(operation, lab, rows, above)
     if findings:
         raise PreconditionError(findings[0].message, code=findings[0].code, findings=findings)
     row = Transaction.objects.create(
@@ -61,13 +61,9 @@ def lock_operation(
         job_id=job_id,
         proposed_at=now(),
     )
-    _take_locks(row, wanted_ids)
+    _take_locks(row, wanted)
     reserve(row, operations.reservations(operation))
     return row
-
-
-def _resource_ids(ids: Collection[UUID]) -> set[UUID]:
-    return set(resource_selectors.rows(ids).values_list("pk", flat=True))
 
 
 def _rows(ids: Collection[UUID]) -> dict[UUID, Resource]:
@@ -78,9 +74,7 @@ def _rows(ids: Collection[UUID]) -> dict[UUID, Resource]:
         raise LockedError("the resources are in use this moment", code="crutd.busy") from error
 
 
-def _check_free(rows: Mapping[UUID, Resource], ids: Collection[UUID]) -> None:
-    above = resource_selectors.ancestors(ids)
-    wanted = lock_set(ids, above)
+def _check_free(rows: Mapping[UUID, Resource], wanted: Sequence[Lock]) -> None:
     held = selectors.held_locks(lock.resource_id for lock in wanted)
     blocked = conflicts(wanted, [lock for lock, _ in held])
     if blocked:
@@ -94,11 +88,11 @@ def _check_free(rows: Mapping[UUID, Resource], ids: Collection[UUID]) -> None:
 
 
 def _check_operation(
-    operation: operations.Operation, lab: Lab, rows: Mapping[UUID, Resource]
+    operation: operations.Operation, lab: Lab, rows: Mapping[UUID, Resource], above: Above
 ) -> list[Finding]:
     if isinstance(operation, operations.Read):
         return []
-    states = selectors.snapshot(rows.values())
+    states = selectors.snapshot(rows.values(), above)
     return decide.check(operation, states, facts_for(operation, lab, states))
 
 
@@ -109,14 +103,13 @@ def check_operation(operation: operations.Operation, *, lab: Lab) -> list[Findin
     return decide.check(operation, states, facts)
 
 
-def _take_locks(row: Transaction, ids: Collection[UUID]) -> None:
+def _take_locks(row: Transaction, wanted: Sequence[Lock]) -> None:
     at = now()
-    locks = lock_set(ids, resource_selectors.ancestors(ids))
     ResourceLock.objects.bulk_create(
         ResourceLock(
             resource_id=lock.resource_id, mode=lock.mode.value, transaction=row, taken_at=at
         )
-        for lock in locks
+        for lock in wanted
     )
 
 
