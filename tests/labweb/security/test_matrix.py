@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 from collections.abc import Iterator
 from typing import Any
@@ -24,6 +25,17 @@ MEMBERS = EVERY[1:]
 WORKERS = EVERY[2:]
 DECIDERS = EVERY[3:]
 
+A_VIAL = {
+    "operation": {
+        "op": "create",
+        "resource_id": "0198a000-0000-7000-8000-000000000001",
+        "parent_id": "<archive>",
+        "key": "vial",
+        "name": "Vial",
+        "kind": "vial",
+    }
+}
+
 API: dict[tuple[str, str], tuple[tuple[str, ...], Any]] = {
     ("GET", "session"): (EVERY, None),
     ("POST", "session"): (EVERY, {"username": "observer", "password": PASSWORD}),
@@ -42,6 +54,8 @@ API: dict[tuple[str, str], tuple[tuple[str, ...], Any]] = {
     ("GET", "resources/<resource>/provenance"): (MEMBERS, None),
     ("GET", "resources/<resource>/conditions?device=<device>"): (MEMBERS, None),
     ("GET", "lots/<lot>/provenance"): (MEMBERS, None),
+    ("POST", "operations"): (WORKERS, A_VIAL),
+    ("POST", "operations/check"): (WORKERS, A_VIAL),
     ("GET", "steps"): (MEMBERS, None),
     ("GET", "lab"): (MEMBERS, None),
     ("POST", "lab/stop"): (MEMBERS, None),
@@ -101,6 +115,7 @@ def ids(bench: Bench) -> dict[str, str]:
         "device": str(bench.device("timer_1").id),
         "resource": str(bench.node("water").id),
         "lot": str(Lot.objects.get(key="water_lot").id),
+        "archive": str(bench.node("archive").id),
         "workflow": str(workflow.id),
         "version": str(bench.version("Move 5 mL of water").id),
         "number": "1",
@@ -129,7 +144,8 @@ def send(
     path = "/api/v1/" + re.sub(r"<(\w+)>", lambda found: ids[found[1]], route)
     body = API[method, route][1]
     if isinstance(body, dict):
-        body = {k: ids["version"] if v == "<version>" else v for k, v in body.items()}
+        filled = re.sub(r'"<(\w+)>"', lambda found: f'"{ids[found[1]]}"', json.dumps(body))
+        body = json.loads(filled)
     with atomic():
         prepare(bench, route, ids)
         answer = call(client, method, path, body)
