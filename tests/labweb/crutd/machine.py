@@ -1,9 +1,8 @@
 """A lab worked at random: operations, faults, doubts and answers, with what must hold throughout.
 
-The machine keeps its own plain count of what each vessel physically holds, and compares. The
-numbers are those of the invariants: I3 matter, I7 states, I9 locks, I10 what an ended
-transaction leaves, I11 the tree, I12 edge and server agree or a ticket says so, I21 the chain,
-I22 the rebuild.
+The machine keeps its own count of what each vessel holds, and compares. I3 is matter, I7 states,
+I9 locks, I10 what an ended transaction leaves, I11 the tree, I12 that edge and server agree or a
+ticket says so, I21 the chain, I22 the rebuild.
 """
 
 from __future__ import annotations
