@@ -19,6 +19,7 @@ from labweb.domain.crutd.replay import Happening, Node, Replay, begin, differenc
 from labweb.domain.errors import DefinitionError, Finding, ReconcileError
 from labweb.domain.graph.lab_file.model import LabFile
 from labweb.domain.resources.contents import LotId
+from labweb.domain.resources.tree import in_tree_order
 from labweb.resources import selectors as resource_selectors
 from labweb.resources.selectors import Lab, Resource
 
@@ -140,7 +141,8 @@ def as_it_was(lab: Lab, at: datetime, *, now: datetime) -> Past:
     for (account, lot), amount in replay.balances.items():
         if account not in Account.__members__:
             contents.setdefault(UUID(account), {})[lot] = amount
-    ordered = sorted(replay.nodes.values(), key=lambda node: (node.position, node.key))
+    by_place = sorted(replay.nodes.values(), key=lambda node: (node.position, node.key))
+    ordered = in_tree_order(by_place, lambda node: (node.id, node.parent_id))
     depths = {node.id: _depth(node, replay.nodes) for node in ordered}
     return Past([_row(node, lab) for node in ordered], contents, depths)
 

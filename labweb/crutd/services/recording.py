@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import partial
 from typing import Any
 from uuid import UUID
@@ -19,7 +19,12 @@ from labweb.resources.selectors import Lab
 
 
 def record(
-    row: Transaction, change: Change, *, revs: Mapping[UUID, int] | None = None, base: str = ""
+    row: Transaction,
+    change: Change,
+    *,
+    revs: Mapping[UUID, int] | None = None,
+    base: str = "",
+    parts: Sequence[Mapping[str, Any]] = (),
 ) -> Event:
     """Append the event of a settled transaction to the lab's chain and announce it.
 
@@ -28,6 +33,7 @@ def record(
         change: What was written.
         revs: Counters that the edge reported; None where the server raised them by one.
         base: For an import, the digest of the lab file that events are replayed on.
+        parts: For labware, what lies in it and was created with it, parents first.
     """
     head = EventHead.objects.select_for_update().get(lab_id=row.lab_id)
     body: dict[str, Any] = {
@@ -43,6 +49,8 @@ def record(
         body["revs"] = {str(resource_id): rev for resource_id, rev in sorted(revs.items())}
     if base:
         body["base"] = base
+    if parts:
+        body["parts"] = [dict(part) for part in parts]
     at = now()
     event = Event.objects.create(
         lab_id=row.lab_id,

@@ -143,6 +143,8 @@ class Settlement:
 
     actor_id: UUID | None = None
     keep_quarantined: bool = False
+    parts: Sequence[Mapping[str, Any]] = ()
+    """What was created along with a piece of labware."""
 
 
 @atomic
@@ -167,7 +169,7 @@ def settle(transaction_id: UUID, settlement: Settlement) -> Change:
     change = _with_released(row, change, settlement)
     _apply(row, operation, change, settlement)
     _close(row, change, settlement)
-    record(row, change, revs=settlement.revs)
+    record(row, change, revs=settlement.revs, parts=settlement.parts)
     return change
 
 

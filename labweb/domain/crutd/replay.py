@@ -147,6 +147,23 @@ def _create(replay: Replay, event: Happening) -> None:
         parent_id=operation.parent_id,
         config=operation.config,
     )
+    for part in event.body.get("parts", ()):
+        replay.nodes[UUID(part["id"])] = _part(part)
+
+
+def _part(part: Mapping[str, Any]) -> Node:
+    """Read what was created along with a piece of labware: a well, a tip."""
+    return Node(
+        id=UUID(part["id"]),
+        key=part["key"],
+        name=part["name"],
+        kind=part["kind"],
+        nature=KINDS[part["kind"]].nature.value,
+        parent_id=UUID(part["parent_id"]),
+        position=part["position"],
+        config=part["config"],
+        pose=part["pose"],
+    )
 
 
 def _count(replay: Replay, body: Mapping[str, Any], postings: Iterable[Posting]) -> None:
