@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import re
+from datetime import UTC, datetime
 from pathlib import Path
 from zipfile import ZipFile
 
@@ -11,7 +13,7 @@ from playwright.sync_api import expect
 
 from tests.e2e.conftest import Visit
 from tests.e2e.visitor import plain
-from tests.system.stack import Stack
+from tests.system.stack import Stack, is_over
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(180)]
 
@@ -68,6 +70,27 @@ def test_the_pages_say_what_the_bench_holds_and_where_it_came_from(
     expect(row).to_be_visible()
     expect(table).to_contain_text("W-0001")
     assert "Reactor 1" in plain(table.inner_text())
+
+
+def test_the_lab_is_shown_as_it_was(visit: Visit, stack: Stack) -> None:
+    reactor = stack.keys()["reactor_1"]
+    chemist = visit("chemist")
+    chemist.open(f"lab?sel={reactor}")
+    chemist.at("resource").wait_for()
+    before = chemist.read_volume(reactor)
+    moment = datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
+    run = stack.client().start(WATER)
+    stack.client().wait_for_run(run["id"], is_over, 90)
+    row = chemist.page.locator(f"[data-testid=tree-row][data-resource='{reactor}'] .volcell")
+    expect(row).not_to_have_text(re.compile(rf"^{before.split()[0]}\\b"))
+    chemist.open(f"lab?sel={reactor}&at={moment}")
+    chemist.at("past-resource").wait_for()
+    assert chemist.read_volume(reactor) == before
+    chemist.press("back-to-now")
+    chemist.at("resource").wait_for()
+    assert chemist.read_volume(reactor) != before
+    chemist.open("lab?at=2001-01-01T00:00:00Z")
+    expect(chemist.page.get_by_role("alert")).to_contain_text("import")
 
 
 def test_a_run_and_a_lineage_can_be_taken_away_as_files(visit: Visit, stack: Stack) -> None:

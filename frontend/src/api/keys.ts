@@ -14,6 +14,7 @@ export const keys = {
   approvalList: (state: string) => ["approvals", "list", state] as const,
   approval: (id: string) => ["approvals", "one", id] as const,
   resources: ["resources"] as const,
+  past: (at: string) => ["past", at] as const,
   resource: (id: string) => ["resources", id] as const,
   lineage: (id: string, direction: string, depth: number) =>
     ["resources", id, "lineage", direction, depth] as const,

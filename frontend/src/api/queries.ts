@@ -138,6 +138,17 @@ export function useResources(): UseQueryResult<ResourceRow[]> {
   });
 }
 
+/** The tree as it was at a moment; it never changes any more. */
+export function usePast(at: string): UseQueryResult<ResourceRow[]> {
+  return useQuery({
+    queryKey: keys.past(at),
+    queryFn: get<{ resources: ResourceRow[] }>(`/resources?at=${encodeURIComponent(at)}`),
+    select: (answer: { resources: ResourceRow[] }) => answer.resources,
+    staleTime: Infinity,
+    retry: false,
+  });
+}
+
 export function useResource(id: string | null): UseQueryResult<Resource> {
   return useQuery({
     queryKey: keys.resource(id ?? ""),

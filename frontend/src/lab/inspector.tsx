@@ -5,11 +5,11 @@ import { useResource, useResources } from "@/api/queries";
 import { formatFact, formatNumber, formatVolume, plain } from "@/model/format";
 import { fillShare } from "@/model/tree";
 import { wellMap } from "@/model/wells";
-import type { Resource } from "@/model/wire";
+import type { Resource, ResourceRow } from "@/model/wire";
 import { Empty, Failed } from "@/ui/card";
 import { EventTable } from "@/ui/events";
 import { Glyph } from "@/ui/glyph";
-import { FillBar, Volume } from "@/ui/number";
+import { Amount, FillBar } from "@/ui/number";
 import { WellGrid } from "./wellmap";
 import { words } from "./words";
 
@@ -52,7 +52,7 @@ function Details({ resource, isShort }: { resource: Resource; isShort: boolean }
         </p>
       )}
       {resource.holds_liquid && <ContentsTable resource={resource} />}
-      <Wells resource={resource} />
+      <WellsNow resource={resource} />
       <Facts resource={resource} isShort={isShort} />
       {!isShort && (
         <>
@@ -68,9 +68,13 @@ function Details({ resource, isShort }: { resource: Resource; isShort: boolean }
   );
 }
 
-/** The map of a plate, also beside one of its wells. */
-function Wells({ resource }: { resource: Resource }) {
+function WellsNow({ resource }: { resource: Resource }) {
   const { data: rows = [] } = useResources();
+  return <Wells resource={resource} rows={rows} />;
+}
+
+/** The map of a plate, also beside one of its wells. */
+export function Wells({ resource, rows }: { resource: ResourceRow; rows: ResourceRow[] }) {
   const parent = rows.find((row) => row.id === resource.parent_id);
   const own = wellMap(rows, resource.id);
   const map = own ?? (parent ? wellMap(rows, parent.id) : null);
@@ -113,7 +117,7 @@ function Facts({ resource, isShort }: { resource: Resource; isShort: boolean }) 
   );
 }
 
-function ContentsTable({ resource }: { resource: Resource }) {
+export function ContentsTable({ resource }: { resource: ResourceRow }) {
   const held = formatVolume(resource.volume_nl);
   const room = resource.capacity_nl === null ? null : formatVolume(resource.capacity_nl);
   return (
@@ -137,7 +141,7 @@ function ContentsTable({ resource }: { resource: Resource }) {
                 <td className="b">{content.material}</td>
                 <td className="mono s">{content.lot}</td>
                 <td className="r">
-                  <Volume nl={content.amount_nl} />
+                  <Amount nl={content.amount_nl} ug={content.amount_ug} />
                 </td>
               </tr>
             ))}

@@ -1,6 +1,6 @@
 /** A plate from above: what each well holds, by address. */
 
-import { Link } from "react-router";
+import { Link, useSearchParams } from "react-router";
 import { formatVolume } from "@/model/format";
 import { fillShare } from "@/model/tree";
 import type { Well, WellMap } from "@/model/wells";
@@ -39,6 +39,11 @@ function describe(well: Well): string {
 }
 
 export function WellGrid({ map, picked }: { map: WellMap; picked: string | null }) {
+  const [params] = useSearchParams();
+  const link = (id: string): string => {
+    const at = params.get("at");
+    return `/lab?${new URLSearchParams({ sel: id, ...(at ? { at } : {}) }).toString()}`;
+  };
   return (
     <figure className="wellmap" data-testid="well-map">
       <div className="scroll">
@@ -64,6 +69,7 @@ export function WellGrid({ map, picked }: { map: WellMap; picked: string | null 
                     map={map}
                     well={map.at.get(`${letter}${number}`)}
                     picked={picked}
+                    link={link}
                   />
                 ))}
               </tr>
@@ -76,7 +82,12 @@ export function WellGrid({ map, picked }: { map: WellMap; picked: string | null 
   );
 }
 
-function Cell(props: { map: WellMap; well: Well | undefined; picked: string | null }) {
+function Cell(props: {
+  map: WellMap;
+  well: Well | undefined;
+  picked: string | null;
+  link: (id: string) => string;
+}) {
   const { map, well } = props;
   if (!well) return <td />;
   const { row } = well;
@@ -86,7 +97,7 @@ function Cell(props: { map: WellMap; well: Well | undefined; picked: string | nu
     <td>
       <Link
         className="well"
-        to={`/lab?sel=${row.id}`}
+        to={props.link(row.id)}
         replace
         title={text}
         aria-label={text}

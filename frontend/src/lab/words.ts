@@ -56,6 +56,11 @@ export const words = {
     lineage: "Lineage",
     quarantined: "Quarantined",
   },
+  past: {
+    label: "As it was at",
+    now: "Now",
+    about: "As it was. What is shown here has passed and cannot be acted on.",
+  },
   wells: {
     title: "Wells",
     caption: "Wells by row and column; the disc shows how full each is",

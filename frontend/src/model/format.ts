@@ -37,6 +37,14 @@ export function splitVolume(amountNl: number): [value: string, unit: string] {
   return [formatNumber(ml, size >= 100_000_000 ? 1 : 2), "mL"];
 }
 
+/** Mass in the unit a chemist would write: 12.50 mg, 1.200 g. */
+export function splitMass(amountUg: number): [value: string, unit: string] {
+  const size = Math.abs(amountUg);
+  if (size < 1000) return [formatNumber(amountUg, 0), "µg"];
+  if (size < 1_000_000) return [formatNumber(amountUg / 1000, 2), "mg"];
+  return [formatNumber(amountUg / 1_000_000, 3), "g"];
+}
+
 /** Volume in millilitres alone, for a column that says so in its head. */
 export function formatMl(amountNl: number): string {
   return formatNumber(amountNl / 1_000_000, 2);
@@ -130,6 +138,22 @@ export class LabTime {
   second(at: string | number): string {
     const p = this.read(at);
     return p.hour ? `${p.hour}:${p.minute}:${p.second}` : "–";
+  }
+
+  /** 2026-11-20T14:02:07, as a field for a time takes it. */
+  field(at: string | number): string {
+    return `${this.day(at)}T${this.second(at)}`;
+  }
+
+  /** Instant of a time as read off the clock of the lab, or null when there is none such. */
+  instant(field: string): string | null {
+    const wanted = Date.parse(`${field}Z`);
+    if (Number.isNaN(wanted)) return null;
+    // The zone's offset there: twice, for the first guess may lie beyond a change of the clock.
+    let at = wanted;
+    for (let round = 0; round < 2; round += 1)
+      at += wanted - Date.parse(`${this.field(at / 1000)}Z`);
+    return new Date(at).toISOString();
   }
 
   /** 2026-11-20 */

@@ -45,6 +45,18 @@ test("durations and ages are short", () => {
   expect([0.5, 42, 600].map(formatAge)).toEqual(["0.5\u202fs", "42\u202fs", "10\u202fmin"]);
 });
 
+test("a time read off the lab's clock is found again, also when clocks change", () => {
+  for (const zone of ["UTC", "Asia/Shanghai", "Europe/Zurich", "America/New_York"]) {
+    const time = new LabTime(zone);
+    for (const at of ["2026-03-29T12:00:05Z", "2026-03-29T00:30:00Z", "2026-10-25T12:00:00Z"])
+      expect(time.instant(time.field(at))).toBe(new Date(at).toISOString());
+  }
+  expect(new LabTime("Asia/Shanghai").instant("2026-11-20T14:02:07")).toBe(
+    "2026-11-20T06:02:07.000Z",
+  );
+  expect(new LabTime("UTC").instant("")).toBeNull();
+});
+
 test("times are those of the lab, in 24 hours", () => {
   const shanghai = new LabTime("Asia/Shanghai");
   expect(shanghai.second("2026-11-20T06:02:07Z")).toBe("14:02:07");

@@ -29,8 +29,8 @@ test("materials are summed over the wells, the most plentiful first", () => {
       : {
           ...row,
           contents: [
-            { lot_id: "1", lot: "1", material: "dye", amount_nl: 5 },
-            { lot_id: "2", lot: "2", material: "water", amount_nl: 7 },
+            { lot_id: "1", lot: "1", material: "dye", amount_nl: 5, amount_ug: 0 },
+            { lot_id: "2", lot: "2", material: "water", amount_nl: 7, amount_ug: 0 },
           ],
         },
   );

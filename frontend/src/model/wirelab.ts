@@ -59,6 +59,8 @@ export interface Content {
   lot: string;
   material: string;
   amount_nl: number;
+  /** Solids and gases are counted by mass. */
+  amount_ug: number;
 }
 
 export interface ResourceRow {

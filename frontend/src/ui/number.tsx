@@ -1,6 +1,6 @@
 /** Figures with their units: tabular, thin space, unit in a fainter ink. */
 
-import { splitReading, splitVolume, THIN } from "@/model/format";
+import { splitMass, splitReading, splitVolume, THIN } from "@/model/format";
 
 export function Figure({ value, unit }: { value: string; unit: string }) {
   return (
@@ -18,6 +18,12 @@ export function Figure({ value, unit }: { value: string; unit: string }) {
 
 export function Volume({ nl }: { nl: number }) {
   const [value, unit] = splitVolume(nl);
+  return <Figure value={value} unit={unit} />;
+}
+
+/** How much of a lot there is: liquids by volume, solids and gases by mass. */
+export function Amount({ nl, ug }: { nl: number; ug: number }) {
+  const [value, unit] = nl === 0 && ug !== 0 ? splitMass(ug) : splitVolume(nl);
   return <Figure value={value} unit={unit} />;
 }
 
