@@ -146,7 +146,7 @@ def to_report(do: Do, unit: Unit, report: DriverReport) -> Report:
     """Turn a driver's report into the journal's."""
     evidence = plain(report.evidence)
     data: dict[str, Any] = {}
-    if do.operation.get("op") == "update":
+    if do.operation.get("op") in {"update", "read"}:
         data = {key: evidence[key] for key in evidence if key in unit.config.statuses}
     return Report(ok=True, moved_nl=_moved_nl(do, report), evidence=evidence, data=data)
 

@@ -278,7 +278,9 @@ def _event(event: Event, subjects: list[EventSubject]) -> dict[str, Any]:
         ],
         "amount_nl": amount if operation.get("op") == "transfer_liquid" else None,
         "amount_ug": mass if operation.get("op") == "transfer_mass" else None,
-        "summary": _summary(operation, change, subjects, (amount or 0, mass or 0)),
+        "summary": _summary(
+            operation, change, subjects, (amount or 0, mass or 0), event.body.get("reading", {})
+        ),
         "job_id": event.body.get("job_id"),
         "code": event.body.get("code", ""),
         "message": event.body.get("message", ""),
@@ -291,6 +293,7 @@ def _summary(
     change: Mapping[str, Any],
     subjects: list[EventSubject],
     amounts: tuple[int, int],
+    reading: Mapping[str, Any],
 ) -> str:
     names = {s.role: s.resource.name for s in subjects}
     text = _amounts(*amounts)
@@ -304,7 +307,10 @@ def _summary(
             facts = ", ".join(f"{key} {value}" for key, value in sorted(data.items()))
             return f"{names.get('subject')}: {facts}"
         case "read":
-            return ", ".join(operation.get("statuses", [])) or "reading"
+            if not reading:
+                return ", ".join(operation.get("statuses", [])) or "reading"
+            facts = ", ".join(f"{key} {value}" for key, value in sorted(reading.items()))
+            return f"{names.get('subject')}: {facts}"
         case "create":
             return f"{names.get('subject')}: received {text} in all"
         case "receive":

@@ -95,6 +95,10 @@ def test_a_dilution_is_confirmed_by_the_balance(stack: Stack) -> None:
     assert seen["state"] == "complete", [(j["sentence"], j["message"]) for j in seen["jobs"]]
     sensed = [job for job in seen["jobs"] if job["verification"] == "sensed"]
     assert any(job["action"] == "dispense" for job in sensed)
+    events = stack.client().get(f"runs/{run['id']}/events")["events"]
+    weighed = next(event for event in events if event["operation"] == "read")
+    assert [subject["name"] for subject in weighed["subjects"]] == ["Balance 1"]
+    assert float(weighed["summary"].removeprefix("Balance 1: mass_mg ")) > 9000
 
 
 def test_a_pump_that_stops_answering_is_in_doubt_and_a_person_says_how_far_it_came(

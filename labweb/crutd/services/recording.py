@@ -25,6 +25,7 @@ def record(
     revs: Mapping[UUID, int] | None = None,
     base: str = "",
     parts: Sequence[Mapping[str, Any]] = (),
+    reading: Mapping[str, Any] | None = None,
 ) -> Event:
     """Append the event of a settled transaction to the lab's chain and announce it.
 
@@ -33,6 +34,7 @@ def record(
         change: What was written.
         revs: Counters that the edge reported; None where the server raised them by one.
         base: For an import, the digest of the lab file that events are replayed on.
+        reading: For a Read, what the device said.
         parts: For labware, what lies in it and was created with it, parents first.
     """
     head = EventHead.objects.select_for_update().get(lab_id=row.lab_id)
@@ -49,6 +51,8 @@ def record(
         body["revs"] = {str(resource_id): rev for resource_id, rev in sorted(revs.items())}
     if base:
         body["base"] = base
+    if reading:
+        body["reading"] = dict(reading)
     if parts:
         body["parts"] = [dict(part) for part in parts]
     at = now()

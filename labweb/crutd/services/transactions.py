@@ -169,7 +169,13 @@ def settle(transaction_id: UUID, settlement: Settlement) -> Change:
     change = _with_released(row, change, settlement)
     _apply(row, operation, change, settlement)
     _close(row, change, settlement)
-    record(row, change, revs=settlement.revs, parts=settlement.parts)
+    record(
+        row,
+        change,
+        revs=settlement.revs,
+        parts=settlement.parts,
+        reading=settlement.outcome.data if isinstance(operation, operations.Read) else None,
+    )
     return change
 
 

@@ -253,7 +253,7 @@ def subjects_of(operation: Operation) -> tuple[tuple[UUID, str], ...]:
         case Dispose():
             return ((operation.resource_id, "source"),)
         case Read():
-            return ()
+            return ((operation.device_id, "subject"),)
         case _:
             return ((operation.resource_id, "subject"),)
 
