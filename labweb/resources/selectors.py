@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Mapping
 from uuid import UUID
 
 from django.db import connection
@@ -35,6 +35,19 @@ WITH RECURSIVE up(start, id, parent_id, is_archived, depth) AS (
 )
 SELECT start, id, is_archived FROM up WHERE depth > 0 ORDER BY start, depth
 """
+
+_ANCESTORS_HELD = """
+WITH RECURSIVE up(start, id, parent_id, depth) AS (
+    SELECT id, id, parent_id, 0 FROM resources_resource WHERE id = ANY(%s)
+    UNION ALL
+    SELECT up.start, r.id, r.parent_id, up.depth + 1
+    FROM resources_resource r JOIN up ON r.id = up.parent_id
+)
+SELECT up.start, up.depth, r.id, r.parent_id, r.is_archived
+FROM resources_resource r JOIN up ON r.id = up.id
+WHERE up.depth > 0 ORDER BY r.id FOR SHARE OF r NOWAIT
+"""
+"""The rows as they are when the lock is there; the way up to them as it was when it was read."""
 
 _DESCENDANTS = """
 WITH RECURSIVE down(id) AS (
@@ -152,6 +165,34 @@ def _above(ids: Iterable[UUID]) -> dict[UUID, list[tuple[UUID, bool]]]:
         for start, node, is_archived in cursor.fetchall():
             found[start].append((node, is_archived))
     return found
+
+
+def held_ancestors(rows: Mapping[UUID, Resource]) -> Above | None:
+    """Lock all above some locked rows against change and against exclusive use; never waits.
+
+    Whoever locks a plate and whoever locks a well of it then meet at the plate's row, so that
+    one of them sees the other's lock.
+
+    Returns:
+        As `ancestors_and_archived`, or None when something was moved in between: ask again.
+
+    Raises:
+        django.db.OperationalError: Somebody holds one of them for itself right now.
+    """
+    with connection.cursor() as cursor:
+        cursor.execute(_ANCESTORS_HELD, [sorted(rows)])
+        found = sorted(cursor.fetchall(), key=lambda one: (one[0], one[1]))
+    above: dict[UUID, tuple[UUID, ...]] = dict.fromkeys(sorted(rows), ())
+    expected = {start: row.parent_id for start, row in rows.items()}
+    archived = set()
+    for start, _, node, parent_id, is_archived in found:
+        if expected[start] != node:
+            return None
+        expected[start] = parent_id
+        above[start] = (*above[start], node)
+        if is_archived:
+            archived.add(start)
+    return None if any(expected.values()) else (above, archived)
 
 
 def descendants(ids: Iterable[UUID]) -> set[UUID]:

@@ -45,8 +45,7 @@ def lock_operation(
     Effect:
         None on matter. Locks hold until the transaction is settled; they never expire.
     """
-    rows = _rows({*operations.touched_ids(operation), *targets})
-    above = resource_selectors.ancestors_and_archived(rows)
+    rows, above = _hold({*operations.touched_ids(operation), *targets})
     wanted = lock_set(rows, above[0])
     _check_free(rows, wanted)
     findings = _check_operation(operation, lab, rows, above)
@@ -66,12 +65,18 @@ def lock_operation(
     return row
 
 
-def _rows(ids: Collection[UUID]) -> dict[UUID, Resource]:
+def _hold(ids: Collection[UUID]) -> tuple[dict[UUID, Resource], Above]:
+    """Lock the rows, and share those above them; never waits, so that nobody waits in a ring."""
+    busy = LockedError("the resources are in use this moment", code="crutd.busy")
     try:
         with atomic():
-            return resource_selectors.rows_for_update(ids)
+            rows = resource_selectors.rows_for_update(ids)
+            above = resource_selectors.held_ancestors(rows)
     except OperationalError as error:
-        raise LockedError("the resources are in use this moment", code="crutd.busy") from error
+        raise busy from error
+    if above is None:
+        raise busy
+    return rows, above
 
 
 def _check_free(rows: Mapping[UUID, Resource], wanted: Sequence[Lock]) -> None:
