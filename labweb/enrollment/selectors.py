@@ -35,7 +35,8 @@ def host_for_update(host_id: UUID) -> EdgeHost:
     Raises:
         NotFoundError: There is none.
     """
-    row = EdgeHost.objects.filter(pk=host_id).select_for_update(of=("self",)).first()
+    rows = EdgeHost.objects.filter(pk=host_id).select_for_update(of=("self",), no_key=True)
+    row = rows.first()
     if row is None:
         raise NotFoundError(f"no host {host_id}", code="host.not_found")
     return row

@@ -20,6 +20,7 @@ from labweb.domain.crutd.operations import (
     TransferLiquid,
     TransferMass,
     TransferResource,
+    Update,
     touched_ids,
 )
 from labweb.domain.crutd.snapshot import Facts, ResourceState, Snapshot
@@ -67,8 +68,26 @@ def _check_own(operation: Operation, snapshot: Snapshot, facts: Facts | None) ->
             return check_correct(operation, snapshot, facts)
         case Dispose():
             return check_dispose(operation, snapshot)
+        case Update():
+            return _check_update(operation, snapshot)
         case _:
             return []
+
+
+def _check_update(operation: Update, snapshot: Snapshot) -> list[Finding]:
+    state = snapshot[operation.resource_id]
+    held_nl = total_nl(state.contents)
+    if not operation.needs_empty or held_nl == 0:
+        return []
+    return [
+        Finding(
+            "crutd.not_empty",
+            f"{state.name} holds {render_volume(held_nl)} by the record, and this act would push "
+            "it out unrecorded: empty it, or take stock of what it really holds",
+            state.name,
+            {"resource_id": str(state.id), "held_nl": held_nl},
+        )
+    ]
 
 
 def _check_usable(

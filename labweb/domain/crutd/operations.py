@@ -49,11 +49,15 @@ class Read(msgspec.Struct, frozen=True, tag="read", tag_field="op", kw_only=True
     statuses: tuple[str, ...] = ()
 
 
-class Update(msgspec.Struct, frozen=True, tag="update", tag_field="op", kw_only=True):
+class Update(
+    msgspec.Struct, frozen=True, tag="update", tag_field="op", kw_only=True, omit_defaults=True
+):
     """Set fields of a resource's `data`, alone or coupled to a device action."""
 
     resource_id: UUID
     data: dict[str, Any]
+    needs_empty: bool = False
+    """The act drives out what the resource holds: a syringe that looks for its zero."""
 
 
 class TransferLiquid(

@@ -123,7 +123,9 @@ def _initialize(drafts: Sequence[DraftStep], drafting: Drafting, ledger: Ledger)
             "initialize",
             {},
             sentence=f"Find the zero of {state.name}",
-            operation=Update(resource_id=draft.pump_id, data={"is_initialized": True}),
+            operation=Update(
+                resource_id=draft.pump_id, data={"is_initialized": True}, needs_empty=True
+            ),
             post=(empty,),
             locks=(draft.pump_id,),
             estimate_s=INITIALIZE_S,

@@ -63,12 +63,13 @@ def find_run(run_id: UUID) -> Run:
 
 
 def run_for_update(run_id: UUID) -> Run:
-    """Lock and return a run.
+    """Lock and return a run. Whoever locks several locks host, then run, then jobs.
 
     Raises:
         NotFoundError: There is none.
     """
-    row = Run.objects.filter(pk=run_id).select_for_update(of=("self",)).first()
+    rows = Run.objects.filter(pk=run_id).select_for_update(of=("self",), no_key=True)
+    row = rows.first()
     if row is None:
         raise NotFoundError(f"no run {run_id}", code="run.not_found")
     return row
@@ -80,7 +81,8 @@ def job_for_update(job_id: UUID) -> Job:
     Raises:
         NotFoundError: There is none.
     """
-    rows = Job.objects.select_for_update(of=("self",)).select_related("run__lab", "device__host")
+    rows = Job.objects.select_for_update(of=("self",), no_key=True)
+    rows = rows.select_related("run__lab", "device__host")
     row = rows.filter(pk=job_id).first()
     if row is None:
         raise NotFoundError(f"no job {job_id}", code="job.not_found")
@@ -102,6 +104,20 @@ def held_elsewhere(lab_id: UUID, run_id: UUID) -> dict[UUID, UUID]:
             "run_id", "step_id", "state", "started_at", "locks"
         )
     )
+
+
+def step_blocked_by(job: Job) -> UUID | None:
+    """Return the run that is in the middle of a step on anything that this job's step needs.
+
+    A step begins only when all of it is free, so that two steps never wait for each other
+    half-way.
+    """
+    held = held_elsewhere(job.run.lab_id, job.run_id)
+    if not held:
+        return None
+    members = Job.objects.filter(run_id=job.run_id, step_id=job.step_id)
+    needed = {UUID(node) for locks in members.values_list("locks", flat=True) for node in locks}
+    return next((held[node] for node in sorted(needed) if node in held), None)
 
 
 def jobs_of(run: Run) -> QuerySet[Job]:
@@ -142,6 +158,13 @@ def runs_to_schedule() -> QuerySet[Run]:
     """Runs with work left, oldest first; none of a stopped lab."""
     states = [RunState.QUEUED.value, RunState.RUNNING.value]
     return Run.objects.filter(state__in=states, lab__is_stopped=False).order_by("created_at")
+
+
+def hold_run_of(action_id: UUID) -> None:
+    """Lock the run of an action, before its attempt and its job."""
+    run_id = Attempt.objects.filter(pk=action_id).values_list("job__run_id", flat=True).first()
+    if run_id is not None:
+        run_for_update(run_id)
 
 
 def attempt_for_update(action_id: UUID) -> Attempt | None:

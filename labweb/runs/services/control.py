@@ -102,7 +102,7 @@ def abort_run(run_id: UUID, *, actor: User, reason: str) -> Run:
         raise DefinitionError("say why the run is given up", code="run.reason_missing")
     if run.state in _ENDED:
         raise StateError(f"run #{run.number} is {run.state} already", code="run.ended")
-    for job in Job.objects.filter(run=run).select_for_update():
+    for job in Job.objects.filter(run=run).select_for_update(no_key=True):
         state = JobState(job.state)
         if state in UNSTARTED:
             move_job(job, JobState.STOPPED, Mover.SERVER, message=reason)
@@ -192,7 +192,8 @@ def stop_lab(*, actor: User) -> Lab:
     resource_services.latch_stop(lab, stop_id=stop_id, user_id=actor.pk)
     dispatch.void_resets(lab)
     states = [*selectors.LIVE, RunState.AWAITING_APPROVAL.value]
-    for run in Run.objects.filter(lab=lab, state__in=states).select_for_update():
+    runs = Run.objects.filter(lab=lab, state__in=states).order_by("pk")
+    for run in runs.select_for_update(of=("self",), no_key=True):
         _add_pause(run, "stopped", actor)
         refresh_run(run.id)
     account_services.write_audit("lab.stop", str(lab.id), actor=actor)

@@ -71,11 +71,10 @@ def dispatch_job(job_id: UUID) -> bool:
 
 
 def _dispatch(job_id: UUID) -> bool:
-    job = Job.objects.select_for_update(of=("self",)).select_related("device", "run").get(pk=job_id)
+    host, job = _hold_for_dispatch(job_id)
     if job.state != JobState.QUEUED.value or job.run.pause_reasons:
         return False
-    held = selectors.held_elsewhere(job.run.lab_id, job.run_id)
-    blocking = next((held[UUID(node)] for node in job.locks if UUID(node) in held), None)
+    blocking = selectors.step_blocked_by(job)
     if blocking is not None:
         raise LockedError(f"run {blocking} is in the middle of a step here", code="run.step_held")
     operation = operations.from_json(job.operation)
@@ -86,7 +85,6 @@ def _dispatch(job_id: UUID) -> bool:
         actor_id=job.run.created_by_id,
         job_id=job.id,
     )
-    host = enrollment_selectors.host_for_update(job.device.host_id)
     host.last_dseq += 1
     host.save(update_fields=["last_dseq"])
     attempt = Attempt.objects.create(
@@ -109,9 +107,18 @@ def _dispatch(job_id: UUID) -> bool:
     return True
 
 
+def _hold_for_dispatch(job_id: UUID) -> tuple[EdgeHost, Job]:
+    """Lock host, run and job in the order in which everybody locks them."""
+    host_id, run_id = Job.objects.values_list("device__host_id", "run_id").get(pk=job_id)
+    host = enrollment_selectors.host_for_update(host_id)
+    selectors.run_for_update(run_id)
+    return host, selectors.job_for_update(job_id)
+
+
 def _hold(job_id: UUID, error: PreconditionError) -> None:
     with atomic():
-        job = Job.objects.select_for_update().get(pk=job_id)
+        selectors.run_for_update(Job.objects.values_list("run_id", flat=True).get(pk=job_id))
+        job = selectors.job_for_update(job_id)
         if job.state == JobState.QUEUED.value:
             move_job(job, JobState.HELD, Mover.SERVER, code=error.code, message=error.message)
             refresh_run(job.run_id)

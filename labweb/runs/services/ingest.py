@@ -106,6 +106,7 @@ def _apply(host: EdgeHost, event: EdgeEvent) -> None:
         ).update(settled_at=now())
     if event.action_id is None:
         return
+    selectors.hold_run_of(event.action_id)
     attempt = selectors.attempt_for_update(event.action_id)
     if attempt is None or attempt.host_id != host.id:
         crutd_services.open_ticket(

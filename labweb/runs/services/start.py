@@ -15,6 +15,7 @@ from django.db.transaction import atomic, on_commit
 
 from labweb.accounts import services as account_services
 from labweb.accounts.selectors import User
+from labweb.approvals import selectors as approval_selectors
 from labweb.approvals import services as approval_services
 from labweb.approvals.selectors import ApprovalRequest
 from labweb.common.clock import now
@@ -32,6 +33,7 @@ from labweb.enrollment import selectors as enrollment_selectors
 from labweb.enrollment.selectors import Device
 from labweb.resources import selectors as resource_selectors
 from labweb.resources.selectors import Lab
+from labweb.runs import selectors
 from labweb.runs.models import Job, Run
 from labweb.runs.services.state import announce, move_job, refresh_run
 from labweb.telemetry import selectors as telemetry_selectors
@@ -228,11 +230,11 @@ def decide_request(
     Effect:
         Approved: the run is queued. Rejected: it ends without having begun.
     """
+    run = selectors.run_for_update(approval_selectors.find_request(request_id).run_id)
     request = approval_services.decide(
         request_id, actor=actor, is_approved=is_approved, comment=comment
     )
     target = JobState.QUEUED if is_approved else JobState.STOPPED
-    run = Run.objects.select_for_update().get(pk=request.run_id)
     for job in Job.objects.filter(run=run, state=JobState.AWAITING_APPROVAL.value):
         move_job(job, target, Mover.SERVER)
     if is_approved and run.lab.is_stopped and not run.pause_reasons:

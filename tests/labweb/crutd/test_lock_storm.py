@@ -109,7 +109,6 @@ def make(lab: Lab, parent: Resource, key: str, kind: str) -> Resource:
 
 def fight(field: Field, lab: Lab, seed: int, scores: multiprocessing.Queue[Score]) -> None:
     """Lock, use and release some of them, again and again."""
-    connections.close_all()
     choice, score = random.Random(seed), Score()
     for _ in range(REQUESTS):
         places = choice.sample(range(len(field.ids)), choice.randint(1, 3))
@@ -121,8 +120,16 @@ def fight(field: Field, lab: Lab, seed: int, scores: multiprocessing.Queue[Score
         field.leave(places)
         services.settle(transaction_id, Settlement(outcome=Outcome(kind=OutcomeKind.DONE)))
         score.done += 1
-    connections.close_all()
+    part_from_the_server()
     scores.put(score)
+
+
+def part_from_the_server() -> None:
+    """Close what a child must not share with its parent: connections and their pool."""
+    connections.close_all()
+    close_pool = getattr(connections["default"], "close_pool", None)
+    if close_pool is not None:
+        close_pool()
 
 
 def acquire(
@@ -145,7 +152,7 @@ def acquire(
 def test_no_resource_has_two_users_no_ring_of_waiters_and_nobody_starves() -> None:
     lab = a_lab().lab
     field = a_field(lab)
-    connections.close_all()
+    part_from_the_server()
     context = multiprocessing.get_context("fork")
     scores: multiprocessing.Queue[Score] = context.Queue()
     fighters = [

@@ -8,8 +8,8 @@ import pytest
 
 from labweb.domain.errors import StateError
 from labweb.runs import selectors, services
-from labweb.runs.models import Attempt, Job, Outbox
-from tests.builders import a_lab, a_started_run, an_edge
+from labweb.runs.models import Attempt, Job, Outbox, Run
+from tests.builders import a_lab, a_started_run, an_edge, to_transfer
 
 pytestmark = pytest.mark.django_db
 
@@ -37,6 +37,41 @@ def test_a_second_run_waits_until_the_first_has_emptied_the_pump() -> None:
     edge.work_off(first)
     assert set(states(first.id)) == {"complete"}
     assert states(second.id)[0] == "dispatched"
+
+
+def test_a_zero_that_was_planned_for_an_empty_syringe_is_held_back_when_it_is_full() -> None:
+    # Both runs find the pump without its zero, and plan one. The first draws and is given up.
+    bench = a_lab()
+    edge = an_edge(bench)
+    first, second = a_started_run(bench, WATER), a_started_run(bench, WATER)
+    edge.complete(to_transfer(first, edge))
+    services.abort_run(first.id, actor=bench.people["chemist"], reason="wrong bottle")
+    assert "dispatched" not in states(first.id)
+    services.dispatch_ready()
+    zero = Job.objects.get(run=second, index=0)
+    assert (zero.action, zero.state, zero.code) == ("initialize", "held", "crutd.not_empty")
+    assert "5.00 mL" in zero.message
+    assert Run.objects.get(pk=second.pk).state == "paused"
+
+
+def test_two_steps_that_need_the_same_bottle_go_one_after_the_other() -> None:
+    # Water ──▶ Pump 1 ──▶ Reactor 1
+    #       └─▶ Pump 2 ──▶ Flask 2
+    bench = a_lab()
+    edge = an_edge(bench)
+    first, second = a_started_run(bench, WATER), a_started_run(bench, "Try an error")
+    services.dispatch_ready()
+    assert states(first.id)[0] == "dispatched"
+    assert set(states(second.id)) == {"queued"}
+    assert selectors.step_blocked_by(Job.objects.get(run=second, index=0)) == first.id
+    edge.complete(Attempt.objects.get(job__run=first, job__state="dispatched"))
+    edge.work_off(first)
+    assert set(states(first.id)) == {"complete"}
+    services.dispatch_ready()
+    assert states(second.id)[0] == "dispatched"
+    edge.complete(Attempt.objects.get(job__run=second, job__state="dispatched"))
+    edge.work_off(second)
+    assert set(states(second.id)) == {"complete"}
 
 
 def test_a_stop_gives_up_the_resets_before_it() -> None:

@@ -130,7 +130,11 @@ class Drafting:
             operation = (
                 Read(device_id=node_id, statuses=read_statuses(device, action))
                 if spec.operation == "read"
-                else Update(resource_id=node_id, data=recorded_data(action, args))
+                else Update(
+                    resource_id=node_id,
+                    data=recorded_data(action, args),
+                    needs_empty=action == "initialize",
+                )
             )
         return DraftJob(
             step_id=step.id,
