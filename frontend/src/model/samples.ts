@@ -168,6 +168,7 @@ export function aRun(jobs: Job[], change: Partial<Run> = {}): Run {
     },
     jobs,
     approval: null,
+    waits_for: null,
     can: { pause: true, resume: false, abort: true, resolve: true },
     ...change,
   };

@@ -340,5 +340,7 @@ export interface Run extends RunRow {
   plan: Plan;
   jobs: Job[];
   approval: { id: Id; state: string } | null;
+  /** Run in the middle of a step on something that the next action here needs. */
+  waits_for: { id: Id; number: number } | null;
   can: { pause: boolean; resume: boolean; abort: boolean; resolve: boolean };
 }

@@ -19,6 +19,7 @@ export function Problems({ run, job }: { run: Run; job: string | null }) {
   return (
     <>
       {run.state === "awaiting_approval" && run.approval && <AwaitsApproval run={run} />}
+      {run.waits_for && <WaitsForRun other={run.waits_for} />}
       <WaitsForDevices run={run} />
       {[...first, ...rest].map((problem) => (
         <ProblemCard
@@ -54,6 +55,23 @@ function ProblemCard({ run, problem }: { run: Run; problem: Problem }) {
         <p className="s">{effectText(job.transaction?.state ?? null)}</p>
         <Evidence job={job} />
         {job.code && <p className="mono m">{job.code}</p>}
+      </div>
+    </section>
+  );
+}
+
+function WaitsForRun({ other }: { other: NonNullable<Run["waits_for"]> }) {
+  return (
+    <section className="card prob" data-state="queued" data-testid="waits-run-card">
+      <div className="ph">
+        <Glyph look="queued" />
+        Waits for run #{other.number}
+      </div>
+      <div className="pb">
+        <p className="s">{words.waitsForRun}</p>
+        <Link className="btn" to={`/runs/${other.id}`}>
+          Open run #{other.number}
+        </Link>
       </div>
     </section>
   );

@@ -17,6 +17,8 @@ export const words = {
   abortDo: "Abort run",
   answerFirst: "Answer what is in doubt first.",
   cannotGoOn: "What is left needs the action that failed: abort, then start anew.",
+  waitsForRun:
+    "It is in the middle of a step with a pump or a vessel that this run needs next. This run goes on by itself.",
   waits: "It does not answer its host. The action begins by itself once it does; or abort the run.",
   notNow: "Not possible in this state, or not by you.",
   tabs: {

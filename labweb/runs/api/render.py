@@ -130,6 +130,7 @@ def render_run(run: Run, user: User) -> dict[str, Any]:
         "plan": render_plan(run, jobs),
         "jobs": [render_job(job, attempts.get(job.id), names, waiting) for job in jobs],
         "approval": None if request is None else {"id": str(request.id), "state": request.state},
+        "waits_for": _waits_for(run, jobs),
         "can": {
             "pause": may_run and not ended and not run.pause_reasons,
             "resume": may_run
@@ -140,6 +141,19 @@ def render_run(run: Run, user: User) -> dict[str, Any]:
             "resolve": Permission.RESOLVE in allowed,
         },
     }
+
+
+def _waits_for(run: Run, jobs: list[Job]) -> dict[str, Any] | None:
+    """Name the run whose step must end before the next job of this one may go."""
+    if run.state not in selectors.LIVE or run.pause_reasons:
+        return None
+    done = {job.index for job in jobs if job.state == JobState.COMPLETE.value}
+    queued = (job for job in jobs if job.state == JobState.QUEUED.value)
+    following = next((job for job in queued if done.issuperset(job.after)), None)
+    other = None if following is None else selectors.step_blocked_by(following)
+    if other is None:
+        return None
+    return {"id": str(other), "number": selectors.find_run(other).number}
 
 
 def render_job(
