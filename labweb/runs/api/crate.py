@@ -19,7 +19,7 @@ from labweb.runs.services.crate import pack_run
 _BLOCK = 2**18
 
 
-class _Blocks:
+class Blocks:
     """A file block by block, as ASGI sends it; Django closes it with the answer.
 
     A plain iterator would be read whole into memory before the first byte is sent.
@@ -28,7 +28,7 @@ class _Blocks:
     def __init__(self, file: IO[bytes]) -> None:
         self._file = file
 
-    def __aiter__(self) -> _Blocks:
+    def __aiter__(self) -> Blocks:
         return self
 
     async def __anext__(self) -> bytes:
@@ -55,7 +55,7 @@ class RunCrate(APIView):
         size = packed.seek(0, 2)
         packed.seek(0)
         return StreamingHttpResponse(
-            _Blocks(packed),
+            Blocks(packed),
             content_type=self.answer_type,
             headers={
                 "Content-Disposition": f'attachment; filename="run-{run.number}.crate.zip"',
