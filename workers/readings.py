@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 from uuid import UUID
 
-from labweb.domain.crutd.conditions import Condition, Result, Verdict, evaluate
+from labweb.domain.crutd.conditions import Condition, Result, Verdict, evaluate, statuses_of
 from labweb.domain.errors import LabError
 from labweb.domain.ports import Clock
 from workers.store import Store
@@ -104,9 +104,4 @@ def prestate_from(body: Mapping[str, Any]) -> dict[Key, Any]:
 
 
 def _keys(conditions: Iterable[Condition]) -> set[Key]:
-    keys: set[Key] = set()
-    for condition in conditions:
-        keys.add((condition.device_id, condition.status))
-        if condition.stable_status is not None:
-            keys.add((condition.device_id, condition.stable_status))
-    return keys
+    return {(one.device_id, status) for one in conditions for status in statuses_of(one)}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from datetime import datetime
 from typing import TypeVar
 
 import msgspec
@@ -56,3 +57,21 @@ def seconds(request: Request, name: str, default: float) -> float:
     if not 0 <= value < 1e11:
         raise DefinitionError(f"{name} is no time", code="http.query")
     return value
+
+
+def moment(request: Request, name: str) -> datetime | None:
+    """Read a time from the query, ISO 8601 with its zone; None: it is not asked for.
+
+    Raises:
+        DefinitionError: It is no time, or says no zone.
+    """
+    text = request.query_params.get(name)
+    if text is None:
+        return None
+    try:
+        at = datetime.fromisoformat(text)
+    except ValueError as error:
+        raise DefinitionError(f"{name} must be a time in ISO 8601", code="http.query") from error
+    if at.tzinfo is None:
+        raise DefinitionError(f"{name} must say its zone: end it with Z", code="http.query")
+    return at

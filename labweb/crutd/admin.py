@@ -5,7 +5,15 @@ from __future__ import annotations
 from django.contrib import admin
 
 from labweb.common.admin import ReadOnly
-from labweb.crutd.models import Entry, Event, Holding, ResourceLock, Ticket, Transaction
+from labweb.crutd.models import (
+    Balance,
+    Entry,
+    Event,
+    Holding,
+    ResourceLock,
+    Ticket,
+    Transaction,
+)
 
 
 @admin.register(Transaction)
@@ -32,7 +40,7 @@ class Events(ReadOnly):
 class Entries(ReadOnly):
     """Double entries of the ledger."""
 
-    list_display = ("id", "at", "state", "lot", "debit", "credit", "amount_nl")
+    list_display = ("id", "at", "state", "lot", "debit", "credit", "amount_nl", "amount_ug")
     list_filter = ("state",)
     list_select_related = ("lot__material",)
     search_fields = ("debit", "credit", "transaction__id")
@@ -42,9 +50,18 @@ class Entries(ReadOnly):
 class Holdings(ReadOnly):
     """Posted balances."""
 
-    list_display = ("resource", "lot", "amount_nl")
+    list_display = ("resource", "lot", "amount_nl", "amount_ug")
     list_select_related = ("resource", "lot__material")
     search_fields = ("resource__name", "lot__key")
+
+
+@admin.register(Balance)
+class Balances(ReadOnly):
+    """What vessels hold and have promised."""
+
+    list_display = ("resource", "posted_nl", "pending_out_nl", "pending_in_nl", "posted_ug")
+    list_select_related = ("resource",)
+    search_fields = ("resource__name",)
 
 
 @admin.register(ResourceLock)

@@ -3,22 +3,28 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping
-from typing import Any
+from typing import Annotated, Any, ClassVar
 from uuid import UUID
 
+import msgspec
+from drf_spectacular.utils import OpenApiParameter, extend_schema
 from rest_framework.request import Request
 from rest_framework.response import Response
 from rest_framework.views import APIView
 
-from labweb.accounts.selectors import user_of
+from labweb.accounts.selectors import User, user_of
+from labweb.common.clock import now
 from labweb.common.render import iso
-from labweb.common.requests import whole_number
-from labweb.crutd import selectors
+from labweb.common.requests import body, moment, whole_number
+from labweb.crutd import selectors, services
 from labweb.crutd.models import Event, EventSubject
 from labweb.crutd.selectors import lineage
+from labweb.crutd.selectors.past import Past, as_it_was
 from labweb.domain.approvals.roles import Permission
+from labweb.domain.crutd import operations
+from labweb.domain.crutd.ledger import Amount
 from labweb.domain.errors import DefinitionError, NotFoundError
-from labweb.domain.resources.contents import LotId, total_nl
+from labweb.domain.resources.contents import LotId
 from labweb.domain.resources.kinds import KINDS, is_vessel
 from labweb.domain.resources.tree import in_tree_order
 from labweb.domain.units import render_volume
@@ -27,6 +33,12 @@ from labweb.resources import selectors as resource_selectors
 from labweb.resources.api import render_end
 from labweb.resources.selectors import Lab, Lot, Resource
 
+_AT = OpenApiParameter(
+    "at",
+    {"type": "string", "format": "date-time"},
+    description="Show the lab as it was at this time, ISO 8601 with its zone. A time to come is "
+    "refused with `time.future`, one before the import with `time.before_lab`.",
+)
 _MOST_EVENTS = 500
 _ELSEWHERE = "elsewhere"
 """Stands for the name of what the caller may not know of."""
@@ -47,10 +59,15 @@ def visible(request: Request, resource_id: UUID) -> Resource:
 class Resources(APIView):
     """The tree."""
 
+    @extend_schema(parameters=[_AT])
     def get(self, request: Request) -> Response:
-        """List every resource the caller may see, in tree order."""
+        """List every resource the caller may see, in tree order; `at` shows them as they were."""
         lab = resource_selectors.the_lab()
         seen = resource_selectors.allowed_ids(user_of(request), Permission.VIEW)
+        at = moment(request, "at")
+        if at is not None:
+            past = as_it_was(lab, at, now=now())
+            return Response({"at": iso(at), "resources": render_past(lab, past, seen)})
         rows = [row for row in resource_selectors.resources_of(lab) if row.id in seen]
         rows = in_tree_order(rows, lambda row: (row.id, row.parent_id))
         return Response({"resources": render_rows(lab, rows)})
@@ -91,6 +108,55 @@ class ResourceDetail(APIView):
         )
 
 
+class Act(msgspec.Struct, forbid_unknown_fields=True):
+    """What a person did or is about to do by hand."""
+
+    operation: operations.HandOperation
+    note: Annotated[str, msgspec.Meta(max_length=2000)] = ""
+
+
+class Operations(APIView):
+    """Operations that people carry out by hand and tell of."""
+
+    bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": Act}
+
+    def post(self, request: Request) -> Response:
+        """Check an operation under locks and write it down as done: all of it, or nothing."""
+        act = body(request, Act)
+        user = user_of(request)
+        _require(user, act.operation)
+        row = services.carry_out(
+            act.operation, lab=resource_selectors.the_lab(), actor_id=user.pk, note=act.note
+        )
+        event = row.events.get()
+        return Response({"transaction_id": str(row.id), **render_events([event])[0]}, status=201)
+
+
+class OperationCheck(APIView):
+    """What speaks against an operation."""
+
+    bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": Act}
+
+    def post(self, request: Request) -> Response:
+        """List every finding against an operation as things stand; change nothing."""
+        act = body(request, Act)
+        _require(user_of(request), act.operation)
+        findings = services.check_operation(act.operation, lab=resource_selectors.the_lab())
+        return Response({"findings": [finding.to_json() for finding in findings]})
+
+
+def _require(user: User, operation: operations.Operation) -> None:
+    """Refuse who may not do this, or may not know of a resource it names."""
+    wanted = Permission.RUN
+    if isinstance(operation, operations.Correct):
+        wanted = Permission.RESOLVE
+    ids = set(operations.touched_ids(operation))
+    seen = resource_selectors.allowed_ids(user, Permission.VIEW)
+    for resource_id in sorted(ids - seen):
+        raise NotFoundError(f"no resource {resource_id}", code="resource.not_found")
+    resource_selectors.require(user, wanted, ids)
+
+
 class Lineage(APIView):
     """Where what is in a vessel came from, and where it went."""
 
@@ -113,20 +179,35 @@ class Lineage(APIView):
 def render_rows(lab: Lab, rows: Iterable[Resource]) -> list[dict[str, Any]]:
     """Render tree rows with contents and depth; a fixed number of queries."""
     nodes = list(rows)
-    held = selectors.contents(row.id for row in nodes)
+    held = selectors.amounts(row.id for row in nodes)
     above = resource_selectors.ancestors(row.id for row in nodes)
     lots = {str(lot.id): lot for lot in resource_selectors.lots_of(lab)}
-    devices = {
+    devices = _devices(lab)
+    return [_row(row, held.get(row.id, {}), len(above[row.id]), lots, devices) for row in nodes]
+
+
+def render_past(lab: Lab, past: Past, seen: Collection[UUID]) -> list[dict[str, Any]]:
+    """Render a lab at one moment as `render_rows` does now; devices are those of today."""
+    lots = {str(lot.id): lot for lot in resource_selectors.lots_of(lab)}
+    devices = _devices(lab)
+    return [
+        _row(row, past.contents.get(row.id, {}), past.depths[row.id], lots, devices)
+        for row in past.rows
+        if row.id in seen
+    ]
+
+
+def _devices(lab: Lab) -> dict[str, Any]:
+    return {
         node: device
         for device in enrollment_selectors.devices_of(lab)
         for node in device.nodes.values()
     }
-    return [_row(row, held.get(row.id, {}), len(above[row.id]), lots, devices) for row in nodes]
 
 
 def _row(
     row: Resource,
-    held: Mapping[LotId, int],
+    held: Mapping[LotId, Amount],
     depth: int,
     lots: Mapping[str, Lot],
     devices: Mapping[str, Any],
@@ -149,11 +230,12 @@ def _row(
                 "lot_id": lot_id,
                 "lot": lots[lot_id].number or lots[lot_id].key,
                 "material": lots[lot_id].material.name,
-                "amount_nl": amount,
+                "amount_nl": amount.nl,
+                "amount_ug": amount.ug,
             }
-            for lot_id, amount in sorted(held.items(), key=lambda item: -item[1])
+            for lot_id, amount in sorted(held.items(), key=lambda item: (-item[1].nl, -item[1].ug))
         ],
-        "volume_nl": total_nl(held),
+        "volume_nl": sum(amount.nl for amount in held.values()),
         "capacity_nl": None if capacity is None else round(capacity * 1000),
         "is_quarantined": row.quarantined_by is not None,
         "is_archived": row.is_archived,
@@ -182,8 +264,9 @@ def render_events(
 def _event(event: Event, subjects: list[EventSubject]) -> dict[str, Any]:
     operation = event.body.get("operation", {})
     change = event.body.get("change") or {}
-    moved = sum(posting["amount_nl"] for posting in change.get("postings", []))
-    amount = moved or operation.get("amount_nl")
+    postings = change.get("postings", [])
+    amount = sum(posting["amount_nl"] for posting in postings) or operation.get("amount_nl")
+    mass = sum(posting.get("amount_ug", 0) for posting in postings) or operation.get("amount_ug")
     return {
         "seq": event.seq,
         "at": iso(event.at),
@@ -194,7 +277,8 @@ def _event(event: Event, subjects: list[EventSubject]) -> dict[str, Any]:
             {"id": str(s.resource_id), "name": s.resource.name, "role": s.role} for s in subjects
         ],
         "amount_nl": amount if operation.get("op") == "transfer_liquid" else None,
-        "summary": _summary(operation, change, subjects, amount),
+        "amount_ug": mass if operation.get("op") == "transfer_mass" else None,
+        "summary": _summary(operation, change, subjects, (amount or 0, mass or 0)),
         "job_id": event.body.get("job_id"),
         "code": event.body.get("code", ""),
         "message": event.body.get("message", ""),
@@ -206,14 +290,14 @@ def _summary(
     operation: Mapping[str, Any],
     change: Mapping[str, Any],
     subjects: list[EventSubject],
-    amount: int | None,
+    amounts: tuple[int, int],
 ) -> str:
     names = {s.role: s.resource.name for s in subjects}
+    text = _amounts(*amounts)
     match operation.get("op"):
-        case "transfer_liquid":
-            text = render_volume(amount or 0)
+        case "transfer_liquid" | "transfer_mass":
             return f"{names.get('source')} → {names.get('target')}, {text}"
-        case "transfer_resource":
+        case "transfer_resource" | "restore":
             return f"{names.get('subject')}: {names.get('source')} → {names.get('target')}"
         case "update":
             data = next(iter((change.get("data") or {}).values()), operation.get("data", {}))
@@ -222,6 +306,19 @@ def _summary(
         case "read":
             return ", ".join(operation.get("statuses", [])) or "reading"
         case "create":
-            return f"{names.get('subject')}: received {render_volume(amount or 0)} in all"
+            return f"{names.get('subject')}: received {text} in all"
+        case "receive":
+            return f"{operation.get('number') or operation.get('key')}: received {text}"
+        case "correct":
+            where = f"{operation['account']}: {operation['reason']}"
+            return f"{names.get('subject')}: {text}, {where}"
+        case "dispose":
+            return f"{names.get('source')}: {text} to waste"
         case _:
             return names.get("subject", "")
+
+
+def _amounts(amount_nl: int, amount_ug: int) -> str:
+    if amount_ug and amount_nl:
+        return f"{render_volume(amount_nl)} and {amount_ug / 1000:g} mg"
+    return f"{amount_ug / 1000:g} mg" if amount_ug else render_volume(amount_nl)

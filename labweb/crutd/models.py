@@ -3,12 +3,18 @@
 from __future__ import annotations
 
 from django.db import models
-from django.db.models import Q
+from django.db.models import F, Q
 
 from labweb.common.models import Base, enum_choices
+from labweb.domain.crutd.ledger import Account
 from labweb.domain.crutd.lifecycle import TransactionState
 from labweb.domain.crutd.operations import OperationName
 from labweb.domain.runs.locks import LockMode
+
+_ACCOUNT = rf"^({'|'.join(Account)}|[0-9a-f]{{8}}(-[0-9a-f]{{4}}){{3}}-[0-9a-f]{{12}})$"
+"""A nominal account, or the id of a vessel."""
+
+_ONE_UNIT = Q(amount_nl__gt=0, amount_ug=0) | Q(amount_nl=0, amount_ug__gt=0)
 
 
 class Transaction(Base):
@@ -58,6 +64,38 @@ class Event(models.Model):
         return f"{self.seq} {self.name} {self.state}"
 
 
+class EventHead(models.Model):
+    """Where the chain of a lab ends, so that the loss of its last rows is seen.
+
+    The database moves it with each event, and refuses an event that does not follow it.
+    """
+
+    lab = models.OneToOneField(
+        "resources.Lab", primary_key=True, on_delete=models.PROTECT, related_name="event_head"
+    )
+    seq = models.BigIntegerField(default=0)
+    hash = models.CharField(max_length=64, blank=True)
+
+    def __str__(self) -> str:
+        return f"{self.lab_id} at {self.seq}"
+
+
+class LabBase(models.Model):
+    """A lab as it was imported: what its events are replayed on. Never edited."""
+
+    lab = models.OneToOneField(
+        "resources.Lab", primary_key=True, on_delete=models.PROTECT, related_name="base"
+    )
+    document = models.BinaryField()
+    """The lab file, as labweb writes it, compressed with zlib."""
+
+    sha256 = models.CharField(max_length=64)
+    """Of the file before compression; the first event of the lab carries the same."""
+
+    def __str__(self) -> str:
+        return self.sha256
+
+
 class EventSubject(models.Model):
     """Which resources an event concerns."""
 
@@ -78,7 +116,9 @@ class EventSubject(models.Model):
 class Entry(models.Model):
     """One double entry: an amount of a lot leaves one account and enters another.
 
-    Rows are never edited: posting or voiding a pending amount is a new row.
+    Rows are never edited. A pending row reserves an amount on both sides before anything
+    moves; the end of its transaction is a void row, which releases the reservation, beside
+    the posted rows of what did move. The database keeps `Holding` and `Balance` in step.
     """
 
     class State(models.TextChoices):
@@ -95,15 +135,21 @@ class Entry(models.Model):
 
     debit = models.CharField(max_length=64)
     credit = models.CharField(max_length=64)
-    amount_nl = models.BigIntegerField()
+    amount_nl = models.BigIntegerField(default=0)
+    amount_ug = models.BigIntegerField(default=0)
+    """Solids and gases are counted by mass; one of the two amounts is zero."""
+
     state = models.CharField(max_length=8, choices=State.choices)
     at = models.DateTimeField()
 
     class Meta:
         verbose_name_plural = "entries"
         constraints = [
-            models.CheckConstraint(condition=Q(amount_nl__gt=0), name="entry_positive"),
-            models.CheckConstraint(condition=~Q(debit=models.F("credit")), name="entry_two_sides"),
+            models.CheckConstraint(condition=_ONE_UNIT, name="entry_one_unit"),
+            models.CheckConstraint(
+                condition=Q(debit__regex=_ACCOUNT, credit__regex=_ACCOUNT), name="entry_accounts"
+            ),
+            models.CheckConstraint(condition=~Q(debit=F("credit")), name="entry_two_sides"),
             models.CheckConstraint(
                 condition=Q(lot__isnull=False) | ~Q(state="posted"), name="posted_entry_has_lot"
             ),
@@ -111,26 +157,68 @@ class Entry(models.Model):
         indexes = [models.Index(fields=["debit"]), models.Index(fields=["credit"])]
 
     def __str__(self) -> str:
-        return f"{self.amount_nl} nL {self.debit} → {self.credit}"
+        amount = f"{self.amount_ug} µg" if self.amount_ug else f"{self.amount_nl} nL"
+        return f"{amount} {self.debit} → {self.credit}"
 
 
 class Holding(models.Model):
-    """Posted balance of a lot in a vessel: the sum of its entries, kept in step."""
+    """Posted balance of a lot in a vessel. The database alone writes it, from the entries."""
 
     resource = models.ForeignKey(
         "resources.Resource", on_delete=models.PROTECT, related_name="holdings"
     )
     lot = models.ForeignKey("resources.Lot", on_delete=models.PROTECT, related_name="+")
-    amount_nl = models.BigIntegerField()
+    amount_nl = models.BigIntegerField(default=0)
+    amount_ug = models.BigIntegerField(default=0)
 
     class Meta:
         constraints = [
             models.UniqueConstraint(fields=["resource", "lot"], name="holding_once"),
-            models.CheckConstraint(condition=Q(amount_nl__gte=0), name="holding_not_negative"),
+            models.CheckConstraint(
+                condition=Q(amount_nl__gte=0, amount_ug__gte=0), name="holding_not_negative"
+            ),
         ]
 
     def __str__(self) -> str:
-        return f"{self.amount_nl} nL"
+        return f"{self.amount_ug} µg" if self.amount_ug else f"{self.amount_nl} nL"
+
+
+class Balance(models.Model):
+    """What a vessel holds and what is promised of it, all lots together.
+
+    The database alone writes it, from the entries: what is promised is never more than
+    what is there, and what is there with what is to come never more than the capacity.
+    """
+
+    resource = models.OneToOneField(
+        "resources.Resource", primary_key=True, on_delete=models.PROTECT, related_name="balance"
+    )
+    posted_nl = models.BigIntegerField(default=0)
+    posted_ug = models.BigIntegerField(default=0)
+    pending_out_nl = models.BigIntegerField(default=0)
+    pending_out_ug = models.BigIntegerField(default=0)
+    pending_in_nl = models.BigIntegerField(default=0)
+    pending_in_ug = models.BigIntegerField(default=0)
+
+    class Meta:
+        constraints = [
+            models.CheckConstraint(
+                condition=Q(
+                    pending_out_nl__gte=0,
+                    pending_out_ug__gte=0,
+                    posted_nl__gte=F("pending_out_nl"),
+                    posted_ug__gte=F("pending_out_ug"),
+                ),
+                name="balance_never_overdrawn",
+            ),
+            models.CheckConstraint(
+                condition=Q(pending_in_nl__gte=0, pending_in_ug__gte=0),
+                name="balance_pending_in",
+            ),
+        ]
+
+    def __str__(self) -> str:
+        return f"{self.posted_nl} nL, {self.posted_ug} µg"
 
 
 class ResourceLock(Base):

@@ -7,6 +7,7 @@ from django.db.models import Q
 
 from labweb.common.models import Base, enum_choices
 from labweb.domain.graph.topology import Medium
+from labweb.domain.resources.contents import Phase
 from labweb.domain.resources.kinds import Nature
 
 LONGEST_TEXT = 500
@@ -112,6 +113,13 @@ class Material(Base):
 
     ph = models.FloatField(null=True)
     hazards = models.JSONField(default=list)
+    groups = models.JSONField(default=list)
+    """Sorts of substance it belongs to, as people name them: `acid`, `oxidizer`."""
+
+    incompatible_with = models.JSONField(default=list)
+    """Keys of materials and names of groups that it may never meet. Only what is listed
+    counts; nothing is inferred from names or structures."""
+
     position = models.PositiveIntegerField(default=0)
 
     class Meta:
@@ -131,6 +139,9 @@ class Lot(Base):
     number = models.TextField(blank=True)
     expires_on = models.DateField(null=True)
     purity = models.TextField(blank=True)
+    phase = models.CharField(max_length=6, choices=enum_choices(Phase), default=Phase.LIQUID.value)
+    """Liquids are counted in nanolitres, solids and gases in micrograms."""
+
     position = models.PositiveIntegerField(default=0)
 
     class Meta:

@@ -6,11 +6,12 @@ from collections.abc import Collection, Iterable
 from uuid import UUID
 
 from django.db import connection
-from django.db.models import QuerySet
+from django.db.models import Q, QuerySet
 
 from labweb.accounts import selectors as account_selectors
 from labweb.accounts.selectors import User
 from labweb.domain.approvals.roles import Permission
+from labweb.domain.crutd.operations import Receive
 from labweb.domain.errors import ForbiddenError, NotFoundError
 from labweb.domain.graph.topology import Connection as ConnectionData
 from labweb.domain.graph.topology import Medium, PhysicalGraph, PortRef
@@ -26,13 +27,13 @@ from labweb.resources.models import Material as Material
 from labweb.resources.models import Resource as Resource
 
 _ANCESTORS = """
-WITH RECURSIVE up(start, id, parent_id, depth) AS (
-    SELECT id, id, parent_id, 0 FROM resources_resource WHERE id = ANY(%s)
+WITH RECURSIVE up(start, id, parent_id, is_archived, depth) AS (
+    SELECT id, id, parent_id, is_archived, 0 FROM resources_resource WHERE id = ANY(%s)
     UNION ALL
-    SELECT up.start, r.id, r.parent_id, up.depth + 1
+    SELECT up.start, r.id, r.parent_id, r.is_archived, up.depth + 1
     FROM resources_resource r JOIN up ON r.id = up.parent_id
 )
-SELECT start, id FROM up WHERE depth > 0 ORDER BY start, depth
+SELECT start, id, is_archived FROM up WHERE depth > 0 ORDER BY start, depth
 """
 
 _DESCENDANTS = """
@@ -129,13 +130,28 @@ def find_resource(resource_id: UUID) -> Resource:
 
 def ancestors(ids: Iterable[UUID]) -> dict[UUID, tuple[UUID, ...]]:
     """Return everything above each id, nearest first; one query."""
+    return {start: tuple(node for node, _ in above) for start, above in _above(ids).items()}
+
+
+Above = tuple[dict[UUID, tuple[UUID, ...]], set[UUID]]
+"""Everything above each id, and the ids that stand in something archived."""
+
+
+def ancestors_and_archived(ids: Iterable[UUID]) -> Above:
+    """Return everything above each id, and the ids that stand in something archived; one query."""
+    found = _above(ids)
+    archived = {start for start, above in found.items() if any(closed for _, closed in above)}
+    return {start: tuple(node for node, _ in above) for start, above in found.items()}, archived
+
+
+def _above(ids: Iterable[UUID]) -> dict[UUID, list[tuple[UUID, bool]]]:
     wanted = sorted(set(ids))
-    found: dict[UUID, list[UUID]] = {node: [] for node in wanted}
+    found: dict[UUID, list[tuple[UUID, bool]]] = {node: [] for node in wanted}
     with connection.cursor() as cursor:
         cursor.execute(_ANCESTORS, [wanted])
-        for start, node in cursor.fetchall():
-            found[start].append(node)
-    return {start: tuple(nodes) for start, nodes in found.items()}
+        for start, node, is_archived in cursor.fetchall():
+            found[start].append((node, is_archived))
+    return found
 
 
 def descendants(ids: Iterable[UUID]) -> set[UUID]:
@@ -221,6 +237,12 @@ def require(user: User, permission: Permission, ids: Iterable[UUID]) -> None:
         )
 
 
+def quarantined_by(transaction_id: UUID) -> list[UUID]:
+    """Return what a transaction closed and nobody has opened since."""
+    closed = Resource.objects.filter(quarantined_by=transaction_id)
+    return list(closed.values_list("pk", flat=True))
+
+
 def root_of(lab: Lab) -> Resource:
     """Return the root of a lab's tree."""
     return Resource.objects.get(lab=lab, parent__isnull=True)
@@ -234,3 +256,21 @@ def permissions_of(user: User) -> frozenset[Permission]:
 def names(ids: Iterable[UUID]) -> dict[UUID, str]:
     """Return name by id."""
     return dict(rows(ids).values_list("id", "name"))
+
+
+def find_material(material_id: UUID) -> Material | None:
+    """Return a material, or None."""
+    return Material.objects.filter(pk=material_id).first()
+
+
+def is_known_delivery(lab: Lab, receive: Receive) -> bool:
+    """Tell whether a lot of this id or key was received, or of this supplier and number."""
+    same = Q(pk=receive.lot_id) | Q(lab=lab, key=receive.key)
+    if receive.number:
+        same |= Q(material_id=receive.material_id, supplier=receive.supplier, number=receive.number)
+    return Lot.objects.filter(same).exists()
+
+
+def is_taken(lab: Lab, resource_id: UUID, key: str) -> bool:
+    """Tell whether a resource of this id, or of this key in the lab, is there already."""
+    return Resource.objects.filter(Q(pk=resource_id) | Q(lab=lab, key=key)).exists()

@@ -9,7 +9,7 @@ from uuid import UUID
 from django.db.models import F
 
 from labweb.common.clock import now
-from labweb.domain.crutd.operations import Create
+from labweb.domain.crutd.operations import Create, Receive
 from labweb.domain.resources.kinds import KINDS
 from labweb.resources.models import Connection, Lab, Lot, Material, Resource
 
@@ -52,6 +52,22 @@ def set_size(resource_id: UUID, size_mm: Sequence[float] | None) -> None:
     Resource.objects.filter(pk=resource_id).update(size_mm=size)
 
 
+def create_lot(receive: Receive, lab: Lab) -> None:
+    """Write one new lot."""
+    Lot.objects.create(
+        id=receive.lot_id,
+        lab=lab,
+        key=receive.key,
+        material_id=receive.material_id,
+        supplier=receive.supplier,
+        number=receive.number,
+        expires_on=receive.expires_on,
+        purity=receive.purity,
+        phase=receive.phase.value,
+        position=Lot.objects.filter(lab=lab).count(),
+    )
+
+
 def update_data(resource_id: UUID, data: Mapping[str, Any]) -> None:
     """Merge fields into `data`."""
     row = Resource.objects.get(pk=resource_id)
@@ -69,14 +85,19 @@ def archive(ids: Collection[UUID]) -> None:
     Resource.objects.filter(pk__in=ids).update(is_archived=True)
 
 
+def restore(ids: Collection[UUID]) -> None:
+    """Put archived nodes back into service."""
+    Resource.objects.filter(pk__in=ids).update(is_archived=False)
+
+
 def quarantine(ids: Collection[UUID], transaction_id: UUID) -> None:
     """Close nodes to all use until a person has said what happened."""
     Resource.objects.filter(pk__in=ids).update(quarantined_by=transaction_id)
 
 
-def release(transaction_id: UUID) -> None:
-    """Open what a transaction had quarantined."""
-    Resource.objects.filter(quarantined_by=transaction_id).update(quarantined_by=None)
+def release(ids: Collection[UUID]) -> None:
+    """Open what was quarantined."""
+    Resource.objects.filter(pk__in=ids).update(quarantined_by=None)
 
 
 def raise_revs(ids: Collection[UUID]) -> None:

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import json
+from pathlib import Path
+from zipfile import ZipFile
+
 import pytest
 from playwright.sync_api import expect
 
@@ -64,6 +68,23 @@ def test_the_pages_say_what_the_bench_holds_and_where_it_came_from(
     expect(row).to_be_visible()
     expect(table).to_contain_text("W-0001")
     assert "Reactor 1" in plain(table.inner_text())
+
+
+def test_a_run_and_a_lineage_can_be_taken_away_as_files(visit: Visit, stack: Stack) -> None:
+    run = stack.client().start(WATER)
+    chemist = visit("chemist")
+    chemist.open(f"runs/{run['id']}")
+    chemist.wait_for_state("complete", 90)
+    with chemist.page.expect_download() as crate:
+        chemist.press("crate")
+    with ZipFile(crate.value.path()) as packed:
+        described = json.loads(packed.read("ro-crate-metadata.json"))["@graph"]
+    assert {"workflow.json", "plan.json"} <= {entity["@id"] for entity in described}
+    chemist.open(f"lineage/{stack.keys()['reactor_1']}")
+    with chemist.page.expect_download() as document:
+        chemist.press("prov")
+    told = json.loads(Path(document.value.path()).read_text())
+    assert any("W-0001" in json.dumps(entity) for entity in told["entity"].values())
 
 
 def test_the_twin_shows_inside_the_run_page(visit: Visit, stack: Stack) -> None:

@@ -24,6 +24,23 @@ import { Segments } from "@/ui/controls";
 import { Icon, type IconName } from "@/ui/icons";
 import { At } from "@/ui/time";
 
+/** The answer as a document that other programs read. */
+function Export({ id, direction, depth }: { id: string; direction: string; depth: number }) {
+  const query = new URLSearchParams({ direction, depth: String(depth), form: "prov" });
+  return (
+    <a
+      className="btn wide"
+      href={`/api/v1/resources/${id}/provenance?${query.toString()}`}
+      download={`provenance-${id}.json`}
+      title="Lots, vessels, acts, people, devices and driver versions as PROV-JSON"
+      data-testid="prov"
+    >
+      <Icon name="download" />
+      PROV-JSON
+    </a>
+  );
+}
+
 const DIRECTIONS = [
   { value: "up", label: "Came from" },
   { value: "both", label: "Both" },
@@ -70,6 +87,7 @@ export function LineagePage() {
           options={DEPTHS}
           onChange={(value) => set("depth", value)}
         />
+        <Export id={id} direction={direction} depth={depth} />
       </div>
       <Loaded source={lineage} what="the lineage">
         {(data) =>

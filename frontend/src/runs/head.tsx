@@ -44,7 +44,7 @@ function Acts({ run }: { run: Run }) {
   const [isAborting, setAborting] = useState(false);
   const isOver = run.state === "complete" || run.state === "aborted";
   const offline = useStatus() === "offline" ? "Not connected." : null;
-  if (isOver) return null;
+  if (isOver) return <Crate run={run} />;
   const isPaused = run.pause_reasons.length > 0 || run.can.resume || run.state === "paused";
   return (
     <>
@@ -90,6 +90,22 @@ function Acts({ run }: { run: Run }) {
       </span>
       <AbortDialog run={run} isOpen={isAborting} onClose={() => setAborting(false)} />
     </>
+  );
+}
+
+/** Everything about the run in one file, for an archive or a notebook. */
+function Crate({ run }: { run: Run }) {
+  return (
+    <a
+      className="btn wide"
+      href={`/api/v1/runs/${run.id}/crate`}
+      download={`run-${run.number}.crate.zip`}
+      title={words.crateHelp}
+      data-testid="crate"
+    >
+      <Icon name="download" />
+      {words.crate}
+    </a>
   );
 }
 

@@ -7,6 +7,8 @@ export const words = {
   pause: "Pause",
   pausing: "Pausing – after the actions that are under way",
   resume: "Resume",
+  crate: "RO-Crate",
+  crateHelp: "Workflow, plan, events, telemetry and readings of this run in one file",
   abort: "Abort…",
   abortTitle: "Abort this run",
   abortAbout:

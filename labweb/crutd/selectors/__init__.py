@@ -2,66 +2,101 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Mapping
 from uuid import UUID
 
-from django.db.models import QuerySet, Sum
+from django.db.models import Q, QuerySet, Sum
 
 from labweb.crutd.models import Entry, Event, EventSubject, Holding, ResourceLock, Ticket
 from labweb.crutd.models import Transaction as Transaction
 from labweb.domain.crutd.decide import ResourceState
+from labweb.domain.crutd.ledger import Amount
 from labweb.domain.crutd.provenance import is_nominal
 from labweb.domain.errors import NotFoundError
 from labweb.domain.resources.contents import LotId
 from labweb.domain.runs.locks import Lock, LockMode
 from labweb.resources import selectors as resource_selectors
-from labweb.resources.selectors import Lab, Lot, Resource
+from labweb.resources.selectors import Above, Lab, Lot, Resource
 
 
 def contents(ids: Iterable[UUID]) -> dict[UUID, dict[LotId, int]]:
     """Return nanolitres by lot of each vessel; empty ones are missing."""
     found: dict[UUID, dict[LotId, int]] = {}
-    rows = Holding.objects.filter(resource_id__in=list(ids), amount_nl__gt=0)
-    for resource_id, lot_id, amount in rows.values_list("resource_id", "lot_id", "amount_nl"):
-        found.setdefault(resource_id, {})[LotId(str(lot_id))] = amount
+    for resource_id, held in amounts(ids).items():
+        liquids = {lot: amount.nl for lot, amount in held.items() if amount.nl}
+        if liquids:
+            found[resource_id] = liquids
     return found
 
 
-def state_of(row: Resource, held: dict[LotId, int], above: tuple[UUID, ...] = ()) -> ResourceState:
+def amounts(ids: Iterable[UUID]) -> dict[UUID, dict[LotId, Amount]]:
+    """Return what each vessel holds by lot, whatever it is counted in; empty ones are missing."""
+    found: dict[UUID, dict[LotId, Amount]] = {}
+    rows = Holding.objects.filter(resource_id__in=list(ids))
+    columns = ("resource_id", "lot_id", "amount_nl", "amount_ug")
+    for resource_id, lot_id, nl, ug in rows.values_list(*columns):
+        if nl or ug:
+            found.setdefault(resource_id, {})[LotId(str(lot_id))] = Amount(nl, ug)
+    return found
+
+
+_NOTHING: Mapping[LotId, Amount] = {}
+
+
+def state_of(
+    row: Resource,
+    held: Mapping[LotId, Amount],
+    above: tuple[UUID, ...] = (),
+    *,
+    is_archived: bool = False,
+) -> ResourceState:
     """Turn a row and its contents into what a decision needs."""
-    capacity = row.config.get("capacity_ul")
-    dead = row.config.get("dead_volume_ul") or 0
     return ResourceState(
         id=row.id,
         name=row.name,
         kind=row.kind,
         parent_id=row.parent_id,
-        contents=held,
-        capacity_nl=None if capacity is None else round(capacity * 1000),
-        dead_volume_nl=round(dead * 1000),
+        contents={lot: amount.nl for lot, amount in held.items() if amount.nl},
+        masses={lot: amount.ug for lot, amount in held.items() if amount.ug},
+        capacity_nl=_thousandfold(row.config.get("capacity_ul")),
+        capacity_ug=_thousandfold(row.config.get("capacity_mg")),
+        dead_volume_nl=_thousandfold(row.config.get("dead_volume_ul")) or 0,
         data=row.data,
         quarantined_by=None if row.quarantined_by is None else str(row.quarantined_by),
-        is_archived=row.is_archived,
+        is_archived=row.is_archived or is_archived,
         ancestor_ids=above,
     )
 
 
-def snapshot(rows: Iterable[Resource]) -> dict[UUID, ResourceState]:
-    """Return the frozen state of the rows for a decision; two queries."""
+def _thousandfold(value: float | None) -> int | None:
+    return None if value is None else round(value * 1000)
+
+
+def snapshot(rows: Iterable[Resource], known: Above | None = None) -> dict[UUID, ResourceState]:
+    """Return the frozen state of the rows for a decision; one query where `known`, or two."""
     nodes = list(rows)
-    held = contents(row.id for row in nodes)
-    above = resource_selectors.ancestors(row.id for row in nodes)
-    return {row.id: state_of(row, held.get(row.id, {}), above[row.id]) for row in nodes}
+    held = amounts(row.id for row in nodes)
+    above, archived = known or resource_selectors.ancestors_and_archived(r.id for r in nodes)
+    return {
+        row.id: state_of(
+            row, held.get(row.id, _NOTHING), above[row.id], is_archived=row.id in archived
+        )
+        for row in nodes
+    }
 
 
 def lab_snapshot(lab: Lab) -> dict[UUID, ResourceState]:
     """Return the state of every node, for compiling a workflow."""
     rows = list(resource_selectors.resources_of(lab))
-    held = contents(row.id for row in rows)
+    held = amounts(row.id for row in rows)
     parents = {row.id: row.parent_id for row in rows}
-    return {
-        row.id: state_of(row, held.get(row.id, {}), tuple(_climb(row.id, parents))) for row in rows
-    }
+    closed = {row.id for row in rows if row.is_archived}
+    found = {}
+    for row in rows:
+        above = tuple(_climb(row.id, parents))
+        is_archived = not closed.isdisjoint(above)
+        found[row.id] = state_of(row, held.get(row.id, _NOTHING), above, is_archived=is_archived)
+    return found
 
 
 def _climb(node: UUID, parents: dict[UUID, UUID | None]) -> Iterable[UUID]:
@@ -150,7 +185,8 @@ def visible_lots(lab: Lab, seen: Collection[UUID]) -> list[Lot]:
     lots = resource_selectors.lots_of(lab)
     if resource_selectors.root_of(lab).id in seen:
         return list(lots)
-    held = Holding.objects.filter(resource_id__in=list(seen), amount_nl__gt=0)
+    some = Q(amount_nl__gt=0) | Q(amount_ug__gt=0)
+    held = Holding.objects.filter(some, resource_id__in=list(seen))
     return list(lots.filter(pk__in=held.values("lot_id")))
 
 

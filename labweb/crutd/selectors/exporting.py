@@ -8,7 +8,8 @@ from uuid import UUID
 
 import msgspec
 
-from labweb.crutd.selectors import contents
+from labweb.crutd.selectors import amounts
+from labweb.domain.crutd.ledger import Amount
 from labweb.domain.graph.lab_file.model import (
     DeviceEntry,
     HostEntry,
@@ -17,7 +18,7 @@ from labweb.domain.graph.lab_file.model import (
     Material,
     Mode,
 )
-from labweb.domain.resources.contents import LotId
+from labweb.domain.resources.contents import LotId, Phase
 from labweb.enrollment import selectors as enrollment_selectors
 from labweb.enrollment.selectors import Device
 from labweb.resources import selectors as resource_selectors
@@ -50,6 +51,7 @@ def lab_file_of(lab: Lab) -> LabFile:
     """
     tree = resource_selectors.tree_of(lab)
     lots = tuple(_lots(lab))
+    found = amounts(tree.by_id)
     devices, discovered = _devices(lab)
     return LabFile(
         id=lab.id,
@@ -59,7 +61,8 @@ def lab_file_of(lab: Lab) -> LabFile:
         materials=tuple(_materials(lab)),
         lots=lots,
         resources=tree.resources,
-        contents=_contents(tree.by_id, lots),
+        contents=_listed(tree.by_id, lots, {key: _nl(held) for key, held in found.items()}),
+        masses=_listed(tree.by_id, lots, {key: _ug(held) for key, held in found.items()}),
         connections=resource_selectors.graph_of(lab).connections,
         hosts=_hosts(lab),
         devices=devices,
@@ -78,6 +81,8 @@ def _materials(lab: Lab) -> Iterable[Material]:
             density_mg_ul=row.density_mg_ul,
             ph=row.ph,
             hazards=tuple(row.hazards),
+            groups=tuple(row.groups),
+            incompatible_with=tuple(row.incompatible_with),
         )
 
 
@@ -91,19 +96,29 @@ def _lots(lab: Lab) -> Iterable[Lot]:
             number=row.number or None,
             expires_on=None if row.expires_on is None else row.expires_on.isoformat(),
             purity=row.purity or None,
+            phase=Phase(row.phase),
         )
 
 
-def _contents(
-    resources: Mapping[UUID, object], lots: Iterable[Lot]
+def _nl(held: Mapping[LotId, Amount]) -> dict[LotId, int]:
+    return {lot: amount.nl for lot, amount in held.items() if amount.nl}
+
+
+def _ug(held: Mapping[LotId, Amount]) -> dict[LotId, int]:
+    return {lot: amount.ug for lot, amount in held.items() if amount.ug}
+
+
+def _listed(
+    resources: Mapping[UUID, object],
+    lots: Iterable[Lot],
+    held: Mapping[UUID, Mapping[LotId, int]],
 ) -> dict[UUID, dict[LotId, int]]:
     """Return what each vessel holds, in the order of the resources and of the lots."""
-    held = contents(resources)
     order = [LotId(str(lot.id)) for lot in lots]
     return {
         resource: {lot: held[resource][lot] for lot in order if lot in held[resource]}
         for resource in resources
-        if resource in held
+        if held.get(resource)
     }
 
 

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from labweb.crutd.services.importing import check_time_zone, import_lab
 from labweb.crutd.services.labware import import_labware
+from labweb.crutd.services.recording import event_hash, open_ticket
 from labweb.crutd.services.transactions import (
     Settlement,
     advance,
     carry_out,
+    check_operation,
     discard,
-    event_hash,
     lock_operation,
-    open_ticket,
     settle,
 )
 
@@ -19,6 +19,7 @@ __all__ = [
     "Settlement",
     "advance",
     "carry_out",
+    "check_operation",
     "check_time_zone",
     "discard",
     "event_hash",

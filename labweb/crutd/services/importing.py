@@ -11,11 +11,14 @@ from django.utils.text import slugify
 from labweb.accounts import services as account_services
 from labweb.accounts.selectors import User
 from labweb.common.clock import now
-from labweb.crutd.models import Transaction
+from labweb.crutd.models import EventHead, LabBase, Transaction
 from labweb.crutd.selectors.exporting import file_extra
-from labweb.crutd.services.transactions import post, record
+from labweb.crutd.selectors.past import pack
+from labweb.crutd.services.posting import post
+from labweb.crutd.services.recording import record
 from labweb.domain.crutd import operations
 from labweb.domain.crutd.decide import Change, Posting
+from labweb.domain.crutd.ledger import Account
 from labweb.domain.crutd.lifecycle import TransactionState
 from labweb.domain.errors import LabFileError, StateError
 from labweb.domain.graph.lab_file.model import LabFile
@@ -23,9 +26,6 @@ from labweb.domain.resources.node import Resource as ResourceData
 from labweb.resources import selectors as resource_selectors
 from labweb.resources import services as resource_services
 from labweb.resources.selectors import Connection, Lab, Lot, Material, Resource
-
-RECEIPT = "RECEIPT"
-"""Nominal account that what is delivered to the lab comes out of."""
 
 LONGEST_KEY = 50
 """Longest key of a lab, which stands in addresses of pages."""
@@ -141,6 +141,8 @@ def _materials(lab: Lab, lab_file: LabFile) -> Iterator[Material]:
             density_mg_ul=material.density_mg_ul,
             ph=material.ph,
             hazards=list(material.hazards),
+            groups=list(material.groups),
+            incompatible_with=list(material.incompatible_with),
             position=position,
         )
 
@@ -156,6 +158,7 @@ def _lots(lab: Lab, lab_file: LabFile) -> Iterator[Lot]:
             number=lot.number or "",
             expires_on=lot.expires_on,
             purity=lot.purity or "",
+            phase=lot.phase.value,
             position=position,
         )
 
@@ -177,11 +180,23 @@ def _receive(lab: Lab, lab_file: LabFile, actor: User | None) -> None:
         message=f"imported {len(lab_file.resources)} resources",
     )
     postings = tuple(_postings(lab_file))
-    post(row, postings)
-    record(row, Change(state=TransactionState.COMMITTED, postings=postings))
+    post(row, postings, ())
+    base = _keep_base(lab, lab_file)
+    EventHead.objects.create(lab=lab)
+    record(row, Change(state=TransactionState.COMMITTED, postings=postings), base=base.sha256)
+
+
+def _keep_base(lab: Lab, lab_file: LabFile) -> LabBase:
+    """Keep the lab as it was imported, for events to be replayed on."""
+    document, sha256 = pack(lab_file)
+    base: LabBase = LabBase.objects.create(lab=lab, document=document, sha256=sha256)
+    return base
 
 
 def _postings(lab_file: LabFile) -> Iterator[Posting]:
     for resource_id, amounts in lab_file.contents.items():
         for lot, amount_nl in amounts.items():
-            yield Posting(lot, RECEIPT, str(resource_id), amount_nl)
+            yield Posting(lot, Account.RECEIPT.value, str(resource_id), amount_nl=amount_nl)
+    for resource_id, amounts in lab_file.masses.items():
+        for lot, amount_ug in amounts.items():
+            yield Posting(lot, Account.RECEIPT.value, str(resource_id), amount_ug=amount_ug)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
 
 from django.db.transaction import atomic
 
@@ -62,12 +63,31 @@ def import_labware(
     message = f"imported {len(resources)} resources from {source.get('file', 'a file')}"
     settle(
         row.id,
-        Settlement(outcome=Outcome(kind=OutcomeKind.DONE), verification="assumed", message=message),
+        Settlement(
+            outcome=Outcome(kind=OutcomeKind.DONE),
+            verification="assumed",
+            message=message,
+            parts=[_part(node, position) for position, node in enumerate(inside, start=1)],
+        ),
     )
     resource_services.set_size(first.id, first.size_mm)
     resource_services.create_rows(list(_rows(inside, lab)), (), (), ())
     account_services.write_audit("labware.import", str(first.id), actor=actor, detail=dict(source))
     return selectors.find_transaction(row.id)
+
+
+def _part(node: ResourceData, position: int) -> dict[str, Any]:
+    """Render what lies in labware for its event, from which the lab can be rebuilt."""
+    return {
+        "id": str(node.id),
+        "parent_id": str(node.parent_id),
+        "key": node.key,
+        "name": node.name,
+        "kind": node.kind,
+        "pose": None if node.pose is None else node.pose.to_json(),
+        "config": dict(node.config),
+        "position": position,
+    }
 
 
 def _check_keys(resources: Sequence[ResourceData], lab: Lab) -> None:

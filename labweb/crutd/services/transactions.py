@@ -2,38 +2,29 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, field
-from functools import partial
+from dataclasses import dataclass, field, replace
 from typing import Any
 from uuid import UUID
 
 from django.db import OperationalError
-from django.db.models import F, Max
-from django.db.transaction import atomic, on_commit
+from django.db.transaction import atomic
 
-from labweb.common import feed
 from labweb.common.clock import now
 from labweb.crutd import selectors
-from labweb.crutd.models import (
-    Entry,
-    Event,
-    EventSubject,
-    Holding,
-    ResourceLock,
-    Ticket,
-    Transaction,
-)
+from labweb.crutd.models import ResourceLock, Transaction
+from labweb.crutd.selectors.facts import facts_for, holders
+from labweb.crutd.services.posting import post, reserve
+from labweb.crutd.services.recording import open_ticket, record
 from labweb.domain.crutd import decide, lifecycle, operations
 from labweb.domain.crutd.decide import Change, Outcome, OutcomeKind
+from labweb.domain.crutd.ledger import vessels_of
 from labweb.domain.crutd.lifecycle import TransactionState
 from labweb.domain.errors import Finding, LockedError, PreconditionError, StateError
-from labweb.domain.messages import canonical
-from labweb.domain.runs.locks import conflicts, lock_set
+from labweb.domain.runs.locks import Lock, conflicts, lock_set
 from labweb.resources import selectors as resource_selectors
 from labweb.resources import services as resource_services
-from labweb.resources.selectors import Lab, Resource
+from labweb.resources.selectors import Above, Lab, Resource
 
 
 @atomic
@@ -54,11 +45,11 @@ def lock_operation(
     Effect:
         None on matter. Locks hold until the transaction is settled; they never expire.
     """
-    touched = set(operations.touched_ids(operation))
-    wanted_ids = touched & _resource_ids(touched) | set(targets)
-    rows = _rows(wanted_ids)
-    _check_free(rows, wanted_ids)
-    findings = _check_operation(operation, rows)
+    rows = _rows({*operations.touched_ids(operation), *targets})
+    above = resource_selectors.ancestors_and_archived(rows)
+    wanted = lock_set(rows, above[0])
+    _check_free(rows, wanted)
+    findings = _check_operation(operation, lab, rows, above)
     if findings:
         raise PreconditionError(findings[0].message, code=findings[0].code, findings=findings)
     row = Transaction.objects.create(
@@ -70,21 +61,9 @@ def lock_operation(
         job_id=job_id,
         proposed_at=now(),
     )
-    _take_locks(row, wanted_ids)
-    if isinstance(operation, operations.TransferLiquid):
-        Entry.objects.create(
-            transaction=row,
-            debit=str(operation.source_id),
-            credit=str(operation.target_id),
-            amount_nl=operation.amount_nl,
-            state=Entry.State.PENDING,
-            at=now(),
-        )
+    _take_locks(row, wanted)
+    reserve(row, operations.reservations(operation))
     return row
-
-
-def _resource_ids(ids: Collection[UUID]) -> set[UUID]:
-    return set(resource_selectors.rows(ids).values_list("pk", flat=True))
 
 
 def _rows(ids: Collection[UUID]) -> dict[UUID, Resource]:
@@ -95,9 +74,7 @@ def _rows(ids: Collection[UUID]) -> dict[UUID, Resource]:
         raise LockedError("the resources are in use this moment", code="crutd.busy") from error
 
 
-def _check_free(rows: Mapping[UUID, Resource], ids: Collection[UUID]) -> None:
-    above = resource_selectors.ancestors(ids)
-    wanted = lock_set(ids, above)
+def _check_free(rows: Mapping[UUID, Resource], wanted: Sequence[Lock]) -> None:
     held = selectors.held_locks(lock.resource_id for lock in wanted)
     blocked = conflicts(wanted, [lock for lock, _ in held])
     if blocked:
@@ -111,21 +88,28 @@ def _check_free(rows: Mapping[UUID, Resource], ids: Collection[UUID]) -> None:
 
 
 def _check_operation(
-    operation: operations.Operation, rows: Mapping[UUID, Resource]
+    operation: operations.Operation, lab: Lab, rows: Mapping[UUID, Resource], above: Above
 ) -> list[Finding]:
     if isinstance(operation, operations.Read):
         return []
-    return decide.check(operation, selectors.snapshot(rows.values()))
+    states = selectors.snapshot(rows.values(), above)
+    return decide.check(operation, states, facts_for(operation, lab, states))
 
 
-def _take_locks(row: Transaction, ids: Collection[UUID]) -> None:
+def check_operation(operation: operations.Operation, *, lab: Lab) -> list[Finding]:
+    """List all that speaks against an operation now, who uses its resources included."""
+    states = selectors.snapshot(resource_selectors.rows(operations.touched_ids(operation)))
+    facts = replace(facts_for(operation, lab, states), held=holders(operation))
+    return decide.check(operation, states, facts)
+
+
+def _take_locks(row: Transaction, wanted: Sequence[Lock]) -> None:
     at = now()
-    locks = lock_set(ids, resource_selectors.ancestors(ids))
     ResourceLock.objects.bulk_create(
         ResourceLock(
             resource_id=lock.resource_id, mode=lock.mode.value, transaction=row, taken_at=at
         )
-        for lock in locks
+        for lock in wanted
     )
 
 
@@ -159,6 +143,8 @@ class Settlement:
 
     actor_id: UUID | None = None
     keep_quarantined: bool = False
+    parts: Sequence[Mapping[str, Any]] = ()
+    """What was created along with a piece of labware."""
 
 
 @atomic
@@ -180,9 +166,10 @@ def settle(transaction_id: UUID, settlement: Settlement) -> Change:
     rows = {r.id: r for r in resource_selectors.rows(ids).select_for_update()}
     change = _decide(row, operation, rows, settlement)
     lifecycle.check_step(TransactionState(row.state), change.state)
-    _apply(row, change, settlement)
+    change = _with_released(row, change, settlement)
+    _apply(row, operation, change, settlement)
     _close(row, change, settlement)
-    record(row, change)
+    record(row, change, revs=settlement.revs, parts=settlement.parts)
     return change
 
 
@@ -209,11 +196,24 @@ def _decide(
                 "server": change.to_json(),
             },
         )
-        resource_services.quarantine(list(rows), row.id)
+        change = replace(change, quarantined=frozenset(rows))
     return change
 
 
-def _apply(row: Transaction, change: Change, settlement: Settlement) -> None:
+def _with_released(row: Transaction, change: Change, settlement: Settlement) -> Change:
+    """Add the resources whose quarantine ends with their transaction's doubt."""
+    is_settled = row.state == TransactionState.QUARANTINED.value and change.state in lifecycle.FINAL
+    if not is_settled or settlement.keep_quarantined:
+        return change
+    closed = resource_selectors.quarantined_by(row.id)
+    return replace(change, released=(change.released | set(closed)) - change.quarantined)
+
+
+def _apply(
+    row: Transaction, operation: operations.Operation, change: Change, settlement: Settlement
+) -> None:
+    if isinstance(operation, operations.Receive) and change.postings:
+        resource_services.create_lot(operation, row.lab)
     for create in change.created:
         resource_services.create_resource(create, row.lab)
     for resource_id, data in change.data.items():
@@ -222,9 +222,14 @@ def _apply(row: Transaction, change: Change, settlement: Settlement) -> None:
         resource_services.move(resource_id, parent_id)
     if change.archived:
         resource_services.archive(change.archived)
+    if change.restored:
+        resource_services.restore(change.restored)
+    if change.released:
+        resource_services.release(change.released)
     if change.quarantined:
         resource_services.quarantine(change.quarantined, row.id)
-    post(row, change.postings)
+    has_ended = change.state in lifecycle.FINAL
+    post(row, change.postings, operations.reservations(operation) if has_ended else ())
     if settlement.revs:
         resource_services.set_revs(settlement.revs)
     else:
@@ -233,41 +238,12 @@ def _apply(row: Transaction, change: Change, settlement: Settlement) -> None:
 
 def changed_ids(change: Change) -> set[UUID]:
     """Return the resources whose state a change alters."""
-    vessels = {UUID(p.debit) for p in change.postings if "-" in p.debit}
-    vessels |= {UUID(p.credit) for p in change.postings if "-" in p.credit}
-    return vessels | set(change.data) | set(change.moves) | set(change.archived)
-
-
-def post(row: Transaction, postings: Sequence[decide.Posting]) -> None:
-    """Write double entries and bring the balances of both vessels in step."""
-    at = now()
-    Entry.objects.bulk_create(
-        Entry(
-            transaction=row,
-            lot_id=UUID(posting.lot),
-            debit=posting.debit,
-            credit=posting.credit,
-            amount_nl=posting.amount_nl,
-            state=Entry.State.POSTED,
-            at=at,
-        )
-        for posting in postings
-    )
-    for posting in postings:
-        _add(posting.debit, posting.lot, -posting.amount_nl)
-        _add(posting.credit, posting.lot, posting.amount_nl)
-
-
-def _add(account: str, lot: str, amount_nl: int) -> None:
-    if "-" not in account:
-        return
-    held = Holding.objects.filter(resource_id=account, lot_id=lot)
-    if not held.update(amount_nl=F("amount_nl") + amount_nl):
-        Holding.objects.create(resource_id=account, lot_id=lot, amount_nl=amount_nl)
+    vessels = vessels_of(change.postings)
+    placed = set(change.moves) | change.archived | change.restored
+    return vessels | set(change.data) | placed | change.released
 
 
 def _close(row: Transaction, change: Change, settlement: Settlement) -> None:
-    was_quarantined = row.state == TransactionState.QUARANTINED.value
     row.state = change.state.value
     row.change = change.to_json()
     row.verification = settlement.verification
@@ -276,24 +252,9 @@ def _close(row: Transaction, change: Change, settlement: Settlement) -> None:
     if change.state in lifecycle.FINAL:
         row.settled_at = now()
         ResourceLock.objects.filter(transaction=row, released_at__isnull=True).update(
-            released_at=now()
+            released_at=row.settled_at
         )
-        _void_pending(row)
-        if was_quarantined and not settlement.keep_quarantined:
-            resource_services.release(row.id)
     row.save()
-
-
-def _void_pending(row: Transaction) -> None:
-    for entry in Entry.objects.filter(transaction=row, state=Entry.State.PENDING):
-        Entry.objects.create(
-            transaction=row,
-            debit=entry.debit,
-            credit=entry.credit,
-            amount_nl=entry.amount_nl,
-            state=Entry.State.VOID,
-            at=now(),
-        )
 
 
 @atomic
@@ -306,80 +267,19 @@ def discard(transaction_id: UUID, settlement: Settlement) -> None:
     row = selectors.transaction_for_update(transaction_id)
     lifecycle.check_step(TransactionState(row.state), TransactionState.ROLLED_BACK)
     change = Change(state=TransactionState.ROLLED_BACK)
+    post(row, (), operations.reservations(operations.from_json(row.operation)))
     _close(row, change, settlement)
     record(row, change)
 
 
-def record(row: Transaction, change: Change) -> Event:
-    """Append the event of a settled transaction to the lab's chain and announce it."""
-    lab = resource_selectors.lab_for_update(row.lab_id)
-    last = Event.objects.filter(lab=lab).order_by("-seq").first()
-    head = Event.objects.filter(lab=lab).aggregate(Max("seq"))["seq__max"] or 0
-    body = {
-        "operation": row.operation,
-        "change": change.to_json(),
-        "verification": row.verification,
-        "code": row.code,
-        "message": row.message,
-        "job_id": None if row.job_id is None else str(row.job_id),
-        "actor_id": None if row.actor_id is None else str(row.actor_id),
-    }
-    prev = last.hash if last is not None else ""
-    at = now()
-    digest = event_hash(prev, head + 1, at.isoformat(), str(row.id), body)
-    event = Event.objects.create(
-        lab=lab,
-        seq=head + 1,
-        at=at,
-        transaction=row,
-        name=row.name,
-        state=row.state,
-        body=body,
-        prev_hash=prev,
-        hash=digest,
-    )
-    _link_subjects(event, operations.from_json(row.operation))
-    on_commit(partial(feed.publish, "events", {"seq": event.seq, "job_id": body["job_id"]}))
-    return event
-
-
-def event_hash(prev: str, seq: int, at: str, transaction_id: str, body: Mapping[str, Any]) -> str:
-    """Return the SHA-256 that binds an event to all before it in its lab."""
-    fields = {"prev": prev, "seq": seq, "at": at, "transaction": transaction_id, "body": body}
-    return hashlib.sha256(canonical(fields)).hexdigest()
-
-
-def _link_subjects(event: Event, operation: operations.Operation) -> None:
-    match operation:
-        case operations.TransferLiquid():
-            pairs = [(operation.source_id, "source"), (operation.target_id, "target")]
-        case operations.TransferResource():
-            pairs = [
-                (operation.resource_id, "subject"),
-                (operation.from_id, "source"),
-                (operation.to_id, "target"),
-            ]
-        case operations.Read():
-            pairs = []
-        case _:
-            pairs = [(operation.resource_id, "subject")]
-    EventSubject.objects.bulk_create(
-        EventSubject(event=event, resource_id=resource_id, role=role) for resource_id, role in pairs
-    )
-
-
-def open_ticket(lab: Lab, code: str, message: str, detail: Mapping[str, Any]) -> Ticket:
-    """Ask a person to look at a contradiction."""
-    ticket = Ticket.objects.create(
-        lab=lab, code=code, message=message, detail=dict(detail), opened_at=now()
-    )
-    on_commit(partial(feed.publish, "lab", {"ticket_id": str(ticket.id)}))
-    return ticket
-
-
 @atomic
 def carry_out(
-    operation: operations.Operation, *, lab: Lab, actor_id: UUID, targets: Collection[UUID] = ()
+    operation: operations.Operation,
+    *,
+    lab: Lab,
+    actor_id: UUID,
+    targets: Collection[UUID] = (),
+    note: str = "",
 ) -> Transaction:
     """Do a purely digital or hand-made operation at once: lock, settle as done, release.
 
@@ -392,5 +292,8 @@ def carry_out(
     """
     row = lock_operation(operation, lab=lab, targets=targets, actor_id=actor_id)
     outcome = Outcome(kind=OutcomeKind.DONE)
-    settle(row.id, Settlement(outcome=outcome, verification="assumed", actor_id=actor_id))
+    settlement = Settlement(
+        outcome=outcome, verification="assumed", actor_id=actor_id, message=note
+    )
+    settle(row.id, settlement)
     return selectors.find_transaction(row.id)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import re
 from collections.abc import Mapping, Sequence
 from enum import StrEnum
 from typing import Any
@@ -32,6 +34,16 @@ class Condition(msgspec.Struct, frozen=True, kw_only=True):
 
     stable_status: str | None = None
     """A boolean status that must be true for the reading to count."""
+
+    confidence_status: str | None = None
+    """A status that says how sure the reading is, 0 to 1: of a camera that looks for a vessel
+    or reads a tag."""
+
+    min_confidence: float = 1.0
+    """Less sure than this, the reading tells nothing."""
+
+    image_status: str | None = None
+    """A status that names the image the reading was taken from, by its SHA-256: evidence."""
 
     is_sensor: bool = False
     """The reading comes from an instrument other than the one that acts."""
@@ -83,13 +95,10 @@ def evaluate(condition: Condition, now: Readings, before: Readings) -> Result:
         )
     value = now[key]
     evidence: dict[str, Any] = {"status": condition.status, "value": value}
-    stable = condition.stable_status
-    if stable is not None and not now.get((condition.device_id, stable)):
+    doubt = _doubt(condition, now, evidence)
+    if doubt:
         return Result(
-            name=condition.name,
-            verdict=Verdict.UNOBSERVABLE,
-            message=f"{condition.status} has not settled",
-            evidence=evidence,
+            name=condition.name, verdict=Verdict.UNOBSERVABLE, message=doubt, evidence=evidence
         )
     holds, wanted = _compare(condition, value, before.get(key))
     evidence["wanted"] = wanted
@@ -103,15 +112,64 @@ def evaluate(condition: Condition, now: Readings, before: Readings) -> Result:
     return Result(name=condition.name, verdict=verdict, message=text, evidence=evidence)
 
 
+def statuses_of(condition: Condition) -> tuple[str, ...]:
+    """Return every status of the device that has to be read to judge a condition."""
+    names = (
+        condition.status,
+        condition.stable_status,
+        condition.confidence_status,
+        condition.image_status,
+    )
+    return tuple(name for name in names if name is not None)
+
+
+def _doubt(condition: Condition, now: Readings, evidence: dict[str, Any]) -> str:
+    """Say why a reading tells nothing, and keep as evidence what came with it."""
+    device = condition.device_id
+    if (
+        condition.stable_status is not None
+        and now.get((device, condition.stable_status)) is not True
+    ):
+        return f"{condition.status} has not settled"
+    if condition.image_status is not None:
+        image = now.get((device, condition.image_status))
+        if not isinstance(image, str) or not _SHA256.fullmatch(image):
+            return f"no image of {condition.status} was kept"
+        evidence["image_sha256"] = image
+    if condition.confidence_status is not None:
+        confidence = _number(now.get((device, condition.confidence_status)))
+        if confidence is None or not 0 <= confidence <= 1:
+            return f"nobody says how sure {condition.status} is"
+        evidence |= {"confidence": confidence, "min_confidence": condition.min_confidence}
+        if confidence < condition.min_confidence:
+            wanted = f"{condition.min_confidence:.0%} wanted"
+            return f"{condition.status} is {confidence:.0%} sure, {wanted}"
+    if condition.equals is None and _number(now[device, condition.status]) is None:
+        return f"{condition.status} is no number"
+    return ""
+
+
+_SHA256 = re.compile(r"[0-9a-f]{64}")
+
+
+def _number(value: Any) -> float | None:  # noqa: ANN401 - hostile until parsed
+    """Return a finite number; a text, a truth value or NaN is none."""
+    if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+        return None
+    return float(value)
+
+
 def _compare(condition: Condition, value: Any, before: Any) -> tuple[bool | None, str]:  # noqa: ANN401
     if condition.equals is not None:
-        return value == condition.equals, f"{condition.equals}"
+        is_same_sort = isinstance(value, bool) == isinstance(condition.equals, bool)
+        return is_same_sort and value == condition.equals, f"{condition.equals}"
     number = float(value)
     if condition.change is not None:
         wanted = f"a change of {condition.change:g} ± {condition.tolerance:g}"
-        if before is None:
+        first = _number(before)
+        if first is None:
             return None, wanted
-        return abs(number - float(before) - condition.change) <= condition.tolerance, wanted
+        return abs(number - first - condition.change) <= condition.tolerance, wanted
     low = -float("inf") if condition.low is None else condition.low - condition.tolerance
     high = float("inf") if condition.high is None else condition.high + condition.tolerance
     return low <= number <= high, f"{condition.low} to {condition.high}"

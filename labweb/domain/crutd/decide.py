@@ -12,46 +12,29 @@ from enum import StrEnum
 from typing import Any
 from uuid import UUID
 
+from labweb.domain.crutd.checks import check as check
+from labweb.domain.crutd.ledger import Account, posted
+from labweb.domain.crutd.ledger import Posting as Posting
 from labweb.domain.crutd.lifecycle import TransactionState
 from labweb.domain.crutd.operations import (
+    Correct,
     Create,
     Delete,
+    Dispose,
     Operation,
     Read,
+    Receive,
+    Restore,
     TransferLiquid,
+    TransferMass,
     TransferResource,
     Update,
     touched_ids,
 )
-from labweb.domain.errors import Finding, StateError
-from labweb.domain.resources.contents import Contents, LotId, take, total_nl
-from labweb.domain.resources.kinds import KINDS
-from labweb.domain.units import render_volume
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ResourceState:
-    """What a decision needs to know of one resource."""
-
-    id: UUID
-    name: str
-    kind: str
-    parent_id: UUID | None = None
-    contents: Contents = field(default_factory=dict)
-    capacity_nl: int | None = None
-    """None: nobody stated it, so nothing may be poured in."""
-
-    dead_volume_nl: int = 0
-    data: Mapping[str, Any] = field(default_factory=dict)
-    quarantined_by: str | None = None
-    """Transaction whose outcome nobody knows."""
-
-    is_archived: bool = False
-    has_children: bool = False
-    ancestor_ids: tuple[UUID, ...] = ()
-
-
-Snapshot = Mapping[UUID, ResourceState]
+from labweb.domain.crutd.snapshot import ResourceState as ResourceState
+from labweb.domain.crutd.snapshot import Snapshot as Snapshot
+from labweb.domain.errors import StateError
+from labweb.domain.resources.contents import Contents, LotId, Phase, take, total_nl
 
 
 class OutcomeKind(StrEnum):
@@ -75,22 +58,11 @@ class Outcome:
     moved_nl: int | None = None
     """For a liquid transfer: what moved. None with DONE means what was asked."""
 
+    moved_ug: int | None = None
+    """The same for a transfer by mass."""
+
     data: Mapping[str, Any] = field(default_factory=dict)
     """Statuses the device reported, for an Update."""
-
-
-@dataclass(frozen=True, slots=True, order=True)
-class Posting:
-    """One double entry: `amount_nl` of `lot` leaves one account and enters the other."""
-
-    lot: LotId
-    debit: str
-    """Account the lot leaves: a resource id, or a nominal account."""
-
-    credit: str
-    """Account the lot enters."""
-
-    amount_nl: int
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -107,144 +79,26 @@ class Change:
 
     archived: frozenset[UUID] = frozenset()
     quarantined: frozenset[UUID] = frozenset()
+    restored: frozenset[UUID] = frozenset()
+    """Resources that come back out of the Archive."""
+
     created: tuple[Create, ...] = ()
+    released: frozenset[UUID] = frozenset()
+    """Resources whose quarantine ends: the server adds those of a doubt that is over."""
 
     def to_json(self) -> dict[str, Any]:
         """Render as plain data; equal changes render equal."""
         return {
             "state": self.state.value,
-            "postings": [
-                {"lot": p.lot, "debit": p.debit, "credit": p.credit, "amount_nl": p.amount_nl}
-                for p in sorted(self.postings)
-            ],
+            "postings": [posting.to_json() for posting in sorted(self.postings)],
             "data": {str(k): dict(v) for k, v in sorted(self.data.items())},
             "moves": {str(k): str(v) for k, v in sorted(self.moves.items())},
             "archived": sorted(str(i) for i in self.archived),
             "quarantined": sorted(str(i) for i in self.quarantined),
             "created": [str(c.resource_id) for c in self.created],
+            "restored": sorted(str(i) for i in self.restored),
+            "released": sorted(str(i) for i in self.released),
         }
-
-
-def check(operation: Operation, snapshot: Snapshot) -> list[Finding]:
-    """List every precondition the operation breaks; an empty list means go."""
-    if isinstance(operation, Read):
-        return []
-    missing = [i for i in touched_ids(operation) if i not in snapshot]
-    if missing:
-        return [Finding("crutd.not_found", f"no resource {i}", str(i)) for i in missing]
-    findings = _check_usable(operation, snapshot)
-    match operation:
-        case TransferLiquid():
-            findings += _check_liquid(operation, snapshot)
-        case TransferResource():
-            findings += _check_carry(operation, snapshot)
-        case Delete():
-            findings += _check_delete(operation, snapshot)
-        case Create():
-            findings += _check_create(operation, snapshot)
-        case Update():
-            pass
-    return findings
-
-
-def _check_usable(operation: Operation, snapshot: Snapshot) -> list[Finding]:
-    findings = []
-    for resource_id in touched_ids(operation):
-        state = snapshot[resource_id]
-        if state.quarantined_by is not None:
-            findings.append(
-                Finding(
-                    "crutd.quarantined",
-                    f"{state.name} is quarantined: a person has to say what happened first",
-                    str(resource_id),
-                    {"transaction_id": state.quarantined_by},
-                )
-            )
-        if state.is_archived:
-            findings.append(
-                Finding("crutd.archived", f"{state.name} is in the Archive", str(resource_id))
-            )
-    return findings
-
-
-def _check_liquid(operation: TransferLiquid, snapshot: Snapshot) -> list[Finding]:
-    source, target = snapshot[operation.source_id], snapshot[operation.target_id]
-    if operation.source_id == operation.target_id:
-        return [Finding("crutd.same_vessel", "source and target are the same vessel", source.name)]
-    findings = []
-    if operation.amount_nl <= 0:
-        findings.append(
-            Finding("crutd.not_positive", f"{operation.amount_nl} nL is no amount", source.name)
-        )
-    usable = total_nl(source.contents) - source.dead_volume_nl
-    if operation.amount_nl > usable:
-        findings.append(
-            Finding(
-                "crutd.insufficient_volume",
-                f"{source.name} can give {render_volume(max(usable, 0))}, "
-                f"asked for {render_volume(operation.amount_nl)}",
-                source.name,
-                {"resource_id": str(source.id), "usable_nl": usable},
-            )
-        )
-    if target.capacity_nl is None:
-        findings.append(
-            Finding(
-                "crutd.unknown_capacity",
-                f"nobody stated how much {target.name} holds: set capacity_ul in its config",
-                target.name,
-                {"resource_id": str(target.id)},
-            )
-        )
-    elif operation.amount_nl > target.capacity_nl - total_nl(target.contents):
-        free = target.capacity_nl - total_nl(target.contents)
-        findings.append(
-            Finding(
-                "crutd.capacity_exceeded",
-                f"{target.name} has room for {render_volume(free)}, "
-                f"asked for {render_volume(operation.amount_nl)}",
-                target.name,
-                {"resource_id": str(target.id), "free_nl": free},
-            )
-        )
-    return findings
-
-
-def _check_carry(operation: TransferResource, snapshot: Snapshot) -> list[Finding]:
-    moved, to = snapshot[operation.resource_id], snapshot[operation.to_id]
-    findings = []
-    if moved.parent_id != operation.from_id:
-        findings.append(
-            Finding("crutd.not_there", f"{moved.name} does not stand there", moved.name)
-        )
-    kind = KINDS.get(to.kind)
-    if kind is None or not kind.is_place:
-        findings.append(Finding("crutd.no_place", f"{to.name} carries nothing", to.name))
-    if operation.resource_id == operation.to_id or operation.resource_id in to.ancestor_ids:
-        findings.append(
-            Finding("crutd.into_itself", f"{moved.name} cannot stand in itself", moved.name)
-        )
-    return findings
-
-
-def _check_delete(operation: Delete, snapshot: Snapshot) -> list[Finding]:
-    state = snapshot[operation.resource_id]
-    if state.parent_id is None:
-        return [Finding("crutd.root", f"{state.name} is the root of the lab", state.name)]
-    if snapshot[operation.archive_id].kind != "archive":
-        return [Finding("crutd.no_archive", "the target is no Archive", state.name)]
-    return []
-
-
-def _check_create(operation: Create, snapshot: Snapshot) -> list[Finding]:
-    findings = []
-    if operation.kind not in KINDS:
-        findings.append(Finding("crutd.unknown_kind", f"no kind {operation.kind!r}", operation.key))
-    parent = snapshot[operation.parent_id]
-    kind = KINDS.get(parent.kind)
-    if kind is None or not kind.is_place:
-        findings.append(Finding("crutd.no_place", f"{parent.name} carries nothing", parent.name))
-    return findings
 
 
 def confirmed_nl(asked_nl: int, moved_nl: int, resolution_nl: int) -> int:
@@ -277,48 +131,131 @@ def settle(operation: Operation, snapshot: Snapshot, outcome: Outcome) -> Change
         if isinstance(operation, Read):
             return Change(state=TransactionState.ROLLED_BACK)
         return Change(state=TransactionState.QUARANTINED, quarantined=touched)
-    if isinstance(operation, TransferLiquid):
-        return _settle_liquid(operation, snapshot, outcome)
+    if isinstance(operation, TransferLiquid | TransferMass):
+        return _settle_poured(operation, snapshot, outcome)
     if outcome.kind is OutcomeKind.PARTIAL:
         return Change(state=TransactionState.ROLLED_BACK)
+    if isinstance(operation, Receive | Correct | Dispose):
+        return _settle_booked(operation, snapshot)
+    return _settle_placed(operation, outcome)
+
+
+def _settle_placed(
+    operation: Create | Read | Update | TransferResource | Delete | Restore, outcome: Outcome
+) -> Change:
+    committed = TransactionState.COMMITTED
     match operation:
         case Read():
-            return Change(state=TransactionState.COMMITTED)
+            return Change(state=committed)
         case Update():
             merged = {**operation.data, **outcome.data}
-            return Change(state=TransactionState.COMMITTED, data={operation.resource_id: merged})
+            return Change(state=committed, data={operation.resource_id: merged})
         case TransferResource():
+            return Change(state=committed, moves={operation.resource_id: operation.to_id})
+        case Restore():
             return Change(
-                state=TransactionState.COMMITTED, moves={operation.resource_id: operation.to_id}
+                state=committed,
+                moves={operation.resource_id: operation.to_id},
+                restored=frozenset({operation.resource_id}),
             )
         case Delete():
             return Change(
-                state=TransactionState.COMMITTED,
+                state=committed,
                 moves={operation.resource_id: operation.archive_id},
                 archived=frozenset({operation.resource_id}),
             )
         case Create():
-            return Change(state=TransactionState.COMMITTED, created=(operation,))
+            return Change(state=committed, created=(operation,))
 
 
-def _settle_liquid(operation: TransferLiquid, snapshot: Snapshot, outcome: Outcome) -> Change:
-    moved = operation.amount_nl if outcome.moved_nl is None else outcome.moved_nl
-    if outcome.kind is OutcomeKind.PARTIAL and outcome.moved_nl is None:
+def _settle_poured(
+    operation: TransferLiquid | TransferMass, snapshot: Snapshot, outcome: Outcome
+) -> Change:
+    source, target = snapshot[operation.source_id], snapshot[operation.target_id]
+    if isinstance(operation, TransferLiquid):
+        asked, told, unit, phase = operation.amount_nl, outcome.moved_nl, "nL", Phase.LIQUID
+        there, inside, room = source.contents, target.contents, target.capacity_nl
+    else:
+        asked, told, unit, phase = operation.amount_ug, outcome.moved_ug, "µg", operation.phase
+        there, inside, room = source.masses, target.masses, target.capacity_ug
+    if outcome.kind is OutcomeKind.PARTIAL and told is None:
         raise StateError("a partial transfer must say how much moved", code="crutd.no_amount")
+    moved = asked if told is None else told
     if moved < 0:
-        raise StateError(f"{moved} nL cannot have moved", code="crutd.not_positive")
+        raise StateError(f"{moved} {unit} cannot have moved", code="crutd.not_positive")
     if moved == 0:
         return Change(state=TransactionState.ROLLED_BACK)
-    source = snapshot[operation.source_id]
-    if moved > total_nl(source.contents):
+    if moved > total_nl(there):
         raise StateError(
-            f"{moved} nL moved out of {source.name}, which held {total_nl(source.contents)} nL",
+            f"{moved} {unit} moved out of {source.name}, which held {total_nl(there)} {unit}",
             code="crutd.contradiction",
         )
-    debit, credit = str(operation.source_id), str(operation.target_id)
+    if room is not None and moved > room - total_nl(inside):
+        raise StateError(
+            f"{moved} {unit} moved into {target.name}, which has no room for it",
+            code="crutd.contradiction",
+        )
+    ends = (str(operation.source_id), str(operation.target_id))
     return Change(
-        state=TransactionState.COMMITTED,
-        postings=tuple(
-            Posting(lot, debit, credit, part) for lot, part in take(source.contents, moved).items()
-        ),
+        state=TransactionState.COMMITTED, postings=_postings(take(there, moved), phase, ends)
     )
+
+
+def _postings(parts: Contents, phase: Phase, ends: tuple[str, str]) -> tuple[Posting, ...]:
+    debit, credit = ends
+    return tuple(
+        posted(lot, phase, debit=debit, credit=credit, amount=part) for lot, part in parts.items()
+    )
+
+
+def _settle_booked(operation: Receive | Correct | Dispose, snapshot: Snapshot) -> Change:
+    """Post what enters or leaves the lab by hand, in the unit of each lot."""
+    committed = TransactionState.COMMITTED
+    match operation:
+        case Receive():
+            lot = LotId(str(operation.lot_id))
+            postings = [
+                posted(
+                    lot,
+                    operation.phase,
+                    debit=Account.RECEIPT.value,
+                    credit=str(portion.resource_id),
+                    amount=portion.amount_nl or portion.amount_ug,
+                )
+                for portion in operation.portions
+            ]
+            return Change(state=committed, postings=tuple(postings))
+        case Correct():
+            state = snapshot[operation.resource_id]
+            differences = (
+                *_differences(operation, state.contents, operation.measured_nl, Phase.LIQUID),
+                *_differences(operation, state.masses, operation.measured_ug, Phase.SOLID),
+            )
+            return Change(
+                state=committed,
+                postings=differences,
+                released=frozenset({operation.resource_id}),
+            )
+        case Dispose():
+            state = snapshot[operation.resource_id]
+            is_all = operation.amount_nl is None and operation.amount_ug is None
+            liquid = total_nl(state.contents) if is_all else operation.amount_nl or 0
+            solid = total_nl(state.masses) if is_all else operation.amount_ug or 0
+            ends = (str(operation.resource_id), Account.WASTE.value)
+            gone = _postings(take(state.contents, liquid), Phase.LIQUID, ends)
+            gone += _postings(take(state.masses, solid), Phase.SOLID, ends)
+            return Change(state=committed, postings=gone)
+
+
+def _differences(
+    operation: Correct, recorded: Contents, measured: Mapping[str, int], phase: Phase
+) -> tuple[Posting, ...]:
+    """Return what has to leave a vessel, or enter it, until it holds what was measured."""
+    vessel, account = str(operation.resource_id), operation.account.value
+    postings = []
+    for lot in sorted({*recorded, *map(LotId, measured)}):
+        change = measured.get(lot, 0) - recorded.get(lot, 0)
+        debit, credit = (account, vessel) if change > 0 else (vessel, account)
+        if change:
+            postings.append(posted(lot, phase, debit=debit, credit=credit, amount=abs(change)))
+    return tuple(postings)

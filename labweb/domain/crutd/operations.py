@@ -1,12 +1,24 @@
-"""The five operations as data."""
+"""The five operations as data, each in the shapes it comes in."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from datetime import date
 from enum import StrEnum
-from typing import Any
+from typing import Annotated, Any
 from uuid import UUID
 
 import msgspec
+from msgspec import Meta
+
+from labweb.domain.crutd.ledger import Account
+from labweb.domain.resources.contents import Phase
+
+Amount = Annotated[int, Meta(ge=0, le=999_999_999_999_999)]
+"""Whole nanolitres or micrograms: at most a cubic metre, or a tonne."""
+
+Name = Annotated[str, Meta(min_length=1, max_length=500)]
+Text = Annotated[str, Meta(max_length=500)]
 
 
 class OperationName(StrEnum):
@@ -24,8 +36,8 @@ class Create(msgspec.Struct, frozen=True, tag="create", tag_field="op", kw_only=
 
     resource_id: UUID
     parent_id: UUID
-    key: str
-    name: str
+    key: Name
+    name: Name
     kind: str
     config: dict[str, Any] = msgspec.field(default_factory=dict)
 
@@ -71,7 +83,96 @@ class Delete(msgspec.Struct, frozen=True, tag="delete", tag_field="op", kw_only=
     archive_id: UUID
 
 
-Operation = Create | Read | Update | TransferLiquid | TransferResource | Delete
+class Restore(msgspec.Struct, frozen=True, tag="restore", tag_field="op", kw_only=True):
+    """Take a resource out of the Archive, back into service."""
+
+    resource_id: UUID
+    from_id: UUID
+    """The Archive it stands in."""
+
+    to_id: UUID
+
+
+class TransferMass(msgspec.Struct, frozen=True, tag="transfer_mass", tag_field="op", kw_only=True):
+    """Move a solid or a gas from one vessel to another, by mass."""
+
+    source_id: UUID
+    target_id: UUID
+    amount_ug: Amount
+    phase: Phase
+    """What the person means to move; a vessel that holds anything else is refused."""
+
+
+class Portion(msgspec.Struct, frozen=True, kw_only=True):
+    """What of a delivery comes into one vessel: in the unit of its phase."""
+
+    resource_id: UUID
+    amount_nl: Amount = 0
+    amount_ug: Amount = 0
+
+
+class Receive(msgspec.Struct, frozen=True, tag="receive", tag_field="op", kw_only=True):
+    """Take a delivery in: a new lot, out of RECEIPT into one vessel or several."""
+
+    lot_id: UUID
+    material_id: UUID
+    key: Name
+    phase: Phase
+    portions: Annotated[tuple[Portion, ...], Meta(min_length=1, max_length=1000)]
+    supplier: Text = ""
+    number: Text = ""
+    purity: Text = ""
+    expires_on: date | None = None
+
+
+class Correct(msgspec.Struct, frozen=True, tag="correct", tag_field="op", kw_only=True):
+    """Take stock of a vessel: what it holds from now on is what was measured, lot by lot.
+
+    A lot that is not listed is not there any more. The differences go to the account, or
+    come out of it. It ends the quarantine of the vessel.
+    """
+
+    resource_id: UUID
+    account: Account
+    reason: Text
+    measured_nl: dict[str, Amount] = msgspec.field(default_factory=dict)
+    measured_ug: dict[str, Amount] = msgspec.field(default_factory=dict)
+
+
+class Dispose(msgspec.Struct, frozen=True, tag="dispose", tag_field="op", kw_only=True):
+    """Pour a vessel's contents away, all of them or a part of its liquid or its solids."""
+
+    resource_id: UUID
+    amount_nl: Amount | None = None
+    amount_ug: Amount | None = None
+
+
+Operation = (
+    Create
+    | Read
+    | Update
+    | TransferLiquid
+    | TransferMass
+    | TransferResource
+    | Delete
+    | Restore
+    | Receive
+    | Correct
+    | Dispose
+)
+
+HandOperation = (
+    Create
+    | TransferLiquid
+    | TransferMass
+    | TransferResource
+    | Delete
+    | Restore
+    | Receive
+    | Correct
+    | Dispose
+)
+"""What a person may do by hand and tell of."""
 
 _NAMES: dict[type, OperationName] = {
     Create: OperationName.CREATE,
@@ -79,7 +180,12 @@ _NAMES: dict[type, OperationName] = {
     Update: OperationName.UPDATE,
     TransferLiquid: OperationName.TRANSFER,
     TransferResource: OperationName.TRANSFER,
+    TransferMass: OperationName.TRANSFER,
     Delete: OperationName.DELETE,
+    Restore: OperationName.TRANSFER,
+    Receive: OperationName.CREATE,
+    Correct: OperationName.UPDATE,
+    Dispose: OperationName.TRANSFER,
 }
 
 
@@ -95,15 +201,61 @@ def touched_ids(operation: Operation) -> tuple[UUID, ...]:
             ids = {operation.parent_id}
         case Read():
             ids = {operation.device_id}
-        case Update():
+        case Update() | Correct() | Dispose():
             ids = {operation.resource_id}
-        case TransferLiquid():
+        case TransferLiquid() | TransferMass():
             ids = {operation.source_id, operation.target_id}
-        case TransferResource():
+        case TransferResource() | Restore():
             ids = {operation.resource_id, operation.from_id, operation.to_id}
+        case Receive():
+            ids = {portion.resource_id for portion in operation.portions}
         case _:
             ids = {operation.resource_id, operation.archive_id}
     return tuple(sorted(ids))
+
+
+@dataclass(frozen=True, slots=True)
+class Reservation:
+    """An amount promised on both sides before anything moves; its lots are not known yet."""
+
+    debit: str
+    credit: str
+    amount_nl: int = 0
+    amount_ug: int = 0
+
+
+def reservations(operation: Operation) -> tuple[Reservation, ...]:
+    """Return what an operation reserves while it is under way."""
+    match operation:
+        case TransferLiquid():
+            source, target = str(operation.source_id), str(operation.target_id)
+            return (Reservation(source, target, amount_nl=operation.amount_nl),)
+        case TransferMass():
+            source, target = str(operation.source_id), str(operation.target_id)
+            return (Reservation(source, target, amount_ug=operation.amount_ug),)
+        case _:
+            return ()
+
+
+def subjects_of(operation: Operation) -> tuple[tuple[UUID, str], ...]:
+    """Return the resources that an event of the operation concerns, each with its role."""
+    match operation:
+        case TransferLiquid() | TransferMass():
+            return ((operation.source_id, "source"), (operation.target_id, "target"))
+        case TransferResource() | Restore():
+            return (
+                (operation.resource_id, "subject"),
+                (operation.from_id, "source"),
+                (operation.to_id, "target"),
+            )
+        case Receive():
+            return tuple((vessel, "target") for vessel in touched_ids(operation))
+        case Dispose():
+            return ((operation.resource_id, "source"),)
+        case Read():
+            return ()
+        case _:
+            return ((operation.resource_id, "subject"),)
 
 
 def to_json(operation: Operation) -> dict[str, Any]:
@@ -116,7 +268,7 @@ def from_json(value: Any) -> Operation:  # noqa: ANN401 - hostile until parsed
     """Read an operation from plain data.
 
     Raises:
-        msgspec.ValidationError: It is none of the six shapes.
+        msgspec.ValidationError: It is none of the shapes above.
     """
     operation: Operation = msgspec.convert(value, Operation)
     return operation

@@ -1,8 +1,9 @@
-"""What a vessel holds: integer nanolitres by lot, conserved to the last one."""
+"""What a vessel holds: integer amounts by lot, conserved to the last nanolitre or microgram."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from enum import StrEnum
 from typing import NewType
 
 from labweb.domain.errors import InfeasibleError
@@ -11,7 +12,29 @@ LotId = NewType("LotId", str)
 """Id of a lot, as text."""
 
 Contents = Mapping[LotId, int]
-"""Amounts by lot in nanolitres; every amount is positive."""
+"""Amounts by lot in the lot's unit, most often nanolitres; every amount is positive."""
+
+
+class Phase(StrEnum):
+    """What a lot is, and so what it is counted in.
+
+    A gas is counted by mass like a solid: its volume depends on temperature and pressure,
+    which nobody has stated, and its mass does not.
+    """
+
+    LIQUID = "liquid"
+    """Counted in nanolitres."""
+
+    SOLID = "solid"
+    """Counted in micrograms."""
+
+    GAS = "gas"
+    """Counted in micrograms."""
+
+    @property
+    def unit(self) -> str:
+        """Return `nl` or `ug`."""
+        return "nl" if self is Phase.LIQUID else "ug"
 
 
 def total_nl(contents: Contents) -> int:

@@ -11,7 +11,7 @@ import pytest
 from django.core.management import call_command
 from django.core.management.base import CommandError
 
-from labweb.crutd.models import Entry, Event, Holding
+from labweb.crutd.models import Entry, Event, Holding, Transaction
 from labweb.crutd.selectors.exporting import lab_file_of
 from labweb.crutd.services import import_lab
 from labweb.domain.graph.lab_file.bind import apply_binding
@@ -206,7 +206,16 @@ def test_a_folder_is_reported_as_a_table_or_as_json(graph: Path) -> None:
 def test_what_has_changed_since_is_exported_as_it_is(bench: Bench) -> None:
     node = Resource.objects.filter(lab=bench.lab, kind="bottle")[0]
     Resource.objects.filter(pk=node.pk).update(data={"seen": True}, name="Renamed")
-    Holding.objects.filter(resource_id=node.pk).update(amount_nl=1)
+    held = Holding.objects.get(resource_id=node.pk)
+    Entry.objects.create(
+        transaction=Transaction.objects.get(),
+        lot_id=held.lot_id,
+        debit=str(node.pk),
+        credit="LOSS",
+        amount_nl=held.amount_nl - 1,
+        state="posted",
+        at=Transaction.objects.get().proposed_at,
+    )
     retired, candidate, kept = [device.key for device in bench.file.devices][:3]
     states = {retired: Device.State.RETIRED, candidate: Device.State.CANDIDATE}
     for key, state in states.items():

@@ -18,6 +18,7 @@ from labweb.accounts.models import AuditEntry
 from labweb.crutd.models import Event, EventSubject, ResourceLock, Transaction
 from labweb.crutd.selectors import snapshot
 from labweb.crutd.selectors.exporting import lab_file_of
+from labweb.crutd.selectors.past import rebuild_differences
 from labweb.crutd.services import import_labware, lock_operation
 from labweb.domain.crutd.operations import Update
 from labweb.domain.errors import DefinitionError
@@ -96,6 +97,12 @@ def test_a_lab_with_labware_is_exported_and_comes_back_equal(bench: Bench, plate
     lab_file = lab_file_of(Lab.objects.get(pk=bench.lab.pk))
     assert any(resource.key == "plate_1/B1" for resource in lab_file.resources)
     assert read_lab(render_lab(lab_file)) == lab_file
+
+
+@pytest.mark.django_db
+def test_a_lab_with_labware_is_rebuilt_from_its_events(bench: Bench, plate: str) -> None:
+    run(plate, "--into", "bench_1", "--name", "Plate 1")
+    assert rebuild_differences(bench.lab) == []
 
 
 @pytest.mark.django_db

@@ -6,11 +6,13 @@ import ast
 from collections.abc import Iterator
 from itertools import pairwise
 from pathlib import Path
+from uuid import uuid4
 
 import pytest
 from django.db import DatabaseError, connection
 from django.db.models import Model
 from django.db.transaction import atomic
+from django.test.utils import CaptureQueriesContext
 
 from labweb.accounts.models import AuditEntry
 from labweb.approvals.models import ApprovalRequest, Decision
@@ -18,6 +20,7 @@ from labweb.crutd import services
 from labweb.crutd.models import Entry, Event, EventSubject
 from labweb.crutd.services import event_hash
 from labweb.domain.crutd import operations
+from labweb.domain.crutd.decide import Outcome, OutcomeKind
 from labweb.domain.errors import LockedError, PreconditionError, StateError
 from labweb.domain.graph.lab_file.read import read_lab
 from labweb.runs import services as run_services
@@ -114,6 +117,31 @@ def test_what_is_locked_cannot_be_moved(bench: Bench) -> None:
     with pytest.raises(LockedError) as refusal:
         services.carry_out(operation, lab=bench.lab, actor_id=bench.people["chemist"].pk)
     assert refusal.value.code == "crutd.locked"
+
+
+def queries_of_a_transfer(bench: Bench) -> int:
+    operation = operations.TransferLiquid(
+        source_id=bench.node("water").id, target_id=bench.node("flask_1").id, amount_nl=1_000
+    )
+    with CaptureQueriesContext(connection) as queries:
+        row = services.lock_operation(operation, lab=bench.lab, targets=[], actor_id=None)
+        done = Outcome(kind=OutcomeKind.DONE)
+        services.settle(row.id, services.Settlement(outcome=done))
+    return sum("SAVEPOINT" not in query["sql"] for query in queries.captured_queries)
+
+
+def test_a_transfer_costs_the_same_queries_whatever_the_size_of_the_tree(bench: Bench) -> None:
+    assert queries_of_a_transfer(bench) == 19
+    for number in range(50):
+        create = operations.Create(
+            resource_id=uuid4(),
+            parent_id=bench.node("bench_1").id,
+            key=f"vial {number}",
+            name="Vial",
+            kind="vial",
+        )
+        services.carry_out(create, lab=bench.lab, actor_id=bench.people["chemist"].pk)
+    assert queries_of_a_transfer(bench) == 19
 
 
 def test_a_lock_on_a_place_closes_what_stands_in_it(bench: Bench) -> None:

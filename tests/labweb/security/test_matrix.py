@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import json
 import re
 from collections.abc import Iterator
 from pathlib import Path
@@ -36,6 +37,17 @@ class Form(dict[str, str]):
     """Fields of a form that brings a file."""
 
 
+A_VIAL = {
+    "operation": {
+        "op": "create",
+        "resource_id": "0198a000-0000-7000-8000-000000000001",
+        "parent_id": "<archive>",
+        "key": "vial",
+        "name": "Vial",
+        "kind": "vial",
+    }
+}
+
 API: dict[tuple[str, str], tuple[tuple[str, ...], Any]] = {
     ("GET", "session"): (EVERY, None),
     ("POST", "session"): (EVERY, {"username": "observer", "password": PASSWORD}),
@@ -54,6 +66,8 @@ API: dict[tuple[str, str], tuple[tuple[str, ...], Any]] = {
     ("GET", "resources/<resource>/provenance"): (MEMBERS, None),
     ("GET", "resources/<resource>/conditions?device=<device>"): (MEMBERS, None),
     ("GET", "lots/<lot>/provenance"): (MEMBERS, None),
+    ("POST", "operations"): (WORKERS, A_VIAL),
+    ("POST", "operations/check"): (WORKERS, A_VIAL),
     ("GET", "steps"): (MEMBERS, None),
     ("GET", "lab"): (MEMBERS, None),
     ("POST", "lab/stop"): (MEMBERS, None),
@@ -130,6 +144,7 @@ def ids(bench: Bench, settings: Settings, tmp_path: Path) -> dict[str, str]:
         "device": str(bench.device("timer_1").id),
         "resource": str(bench.node("water").id),
         "lot": str(Lot.objects.get(key="water_lot").id),
+        "archive": str(bench.node("archive").id),
         "workflow": str(workflow.id),
         "version": str(bench.version("Move 5 mL of water").id),
         "number": "1",
@@ -159,7 +174,8 @@ def send(
     path = "/api/v1/" + re.sub(r"<(\w+)>", lambda found: ids[found[1]], route)
     body = API[method, route][1]
     if isinstance(body, dict):
-        body = body | {k: ids[v[1:-1]] for k, v in body.items() if str(v).startswith("<")}
+        filled = re.sub(r'"<(\w+)>"', lambda found: f'"{ids[found[1]]}"', json.dumps(body))
+        body = json.loads(filled)
     with atomic():
         prepare(bench, route, ids)
         if isinstance(API[method, route][1], Form):

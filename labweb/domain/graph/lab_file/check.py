@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter, defaultdict
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Mapping
 from uuid import UUID
 
 from labweb.domain.errors import Finding
@@ -11,8 +11,9 @@ from labweb.domain.graph.lab_file.amounts import to_nl
 from labweb.domain.graph.lab_file.config import check_config
 from labweb.domain.graph.lab_file.model import DeviceEntry, LabFile, Mode
 from labweb.domain.graph.topology import Medium
-from labweb.domain.resources.contents import total_nl
+from labweb.domain.resources.contents import LotId, Phase, total_nl
 from labweb.domain.resources.kinds import is_vessel
+from labweb.domain.resources.node import Resource
 from labweb.domain.resources.tree import check_tree
 
 
@@ -66,26 +67,41 @@ def _check_configs(lab: LabFile) -> list[Finding]:
 
 
 def _check_contents(lab: LabFile) -> list[Finding]:
-    findings = []
-    for resource_id, contents in lab.contents.items():
-        resource = lab.tree.by_id.get(resource_id)
-        if resource is None:
-            continue
-        subject = f"resources[{resource.key!r}]"
-        if not is_vessel(resource.kind):
-            message = f"{subject}: contents: a {resource.kind} holds no liquid"
-            findings.append(
-                Finding("lab_file.no_vessel", message, resource.key, {"field": "contents"})
-            )
-            continue
-        capacity_ul = resource.config.get("capacity_ul")
-        held_nl = total_nl(contents)
-        if isinstance(capacity_ul, int | float) and held_nl > capacity_ul * 1000:
-            message = f"{subject}: contents: {held_nl / 1000} µL in a vessel of {capacity_ul} µL"
-            findings.append(
-                Finding("lab_file.overfull", message, resource.key, {"field": "contents"})
-            )
+    findings: list[Finding] = []
+    both = (
+        ("contents", "capacity_ul", "µL", lab.contents),
+        ("masses", "capacity_mg", "mg", lab.masses),
+    )
+    for field, limit, unit, held in both:
+        for resource_id, contents in held.items():
+            resource = lab.tree.by_id.get(resource_id)
+            if resource is None:
+                continue
+            findings += _check_phases(lab, resource, field, contents)
+            subject = f"resources[{resource.key!r}]"
+            about = {"field": field}
+            if not is_vessel(resource.kind):
+                message = f"{subject}: {field}: a {resource.kind} holds no liquid"
+                findings.append(Finding("lab_file.no_vessel", message, resource.key, about))
+                continue
+            capacity, total = resource.config.get(limit), total_nl(contents)
+            if isinstance(capacity, int | float) and total > capacity * 1000:
+                message = (
+                    f"{subject}: {field}: {total / 1000} {unit} in a vessel of {capacity} {unit}"
+                )
+                findings.append(Finding("lab_file.overfull", message, resource.key, about))
     return findings
+
+
+def _check_phases(
+    lab: LabFile, resource: Resource, field: str, contents: Mapping[LotId, int]
+) -> Iterator[Finding]:
+    for lot_id in contents:
+        lot = lab.lots_by_id.get(lot_id)
+        if lot is not None and (lot.phase is Phase.LIQUID) != (field == "contents"):
+            what = f"lot {lot.key!r} is a {lot.phase.value}"
+            message = f"resources[{resource.key!r}]: {field}: {what}"
+            yield Finding("lab_file.phase", message, resource.key, {"field": field})
 
 
 def _check_ends(lab: LabFile) -> list[Finding]:
@@ -190,7 +206,6 @@ def _check_valve_ports(lab: LabFile) -> list[Finding]:
     ]
 
 
-def find_amount_nl(amount_ul: float) -> int | None:
-    """Return an amount of contents in whole nanolitres; None is off the grid or not positive."""
-    amount = to_nl(amount_ul, 1000)
-    return amount or None
+def find_amount(amount: float) -> int | None:
+    """Return µL in whole nanolitres, or mg in whole micrograms; None is off the grid or zero."""
+    return to_nl(amount, 1000) or None

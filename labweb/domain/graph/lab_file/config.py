@@ -30,6 +30,9 @@ class VesselConfig(_Config, frozen=True, kw_only=True):
     capacity_ul: Positive | None = None
     """Absent is unknown: such a vessel can be emptied, never filled by plan."""
 
+    capacity_mg: Positive | None = None
+    """The same for solids and gases, which are counted by mass."""
+
     dead_volume_ul: NotNegative | None = None
     """What cannot be drawn out."""
 

@@ -37,6 +37,9 @@ class MaterialEntry(_Strict, frozen=True, kw_only=True):
     hazards: list[Annotated[str, Meta(min_length=1, max_length=100)]] = msgspec.field(
         default_factory=list
     )
+    groups: list[Key] = msgspec.field(default_factory=list)
+    incompatible_with: list[Key] = msgspec.field(default_factory=list)
+    """Keys of materials and names of groups."""
 
 
 class LotEntry(_Strict, frozen=True, kw_only=True):
@@ -48,6 +51,8 @@ class LotEntry(_Strict, frozen=True, kw_only=True):
     number: str | None = None
     expires_on: Annotated[str, Meta(pattern=r"^\d{4}-\d{2}-\d{2}$")] | None = None
     purity: str | None = None
+    phase: Literal["liquid", "solid", "gas"] = "liquid"
+    """Liquids are counted in `contents`, solids and gases in `masses`."""
 
 
 class PoseEntry(_Strict, frozen=True, kw_only=True):
@@ -66,6 +71,13 @@ class ContentsEntry(_Strict, frozen=True, kw_only=True):
     amount_ul: Annotated[float, Meta(gt=0, le=999_999_999_999)]
 
 
+class MassEntry(_Strict, frozen=True, kw_only=True):
+    """One lot of a solid or a gas in a vessel."""
+
+    lot: Key
+    amount_mg: Annotated[float, Meta(gt=0, le=999_999_999_999)]
+
+
 class ResourceEntry(_Strict, frozen=True, kw_only=True):
     """One of `resources`."""
 
@@ -79,6 +91,7 @@ class ResourceEntry(_Strict, frozen=True, kw_only=True):
     data: Json = msgspec.field(default_factory=dict)
     extra: Json = msgspec.field(default_factory=dict)
     contents: list[Any] = msgspec.field(default_factory=list)
+    masses: list[Any] = msgspec.field(default_factory=list)
 
 
 class EndEntry(_Strict, frozen=True, kw_only=True):

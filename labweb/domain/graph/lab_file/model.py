@@ -11,7 +11,7 @@ from uuid import UUID, uuid5
 
 from labweb.domain.errors import Finding
 from labweb.domain.graph.topology import Connection, PhysicalGraph
-from labweb.domain.resources.contents import LotId
+from labweb.domain.resources.contents import LotId, Phase
 from labweb.domain.resources.node import Resource
 from labweb.domain.resources.tree import Tree
 
@@ -52,6 +52,11 @@ class Material:
 
     ph: float | None = None
     hazards: tuple[str, ...] = ()
+    groups: tuple[str, ...] = ()
+    """Sorts of substance, as people name them: `acid`, `oxidizer`."""
+
+    incompatible_with: tuple[str, ...] = ()
+    """Keys of materials and names of groups that it must never meet."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -67,6 +72,7 @@ class Lot:
     """Date as `YYYY-MM-DD`."""
 
     purity: str | None = None
+    phase: Phase = Phase.LIQUID
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -139,6 +145,9 @@ class LabFile:
     resources: tuple[Resource, ...] = ()
     contents: Mapping[UUID, Mapping[LotId, int]] = field(default_factory=dict)
     """Resource → lot id as text → nanolitres. Empty vessels are not listed."""
+
+    masses: Mapping[UUID, Mapping[LotId, int]] = field(default_factory=dict)
+    """Resource → lot id as text → micrograms, for solids and gases."""
 
     connections: tuple[Connection, ...] = ()
     hosts: tuple[HostEntry, ...] = ()

@@ -11,7 +11,7 @@ import msgspec
 
 from labweb.domain.errors import Finding, LabFileError
 from labweb.domain.graph.lab_file.amounts import to_nl
-from labweb.domain.graph.lab_file.check import check_lab, find_amount_nl
+from labweb.domain.graph.lab_file.check import check_lab, find_amount
 from labweb.domain.graph.lab_file.config import check_config
 from labweb.domain.graph.lab_file.entries import (
     SCHEMA,
@@ -20,6 +20,7 @@ from labweb.domain.graph.lab_file.entries import (
     DeviceFileEntry,
     HostFileEntry,
     LotEntry,
+    MassEntry,
     MaterialEntry,
     ResourceEntry,
     SimulatorEntry,
@@ -39,7 +40,7 @@ from labweb.domain.graph.lab_file.model import (
     lab_id,
 )
 from labweb.domain.graph.topology import Connection, Medium, PortRef
-from labweb.domain.resources.contents import LotId
+from labweb.domain.resources.contents import LotId, Phase
 from labweb.domain.resources.kinds import KINDS
 from labweb.domain.resources.labware.rows import ids_in_labware
 from labweb.domain.resources.node import Resource
@@ -109,6 +110,11 @@ class _Reader:
                 for entry in resources
                 if (contents := self._contents(entry))
             },
+            masses={
+                self.ids["resource"][entry.key]: masses
+                for entry in resources
+                if (masses := self._masses(entry))
+            },
             connections=self._each(connections, self._connection),
             hosts=tuple(
                 HostEntry(id=self.ids["host"][entry.key], key=entry.key, name=entry.name)
@@ -166,6 +172,8 @@ class _Reader:
             density_mg_ul=entry.density_mg_ul,
             ph=entry.ph,
             hazards=tuple(entry.hazards),
+            groups=tuple(entry.groups),
+            incompatible_with=tuple(entry.incompatible_with),
         )
 
     def _lot(self, entry: LotEntry) -> Lot | None:
@@ -186,6 +194,7 @@ class _Reader:
             number=entry.number,
             expires_on=entry.expires_on,
             purity=entry.purity,
+            phase=Phase(entry.phase),
         )
 
     def _resource(self, entry: ResourceEntry) -> Resource | None:
@@ -234,18 +243,33 @@ class _Reader:
         for index, value in enumerate(entry.contents):
             subject = f"resources[{entry.key!r}].contents[{index}]"
             part = read_entry(value, ContentsEntry, subject, self.findings)
-            if part is None:
-                continue
-            lot = self._find("lot", part.lot, subject, "lot")
-            amount_nl = find_amount_nl(part.amount_ul)
-            if amount_nl is None:
-                what = f"{part.amount_ul} µL is no whole number of nanolitres"
-                self._wrong("lab_file.off_grid", subject, "amount_ul", what)
-            elif lot is not None and str(lot) in found:
-                self._wrong("lab_file.duplicate", subject, "lot", f"{part.lot!r} stands twice")
-            elif lot is not None:
-                found[LotId(str(lot))] = amount_nl
+            if part is not None:
+                self._pour(found, part.lot, (part.amount_ul, "amount_ul"), subject)
         return found
+
+    def _masses(self, entry: ResourceEntry) -> dict[LotId, int]:
+        found: dict[LotId, int] = {}
+        for index, value in enumerate(entry.masses):
+            subject = f"resources[{entry.key!r}].masses[{index}]"
+            part = read_entry(value, MassEntry, subject, self.findings)
+            if part is not None:
+                self._pour(found, part.lot, (part.amount_mg, "amount_mg"), subject)
+        return found
+
+    def _pour(
+        self, found: dict[LotId, int], key: str, given: tuple[float, str], subject: str
+    ) -> None:
+        lot = self._find("lot", key, subject, "lot")
+        value, field = given
+        amount = find_amount(value)
+        if amount is None:
+            unit = "nanolitres" if field == "amount_ul" else "micrograms"
+            what = f"{value} {'µL' if field == 'amount_ul' else 'mg'} is no whole number of {unit}"
+            self._wrong("lab_file.off_grid", subject, field, what)
+        elif lot is not None and str(lot) in found:
+            self._wrong("lab_file.duplicate", subject, "lot", f"{key!r} stands twice")
+        elif lot is not None:
+            found[LotId(str(lot))] = amount
 
     def _connection(self, entry: ConnectionEntry) -> Connection | None:
         subject = f"connections[{entry.key!r}]"

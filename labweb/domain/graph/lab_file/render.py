@@ -11,6 +11,7 @@ from labweb.domain.graph.lab_file.amounts import from_nl
 from labweb.domain.graph.lab_file.entries import SCHEMA
 from labweb.domain.graph.lab_file.model import DeviceEntry, LabFile, Lot, Material, Simulator
 from labweb.domain.graph.topology import Connection, PortRef
+from labweb.domain.resources.contents import Phase
 from labweb.domain.resources.node import Resource
 
 
@@ -49,6 +50,8 @@ def _material(material: Material) -> dict[str, Any]:
         density_mg_ul=material.density_mg_ul,
         ph=material.ph,
         hazards=list(material.hazards),
+        groups=list(material.groups),
+        incompatible_with=list(material.incompatible_with),
     )
 
 
@@ -60,6 +63,7 @@ def _lot(lot: Lot, materials: Mapping[UUID, Material]) -> dict[str, Any]:
         number=lot.number,
         expires_on=lot.expires_on,
         purity=lot.purity,
+        phase=None if lot.phase is Phase.LIQUID else lot.phase.value,
     )
 
 
@@ -67,6 +71,10 @@ def _resource(resource: Resource, lab: LabFile, keys: Mapping[UUID, str]) -> dic
     contents = [
         {"lot": lab.lots_by_id[lot].key, "amount_ul": from_nl(amount_nl, 1000)}
         for lot, amount_nl in lab.contents.get(resource.id, {}).items()
+    ]
+    masses = [
+        {"lot": lab.lots_by_id[lot].key, "amount_mg": from_nl(amount_ug, 1000)}
+        for lot, amount_ug in lab.masses.get(resource.id, {}).items()
     ]
     rendered: dict[str, Any] = {
         "key": resource.key,
@@ -77,7 +85,12 @@ def _resource(resource: Resource, lab: LabFile, keys: Mapping[UUID, str]) -> dic
         "size_mm": None if resource.size_mm is None else list(resource.size_mm),
         "config": dict(resource.config),
     }
-    optional = {"data": dict(resource.data), "extra": dict(resource.extra), "contents": contents}
+    optional = {
+        "data": dict(resource.data),
+        "extra": dict(resource.extra),
+        "contents": contents,
+        "masses": masses,
+    }
     return rendered | {name: value for name, value in optional.items() if value}
 
 

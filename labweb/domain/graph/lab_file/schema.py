@@ -13,6 +13,7 @@ from labweb.domain.graph.lab_file.entries import (
     DeviceFileEntry,
     HostFileEntry,
     LotEntry,
+    MassEntry,
     MaterialEntry,
     PoseEntry,
     ResourceEntry,
@@ -34,12 +35,20 @@ _ITEMS: dict[str, type[msgspec.Struct]] = {
 def lab_schema() -> dict[str, Any]:
     """Return the schema of the file format, as `lab.schema.json` ships it."""
     configs = {kind: schema for kind in KINDS if (schema := config_schema(kind)) is not None}
-    types = [TopEntry, *_ITEMS.values(), ContentsEntry, PoseEntry, *set(configs.values())]
+    types = [
+        TopEntry,
+        *_ITEMS.values(),
+        ContentsEntry,
+        MassEntry,
+        PoseEntry,
+        *set(configs.values()),
+    ]
     _, definitions = msgspec.json.schema_components(types, ref_template="#/$defs/{name}")
     for name, entry in _ITEMS.items():
         definitions["TopEntry"]["properties"][name]["items"] = _ref(entry)
     resource = definitions["ResourceEntry"]
     resource["properties"]["contents"]["items"] = _ref(ContentsEntry)
+    resource["properties"]["masses"]["items"] = _ref(MassEntry)
     resource["properties"]["pose"] = {"anyOf": [_ref(PoseEntry), {"type": "null"}]}
     resource["properties"]["kind"] = {"enum": list(KINDS)}
     resource["allOf"] = [

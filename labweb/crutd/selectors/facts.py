@@ -1,0 +1,90 @@
+"""What the server knows beside the resources: lots, materials, today, and who uses what."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from datetime import date
+from uuid import UUID
+from zoneinfo import ZoneInfo
+
+from labweb.common.clock import now
+from labweb.crutd.selectors import held_locks
+from labweb.domain.crutd import operations
+from labweb.domain.crutd.snapshot import Facts, LotState, MaterialState, ResourceState
+from labweb.domain.resources.contents import LotId, Phase
+from labweb.domain.runs.locks import conflicts, lock_set
+from labweb.resources import selectors as resource_selectors
+from labweb.resources.selectors import Lab, Lot, Material
+
+
+def today(lab: Lab) -> date:
+    """Return the date where the lab is."""
+    return now().astimezone(ZoneInfo(lab.time_zone)).date()
+
+
+def facts_for(
+    operation: operations.Operation, lab: Lab, states: Mapping[UUID, ResourceState]
+) -> Facts:
+    """Return what a check of the operation needs; one query, for a new thing two more."""
+    receive = operation if isinstance(operation, operations.Receive) else None
+    create = operation if isinstance(operation, operations.Create) else None
+    wanted = {lot for state in states.values() for lot in (*state.contents, *state.masses)}
+    if isinstance(operation, operations.Correct):
+        wanted |= {LotId(lot) for lot in (*operation.measured_nl, *operation.measured_ug)}
+    material = None if receive is None else resource_selectors.find_material(receive.material_id)
+    return Facts(
+        on=today(lab),
+        lots=_lots({lot for lot in wanted if _is_id(lot)}),
+        material=None if material is None or material.lab_id != lab.id else _material(material),
+        is_known_delivery=receive is not None
+        and resource_selectors.is_known_delivery(lab, receive),
+        is_taken=create is not None
+        and resource_selectors.is_taken(lab, create.resource_id, create.key),
+    )
+
+
+def holders(operation: operations.Operation) -> dict[UUID, str]:
+    """Return the transaction that uses each touched resource now, or something it stands in."""
+    ids = set(operations.touched_ids(operation))
+    above = resource_selectors.ancestors(ids)
+    locks = held_locks({*ids, *(node for nodes in above.values() for node in nodes)})
+    found: dict[UUID, str] = {}
+    for resource_id in ids:
+        wanted = lock_set([resource_id], above)
+        blocked = conflicts(wanted, [lock for lock, _ in locks])
+        owners = [str(owner) for lock, owner in locks if lock.resource_id in blocked]
+        if owners:
+            found[resource_id] = owners[0]
+    return found
+
+
+def _is_id(text: str) -> bool:
+    try:
+        return str(UUID(text)) == text
+    except ValueError:
+        return False
+
+
+def _lots(ids: set[LotId]) -> dict[LotId, LotState]:
+    if not ids:
+        return {}
+    return {LotId(str(row.id)): _lot(row) for row in resource_selectors.find_lots(ids)}
+
+
+def _lot(row: Lot) -> LotState:
+    return LotState(
+        id=LotId(str(row.id)),
+        name=str(row),
+        phase=Phase(row.phase),
+        material=_material(row.material),
+        expires_on=row.expires_on,
+    )
+
+
+def _material(row: Material) -> MaterialState:
+    return MaterialState(
+        key=row.key,
+        name=row.name,
+        groups=frozenset(row.groups),
+        incompatible_with=frozenset(row.incompatible_with),
+    )

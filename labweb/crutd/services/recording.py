@@ -1,0 +1,80 @@
+"""What happened, appended to the lab's chain of events."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from functools import partial
+from typing import Any
+from uuid import UUID
+
+from django.db.transaction import on_commit
+
+from labweb.common import feed
+from labweb.common.clock import now
+from labweb.crutd.models import Event, EventHead, EventSubject, Ticket, Transaction
+from labweb.crutd.selectors.chain import event_hash as event_hash
+from labweb.domain.crutd import operations
+from labweb.domain.crutd.decide import Change
+from labweb.resources.selectors import Lab
+
+
+def record(
+    row: Transaction,
+    change: Change,
+    *,
+    revs: Mapping[UUID, int] | None = None,
+    base: str = "",
+    parts: Sequence[Mapping[str, Any]] = (),
+) -> Event:
+    """Append the event of a settled transaction to the lab's chain and announce it.
+
+    Args:
+        row: The transaction, as it stands now.
+        change: What was written.
+        revs: Counters that the edge reported; None where the server raised them by one.
+        base: For an import, the digest of the lab file that events are replayed on.
+        parts: For labware, what lies in it and was created with it, parents first.
+    """
+    head = EventHead.objects.select_for_update().get(lab_id=row.lab_id)
+    body: dict[str, Any] = {
+        "operation": row.operation,
+        "change": change.to_json(),
+        "verification": row.verification,
+        "code": row.code,
+        "message": row.message,
+        "job_id": None if row.job_id is None else str(row.job_id),
+        "actor_id": None if row.actor_id is None else str(row.actor_id),
+    }
+    if revs:
+        body["revs"] = {str(resource_id): rev for resource_id, rev in sorted(revs.items())}
+    if base:
+        body["base"] = base
+    if parts:
+        body["parts"] = [dict(part) for part in parts]
+    at = now()
+    event = Event.objects.create(
+        lab_id=row.lab_id,
+        seq=head.seq + 1,
+        at=at,
+        transaction=row,
+        name=row.name,
+        state=row.state,
+        body=body,
+        prev_hash=head.hash,
+        hash=event_hash(head.hash, head.seq + 1, at.isoformat(), str(row.id), body),
+    )
+    EventSubject.objects.bulk_create(
+        EventSubject(event=event, resource_id=resource_id, role=role)
+        for resource_id, role in operations.subjects_of(operations.from_json(row.operation))
+    )
+    on_commit(partial(feed.publish, "events", {"seq": event.seq, "job_id": body["job_id"]}))
+    return event
+
+
+def open_ticket(lab: Lab, code: str, message: str, detail: Mapping[str, Any]) -> Ticket:
+    """Ask a person to look at a contradiction."""
+    ticket = Ticket.objects.create(
+        lab=lab, code=code, message=message, detail=dict(detail), opened_at=now()
+    )
+    on_commit(partial(feed.publish, "lab", {"ticket_id": str(ticket.id)}))
+    return ticket

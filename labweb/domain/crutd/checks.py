@@ -1,0 +1,235 @@
+"""Preconditions of the operations: what may not be done, and why.
+
+The server asks under its locks with all `Facts`; an edge host knows its resources only, and
+relies on the server for what concerns lots.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+from labweb.domain.crutd.operations import (
+    Correct,
+    Create,
+    Delete,
+    Dispose,
+    Operation,
+    Read,
+    Receive,
+    Restore,
+    TransferLiquid,
+    TransferMass,
+    TransferResource,
+    touched_ids,
+)
+from labweb.domain.crutd.snapshot import Facts, ResourceState, Snapshot
+from labweb.domain.crutd.stock import (
+    check_correct,
+    check_dispose,
+    check_expiry,
+    check_meeting,
+    check_receive,
+    check_room,
+    known_lots,
+)
+from labweb.domain.errors import Finding
+from labweb.domain.graph.lab_file.config import check_config
+from labweb.domain.resources.contents import LotId, Phase, total_nl
+from labweb.domain.resources.kinds import KINDS
+from labweb.domain.units import render_volume
+
+
+def check(operation: Operation, snapshot: Snapshot, facts: Facts | None = None) -> list[Finding]:
+    """List every precondition the operation breaks; an empty list means go."""
+    if isinstance(operation, Read):
+        return []
+    missing = [i for i in touched_ids(operation) if i not in snapshot]
+    if missing:
+        return [Finding("crutd.not_found", f"no resource {i}", str(i)) for i in missing]
+    return [*_check_usable(operation, snapshot, facts), *_check_own(operation, snapshot, facts)]
+
+
+def _check_own(operation: Operation, snapshot: Snapshot, facts: Facts | None) -> Sequence[Finding]:
+    match operation:
+        case TransferLiquid():
+            return _check_liquid(operation, snapshot, facts)
+        case TransferMass():
+            return _check_mass(operation, snapshot, facts)
+        case TransferResource() | Restore():
+            return _check_carry(operation, snapshot)
+        case Delete():
+            return _check_delete(operation, snapshot)
+        case Create():
+            return _check_create(operation, snapshot, facts)
+        case Receive():
+            return check_receive(operation, snapshot, facts)
+        case Correct():
+            return check_correct(operation, snapshot, facts)
+        case Dispose():
+            return check_dispose(operation, snapshot)
+        case _:
+            return []
+
+
+def _check_usable(
+    operation: Operation, snapshot: Snapshot, facts: Facts | None
+) -> Iterator[Finding]:
+    back = operation.resource_id if isinstance(operation, Restore) else None
+    for resource_id in touched_ids(operation):
+        state = snapshot[resource_id]
+        if state.quarantined_by is not None and not isinstance(operation, Correct):
+            yield Finding(
+                "crutd.quarantined",
+                f"{state.name} is quarantined: a person has to say what happened first",
+                str(resource_id),
+                {"transaction_id": state.quarantined_by},
+            )
+        if state.is_archived and resource_id != back:
+            yield Finding("crutd.archived", f"{state.name} is in the Archive", str(resource_id))
+        if resource_id == back and not state.is_archived:
+            yield Finding("crutd.not_archived", f"{state.name} is in service", str(resource_id))
+        if facts is not None and resource_id in facts.held:
+            yield Finding(
+                "crutd.held_elsewhere",
+                f"{state.name} is in use by another operation",
+                str(resource_id),
+                {"transaction_id": facts.held[resource_id]},
+            )
+
+
+def _check_liquid(
+    operation: TransferLiquid, snapshot: Snapshot, facts: Facts | None
+) -> list[Finding]:
+    source, target = snapshot[operation.source_id], snapshot[operation.target_id]
+    if operation.source_id == operation.target_id:
+        return [Finding("crutd.same_vessel", "source and target are the same vessel", source.name)]
+    findings = []
+    if operation.amount_nl <= 0:
+        findings.append(
+            Finding("crutd.not_positive", f"{operation.amount_nl} nL is no amount", source.name)
+        )
+    usable = total_nl(source.contents) - source.dead_volume_nl
+    if operation.amount_nl > usable:
+        findings.append(
+            Finding(
+                "crutd.insufficient_volume",
+                f"{source.name} can give {render_volume(max(usable, 0))}, "
+                f"asked for {render_volume(operation.amount_nl)}",
+                source.name,
+                {"resource_id": str(source.id), "usable_nl": usable},
+            )
+        )
+    findings += check_room(target, operation.amount_nl, Phase.LIQUID)
+    findings += _check_phases(source, Phase.LIQUID, facts)
+    return [*findings, *_check_lots(source, target, facts)]
+
+
+def _check_mass(operation: TransferMass, snapshot: Snapshot, facts: Facts | None) -> list[Finding]:
+    source, target = snapshot[operation.source_id], snapshot[operation.target_id]
+    if operation.source_id == operation.target_id:
+        return [Finding("crutd.same_vessel", "source and target are the same vessel", source.name)]
+    findings = []
+    if operation.amount_ug <= 0:
+        findings.append(Finding("crutd.not_positive", "0 µg is no amount", source.name))
+    if operation.phase is Phase.LIQUID:
+        text = "a liquid is moved by its volume: give nanolitres"
+        findings.append(Finding("crutd.unit_mismatch", text, source.name))
+    there = total_nl(source.masses)
+    if operation.amount_ug > there:
+        findings.append(
+            Finding(
+                "crutd.insufficient_mass",
+                f"{source.name} holds {there / 1000:g} mg, "
+                f"asked for {operation.amount_ug / 1000:g} mg",
+                source.name,
+                {"resource_id": str(source.id), "usable_ug": there},
+            )
+        )
+    findings += check_room(target, operation.amount_ug, Phase.SOLID)
+    findings += _check_phases(source, operation.phase, facts)
+    return [*findings, *_check_lots(source, target, facts)]
+
+
+def _check_phases(source: ResourceState, phase: Phase, facts: Facts | None) -> Iterator[Finding]:
+    """Refuse to draw one phase from a vessel in which another may come along.
+
+    A solid in a liquid may be dissolved, suspended or lie at the bottom: nobody has said,
+    so nobody knows what a draw of the liquid carries. A gas stays above what is poured.
+    """
+    others = set(source.contents if phase is not Phase.LIQUID else ())
+    for lot in source.masses:
+        known = None if facts is None else facts.lots.get(lot)
+        other = Phase.SOLID if known is None else known.phase
+        if other is not phase and not (phase is Phase.LIQUID and other is Phase.GAS):
+            others.add(lot)
+    for lot in sorted(others):
+        name = _name(lot, facts)
+        yield Finding(
+            "crutd.wrong_phase",
+            f"{source.name} also holds {name}, which is no {phase.value}: take stock of what "
+            "became of it first",
+            source.name,
+            {"resource_id": str(source.id), "lot_id": lot},
+        )
+
+
+def _name(lot: LotId, facts: Facts | None) -> str:
+    known = None if facts is None else facts.lots.get(lot)
+    return f"lot {lot}" if known is None else known.name
+
+
+def _check_lots(source: ResourceState, target: ResourceState, facts: Facts | None) -> list[Finding]:
+    """Look at the lots that would be drawn, and at those they would meet."""
+    if facts is None:
+        return []
+    drawn = known_lots(source, facts)
+    findings = list(check_meeting(drawn, known_lots(target, facts), target))
+    kind = KINDS.get(source.kind)
+    is_on_its_way = kind is not None and kind.nature is not KINDS["bottle"].nature
+    if not is_on_its_way and target.kind != "waste":
+        findings += check_expiry(drawn, facts, source)
+    return findings
+
+
+def _check_carry(operation: TransferResource | Restore, snapshot: Snapshot) -> list[Finding]:
+    moved, to = snapshot[operation.resource_id], snapshot[operation.to_id]
+    findings = []
+    if moved.parent_id != operation.from_id:
+        findings.append(
+            Finding("crutd.not_there", f"{moved.name} does not stand there", moved.name)
+        )
+    kind = KINDS.get(to.kind)
+    if kind is None or not kind.is_place:
+        findings.append(Finding("crutd.no_place", f"{to.name} carries nothing", to.name))
+    if operation.resource_id == operation.to_id or operation.resource_id in to.ancestor_ids:
+        findings.append(
+            Finding("crutd.into_itself", f"{moved.name} cannot stand in itself", moved.name)
+        )
+    return findings
+
+
+def _check_delete(operation: Delete, snapshot: Snapshot) -> list[Finding]:
+    state, archive = snapshot[operation.resource_id], snapshot[operation.archive_id]
+    if state.parent_id is None:
+        return [Finding("crutd.root", f"{state.name} is the root of the lab", state.name)]
+    if archive.kind != "archive":
+        return [Finding("crutd.no_archive", "the target is no Archive", state.name)]
+    if state.id == archive.id or state.id in archive.ancestor_ids:
+        return [Finding("crutd.into_itself", f"{state.name} cannot stand in itself", state.name)]
+    return []
+
+
+def _check_create(operation: Create, snapshot: Snapshot, facts: Facts | None) -> list[Finding]:
+    findings = []
+    if operation.kind not in KINDS:
+        findings.append(Finding("crutd.unknown_kind", f"no kind {operation.kind!r}", operation.key))
+    else:
+        findings += check_config(operation.kind, operation.config, operation.key)
+    parent = snapshot[operation.parent_id]
+    kind = KINDS.get(parent.kind)
+    if kind is None or not kind.is_place:
+        findings.append(Finding("crutd.no_place", f"{parent.name} carries nothing", parent.name))
+    if facts is not None and facts.is_taken:
+        text = f"a resource with the id or the key {operation.key!r} is there already"
+        findings.append(Finding("crutd.taken", text, operation.key))
+    return findings

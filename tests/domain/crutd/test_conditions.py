@@ -1,0 +1,124 @@
+"""A condition passes, fails, or nobody could look; the last is never taken for the first."""
+
+from __future__ import annotations
+
+from typing import Any
+from uuid import UUID
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from labweb.domain.crutd.conditions import (
+    Condition,
+    Verdict,
+    Verification,
+    evaluate,
+    statuses_of,
+    verification_of,
+)
+
+CAMERA = UUID(int=1)
+IMAGE = "ab" * 32
+
+
+def readings(**values: Any) -> dict[tuple[UUID, str], Any]:  # noqa: ANN401
+    return {(CAMERA, name): value for name, value in values.items()}
+
+
+def vial_seen(**fields: Any) -> Condition:  # noqa: ANN401
+    plain: dict[str, Any] = {
+        "name": "camera.vial_present", "device_id": CAMERA, "status": "tag", "equals": "VIAL-7",
+        "confidence_status": "confidence", "min_confidence": 0.9, "image_status": "image_sha256",
+        "is_sensor": True,
+    }  # fmt: skip
+    return Condition(**plain | fields)
+
+
+def test_a_camera_that_is_sure_confirms_and_keeps_its_image() -> None:
+    now = readings(tag="VIAL-7", confidence=0.97, image_sha256=IMAGE)
+    result = evaluate(vial_seen(), now, {})
+    assert result.verdict is Verdict.PASS
+    assert result.evidence == {
+        "status": "tag", "value": "VIAL-7", "wanted": "VIAL-7", "image_sha256": IMAGE,
+        "confidence": 0.97, "min_confidence": 0.9,
+    }  # fmt: skip
+    assert verification_of([(vial_seen(), result)], reported=True) is Verification.SENSED
+
+
+def test_a_camera_that_sees_another_tag_refuses() -> None:
+    now = readings(tag="VIAL-8", confidence=0.97, image_sha256=IMAGE)
+    assert evaluate(vial_seen(), now, {}).verdict is Verdict.FAIL
+
+
+@pytest.mark.parametrize(
+    "values",
+    [
+        {"confidence": 0.89},
+        {"confidence": None},
+        {"confidence": "high"},
+        {"confidence": float("nan")},
+        {"confidence": 97},
+        {"confidence": True},
+        {"image_sha256": None},
+        {"image_sha256": "photo.jpg"},
+        {"tag": None},
+    ],
+)
+def test_a_camera_that_is_not_sure_or_kept_no_image_saw_nothing(values: dict[str, Any]) -> None:
+    now = readings(**{"tag": "VIAL-7", "confidence": 0.97, "image_sha256": IMAGE} | values)
+    result = evaluate(vial_seen(), now, {})
+    assert result.verdict is Verdict.UNOBSERVABLE
+    assert verification_of([(vial_seen(), result)], reported=True) is Verification.DEVICE
+    assert verification_of([(vial_seen(), result)], reported=False) is Verification.ASSUMED
+
+
+def test_every_status_that_a_verdict_needs_is_read() -> None:
+    assert statuses_of(vial_seen()) == ("tag", "confidence", "image_sha256")
+    assert statuses_of(vial_seen(stable_status="steady"))[1] == "steady"
+
+
+def limits(**fields: Any) -> Condition:  # noqa: ANN401
+    return Condition(name="c", device_id=CAMERA, status="value", **fields)
+
+
+@pytest.mark.parametrize(
+    ("condition", "value", "verdict"),
+    [
+        (limits(low=1, high=2), 2.0, Verdict.PASS),
+        (limits(low=1, high=2, tolerance=0.5), 2.5, Verdict.PASS),
+        (limits(low=1, high=2), 2.1, Verdict.FAIL),
+        (limits(low=1), "2", Verdict.UNOBSERVABLE),
+        (limits(low=1), float("nan"), Verdict.UNOBSERVABLE),
+        (limits(high=1), float("-inf"), Verdict.UNOBSERVABLE),
+        (limits(low=1), True, Verdict.UNOBSERVABLE),
+        (limits(equals=1), True, Verdict.FAIL),
+        (limits(equals=True), 1, Verdict.FAIL),
+        (limits(equals=False), False, Verdict.PASS),
+        (limits(change=5, tolerance=1), 15.5, Verdict.PASS),
+        (limits(change=5, tolerance=1), 16.5, Verdict.FAIL),
+    ],
+)
+def test_a_reading_is_judged_by_what_it_is(
+    condition: Condition, value: object, verdict: Verdict
+) -> None:
+    assert evaluate(condition, readings(value=value), readings(value=10.0)).verdict is verdict
+
+
+@pytest.mark.parametrize("before", [None, "ten", float("nan")])
+def test_a_change_from_nothing_known_is_unobservable(before: object) -> None:
+    result = evaluate(limits(change=5), readings(value=15.0), readings(value=before))
+    assert result.verdict is Verdict.UNOBSERVABLE
+
+
+JSON = st.none() | st.booleans() | st.integers() | st.floats() | st.text() | st.lists(st.integers())
+
+
+@given(JSON, JSON, JSON, st.sampled_from([limits(low=0), limits(change=1), vial_seen()]))
+def test_whatever_is_read_there_is_a_verdict(
+    value: object, other: object, before: object, condition: Condition
+) -> None:
+    now = readings(value=value, tag=value, confidence=other, image_sha256=other)
+    result = evaluate(condition, now, readings(value=before))
+    if result.verdict is Verdict.PASS:
+        assert isinstance(value, int | float)
