@@ -15,7 +15,7 @@ from labweb.domain.units import parse_exact
 REQUIRED = ("lot", "material", "phase", "vessel", "amount")
 OPTIONAL = ("supplier", "number", "purity", "expires_on")
 COLUMNS = (*REQUIRED, *OPTIONAL)
-"""Every column that such a table may have; keys of lot, material and vessel are those of the lab."""
+"""Every column of such a table; lot, material and vessel go by the keys of the lab."""
 
 MOST_BYTES = 8 * 2**20
 MOST_ROWS = 50_000

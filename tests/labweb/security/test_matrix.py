@@ -7,7 +7,7 @@ import json
 import re
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 from uuid import UUID
 
 import pytest
@@ -180,7 +180,7 @@ def send(
         prepare(bench, route, ids)
         if isinstance(API[method, route][1], Form):
             body = {**body, "file": SimpleUploadedFile("b.csv", TRACE.encode() + b"3,1,1,")}
-            answer: HttpResponse = client.post(path, body)
+            answer = cast(HttpResponse, client.post(path, body))
         else:
             answer = call(client, method, path, body)
         set_rollback(True)

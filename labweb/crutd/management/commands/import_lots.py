@@ -60,9 +60,8 @@ class Command(BaseCommand):
             self._say(answer, is_json=options["json"])
             raise CommandError(f"{error.code}: {error.message}", returncode=1) from error
         answer["verdict"] = "checked" if options["check"] else "received"
-        answer["lots"] = [
-            {"id": str(i), "key": d.lot} for i, d in zip(lots, deliveries, strict=True)
-        ]
+        pairs = zip(lots, deliveries, strict=True)
+        answer["lots"] = [{"id": str(lot), "key": one.lot} for lot, one in pairs]
         self._say(answer, is_json=options["json"])
 
     def _say(self, answer: dict[str, Any], *, is_json: bool) -> None:
