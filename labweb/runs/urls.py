@@ -22,6 +22,7 @@ urlpatterns = [
     path("runs/<uuid:run_id>/abort", runs.RunAct.as_view(act="abort")),
     path("runs/<uuid:run_id>/provenance", provenance.RunProvenance.as_view()),
     path("runs/<uuid:run_id>/crate", crate.RunCrate.as_view()),
+    path("runs/<uuid:run_id>/eln", crate.RunEln.as_view()),
     path("files", files.Files.as_view()),
     path("files/<uuid:file_id>", files.FileDetail.as_view()),
     path("files/<uuid:file_id>/content", files.FileContent.as_view()),

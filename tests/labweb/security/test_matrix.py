@@ -86,6 +86,7 @@ API: dict[tuple[str, str], tuple[tuple[str, ...], Any]] = {
     ("GET", "runs/<run>/log"): (MEMBERS, None),
     ("GET", "runs/<run>/provenance"): (MEMBERS, None),
     ("GET", "runs/<run>/crate"): (MEMBERS, None),
+    ("GET", "runs/<run>/eln"): (MEMBERS, None),
     ("GET", "files"): (MEMBERS, None),
     ("POST", "files"): (WORKERS, Form({"resource": "<resource>", "format": "csv"})),
     ("GET", "files/<file>"): (MEMBERS, None),

@@ -15,17 +15,21 @@ from labweb.resources import selectors as resource_selectors
 from labweb.runs import selectors
 from labweb.runs.selectors import Run
 from labweb.runs.services.crate import pack_run
+from labweb.runs.services.eln import pack_eln
 
 
 class Command(BaseCommand):
     """`manage.py export_run`."""
 
-    help = "Write a run with all that belongs to it as an RO-Crate (ZIP)."
+    help = "Write a run with all that belongs to it as an RO-Crate (ZIP) or .eln file."
 
     def add_arguments(self, parser: ArgumentParser) -> None:
         """Declare the options."""
         parser.add_argument("run", help="id or number of the run")
         parser.add_argument("--out", type=Path, required=True, help="file to write")
+        parser.add_argument(
+            "--format", choices=["crate", "eln"], default="crate", help="eln: for lab notebooks"
+        )
 
     def handle(self, *_args: object, **options: Any) -> None:  # noqa: ANN401 - parsed options
         """Export, or say why not.
@@ -35,7 +39,8 @@ class Command(BaseCommand):
         """
         out: Path = options["out"]
         try:
-            with pack_run(_run(options["run"]), None) as packed:
+            pack = pack_eln if options["format"] == "eln" else pack_run
+            with pack(_run(options["run"]), None) as packed:
                 _keep(packed, out)
         except LabError as error:
             raise CommandError(f"{error.code}: {error.message}") from error
