@@ -52,6 +52,18 @@ def samples(device_ids: Iterable[UUID], since: float, until: float) -> QuerySet[
     ).order_by("at", "id")
 
 
+def last_samples(
+    device_ids: Iterable[UUID], since: float, until: float
+) -> list[tuple[UUID, str, float, Any]]:
+    """Return (device, status, seconds, value): the last of each status within the window."""
+    rows = (
+        Sample.objects.filter(device_id__in=list(device_ids), at__gte=since, at__lte=until)
+        .order_by("device_id", "status", "-at", "-id")
+        .distinct("device_id", "status")
+    )
+    return list(rows.values_list("device_id", "status", "at", "value"))
+
+
 def visible_files(lab: Lab, seen: Collection[UUID]) -> QuerySet[File]:
     """Return files about one of the resources or, with none told, from a device that acts there."""
     return File.objects.filter(_is_about(lab, seen), lab=lab).select_related("kept_by")

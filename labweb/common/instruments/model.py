@@ -19,8 +19,6 @@ MOST_READINGS = 5_000
 
 LONGEST_TEXT = 500
 
-INVALID = "instrument.invalid"
-
 
 @dataclass(frozen=True, slots=True)
 class Column:
@@ -67,7 +65,7 @@ class Parsed:
 
 def wrong(message: str, subject: str, **context: object) -> Finding:
     """Return a finding about a place in the file."""
-    return Finding(INVALID, message, subject, context)
+    return Finding("instrument.invalid", message, subject, context)
 
 
 def refuse(findings: Sequence[Finding]) -> DefinitionError:
@@ -76,7 +74,7 @@ def refuse(findings: Sequence[Finding]) -> DefinitionError:
     where = f"{first.subject}: " if first.subject else ""
     return DefinitionError(
         f"{where}{first.message}",
-        code=INVALID,
+        code="instrument.invalid",
         context={"findings_count": len(findings)},
         findings=findings[:MOST_FINDINGS],
     )
