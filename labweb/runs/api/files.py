@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, NoReturn, cast
+from typing import Any, ClassVar, NoReturn, cast
 from uuid import UUID
 
 from django.core.files.uploadedfile import UploadedFile
@@ -30,12 +30,30 @@ from labweb.runs.models import Job
 from labweb.telemetry import selectors as telemetry_selectors
 from labweb.telemetry import services as telemetry_services
 from labweb.telemetry.selectors import File, Reading
-from labweb.telemetry.services.files import MOST_BYTES, digest_header, opened
+from labweb.telemetry.services.files import (
+    KEPT_ONLY,
+    MEDIA_TYPES,
+    MOST_BYTES,
+    digest_header,
+    opened,
+)
 
 _MOST_ROWS = 500
 _FIELDS = {"format", "resource", "device", "job"}
 _ENVELOPE_BYTES = 64 * 1024
 """What the other fields and the boundaries of a form may take."""
+
+
+_UPLOAD: dict[str, Any] = {
+    "type": "object",
+    "required": ["file", "format"],
+    "additionalProperties": False,
+    "properties": {
+        "file": {"type": "string", "format": "binary"},
+        "format": {"type": "string", "enum": [*MEDIA_TYPES, KEPT_ONLY]},
+        **{name: {"type": "string", "format": "uuid"} for name in ("resource", "device", "job")},
+    },
+}
 
 
 class _Bounded(TemporaryFileUploadHandler):
@@ -58,6 +76,7 @@ class Files(APIView):
     """Files of the lab."""
 
     parser_classes = [MultiPartParser]
+    forms: ClassVar[dict[str, dict[str, Any]]] = {"post": _UPLOAD}
 
     def get(self, request: Request) -> Response:
         """List files, newest first; `resource`, `device`, `job` and `sha256` narrow it."""
