@@ -67,7 +67,27 @@ def parse_deliveries(raw: bytes) -> tuple[Delivery, ...]:
     Source:
         RFC 4180.
     """
-    rows = list(_rows(raw))
+    return _grouped(list(_rows(raw)))
+
+
+def read_deliveries(told: Sequence[Mapping[str, str]]) -> tuple[Delivery, ...]:
+    """Read deliveries from rows that another program sent; row 1 is the first.
+
+    Raises:
+        DefinitionError: `lots.invalid`; findings name every row that is wrong.
+    """
+    if not 0 < len(told) <= MOST_ROWS:
+        raise refused([Finding("lots.invalid", f"1 to {MOST_ROWS} rows come at a time")])
+    for row, cells in enumerate(told, 1):
+        _check_header(list(cells), row)
+    return _grouped([(row, _stripped(cells)) for row, cells in enumerate(told, 1)])
+
+
+def _stripped(cells: Mapping[str, str]) -> dict[str, str]:
+    return {name: cell.strip() for name, cell in cells.items()}
+
+
+def _grouped(rows: Sequence[tuple[int, Mapping[str, str]]]) -> tuple[Delivery, ...]:
     findings = [finding for row, cells in rows for finding in _check_row(row, cells)]
     if findings:
         raise refused(findings)
@@ -139,19 +159,19 @@ def _rows(raw: bytes) -> Iterator[tuple[int, Mapping[str, str]]]:
         raise refused([at_row(reader.line_num, "lots.invalid", str(error))]) from error
 
 
-def _check_header(header: Sequence[str]) -> None:
+def _check_header(header: Sequence[str], row: int = 1) -> None:
     findings = [
-        at_row(1, "lots.column", f"the column {name!r} is missing")
+        at_row(row, "lots.column", f"the column {name!r} is missing")
         for name in REQUIRED
         if name not in header
     ]
     findings += [
-        at_row(1, "lots.column", f"there is no column {name[:40]!r}: use {', '.join(COLUMNS)}")
+        at_row(row, "lots.column", f"there is no column {name[:40]!r}: use {', '.join(COLUMNS)}")
         for name in header
         if name not in COLUMNS
     ]
     if len(set(header)) != len(header):
-        findings.append(at_row(1, "lots.column", "a column stands twice"))
+        findings.append(at_row(row, "lots.column", "a column stands twice"))
     if findings:
         raise refused(findings)
 
