@@ -97,6 +97,17 @@ def test_a_file_that_is_damaged_on_disk_is_not_sent(bench: Bench, chemist: Clien
     assert code_of(answer) == "file.damaged"
 
 
+def test_who_brings_the_bytes_again_puts_a_damaged_file_right(
+    bench: Bench, chemist: Client
+) -> None:
+    told = send(chemist, TRACE, resource=bench.node("flask_1").pk)
+    path = selectors.path_of(told["sha256"])
+    path.chmod(0o600)
+    path.write_bytes(b"nothing of it")
+    send(chemist, TRACE, resource=bench.node("reactor_1").pk)
+    assert call(chemist, "GET", f"{API}/files/{told['id']}/content").content == TRACE.encode()
+
+
 def test_a_file_that_is_wrong_leaves_nothing_behind(
     bench: Bench, chemist: Client, store: Path
 ) -> None:
