@@ -7,7 +7,7 @@ from uuid import UUID
 
 from django.core.files.uploadedfile import UploadedFile
 from django.core.files.uploadhandler import StopUpload, TemporaryFileUploadHandler
-from django.http import QueryDict, StreamingHttpResponse
+from django.http import HttpRequest, QueryDict, StreamingHttpResponse
 from django.http.multipartparser import MultiPartParserError
 from rest_framework.parsers import MultiPartParser
 from rest_framework.request import Request
@@ -77,6 +77,16 @@ class Files(APIView):
 
     parser_classes = [MultiPartParser]
     forms: ClassVar[dict[str, dict[str, Any]]] = {"post": _UPLOAD}
+
+    def initialize_request(
+        self,
+        request: HttpRequest,
+        *args: Any,  # noqa: ANN401 - DRF's own shape
+        **kwargs: Any,  # noqa: ANN401
+    ) -> Request:
+        """Bound the upload before the check of the session's token reads the form."""
+        request.upload_handlers = [_Bounded(request)]
+        return super().initialize_request(request, *args, **kwargs)
 
     def get(self, request: Request) -> Response:
         """List files, newest first; `resource`, `device`, `job` and `sha256` narrow it."""
@@ -173,13 +183,12 @@ def _form(request: Request) -> tuple[QueryDict, UploadedFile[Any]]:
     length = request.META.get("CONTENT_LENGTH") or ""
     if length.isascii() and length.isdigit() and int(length) > MOST_BYTES + _ENVELOPE_BYTES:
         _too_large()
-    handler = _Bounded(request._request)  # noqa: SLF001 - where Django looks for it
-    request._request.upload_handlers = [handler]  # noqa: SLF001
     try:
         form, files = request.data, request.FILES
     except MultiPartParserError as error:
         raise DefinitionError(f"the form cannot be read: {error}", code="http.body") from error
-    if handler.size > MOST_BYTES:
+    handlers = request._request.upload_handlers  # noqa: SLF001 - where Django keeps them
+    if any(isinstance(one, _Bounded) and one.size > MOST_BYTES for one in handlers):
         _too_large()
     strange = set(form) - _FIELDS - {"file"}
     if strange or list(files) != ["file"] or len(files.getlist("file")) != 1:

@@ -85,6 +85,22 @@ def test_a_download_is_the_bytes_with_their_checksum(bench: Bench, chemist: Clie
     assert answer["X-Content-Type-Options"] == "nosniff"
 
 
+def test_a_browser_brings_a_file_with_the_token_of_its_session_alone(bench: Bench) -> None:
+    browser = Client(enforce_csrf_checks=True)
+    browser.force_login(bench.people["chemist"])
+    browser.get(f"{API}/session")
+    token = browser.cookies["csrftoken"].value
+    for header, status in ((token, 201), ("x" * len(token), 403)):
+        form = {
+            "format": "csv",
+            "resource": bench.node("flask_1" if status == 201 else "reactor_1").pk,
+            "file": SimpleUploadedFile("trace.csv", TRACE.encode()),
+        }
+        answer = browser.post(f"{API}/files", form, headers={"X-CSRFToken": header})
+        assert answer.status_code == status, answer.content
+    assert File.objects.filter(made_from=None).count() == 1
+
+
 def test_a_file_that_is_damaged_on_disk_is_not_sent(bench: Bench, chemist: Client) -> None:
     told = send(chemist, TRACE, resource=bench.node("flask_1").pk)
     path = selectors.path_of(told["sha256"])
