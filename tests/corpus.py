@@ -23,3 +23,9 @@ LABWARE = _DATA / "3_labware"
 
 NO_LABWARE = "the published labware lies beside the repository, not in it"
 """Why tests skip without it."""
+
+INSTRUMENTS = _DATA / "5_instruments"
+"""What instruments of others answer and write."""
+
+NO_INSTRUMENTS = "the recorded answers of instruments lie beside the repository, not in it"
+"""Why tests skip without them."""

@@ -25,7 +25,10 @@ _ANSWER: dict[str, Any] = {"type": "object", "additionalProperties": True}
 
 
 class LabSchema(AutoSchema):
-    """Describes a view by its docstrings and by the structs its `bodies` name per method."""
+    """Describes a view by its docstrings and by the structs its `bodies` name per method.
+
+    A view that takes a form describes it as a JSON Schema in `forms`.
+    """
 
     def get_operation_id(self) -> str:
         """Return a name made of method and path, so that none stands twice."""
@@ -46,6 +49,9 @@ class LabSchema(AutoSchema):
 
     def _get_request_body(self, direction: str = "request") -> dict[str, Any] | None:
         del direction
+        form = getattr(self.view, "forms", {}).get(self.method.lower())
+        if form is not None:
+            return {"required": True, "content": {"multipart/form-data": {"schema": form}}}
         body = getattr(self.view, "bodies", {}).get(self.method.lower())
         if body is None:
             return None

@@ -103,6 +103,11 @@ def find_by_key(lab: Lab, key: str) -> Resource:
     return found
 
 
+def ids_by_key(lab: Lab, keys: Collection[str]) -> dict[str, UUID]:
+    """Return the ids of a lab's nodes by those of the keys that it has."""
+    return dict(Resource.objects.filter(lab=lab, key__in=keys).values_list("key", "id"))
+
+
 def taken_keys(lab: Lab, keys: Collection[str]) -> list[str]:
     """Return those of the keys that a lab has already, sorted."""
     found = Resource.objects.filter(lab=lab, key__in=keys)

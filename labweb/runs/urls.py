@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from django.urls import path
 
-from labweb.runs.api import approvals, crate, drawing, lab, provenance, runs
+from labweb.runs.api import approvals, crate, drawing, files, lab, provenance, runs
 
 urlpatterns = [
     path("lab", lab.LabView.as_view()),
@@ -22,6 +22,11 @@ urlpatterns = [
     path("runs/<uuid:run_id>/abort", runs.RunAct.as_view(act="abort")),
     path("runs/<uuid:run_id>/provenance", provenance.RunProvenance.as_view()),
     path("runs/<uuid:run_id>/crate", crate.RunCrate.as_view()),
+    path("runs/<uuid:run_id>/eln", crate.RunEln.as_view()),
+    path("files", files.Files.as_view()),
+    path("files/<uuid:file_id>", files.FileDetail.as_view()),
+    path("files/<uuid:file_id>/content", files.FileContent.as_view()),
+    path("readings", files.Readings.as_view()),
     path("lots/<uuid:lot_id>/provenance", provenance.LotProvenance.as_view()),
     path("resources/<uuid:resource_id>/provenance", provenance.ResourceProvenance.as_view()),
     path("resources/<uuid:resource_id>/conditions", provenance.Conditions.as_view()),

@@ -162,6 +162,12 @@ SPECTACULAR_SETTINGS = {
     "SERVE_PERMISSIONS": ["labweb.api.permissions.SignedIn"],
 }
 
+LIMS_SECRET = secret("LABWEB_LIMS_SECRET")
+"""Shared with a laboratory information system that sends deliveries; empty closes the door."""
+
+LIMS_USER = os.environ.get("LABWEB_LIMS_USER", "")
+"""Name of the user in whose name that system receives."""
+
 TWIN_TOKEN_FILE = Path(os.environ.get("LABWEB_TWIN_TOKEN_FILE", DATA_DIR / "twin.token"))
 """Service token with which a twin follows the lab feed; mode 0600."""
 

@@ -1,1 +1,1 @@
-"""Samples of device statuses: lossy by contract, never a fact."""
+"""What was measured: samples of device statuses, lossy by contract, and readings, kept for good."""

@@ -1,8 +1,11 @@
-"""Samples of device statuses."""
+"""Samples of device statuses, kept files, and readings."""
 
 from __future__ import annotations
 
 from django.db import models
+from django.db.models import Q
+
+from labweb.common.models import Base
 
 
 class Sample(models.Model):
@@ -21,3 +24,115 @@ class Sample(models.Model):
 
     def __str__(self) -> str:
         return f"{self.status} {self.value}"
+
+
+class File(Base):
+    """A file as it came from an instrument or a person, or a series made from one. Never edited.
+
+    Its bytes lie in the data directory under their own digest.
+    """
+
+    lab = models.ForeignKey("resources.Lab", on_delete=models.PROTECT, related_name="+")
+    sha256 = models.CharField(max_length=64, db_index=True)
+    size_bytes = models.BigIntegerField()
+    name = models.CharField(max_length=255)
+    media_type = models.CharField(max_length=100)
+    format = models.CharField(max_length=16)
+    """How it was read; `none` for one that was only kept, `series` for one made here."""
+
+    facts = models.JSONField(default=dict)
+    """What it tells about itself and no reading holds."""
+
+    made_from = models.ForeignKey(
+        "self", null=True, on_delete=models.PROTECT, related_name="made_files"
+    )
+    resource = models.ForeignKey(
+        "resources.Resource", null=True, on_delete=models.PROTECT, related_name="+"
+    )
+    device = models.ForeignKey(
+        "enrollment.Device", null=True, on_delete=models.PROTECT, related_name="+"
+    )
+    job = models.ForeignKey("runs.Job", null=True, on_delete=models.PROTECT, related_name="files")
+    kept_by = models.ForeignKey(
+        "accounts.User", null=True, on_delete=models.PROTECT, related_name="+"
+    )
+    kept_at = models.DateTimeField()
+
+    class Meta:
+        ordering = ["-id"]
+        constraints = [
+            models.UniqueConstraint(
+                fields=["lab", "sha256", "resource", "device", "job"],
+                condition=Q(made_from__isnull=True),
+                nulls_distinct=False,
+                name="file_once_per_subject",
+            ),
+            models.CheckConstraint(
+                condition=Q(resource__isnull=False) | Q(device__isnull=False),
+                name="file_has_subject",
+            ),
+            models.CheckConstraint(condition=Q(size_bytes__gte=0), name="file_size_not_negative"),
+        ]
+
+    def __str__(self) -> str:
+        return self.name
+
+
+class Reading(Base):
+    """One thing that was measured, as a file tells it. Never edited."""
+
+    lab = models.ForeignKey("resources.Lab", on_delete=models.PROTECT, related_name="+")
+    file = models.ForeignKey(File, on_delete=models.PROTECT, related_name="readings")
+    index = models.PositiveIntegerField()
+    """Place in the file."""
+
+    name = models.CharField(max_length=500)
+    quantity = models.CharField(max_length=500)
+    unit = models.CharField(max_length=500, blank=True)
+    """As the file writes it; empty when it does not tell."""
+
+    value = models.FloatField(null=True)
+    text = models.CharField(max_length=500, blank=True)
+    series_file = models.ForeignKey(
+        File, null=True, on_delete=models.PROTECT, related_name="series_readings"
+    )
+    series = models.JSONField(null=True)
+    """Column, unit, count and span of the measured values and of each axis."""
+
+    facts = models.JSONField(default=dict)
+    measured_at = models.DateTimeField(null=True)
+    """Where the file tells it with its offset."""
+
+    resource = models.ForeignKey(
+        "resources.Resource", null=True, on_delete=models.PROTECT, related_name="+"
+    )
+    device = models.ForeignKey(
+        "enrollment.Device", null=True, on_delete=models.PROTECT, related_name="+"
+    )
+    job = models.ForeignKey(
+        "runs.Job", null=True, on_delete=models.PROTECT, related_name="readings"
+    )
+    kept_at = models.DateTimeField()
+
+    class Meta:
+        ordering = ["file_id", "index"]
+        constraints = [
+            models.UniqueConstraint(fields=["file", "index"], name="reading_index_once"),
+            models.CheckConstraint(
+                condition=(
+                    Q(value__isnull=False, text="", series_file__isnull=True, series__isnull=True)
+                    | Q(value__isnull=True, series_file__isnull=True, series__isnull=True)
+                    & ~Q(text="")
+                    | Q(value__isnull=True, text="", series_file__isnull=False)
+                    & Q(series__isnull=False)
+                ),
+                name="reading_has_one_result",
+            ),
+            models.CheckConstraint(
+                condition=Q(resource__isnull=False) | Q(device__isnull=False),
+                name="reading_has_subject",
+            ),
+        ]
+
+    def __str__(self) -> str:
+        return f"{self.name} {self.unit}".strip()

@@ -1,13 +1,20 @@
-"""Reads of samples."""
+"""Reads of samples, files and readings."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
+from pathlib import Path
 from typing import Any
 from uuid import UUID
 
-from django.db.models import QuerySet
+from django.conf import settings
+from django.db.models import Q, QuerySet
 
+from labweb.domain.errors import NotFoundError
+from labweb.enrollment import selectors as enrollment_selectors
+from labweb.resources.selectors import Lab
+from labweb.telemetry.models import File as File
+from labweb.telemetry.models import Reading as Reading
 from labweb.telemetry.models import Sample
 
 MOST_POINTS = 4000
@@ -43,3 +50,58 @@ def samples(device_ids: Iterable[UUID], since: float, until: float) -> QuerySet[
     return Sample.objects.filter(
         device_id__in=list(device_ids), at__gte=since, at__lte=until
     ).order_by("at", "id")
+
+
+def last_samples(
+    device_ids: Iterable[UUID], since: float, until: float
+) -> list[tuple[UUID, str, float, Any]]:
+    """Return (device, status, seconds, value): the last of each status within the window."""
+    rows = (
+        Sample.objects.filter(device_id__in=list(device_ids), at__gte=since, at__lte=until)
+        .order_by("device_id", "status", "-at", "-id")
+        .distinct("device_id", "status")
+    )
+    return list(rows.values_list("device_id", "status", "at", "value"))
+
+
+def visible_files(lab: Lab, seen: Collection[UUID]) -> QuerySet[File]:
+    """Return files about one of the resources or, with none told, from a device that acts there."""
+    return File.objects.filter(_is_about(lab, seen), lab=lab).select_related("kept_by")
+
+
+def visible_readings(lab: Lab, seen: Collection[UUID]) -> QuerySet[Reading]:
+    """Return readings of one of the resources or, with none told, of a device that acts there."""
+    return Reading.objects.filter(_is_about(lab, seen), lab=lab).select_related("file")
+
+
+def _is_about(lab: Lab, seen: Collection[UUID]) -> Q:
+    devices = [row.pk for row in enrollment_selectors.visible_devices(lab, seen)]
+    return Q(resource_id__in=list(seen)) | Q(resource__isnull=True, device_id__in=devices)
+
+
+def find_file(lab: Lab, file_id: UUID, seen: Collection[UUID]) -> File:
+    """Return a file that is about something of what may be seen.
+
+    Raises:
+        NotFoundError: There is none.
+    """
+    row = visible_files(lab, seen).filter(pk=file_id).first()
+    if row is None:
+        raise NotFoundError(f"no file {file_id}", code="file.not_found")
+    return row
+
+
+def readings_of_jobs(job_ids: Iterable[UUID]) -> QuerySet[Reading]:
+    """Return the readings that belong to jobs, with their files."""
+    rows = Reading.objects.filter(job_id__in=list(job_ids))
+    return rows.select_related("file", "series_file").order_by("file_id", "index")
+
+
+def files_of_jobs(job_ids: Iterable[UUID]) -> QuerySet[File]:
+    """Return the files that belong to jobs, oldest first."""
+    return File.objects.filter(job_id__in=list(job_ids)).order_by("id")
+
+
+def path_of(sha256: str) -> Path:
+    """Return where the bytes of a digest lie."""
+    return Path(settings.DATA_DIR) / "files" / sha256[:2] / sha256

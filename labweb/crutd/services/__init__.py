@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from labweb.crutd.services.deliveries import receive_deliveries
 from labweb.crutd.services.importing import check_time_zone, import_lab
 from labweb.crutd.services.labware import import_labware
 from labweb.crutd.services.recording import event_hash, open_ticket
@@ -27,5 +28,6 @@ __all__ = [
     "import_labware",
     "lock_operation",
     "open_ticket",
+    "receive_deliveries",
     "settle",
 ]

@@ -15,11 +15,12 @@ from labweb.domain.approvals.roles import Permission
 from labweb.resources import selectors as resource_selectors
 from labweb.runs.api.runs import visible
 from labweb.runs.services.crate import pack_run
+from labweb.runs.services.eln import MEDIA_TYPE, name_of, pack_eln
 
 _BLOCK = 2**18
 
 
-class _Blocks:
+class Blocks:
     """A file block by block, as ASGI sends it; Django closes it with the answer.
 
     A plain iterator would be read whole into memory before the first byte is sent.
@@ -28,7 +29,7 @@ class _Blocks:
     def __init__(self, file: IO[bytes]) -> None:
         self._file = file
 
-    def __aiter__(self) -> _Blocks:
+    def __aiter__(self) -> Blocks:
         return self
 
     async def __anext__(self) -> bytes:
@@ -52,13 +53,30 @@ class RunCrate(APIView):
         user = user_of(request)
         run = visible(run_id, user)
         packed = pack_run(run, resource_selectors.allowed_ids(user, Permission.VIEW))
-        size = packed.seek(0, 2)
-        packed.seek(0)
-        return StreamingHttpResponse(
-            _Blocks(packed),
-            content_type=self.answer_type,
-            headers={
-                "Content-Disposition": f'attachment; filename="run-{run.number}.crate.zip"',
-                "Content-Length": str(size),
-            },
-        )
+        return _sent(packed, self.answer_type, f"run-{run.number}.crate.zip")
+
+
+class RunEln(APIView):
+    """A run for an electronic lab notebook."""
+
+    answer_type = MEDIA_TYPE
+
+    def get(self, request: Request, run_id: UUID) -> StreamingHttpResponse:
+        """Return an .eln file: the crate of the run as one experiment."""
+        user = user_of(request)
+        run = visible(run_id, user)
+        packed = pack_eln(run, resource_selectors.allowed_ids(user, Permission.VIEW))
+        return _sent(packed, self.answer_type, f"{name_of(run)}.eln")
+
+
+def _sent(packed: IO[bytes], media_type: str, name: str) -> StreamingHttpResponse:
+    size = packed.seek(0, 2)
+    packed.seek(0)
+    return StreamingHttpResponse(
+        Blocks(packed),
+        content_type=media_type,
+        headers={
+            "Content-Disposition": f'attachment; filename="{name}"',
+            "Content-Length": str(size),
+        },
+    )

@@ -62,6 +62,25 @@ def find_run(run_id: UUID) -> Run:
     return row
 
 
+def named_run(text: str) -> Run:
+    """Return a run by its id, or by its number, with `#` before it or not.
+
+    Raises:
+        NotFoundError: There is none, or the text is neither.
+    """
+    number = text.removeprefix("#")
+    if number.isascii() and number.isdigit() and len(number) < 10:
+        row = runs_of(resource_selectors.the_lab()).filter(number=int(number)).first()
+        if row is None:
+            raise NotFoundError(f"there is no run #{number}", code="run.not_found")
+        return row
+    try:
+        return find_run(UUID(text))
+    except ValueError as error:
+        what = f"{text!r} is neither the id nor the number of a run"
+        raise NotFoundError(what, code="run.not_found") from error
+
+
 def run_for_update(run_id: UUID) -> Run:
     """Lock and return a run. Whoever locks several locks host, then run, then jobs.
 

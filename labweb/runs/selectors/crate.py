@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator, Sequence
 from datetime import datetime
 from typing import Any
 from uuid import UUID
+
+from django.db.models import QuerySet
 
 from labweb.common.clock import now
 from labweb.common.render import iso
@@ -18,6 +20,7 @@ from labweb.enrollment.selectors import Device
 from labweb.runs.models import Attempt, HostEvent, Job, Run
 from labweb.runs.selectors import governed
 from labweb.telemetry import selectors as telemetry_selectors
+from labweb.telemetry.selectors import File
 
 _CHUNK = 10_000
 
@@ -139,3 +142,44 @@ def samples(run: Run) -> Iterator[tuple[str, str, float, float | None, str | Non
         is_number = isinstance(value, int | float) and not isinstance(value, bool)
         number = float(value) if is_number else None
         yield keys[device_id], status, at, number, None if is_number else json.dumps(value)
+
+
+def kept_files(run: Run, seen: Collection[UUID] | None) -> QuerySet[File]:
+    """Return the instrument files of a run's jobs, and the series made from them."""
+    rows = telemetry_selectors.files_of_jobs(run.jobs.values_list("id", flat=True))
+    if seen is None:
+        return rows
+    shown = telemetry_selectors.visible_files(run.lab, seen)
+    return rows.filter(pk__in=shown.values("pk"))
+
+
+def kept_name(row: File) -> str:
+    """Return where a kept file lies in a crate: its id keeps names apart and plain."""
+    suffix = "".join(c for c in row.name.rpartition(".")[2] if c.isascii() and c.isalnum())
+    return f"files/{row.pk}.{suffix[:16] or 'bin'}"
+
+
+def file_readings(rows: Sequence[File]) -> Iterator[dict[str, Any]]:
+    """Yield what was read from files, each with its file and its series by their paths."""
+    names = {row.pk: kept_name(row) for row in rows}
+    jobs = {row.job_id for row in rows if row.job_id is not None}
+    for reading in telemetry_selectors.readings_of_jobs(jobs):
+        if reading.file_id in names:
+            yield {
+                "job_id": str(reading.job_id),
+                "resource_id": None if reading.resource_id is None else str(reading.resource_id),
+                "device_id": None if reading.device_id is None else str(reading.device_id),
+                "file": names[reading.file_id],
+                "file_sha256": reading.file.sha256,
+                "name": reading.name,
+                "quantity": reading.quantity,
+                "unit": reading.unit,
+                "value": reading.value,
+                "text": reading.text,
+                "series_file": None
+                if reading.series_file_id is None
+                else names.get(reading.series_file_id),
+                "series": reading.series,
+                "measured_at": iso(reading.measured_at),
+                "facts": reading.facts,
+            }

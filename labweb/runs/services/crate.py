@@ -9,16 +9,13 @@ from __future__ import annotations
 import hashlib
 import json
 import tempfile
-from collections.abc import Callable, Collection, Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from dataclasses import dataclass
-from itertools import islice
 from pathlib import Path
 from typing import IO, Any
 from uuid import UUID
 
-# Neither library tells its types.
-import pyarrow as pa  # type: ignore[import-untyped]
-from pyarrow import parquet
+# Tells no types.
 from rocrate.model import (  # type: ignore[import-untyped]
     ComputationalWorkflow,
     ComputerLanguage,
@@ -37,23 +34,22 @@ from labweb.domain.runs.job import RunState
 from labweb.runs.models import Run
 from labweb.runs.selectors import crate as contents
 from labweb.runs.selectors import provenance
+from labweb.runs.services.crate_parts import (
+    FILE_READINGS,
+    PARTS,
+    PROVENANCE,
+    WORKFLOW,
+    Part,
+    write_json,
+)
+from labweb.telemetry.selectors import path_of
+from labweb.telemetry.services.files import opened
 
 MOST_SAMPLES = 20_000_000
 """More are refused: ask for the telemetry of single devices instead."""
 
 _DEPTH = 50
-_ROWS = 50_000
 _BLOCK = 2**20
-
-_SCHEMA = pa.schema(
-    [
-        ("device", pa.dictionary(pa.int32(), pa.string())),
-        ("status", pa.dictionary(pa.int32(), pa.string())),
-        ("at", pa.timestamp("us", tz="UTC")),
-        ("number", pa.float64()),
-        ("other_json", pa.string()),
-    ]
-)
 
 _PROFILES = {
     "https://w3id.org/ro/wfrun/process/0.5": ("Process Run Crate", "0.5"),
@@ -64,19 +60,22 @@ _STATUS = {
     RunState.COMPLETE.value: "http://schema.org/CompletedActionStatus",
     RunState.ABORTED.value: "http://schema.org/FailedActionStatus",
 }
-_NO_LICENSE = "No license has been stated for these data; ask the laboratory."
-_JSON, _LINES = "application/json", "application/jsonl"
-_PARQUET = "application/vnd.apache.parquet"
+NO_LICENSE = "No license has been stated for these data; ask the laboratory."
 
 
-@dataclass(frozen=True, slots=True)
-class Part:
-    """One file of a crate."""
+def check_size(run: Run) -> None:
+    """See to it that a crate can hold the samples of a run.
 
-    path: str
-    media_type: str
-    about: str
-    write: Callable[[Run, Path], None]
+    Raises:
+        StateError: `crate.too_large`.
+    """
+    count = contents.sample_count(run)
+    if count > MOST_SAMPLES:
+        raise StateError(
+            f"run #{run.number} has {count} samples, a crate holds {MOST_SAMPLES}",
+            code="crate.too_large",
+            context={"samples_count": count, "most_count": MOST_SAMPLES},
+        )
 
 
 def pack_run(run: Run, seen: Collection[UUID] | None) -> IO[bytes]:
@@ -93,13 +92,7 @@ def pack_run(run: Run, seen: Collection[UUID] | None) -> IO[bytes]:
     Effect:
         None. Writes temporary files alone.
     """
-    count = contents.sample_count(run)
-    if count > MOST_SAMPLES:
-        raise StateError(
-            f"run #{run.number} has {count} samples, a crate holds {MOST_SAMPLES}",
-            code="crate.too_large",
-            context={"samples_count": count, "most_count": MOST_SAMPLES},
-        )
+    check_size(run)
     # Returned open: whoever sends it closes it.
     packed = tempfile.TemporaryFile(prefix="labweb-crate-")  # noqa: SIM115
     try:
@@ -113,33 +106,72 @@ def pack_run(run: Run, seen: Collection[UUID] | None) -> IO[bytes]:
     return packed
 
 
-def _packed(run: Run, seen: Collection[UUID] | None, folder: Path) -> Iterator[bytes]:
-    files: list[FileFact] = []
-    for part in _PARTS:
-        target = folder / part.path
-        part.write(run, target)
-        files.append(_measured(run, part, target))
-    found = provenance.of_run(run, direction="up", depth=_DEPTH, files=files)
+@dataclass(frozen=True, slots=True)
+class Written:
+    """One file of a crate, as it lies on disk."""
+
+    fact: FileFact
+    about: str
+    source: Path
+
+
+def write_parts(run: Run, seen: Collection[UUID] | None, folder: Path) -> list[Written]:
+    """Write all that a crate of a run holds; files that were kept stay where they lie."""
+    files = []
+    for part in PARTS:
+        part.write(run, folder / part.path)
+        files.append(_measured(run, part, folder))
+    files += _kept(run, seen, folder)
+    facts = [file.fact for file in files]
+    found = provenance.of_run(run, direction="up", depth=_DEPTH, files=facts)
     graph = found.graph if seen is None else provenance.seen_by(found, seen)
-    target = folder / _PROVENANCE.path
-    _write_json(target, render_prov(graph, str(run.lab_id)))
-    files.append(_measured(run, _PROVENANCE, target))
-    yield from _described(run, folder, files).stream_zip(chunk_size=_BLOCK)
+    write_json(folder / PROVENANCE.path, render_prov(graph, str(run.lab_id)))
+    return [*files, _measured(run, PROVENANCE, folder)]
 
 
-def _measured(run: Run, part: Part, path: Path) -> FileFact:
+def _kept(run: Run, seen: Collection[UUID] | None, folder: Path) -> Iterator[Written]:
+    """Yield the instrument files of a run's jobs with what was read from them, if there are any."""
+    rows = list(contents.kept_files(run, seen))
+    if not rows:
+        return
+    with (folder / FILE_READINGS.path).open("w", encoding="utf-8") as file:
+        for reading in contents.file_readings(rows):
+            file.write(json.dumps(reading, ensure_ascii=False, sort_keys=True) + "\n")
+    yield _measured(run, FILE_READINGS, folder)
+    for row in rows:
+        # Checked against its digest, and closed again: what is packed is what was kept.
+        opened(row).close()
+        fact = FileFact(
+            name=contents.kept_name(row),
+            run_id=str(run.pk),
+            media_type=row.media_type,
+            size_bytes=row.size_bytes,
+            sha256=row.sha256,
+        )
+        about = "A series made from it" if row.made_from_id else "An instrument file as it came"
+        yield Written(fact, f"{about}: {row.name}", path_of(row.sha256))
+
+
+def _packed(run: Run, seen: Collection[UUID] | None, folder: Path) -> Iterator[bytes]:
+    files = write_parts(run, seen, folder)
+    yield from _described(run, files).stream_zip(chunk_size=_BLOCK)
+
+
+def _measured(run: Run, part: Part, folder: Path) -> Written:
+    path = folder / part.path
     with path.open("rb") as file:
         digest = hashlib.file_digest(file, "sha256").hexdigest()
-    return FileFact(
+    fact = FileFact(
         name=part.path,
         run_id=str(run.pk),
         media_type=part.media_type,
         size_bytes=path.stat().st_size,
         sha256=digest,
     )
+    return Written(fact, part.about, path)
 
 
-def _described(run: Run, folder: Path, files: Iterable[FileFact]) -> ROCrate:
+def _described(run: Run, files: Iterable[Written]) -> ROCrate:
     """Return the crate with what each file is, who did the run, and on which devices."""
     crate = ROCrate(version="1.1")
     version = run.version
@@ -148,13 +180,13 @@ def _described(run: Run, folder: Path, files: Iterable[FileFact]) -> ROCrate:
         f"Run #{run.number} of {version.workflow.name} v{version.number} in {run.lab.name}, "
         f"{'simulated' if run.lab.mode == 'sim' else 'with real instruments'}; it is {run.state}."
     )
-    crate.license = _NO_LICENSE
+    crate.license = NO_LICENSE
     crate.datePublished = iso(run.ended_at or now())
     # RO-Crate 1.1 has no word for it; written out, so that no reader has to fetch one more context.
     crate.metadata.extra_terms["sha256"] = "https://w3id.org/ro/terms/workflow-run#sha256"
-    facts = {fact.name: fact for fact in files}
-    workflow = _workflow(crate, run, folder, facts.pop(_WORKFLOW.path))
-    entities = {name: _file(crate, folder, fact) for name, fact in facts.items()}
+    written = {file.fact.name: file for file in files}
+    workflow = _workflow(crate, run, written.pop(WORKFLOW.path))
+    entities = {name: add_file(crate, file) for name, file in written.items()}
     crate.mainEntity = workflow
     _profiles(crate)
     crate.root_dataset["mentions"] = [
@@ -164,21 +196,24 @@ def _described(run: Run, folder: Path, files: Iterable[FileFact]) -> ROCrate:
     return crate
 
 
-def _properties(fact: FileFact) -> dict[str, Any]:
+def _properties(file: Written) -> dict[str, Any]:
+    fact = file.fact
     return {
         "name": fact.name,
-        "description": next(part.about for part in _ALL if part.path == fact.name),
+        "description": file.about,
         "encodingFormat": fact.media_type,
         "contentSize": str(fact.size_bytes),
         "sha256": fact.sha256,
     }
 
 
-def _file(crate: ROCrate, folder: Path, fact: FileFact) -> File:
-    return crate.add_file(folder / fact.name, fact.name, properties=_properties(fact))
+def add_file(crate: ROCrate, file: Written, prefix: str = "") -> File:
+    """Add a file to a crate, with its size and checksum."""
+    path = f"{prefix}{file.fact.name}"
+    return crate.add_file(file.source, path, properties=_properties(file))
 
 
-def _workflow(crate: ROCrate, run: Run, folder: Path, fact: FileFact) -> ComputationalWorkflow:
+def _workflow(crate: ROCrate, run: Run, file: Written) -> ComputationalWorkflow:
     language = crate.add(
         ComputerLanguage(
             crate,
@@ -191,10 +226,10 @@ def _workflow(crate: ROCrate, run: Run, folder: Path, fact: FileFact) -> Computa
     )
     workflow = ComputationalWorkflow(
         crate,
-        source=folder / fact.name,
-        dest_path=fact.name,
+        source=file.source,
+        dest_path=file.fact.name,
         properties={
-            **_properties(fact),
+            **_properties(file),
             "name": f"{run.version.workflow.name} v{run.version.number}",
             "version": str(run.version.number),
             "identifier": run.version.digest,
@@ -266,80 +301,3 @@ def _devices(crate: ROCrate, run: Run) -> list[ContextEntity]:
         )
         for device in contents.devices_of(run)
     ]
-
-
-def _write_json(path: Path, value: Any) -> None:  # noqa: ANN401 - any JSON
-    text = json.dumps(value, ensure_ascii=False, indent=2, sort_keys=True)
-    path.write_text(text + "\n", "utf-8")
-
-
-def _lines(rows: Callable[[Run], Iterable[dict[str, Any]]]) -> Callable[[Run, Path], None]:
-    def write(run: Run, path: Path) -> None:
-        with path.open("w", encoding="utf-8") as file:
-            for row in rows(run):
-                file.write(json.dumps(row, ensure_ascii=False, sort_keys=True) + "\n")
-
-    return write
-
-
-def _write_telemetry(run: Run, path: Path) -> None:
-    """Write samples as Parquet, a block at a time; an empty table when there are none."""
-    rows = contents.samples(run)
-    with parquet.ParquetWriter(path, _SCHEMA, compression="zstd") as writer:
-        while block := list(islice(rows, _ROWS)):
-            columns = [list(column) for column in zip(*block, strict=True)]
-            columns[2] = [round(at * 1e6) for at in columns[2]]
-            arrays = [pa.array(c, f.type) for c, f in zip(columns, _SCHEMA, strict=True)]
-            writer.write_table(pa.Table.from_arrays(arrays, schema=_SCHEMA))
-
-
-_WORKFLOW = Part(
-    "workflow.json",
-    _JSON,
-    "The workflow version as it was drawn",
-    lambda run, path: _write_json(path, run.version.document),
-)
-_PARTS = (
-    _WORKFLOW,
-    Part(
-        "plan.json",
-        _JSON,
-        "What the workflow meant in this lab: ordered actions with devices and amounts",
-        lambda run, path: _write_json(path, {"digest": run.plan_digest, "plan": run.plan}),
-    ),
-    Part(
-        "events.jsonl",
-        _LINES,
-        "Events of the run's transactions in the order of the lab's hash chain",
-        _lines(contents.events),
-    ),
-    Part(
-        "host_events.jsonl",
-        _LINES,
-        "What edge hosts reported of each action, as it came",
-        _lines(contents.host_events),
-    ),
-    Part("ledger.jsonl", _LINES, "What was moved, by lot", _lines(contents.ledger)),
-    Part(
-        "readings.jsonl", _LINES, "What devices reported with each job", _lines(contents.readings)
-    ),
-    Part(
-        "approvals.json",
-        _JSON,
-        "Decisions about the run and who signed them",
-        lambda run, path: _write_json(path, contents.approvals(run)),
-    ),
-    Part(
-        "telemetry.parquet",
-        _PARQUET,
-        "Samples of the statuses of the run's devices while it went on",
-        _write_telemetry,
-    ),
-)
-_PROVENANCE = Part(
-    "provenance.json",
-    _JSON,
-    "PROV-JSON of the run and of what went into it",
-    lambda _run, _path: None,
-)
-_ALL = (*_PARTS, _PROVENANCE)

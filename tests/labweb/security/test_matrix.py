@@ -2,28 +2,40 @@
 
 from __future__ import annotations
 
+import io
 import json
 import re
 from collections.abc import Iterator
-from typing import Any
+from pathlib import Path
+from typing import Any, cast
 from uuid import UUID
 
 import pytest
+from django.core.files.uploadedfile import SimpleUploadedFile
 from django.db.transaction import atomic, set_rollback
 from django.http import HttpResponse
 from django.test import Client
+from pytest_django import Settings
 
 from labweb.approvals.models import ApprovalRequest
 from labweb.resources.models import Lot
 from labweb.runs import services as run_services
+from labweb.telemetry.selectors import File
+from labweb.telemetry.services import Upload, keep_file
 from labweb.workflows import services as workflow_services
 from tests.builders import HEAT, PASSWORD, Bench, a_started_run, an_edge, to_transfer
+from tests.labweb.instrument_files import TRACE
 from tests.labweb.web import call, code_of, routes, signed_in
 
 EVERY = ("anonymous", "observer", "chemist", "approver", "admin")
 MEMBERS = EVERY[1:]
 WORKERS = EVERY[2:]
 DECIDERS = EVERY[3:]
+
+
+class Form(dict[str, str]):
+    """Fields of a form that brings a file."""
+
 
 A_VIAL = {
     "operation": {
@@ -47,6 +59,8 @@ API: dict[tuple[str, str], tuple[tuple[str, ...], Any]] = {
     ("GET", "devices/<device>/telemetry"): (MEMBERS, None),
     ("GET", "hosts"): (MEMBERS, None),
     ("GET", "twin"): (MEMBERS, None),
+    # Open to who signs the request with the shared secret, whoever is signed in.
+    ("POST", "deliveries"): ((), {"lots": []}),
     ("GET", "connections"): (MEMBERS, None),
     ("GET", "resources"): (MEMBERS, None),
     ("GET", "resources/<resource>"): (MEMBERS, None),
@@ -74,6 +88,12 @@ API: dict[tuple[str, str], tuple[tuple[str, ...], Any]] = {
     ("GET", "runs/<run>/log"): (MEMBERS, None),
     ("GET", "runs/<run>/provenance"): (MEMBERS, None),
     ("GET", "runs/<run>/crate"): (MEMBERS, None),
+    ("GET", "runs/<run>/eln"): (MEMBERS, None),
+    ("GET", "files"): (MEMBERS, None),
+    ("POST", "files"): (WORKERS, Form({"resource": "<resource>", "format": "csv"})),
+    ("GET", "files/<file>"): (MEMBERS, None),
+    ("GET", "files/<file>/content"): (MEMBERS, None),
+    ("GET", "readings"): (MEMBERS, None),
     ("POST", "runs/<run>/pause"): (WORKERS, {}),
     ("POST", "runs/<run>/resume"): (WORKERS, {}),
     ("POST", "runs/<run>/abort"): (WORKERS, {"reason": "enough"}),
@@ -101,9 +121,21 @@ def rest_routes() -> Iterator[tuple[str, str]]:
             yield from ((method.upper(), name_of(route)) for method in methods)
 
 
+def a_file(bench: Bench) -> File:
+    upload = Upload(
+        stream=io.BytesIO(TRACE.encode()),
+        name="a.csv",
+        media_type="text/csv",
+        format="none",
+        resource=bench.node("water"),
+    )
+    return keep_file(upload, lab=bench.lab, actor=bench.people["chemist"])
+
+
 @pytest.fixture
-def ids(bench: Bench) -> dict[str, str]:
+def ids(bench: Bench, settings: Settings, tmp_path: Path) -> dict[str, str]:
     """Give one of each thing that a URL names, in a state in which every act is possible."""
+    settings.DATA_DIR = tmp_path
     run = a_started_run(bench)
     attempt = to_transfer(run, an_edge(bench))
     request_run = a_started_run(bench, HEAT)
@@ -121,6 +153,7 @@ def ids(bench: Bench) -> dict[str, str]:
         "number": "1",
         "run": str(run.id),
         "job": str(attempt.job_id),
+        "file": str(a_file(bench).pk),
         "request": str(ApprovalRequest.objects.get(run_id=request_run.id).id),
     }
 
@@ -148,7 +181,11 @@ def send(
         body = json.loads(filled)
     with atomic():
         prepare(bench, route, ids)
-        answer = call(client, method, path, body)
+        if isinstance(API[method, route][1], Form):
+            body = {**body, "file": SimpleUploadedFile("b.csv", TRACE.encode() + b"3,1,1,")}
+            answer = cast(HttpResponse, client.post(path, body))
+        else:
+            answer = call(client, method, path, body)
         set_rollback(True)
     return answer
 

@@ -6,26 +6,27 @@ import shutil
 from argparse import ArgumentParser
 from pathlib import Path
 from typing import Any
-from uuid import UUID
 
 from django.core.management.base import BaseCommand, CommandError
 
 from labweb.domain.errors import LabError
-from labweb.resources import selectors as resource_selectors
 from labweb.runs import selectors
-from labweb.runs.selectors import Run
 from labweb.runs.services.crate import pack_run
+from labweb.runs.services.eln import pack_eln
 
 
 class Command(BaseCommand):
     """`manage.py export_run`."""
 
-    help = "Write a run with all that belongs to it as an RO-Crate (ZIP)."
+    help = "Write a run with all that belongs to it as an RO-Crate (ZIP) or .eln file."
 
     def add_arguments(self, parser: ArgumentParser) -> None:
         """Declare the options."""
         parser.add_argument("run", help="id or number of the run")
         parser.add_argument("--out", type=Path, required=True, help="file to write")
+        parser.add_argument(
+            "--format", choices=["crate", "eln"], default="crate", help="eln: for lab notebooks"
+        )
 
     def handle(self, *_args: object, **options: Any) -> None:  # noqa: ANN401 - parsed options
         """Export, or say why not.
@@ -35,7 +36,8 @@ class Command(BaseCommand):
         """
         out: Path = options["out"]
         try:
-            with pack_run(_run(options["run"]), None) as packed:
+            pack = pack_eln if options["format"] == "eln" else pack_run
+            with pack(selectors.named_run(options["run"]), None) as packed:
                 _keep(packed, out)
         except LabError as error:
             raise CommandError(f"{error.code}: {error.message}") from error
@@ -53,17 +55,3 @@ def _keep(packed: Any, out: Path) -> None:  # noqa: ANN401 - an open file
         half.replace(out)
     finally:
         half.unlink(missing_ok=True)
-
-
-def _run(text: str) -> Run:
-    number = text.removeprefix("#")
-    if number.isascii() and number.isdigit() and len(number) < 10:
-        lab = resource_selectors.the_lab()
-        row = selectors.runs_of(lab).filter(number=int(number)).first()
-        if row is None:
-            raise CommandError(f"there is no run #{number}")
-        return row
-    try:
-        return selectors.find_run(UUID(text))
-    except ValueError as error:
-        raise CommandError(f"{text!r} is neither the id nor the number of a run") from error

@@ -1,0 +1,1 @@
+"""Readers of instrument files. They run in a process of their own and know no Django."""

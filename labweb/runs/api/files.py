@@ -1,0 +1,293 @@
+"""The endpoints of files and of what was read from them."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar, NoReturn, cast
+from uuid import UUID
+
+from django.core.files.uploadedfile import UploadedFile
+from django.core.files.uploadhandler import StopUpload, TemporaryFileUploadHandler
+from django.http import HttpRequest, QueryDict, StreamingHttpResponse
+from django.http.multipartparser import MultiPartParserError
+from rest_framework.parsers import MultiPartParser
+from rest_framework.request import Request
+from rest_framework.response import Response
+from rest_framework.views import APIView
+
+from labweb.accounts.selectors import User, user_of
+from labweb.common.render import iso
+from labweb.common.requests import whole_number
+from labweb.crutd import api as crutd_api
+from labweb.domain.approvals.roles import Permission
+from labweb.domain.errors import DefinitionError, NotFoundError
+from labweb.enrollment import selectors as enrollment_selectors
+from labweb.enrollment.selectors import Device
+from labweb.resources import selectors as resource_selectors
+from labweb.runs import selectors
+from labweb.runs.api.crate import Blocks
+from labweb.runs.api.runs import visible
+from labweb.runs.models import Job
+from labweb.telemetry import selectors as telemetry_selectors
+from labweb.telemetry import services as telemetry_services
+from labweb.telemetry.selectors import File, Reading
+from labweb.telemetry.services.files import (
+    KEPT_ONLY,
+    MEDIA_TYPES,
+    MOST_BYTES,
+    digest_header,
+    opened,
+)
+
+_MOST_ROWS = 500
+_FIELDS = {"format", "resource", "device", "job"}
+_ENVELOPE_BYTES = 64 * 1024
+"""What the other fields and the boundaries of a form may take."""
+
+
+_UPLOAD: dict[str, Any] = {
+    "type": "object",
+    "required": ["file", "format"],
+    "additionalProperties": False,
+    "properties": {
+        "file": {"type": "string", "format": "binary"},
+        "format": {"type": "string", "enum": [*MEDIA_TYPES, KEPT_ONLY]},
+        **{name: {"type": "string", "format": "uuid"} for name in ("resource", "device", "job")},
+    },
+}
+
+
+class _Bounded(TemporaryFileUploadHandler):
+    """Writes one file to disk as it comes, and breaks off beyond the bound."""
+
+    def __init__(self, request: Any = None) -> None:  # noqa: ANN401 - Django's own request
+        super().__init__(request)
+        self.size = 0
+
+    def receive_data_chunk(self, raw_data: bytes, start: int) -> bytes | None:
+        """Count and write."""
+        self.size += len(raw_data)
+        if self.size > MOST_BYTES:
+            raise StopUpload(connection_reset=True)
+        super().receive_data_chunk(raw_data, start)
+        return None
+
+
+class Files(APIView):
+    """Files of the lab."""
+
+    parser_classes = [MultiPartParser]
+    forms: ClassVar[dict[str, dict[str, Any]]] = {"post": _UPLOAD}
+
+    def initialize_request(
+        self,
+        request: HttpRequest,
+        *args: Any,  # noqa: ANN401 - DRF's own shape
+        **kwargs: Any,  # noqa: ANN401
+    ) -> Request:
+        """Bound the upload before the check of the session's token reads the form."""
+        request.upload_handlers = [_Bounded(request)]
+        return super().initialize_request(request, *args, **kwargs)
+
+    def get(self, request: Request) -> Response:
+        """List files, newest first; `resource`, `device`, `job` and `sha256` narrow it."""
+        rows = telemetry_selectors.visible_files(resource_selectors.the_lab(), _seen(request))
+        rows = rows.filter(made_from__isnull=True, **_narrowed(request))
+        limit = whole_number(request, "limit", default=100, low=1, high=_MOST_ROWS)
+        return Response({"files": [render_file(row) for row in rows[:limit]]})
+
+    def post(self, request: Request) -> Response:
+        """Keep a file: a form with `file`, `format` and `resource`, `device` or `job`."""
+        form, file = _form(request)
+        user = user_of(request)
+        job = _job(form, user)
+        upload = telemetry_services.Upload(
+            stream=file,
+            name=file.name or "",
+            media_type=file.content_type or "",
+            format=form.get("format", ""),
+            resource=None
+            if "resource" not in form
+            else crutd_api.visible(request, _uuid(form, "resource")),
+            device=_device(form, job, _seen(request)),
+            job_id=None if job is None else job.pk,
+        )
+        row = telemetry_services.keep_file(upload, lab=resource_selectors.the_lab(), actor=user)
+        return Response(_detail(row), status=201)
+
+
+class FileDetail(APIView):
+    """One file."""
+
+    def get(self, request: Request, file_id: UUID) -> Response:
+        """Return a file with its readings and the series made from it."""
+        return Response(_detail(_find(request, file_id)))
+
+
+class FileContent(APIView):
+    """The bytes of a file."""
+
+    answer_type = "application/octet-stream"
+
+    def get(self, request: Request, file_id: UUID) -> StreamingHttpResponse:
+        """Return the bytes as they were kept, with their checksum in `Repr-Digest`."""
+        row = _find(request, file_id)
+        answer = StreamingHttpResponse(Blocks(opened(row)), content_type=row.media_type)
+        answer["Content-Length"] = str(row.size_bytes)
+        answer["Content-Disposition"] = _attachment(row.name)
+        answer["Repr-Digest"] = digest_header(row)
+        answer["ETag"] = f'"{row.sha256}"'
+        answer["Content-Security-Policy"] = "sandbox; default-src 'none'"
+        return answer
+
+
+class Readings(APIView):
+    """What was measured."""
+
+    def get(self, request: Request) -> Response:
+        """List readings, newest file first; `resource`, `device`, `job` and `file` narrow it."""
+        rows = telemetry_selectors.visible_readings(resource_selectors.the_lab(), _seen(request))
+        rows = rows.filter(**_narrowed(request)).order_by("-file_id", "index")
+        limit = whole_number(request, "limit", default=100, low=1, high=_MOST_ROWS)
+        return Response({"readings": [render_reading(row) for row in rows[:limit]]})
+
+
+def _seen(request: Request) -> set[UUID]:
+    return resource_selectors.allowed_ids(user_of(request), Permission.VIEW)
+
+
+def _find(request: Request, file_id: UUID) -> File:
+    lab = resource_selectors.the_lab()
+    return telemetry_selectors.find_file(lab, file_id, _seen(request))
+
+
+def _narrowed(request: Request) -> dict[str, Any]:
+    found: dict[str, Any] = {}
+    for name in ("resource", "device", "job", "file"):
+        if name in request.query_params:
+            found[f"{name}_id"] = _uuid(request.query_params, name)
+    if "sha256" in request.query_params:
+        found["sha256"] = request.query_params["sha256"]
+    return found
+
+
+def _uuid(form: QueryDict, name: str) -> UUID:
+    text = str(form[name])
+    try:
+        return UUID(text)
+    except ValueError as error:
+        raise DefinitionError(f"{name} is no id", code="http.query") from error
+
+
+def _form(request: Request) -> tuple[QueryDict, UploadedFile[Any]]:
+    """Read a form with one file, which is written to disk as it comes."""
+    length = request.META.get("CONTENT_LENGTH") or ""
+    if length.isascii() and length.isdigit() and int(length) > MOST_BYTES + _ENVELOPE_BYTES:
+        _too_large()
+    try:
+        form, files = request.data, request.FILES
+    except MultiPartParserError as error:
+        raise DefinitionError(f"the form cannot be read: {error}", code="http.body") from error
+    handlers = request._request.upload_handlers  # noqa: SLF001 - where Django keeps them
+    if any(isinstance(one, _Bounded) and one.size > MOST_BYTES for one in handlers):
+        _too_large()
+    strange = set(form) - _FIELDS - {"file"}
+    if strange or list(files) != ["file"] or len(files.getlist("file")) != 1:
+        raise DefinitionError(
+            "the form has one file called file, and format, resource, device and job",
+            code="http.body",
+            context={"strange": sorted(map(str, strange))},
+        )
+    return cast(QueryDict, form), cast("UploadedFile[Any]", files["file"])
+
+
+def _too_large() -> NoReturn:
+    raise DefinitionError(
+        f"a file may have {MOST_BYTES} bytes",
+        code="file.too_large",
+        context={"most_bytes": MOST_BYTES},
+    )
+
+
+def _job(form: QueryDict, user: User) -> Job | None:
+    if "job" not in form:
+        return None
+    job = selectors.find_job(_uuid(form, "job"))
+    try:
+        visible(job.run_id, user)
+    except NotFoundError as error:
+        raise NotFoundError(f"no job {job.pk}", code="job.not_found") from error
+    return job
+
+
+def _device(form: QueryDict, job: Job | None, seen: set[UUID]) -> Device | None:
+    """Return the device that is told; that of the job when there is one."""
+    if "device" not in form:
+        return None if job is None else job.device
+    device = enrollment_selectors.find_device(_uuid(form, "device"))
+    if not enrollment_selectors.is_seen(device, seen):
+        raise NotFoundError(f"no device {device.pk}", code="device.not_found")
+    if job is not None and job.device_id != device.pk:
+        raise DefinitionError(
+            f"the job ran on another device than {device.name}", code="file.other_device"
+        )
+    return device
+
+
+def _attachment(name: str) -> str:
+    """Return a header that saves under a plain name, whatever the file is called."""
+    plain = "".join(c if c.isascii() and (c.isalnum() or c in "._- ") else "_" for c in name)
+    return f'attachment; filename="{plain}"'
+
+
+def _detail(row: File) -> dict[str, Any]:
+    return {
+        **render_file(row),
+        "facts": row.facts,
+        "readings": [render_reading(reading) for reading in row.readings.all()[:_MOST_ROWS]],
+        "series": [render_file(made) for made in row.made_files.order_by("id")],
+    }
+
+
+def render_file(row: File) -> dict[str, Any]:
+    """Render a file without its bytes."""
+    return {
+        "id": str(row.pk),
+        "name": row.name,
+        "media_type": row.media_type,
+        "format": row.format,
+        "size_bytes": row.size_bytes,
+        "sha256": row.sha256,
+        "made_from_id": _text(row.made_from_id),
+        "resource_id": _text(row.resource_id),
+        "device_id": _text(row.device_id),
+        "job_id": _text(row.job_id),
+        "kept_by": "" if row.kept_by is None else row.kept_by.printed_name,
+        "kept_at": iso(row.kept_at),
+    }
+
+
+def render_reading(row: Reading) -> dict[str, Any]:
+    """Render a reading; the values of a series are in its file."""
+    return {
+        "id": str(row.pk),
+        "file_id": str(row.file_id),
+        "file_sha256": row.file.sha256,
+        "index": row.index,
+        "name": row.name,
+        "quantity": row.quantity,
+        "unit": row.unit,
+        "value": row.value,
+        "text": row.text,
+        "series_file_id": _text(row.series_file_id),
+        "series": row.series,
+        "facts": row.facts,
+        "measured_at": iso(row.measured_at),
+        "kept_at": iso(row.kept_at),
+        "resource_id": _text(row.resource_id),
+        "device_id": _text(row.device_id),
+        "job_id": _text(row.job_id),
+    }
+
+
+def _text(value: UUID | None) -> str | None:
+    return None if value is None else str(value)

@@ -1,0 +1,294 @@
+"""Keep files by their digest, and make readings of those that a reader knows."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import os
+import re
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from datetime import datetime
+from pathlib import Path
+from typing import IO, Any
+from uuid import UUID
+
+from django.conf import settings
+from django.db import connection
+from django.db.transaction import atomic
+
+from labweb.accounts import services as account_services
+from labweb.accounts.selectors import User
+from labweb.common.clock import now
+from labweb.domain.approvals.roles import Permission
+from labweb.domain.errors import DefinitionError, StateError
+from labweb.enrollment import selectors as enrollment_selectors
+from labweb.enrollment.selectors import Device
+from labweb.resources import selectors as resource_selectors
+from labweb.resources.selectors import Lab, Resource
+from labweb.telemetry import selectors
+from labweb.telemetry.models import File, Reading
+from labweb.telemetry.services.reading import Made, read_instrument_file
+
+MOST_BYTES = 256 * 2**20
+"""Largest file that is kept; a larger one belongs in the archive of the instrument."""
+
+MEDIA_TYPES = {
+    "csv": "text/csv",
+    "xml": "application/xml",
+    "mzml": "application/xml",
+    "jcamp": "chemical/x-jcamp-dx",
+    "andi": "application/x-netcdf",
+    "neware": "application/octet-stream",
+}
+"""By format; a file that is only kept has the type that its sender tells."""
+
+PARQUET = "application/vnd.apache.parquet"
+KEPT_ONLY = "none"
+_BLOCK = 2**20
+_STORE_LOCK = 0x6C62_66
+_MEDIA_TYPE = re.compile(r"[a-z0-9][a-z0-9!#$&^_.+-]{0,40}/[a-z0-9][a-z0-9!#$&^_.+-]{0,50}")
+
+
+@dataclass(frozen=True, slots=True)
+class Upload:
+    """What somebody brings."""
+
+    stream: IO[bytes]
+    name: str
+    media_type: str
+    format: str
+    """A key of `MEDIA_TYPES`, or `none`: keep it and read nothing."""
+
+    resource: Resource | None = None
+    device: Device | None = None
+    job_id: UUID | None = None
+
+
+def check_links(lab: Lab, resource: Resource | None, device: Device | None, actor: User) -> None:
+    """See to it that a file has a subject, in one lab, on which the actor may work.
+
+    Raises:
+        DefinitionError: `file.no_subject`: neither a resource nor a device is named.
+        ForbiddenError: The actor may not run anything there.
+    """
+    if resource is None and device is None:
+        raise DefinitionError(
+            "a file needs the resource that it is about, the device that it came from, or the job",
+            code="file.no_subject",
+        )
+    if any(row is not None and row.lab_id != lab.pk for row in (resource, device)):
+        raise DefinitionError("resource and device are of different labs", code="file.no_subject")
+    if resource is not None:
+        resource_selectors.require(actor, Permission.RUN, [resource.pk])
+    if device is not None:
+        resource_selectors.require(actor, Permission.RUN, enrollment_selectors.node_ids(device))
+
+
+def keep_file(upload: Upload, *, lab: Lab, actor: User) -> File:
+    """Keep a file, its series and its readings, or nothing of them.
+
+    Raises:
+        DefinitionError: It is too large or empty, its name or format cannot be, or its reader
+            refuses it; findings name lines or fields. Nothing was written.
+        ForbiddenError: The actor may not work there.
+        StateError: `file.exists`: the same bytes were kept for the same subject before.
+
+    Effect:
+        None on matter. Writes bytes under the data directory, rows, and one line of audit.
+    """
+    check_links(lab, upload.resource, upload.device, actor)
+    name = _name(upload.name)
+    if upload.format not in {*MEDIA_TYPES, KEPT_ONLY}:
+        known = ", ".join([*MEDIA_TYPES, KEPT_ONLY])
+        raise DefinitionError(f"the format is one of {known}", code="file.format")
+    root = Path(settings.DATA_DIR) / "files"
+    root.mkdir(mode=0o700, parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(prefix=".incoming-", dir=root) as folder:
+        raw = Path(folder) / "raw"
+        sha256 = _received(upload.stream, raw)
+        made = Made()
+        if upload.format != KEPT_ONLY:
+            made = read_instrument_file(upload.format, raw, Path(folder))
+        with _placed([raw, *made.tables]):
+            return _recorded(upload, name, sha256, made, lab=lab, actor=actor)
+
+
+def _name(told: str) -> str:
+    """Return the last part of a name, if it is one that can be shown and saved."""
+    name = re.split(r"[/\\]", told)[-1].strip()
+    if not name or name in {".", ".."} or len(name) > 255 or not name.isprintable():
+        raise DefinitionError("the file needs a name of 1 to 255 printable signs", code="file.name")
+    return name
+
+
+def _received(stream: IO[bytes], target: Path) -> str:
+    """Write a stream to disk block by block, and return the digest of its bytes."""
+    digest, size = hashlib.sha256(), 0
+    with target.open("xb") as file:
+        while block := stream.read(_BLOCK):
+            size += len(block)
+            if size > MOST_BYTES:
+                raise DefinitionError(
+                    f"a file may have {MOST_BYTES} bytes",
+                    code="file.too_large",
+                    context={"most_bytes": MOST_BYTES},
+                )
+            digest.update(block)
+            file.write(block)
+        file.flush()
+        os.fsync(file.fileno())
+    if not size:
+        raise DefinitionError("the file is empty", code="file.empty")
+    return digest.hexdigest()
+
+
+def digest_of(path: Path) -> str:
+    """Return the SHA-256 of a file."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+@contextmanager
+def _placed(paths: list[Path]) -> Iterator[None]:
+    """Put bytes where their digest says, and take back what is new when the record fails."""
+    placed: list[Path] = []
+    try:
+        with atomic():
+            _lock_store()
+            for path in paths:
+                target = selectors.path_of(digest_of(path))
+                # Bytes that were damaged since are put right by whoever brings them again.
+                if not target.exists() or digest_of(target) != target.name:
+                    target.parent.mkdir(mode=0o700, exist_ok=True)
+                    path.chmod(0o400)
+                    path.rename(target)
+                    placed.append(target)
+            yield
+    except BaseException:
+        with atomic():
+            _lock_store()
+            for target in placed:
+                if not File.objects.filter(sha256=target.name).exists():
+                    target.unlink(missing_ok=True)
+        raise
+
+
+def _lock_store() -> None:
+    """Let one at a time add to the store, up to its commit."""
+    with connection.cursor() as cursor:
+        cursor.execute("SELECT pg_advisory_xact_lock(%s)", [_STORE_LOCK])
+
+
+def _recorded(upload: Upload, name: str, sha256: str, made: Made, *, lab: Lab, actor: User) -> File:
+    links: dict[str, Any] = {
+        "lab": lab,
+        "resource": upload.resource,
+        "device": upload.device,
+        "job_id": upload.job_id,
+        "kept_at": now(),
+    }
+    before = File.objects.filter(
+        sha256=sha256, made_from=None, **{k: v for k, v in links.items() if k != "kept_at"}
+    ).first()
+    if before is not None:
+        raise StateError(
+            f"the same bytes were kept as {before.name!r} already",
+            code="file.exists",
+            context={"file_id": str(before.pk), "sha256": sha256},
+        )
+    row = File.objects.create(
+        **links,
+        sha256=sha256,
+        size_bytes=selectors.path_of(sha256).stat().st_size,
+        name=name,
+        media_type=MEDIA_TYPES.get(upload.format, _media_type(upload.media_type)),
+        format=upload.format,
+        facts=made.facts,
+        kept_by=actor,
+    )
+    series = [
+        _series(row, digest, place, links, actor) for place, digest in enumerate(made.digests)
+    ]
+    Reading.objects.bulk_create(
+        _reading(row, index, found, series, links) for index, found in enumerate(made.readings, 1)
+    )
+    account_services.write_audit(
+        "file.keep",
+        str(row.pk),
+        actor=actor,
+        detail={"sha256": sha256, "format": upload.format, "readings_count": len(made.readings)},
+    )
+    return row
+
+
+def _series(row: File, digest: str, place: int, links: dict[str, Any], actor: User) -> File:
+    return File.objects.create(
+        **links,
+        sha256=digest,
+        size_bytes=selectors.path_of(digest).stat().st_size,
+        name=f"{row.name[:230]}.{place + 1}.parquet",
+        media_type=PARQUET,
+        format="series",
+        made_from=row,
+        kept_by=actor,
+    )
+
+
+def _reading(
+    row: File, index: int, found: dict[str, Any], series: list[File], links: dict[str, Any]
+) -> Reading:
+    at, place = found["measured_at"], found["table"]
+    return Reading(
+        **links,
+        file=row,
+        index=index,
+        name=found["name"],
+        quantity=found["quantity"],
+        unit=found["unit"],
+        value=found["value"],
+        text=found["text"],
+        series_file=None if place is None else series[place],
+        series=found["series"],
+        facts=found["facts"],
+        measured_at=None if at is None else datetime.fromisoformat(at),
+    )
+
+
+def _media_type(told: str) -> str:
+    plain = told.split(";")[0].strip().lower()
+    return plain if _MEDIA_TYPE.fullmatch(plain) else "application/octet-stream"
+
+
+def opened(row: File) -> IO[bytes]:
+    """Open the bytes of a file, once they are known to be the ones that were kept.
+
+    Raises:
+        StateError: `file.damaged`: they are gone or not the same any more.
+    """
+    path = selectors.path_of(row.sha256)
+    try:
+        is_whole = digest_of(path) == row.sha256
+        # Returned open: whoever sends it closes it.
+        return path.open("rb") if is_whole else _damaged(row)
+    except FileNotFoundError:
+        return _damaged(row)
+
+
+def _damaged(row: File) -> IO[bytes]:
+    raise StateError(
+        f"the bytes of {row.name!r} are not those that were kept",
+        code="file.damaged",
+        context={"file_id": str(row.pk), "sha256": row.sha256},
+    )
+
+
+def digest_header(row: File) -> str:
+    """Return a digest as HTTP writes it.
+
+    Source:
+        RFC 9530, `Repr-Digest`.
+    """
+    return f"sha-256=:{base64.b64encode(bytes.fromhex(row.sha256)).decode()}:"

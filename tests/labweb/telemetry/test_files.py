@@ -1,0 +1,265 @@
+"""Files are kept by their digest; what they tell becomes readings, or nothing is kept."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import io
+import json
+from pathlib import Path
+from typing import Any
+
+import pyarrow.parquet as pq  # type: ignore[import-untyped]
+import pytest
+from django.core.files.uploadedfile import SimpleUploadedFile
+from django.db import DatabaseError
+from django.db.transaction import atomic
+from django.test import Client
+from pytest_django import Settings
+
+from labweb.telemetry import selectors
+from labweb.telemetry.models import File, Reading
+from labweb.telemetry.services import files
+from tests.builders import Bench, a_started_run, a_user, an_edge, to_transfer
+from tests.labweb.instrument_files import SPECTRUM, TRACE
+from tests.labweb.web import call, code_of, read, signed_in
+
+API = "/api/v1"
+
+
+@pytest.fixture(autouse=True)
+def store(settings: Settings, tmp_path: Path) -> Path:
+    settings.DATA_DIR = tmp_path
+    return tmp_path / "files"
+
+
+@pytest.fixture
+def chemist(bench: Bench) -> Client:
+    return signed_in(bench.people["chemist"])
+
+
+def send(
+    client: Client,
+    raw: bytes | str,
+    *,
+    status: int = 201,
+    **form: Any,  # noqa: ANN401 - fields of the form
+) -> dict[str, Any]:
+    content = raw.encode() if isinstance(raw, str) else raw
+    name = form.pop("name", "trace.csv")
+    file = SimpleUploadedFile(name, content, form.pop("media_type", "text/html"))
+    answer = client.post(f"{API}/files", {"format": "csv", "file": file} | form)
+    assert answer.status_code == status, answer.content[:1000]
+    told: dict[str, Any] = json.loads(answer.content)
+    return told
+
+
+def kept(store: Path) -> list[str]:
+    return sorted(path.name for path in store.rglob("*") if path.is_file())
+
+
+def test_a_file_is_kept_whole_with_its_readings(bench: Bench, chemist: Client, store: Path) -> None:
+    flask = bench.node("flask_1")
+    told = send(chemist, TRACE, resource=flask.pk)
+    digest = hashlib.sha256(TRACE.encode()).hexdigest()
+    assert (told["sha256"], told["size_bytes"]) == (digest, len(TRACE.encode()))
+    assert (told["media_type"], told["kept_by"]) == ("text/csv", "Chemist Person")
+    assert [reading["name"] for reading in told["readings"]] == ["absorbance", "temperature"]
+    assert {reading["file_sha256"] for reading in told["readings"]} == {digest}
+    assert {reading["resource_id"] for reading in told["readings"]} == {str(flask.pk)}
+    (series,) = told["series"]
+    assert kept(store) == sorted([digest, series["sha256"]])
+    rows = pq.read_table(selectors.path_of(series["sha256"]))
+    assert rows.column("absorbance").to_pylist() == [0.10, 0.15, 0.21]
+
+
+def test_a_download_is_the_bytes_with_their_checksum(bench: Bench, chemist: Client) -> None:
+    told = send(chemist, TRACE, resource=bench.node("flask_1").pk, name='../a "b"\u00b5.csv')
+    answer = call(chemist, "GET", f"{API}/files/{told['id']}/content")
+    assert answer.content == TRACE.encode()
+    digest = base64.b64encode(hashlib.sha256(TRACE.encode()).digest()).decode()
+    assert answer["Repr-Digest"] == f"sha-256=:{digest}:"
+    assert answer["Content-Length"] == str(len(answer.content))
+    assert answer["Content-Disposition"] == 'attachment; filename="a _b__.csv"'
+    assert answer["Content-Security-Policy"] == "sandbox; default-src 'none'"
+    assert answer["X-Content-Type-Options"] == "nosniff"
+
+
+def test_a_browser_brings_a_file_with_the_token_of_its_session_alone(bench: Bench) -> None:
+    browser = Client(enforce_csrf_checks=True)
+    browser.force_login(bench.people["chemist"])
+    browser.get(f"{API}/session")
+    token = browser.cookies["csrftoken"].value
+    for header, status in ((token, 201), ("x" * len(token), 403)):
+        form = {
+            "format": "csv",
+            "resource": bench.node("flask_1" if status == 201 else "reactor_1").pk,
+            "file": SimpleUploadedFile("trace.csv", TRACE.encode()),
+        }
+        answer = browser.post(f"{API}/files", form, headers={"X-CSRFToken": header})
+        assert answer.status_code == status, answer.content
+    assert File.objects.filter(made_from=None).count() == 1
+
+
+def test_a_file_that_is_damaged_on_disk_is_not_sent(bench: Bench, chemist: Client) -> None:
+    told = send(chemist, TRACE, resource=bench.node("flask_1").pk)
+    path = selectors.path_of(told["sha256"])
+    path.chmod(0o600)
+    path.write_bytes(TRACE.replace("0.15", "0.51").encode())
+    answer = call(chemist, "GET", f"{API}/files/{told['id']}/content")
+    assert (answer.status_code, code_of(answer)) == (409, "file.damaged")
+    path.unlink()
+    answer = call(chemist, "GET", f"{API}/files/{told['id']}/content")
+    assert code_of(answer) == "file.damaged"
+
+
+def test_who_brings_the_bytes_again_puts_a_damaged_file_right(
+    bench: Bench, chemist: Client
+) -> None:
+    told = send(chemist, TRACE, resource=bench.node("flask_1").pk)
+    path = selectors.path_of(told["sha256"])
+    path.chmod(0o600)
+    path.write_bytes(b"nothing of it")
+    send(chemist, TRACE, resource=bench.node("reactor_1").pk)
+    assert call(chemist, "GET", f"{API}/files/{told['id']}/content").content == TRACE.encode()
+
+
+def test_a_file_that_is_wrong_leaves_nothing_behind(
+    bench: Bench, chemist: Client, store: Path
+) -> None:
+    wrong = TRACE.replace("0.15", "much")
+    told = send(chemist, wrong, status=422, resource=bench.node("flask_1").pk)
+    assert told["code"] == "instrument.invalid"
+    assert [f["subject"] for f in told["findings"]] == ["line 4, absorbance"]
+    assert not File.objects.exists()
+    assert not list(store.rglob("*"))
+
+
+def test_bytes_are_taken_back_when_the_record_fails(
+    bench: Bench, store: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def broken(*_: object, **__: object) -> None:
+        raise DatabaseError("the disk of the database is full")
+
+    monkeypatch.setattr("labweb.accounts.services.write_audit", broken)
+    upload = files.Upload(
+        stream=io.BytesIO(TRACE.encode()), name="a.csv", media_type="", format="csv",
+        resource=bench.node("flask_1"),
+    )  # fmt: skip
+    with pytest.raises(DatabaseError, match="full"), atomic():
+        files.keep_file(upload, lab=bench.lab, actor=bench.people["chemist"])
+    assert not File.objects.exists()
+    assert kept(store) == []
+
+
+def test_the_same_bytes_for_the_same_subject_are_refused(bench: Bench, chemist: Client) -> None:
+    flask, reactor = bench.node("flask_1"), bench.node("reactor_1")
+    first = send(chemist, TRACE, resource=flask.pk)
+    told = send(chemist, TRACE, status=409, resource=flask.pk, name="other.csv")
+    assert (told["code"], told["context"]["file_id"]) == ("file.exists", first["id"])
+    assert send(chemist, TRACE, resource=reactor.pk)["sha256"] == first["sha256"]
+
+
+def test_a_file_of_a_job_belongs_to_its_device(bench: Bench, chemist: Client) -> None:
+    job = to_transfer(a_started_run(bench), an_edge(bench)).job
+    told = send(chemist, SPECTRUM, job=job.pk, format="jcamp", name="uv.jdx")
+    assert (told["job_id"], told["device_id"]) == (str(job.pk), str(job.device_id))
+    (reading,) = read(chemist, f"{API}/readings?job={job.pk}")["readings"]
+    assert reading["measured_at"].startswith("2026-03-01T08:30:00")
+    other = bench.device("ph_1").pk
+    told = send(chemist, TRACE, status=422, job=job.pk, device=other)
+    assert told["code"] == "file.other_device"
+
+
+def test_a_file_may_be_kept_and_not_read(bench: Bench, chemist: Client) -> None:
+    told = send(
+        chemist, b"\x89PNG", resource=bench.node("flask_1").pk, format="none", name="a.png",
+        media_type="image/png",
+    )  # fmt: skip
+    assert (told["readings"], told["media_type"]) == ([], "image/png")
+
+
+@pytest.mark.parametrize(
+    ("form", "code"),
+    [
+        ({}, "file.no_subject"),
+        ({"resource": "flask_1", "format": "guess"}, "file.format"),
+        ({"resource": "flask_1", "format": ""}, "file.format"),
+        ({"resource": "flask_1", "raw": b""}, "file.empty"),
+        ({"resource": "flask_1", "colour": "red"}, "http.body"),
+        ({"resource": "not-an-id"}, "http.query"),
+        ({"resource": "flask_1", "raw": b"\0" * 100, "format": "neware"}, "instrument.invalid"),
+    ],
+)
+def test_a_wrong_form_is_refused(
+    bench: Bench, chemist: Client, form: dict[str, Any], code: str
+) -> None:
+    if form.get("resource") == "flask_1":
+        form = {**form, "resource": bench.node("flask_1").pk}
+    told = send(chemist, form.pop("raw", TRACE) if "raw" in form else TRACE, status=422, **form)
+    assert told["code"] == code
+    assert not File.objects.exists()
+
+
+def test_a_file_beyond_the_bound_is_broken_off(
+    bench: Bench, chemist: Client, store: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("labweb.runs.api.files.MOST_BYTES", 50)
+    told = send(chemist, TRACE, status=422, resource=bench.node("flask_1").pk)
+    assert told["code"] == "file.too_large"
+    monkeypatch.setattr("labweb.runs.api.files.MOST_BYTES", 2**20)
+    monkeypatch.setattr(files, "MOST_BYTES", 50)
+    told = send(chemist, TRACE, status=422, resource=bench.node("flask_1").pk)
+    assert told["code"] == "file.too_large"
+    assert not list(store.rglob("*"))
+
+
+def test_files_and_readings_outside_the_subtree_are_as_if_not_there(
+    bench: Bench, chemist: Client
+) -> None:
+    guest = signed_in(a_user("chemist", on=bench.node("balance_1"), name="guest"))
+    water, flask = bench.node("water").pk, bench.node("flask_1").pk
+    pump = bench.device("pump_1").pk
+    hidden = [send(chemist, TRACE, resource=water), send(chemist, TRACE, device=pump)]
+    shown = send(chemist, TRACE, resource=flask)
+    assert [row["id"] for row in read(guest, f"{API}/files")["files"]] == [shown["id"]]
+    seen = {row["file_id"] for row in read(guest, f"{API}/readings")["readings"]}
+    assert seen == {shown["id"]}
+    for row in hidden:
+        for path in (row["id"], f"{row['id']}/content", f"{row['series'][0]['id']}/content"):
+            assert read(guest, f"{API}/files/{path}", status=404)["code"] == "file.not_found"
+    assert send(guest, SPECTRUM, status=404, resource=water)["code"] == "resource.not_found"
+    assert send(guest, SPECTRUM, status=404, device=pump)["code"] == "device.not_found"
+    job = to_transfer(a_started_run(bench), an_edge(bench)).job
+    assert send(guest, SPECTRUM, status=404, job=job.pk)["code"] == "job.not_found"
+
+
+def test_an_observer_may_look_and_not_bring(bench: Bench, chemist: Client) -> None:
+    observer = signed_in(bench.people["observer"])
+    told = send(observer, TRACE, status=403, resource=bench.node("flask_1").pk)
+    assert told["code"] == "governance.forbidden"
+    kept = send(chemist, TRACE, resource=bench.node("flask_1").pk)
+    assert read(observer, f"{API}/files/{kept['id']}")["sha256"] == kept["sha256"]
+
+
+@pytest.mark.parametrize("model", [File, Reading])
+def test_a_kept_row_cannot_be_changed_or_removed(
+    bench: Bench, chemist: Client, model: type[File | Reading]
+) -> None:
+    send(chemist, TRACE, resource=bench.node("flask_1").pk)
+    with pytest.raises(DatabaseError, match="append-only"), atomic():
+        model.objects.update(name="other")
+    with pytest.raises(DatabaseError, match="append-only"), atomic():
+        model.objects.all()._raw_delete("default")
+
+
+def test_lists_are_narrowed_and_bounded(bench: Bench, chemist: Client) -> None:
+    flask, reactor = bench.node("flask_1").pk, bench.node("reactor_1").pk
+    first = send(chemist, TRACE, resource=flask)
+    second = send(chemist, SPECTRUM, resource=reactor, format="jcamp")
+    rows = read(chemist, f"{API}/files?resource={reactor}")["files"]
+    assert [row["id"] for row in rows] == [second["id"]]
+    rows = read(chemist, f"{API}/readings?file={first['id']}&limit=1")["readings"]
+    assert [row["index"] for row in rows] == [1]
+    assert read(chemist, f"{API}/files?sha256={first['sha256']}")["files"][0]["id"] == first["id"]
+    assert read(chemist, f"{API}/files?resource=x", status=422)["code"] == "http.query"
