@@ -14,6 +14,7 @@ from django.http import HttpResponse
 from django.test import Client
 
 from labweb.approvals.models import ApprovalRequest
+from labweb.crutd import services as crutd_services
 from labweb.resources.models import Lot
 from labweb.runs import services as run_services
 from labweb.workflows import services as workflow_services
@@ -52,6 +53,9 @@ API: dict[tuple[str, str], tuple[tuple[str, ...], Any]] = {
     ("GET", "resources/<resource>"): (MEMBERS, None),
     ("GET", "resources/<resource>/lineage"): (MEMBERS, None),
     ("GET", "resources/<resource>/provenance"): (MEMBERS, None),
+    ("GET", "resources/<resource>/stock"): (MEMBERS, None),
+    ("GET", "tickets/<ticket>"): (MEMBERS, None),
+    ("POST", "tickets/<ticket>/close"): (WORKERS, {"reason": "looked"}),
     ("GET", "resources/<resource>/conditions?device=<device>"): (MEMBERS, None),
     ("GET", "lots/<lot>/provenance"): (MEMBERS, None),
     ("POST", "operations"): (WORKERS, A_VIAL),
@@ -121,6 +125,7 @@ def ids(bench: Bench) -> dict[str, str]:
         "number": "1",
         "run": str(run.id),
         "job": str(attempt.job_id),
+        "ticket": str(crutd_services.open_ticket(bench.lab, "host.gap", "a gap", {}).id),
         "request": str(ApprovalRequest.objects.get(run_id=request_run.id).id),
     }
 
