@@ -18,6 +18,7 @@ from labweb.common.reading import one_moment
 from labweb.common.render import iso
 from labweb.crutd import selectors as crutd_selectors
 from labweb.domain.approvals.roles import Permission
+from labweb.domain.resources.kinds import is_vessel
 from labweb.domain.units import render_volume
 from labweb.enrollment import selectors as enrollment_selectors
 from labweb.enrollment.selectors import Device
@@ -49,7 +50,7 @@ def _home(user: User) -> dict[str, Any]:
     candidates = [row for row in devices if row.state == Device.State.CANDIDATE]
     may_admit = Permission.ADMIT in permissions_of(user)
     return {
-        "needs_you": list(_needs(lab, runs, candidates if may_admit else [])),
+        "needs_you": list(_needs(lab, runs, candidates if may_admit else [], seen)),
         "running": render_rows(
             runs.filter(state__in=[*run_selectors.LIVE, "awaiting_approval"])[:20]
         ),
@@ -62,7 +63,9 @@ def _home(user: User) -> dict[str, Any]:
     }
 
 
-def _needs(lab: Lab, runs: QuerySet[Run], candidates: Iterable[Device]) -> Iterator[dict[str, Any]]:
+def _needs(
+    lab: Lab, runs: QuerySet[Run], candidates: Iterable[Device], seen: set[UUID]
+) -> Iterator[dict[str, Any]]:
     shown = runs.values("pk")
     if lab.is_stopped:
         yield _need(
@@ -89,13 +92,32 @@ def _needs(lab: Lab, runs: QuerySet[Run], candidates: Iterable[Device]) -> Itera
             "request_id": str(row.id),
         }  # fmt: skip
     yield from _paused(runs)
-    for ticket in crutd_selectors.open_tickets(lab):
-        yield _need("ticket", ticket.message, ticket.code, iso(ticket.opened_at), "/lab", "Open")
+    yield from _unreconciled(lab, seen)
     for device in candidates:
         yield _need(
             "candidate", f"{device.name} was found on {device.host.name}",
             "It may do nothing until an admin has reviewed it", iso(device.discovered_at),
             f"/admin/enrollment/device/{device.id}/review/", "Review",
+        )  # fmt: skip
+
+
+def _unreconciled(lab: Lab, seen: set[UUID]) -> Iterator[dict[str, Any]]:
+    for closed in crutd_selectors.given_up(lab):
+        row = closed.resource
+        if row.id not in seen:
+            continue
+        is_full = is_vessel(row.kind)
+        yield _need(
+            "quarantined",
+            f"Nobody knows what {row.name} holds" if is_full
+            else f"Nobody knows what became of {row.name}",
+            "Nothing uses it until a person has looked and taken stock",
+            iso(closed.at), f"/lab?sel={row.id}&stock=1", "Take stock",
+        )  # fmt: skip
+    for ticket in crutd_selectors.visible_tickets(lab, seen):
+        yield _need(
+            "ticket", ticket.message, ticket.code,
+            iso(ticket.opened_at), f"/lab?ticket={ticket.id}", "Open",
         )  # fmt: skip
 
 

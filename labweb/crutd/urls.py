@@ -5,6 +5,7 @@ from __future__ import annotations
 from django.urls import path
 
 from labweb.crutd import api
+from labweb.crutd.api import desk
 
 urlpatterns = [
     path("resources", api.Resources.as_view()),
@@ -12,4 +13,7 @@ urlpatterns = [
     path("operations/check", api.OperationCheck.as_view()),
     path("resources/<uuid:resource_id>", api.ResourceDetail.as_view()),
     path("resources/<uuid:resource_id>/lineage", api.Lineage.as_view()),
+    path("resources/<uuid:resource_id>/stock", desk.Stock.as_view()),
+    path("tickets/<uuid:ticket_id>", desk.TicketDetail.as_view()),
+    path("tickets/<uuid:ticket_id>/close", desk.CloseTicket.as_view()),
 ]

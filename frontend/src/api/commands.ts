@@ -6,12 +6,15 @@ import type {
   CheckResult,
   Job,
   Lab,
+  LabEvent,
   Run,
   Session,
+  Ticket,
   Version,
   Workflow,
   WorkflowDocument,
 } from "@/model/wire";
+import type { Correction } from "@/model/stock";
 import { call } from "./client";
 import { keys } from "./keys";
 import { client } from "./live";
@@ -151,6 +154,32 @@ export function useDecide(id: string): UseMutationResult<ApprovalRequest, Error,
       void client.invalidateQueries({ queryKey: keys.runs });
       void client.invalidateQueries({ queryKey: keys.home });
       void client.invalidateQueries({ queryKey: keys.session });
+    },
+  });
+}
+
+/** What Home and every page count has changed. */
+function refreshNeeds(): void {
+  void client.invalidateQueries({ queryKey: keys.home });
+  void client.invalidateQueries({ queryKey: keys.session });
+}
+
+export function useTakeStock(): UseMutationResult<LabEvent, Error, Correction> {
+  return useMutation({
+    mutationFn: (operation) => call<LabEvent>("POST", "/operations", { operation }),
+    onSuccess: () => {
+      void client.invalidateQueries({ queryKey: keys.resources });
+      refreshNeeds();
+    },
+  });
+}
+
+export function useCloseTicket(id: string): UseMutationResult<Ticket, Error, string> {
+  return useMutation({
+    mutationFn: (reason) => call<Ticket>("POST", `/tickets/${id}/close`, { reason }),
+    onSuccess: (ticket) => {
+      client.setQueryData(keys.ticket(id), ticket);
+      refreshNeeds();
     },
   });
 }

@@ -18,6 +18,8 @@ import type {
   SearchHit,
   Session,
   Steps,
+  Stock,
+  Ticket,
   TwinInfo,
   Version,
   Workflow,
@@ -154,6 +156,18 @@ export function useResource(id: string | null): UseQueryResult<Resource> {
     queryKey: keys.resource(id ?? ""),
     queryFn: get<Resource>(`/resources/${id ?? ""}`),
     enabled: id !== null,
+  });
+}
+
+export function useStock(id: string): UseQueryResult<Stock> {
+  return useQuery({ queryKey: keys.stock(id), queryFn: get<Stock>(`/resources/${id}/stock`) });
+}
+
+export function useTicket(id: string): UseQueryResult<Ticket> {
+  return useQuery({
+    queryKey: keys.ticket(id),
+    queryFn: get<Ticket>(`/tickets/${id}`),
+    retry: false,
   });
 }
 

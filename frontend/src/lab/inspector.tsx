@@ -10,15 +10,19 @@ import { Empty, Failed } from "@/ui/card";
 import { EventTable } from "@/ui/events";
 import { Glyph } from "@/ui/glyph";
 import { Amount, FillBar } from "@/ui/number";
+import { TakeStock, type StockAsked } from "./stock";
 import { WellGrid } from "./wellmap";
 import { words } from "./words";
 
 export function ResourceInspector({
   id,
   isShort = false,
+  ask,
 }: {
   id: string | null;
   isShort?: boolean;
+  /** Where one may act on it: whether taking stock of it is asked for. */
+  ask?: StockAsked;
 }) {
   const resource = useResource(id);
   if (!id) return <Empty>{words.tree.pick}</Empty>;
@@ -26,10 +30,12 @@ export function ResourceInspector({
     if (!resource.error) return <Empty>Loading…</Empty>;
     return <Failed what="this resource" error={resource.error} retry={resource.refetch} />;
   }
-  return <Details resource={resource.data} isShort={isShort} />;
+  return <Details resource={resource.data} isShort={isShort} ask={ask} />;
 }
 
-function Details({ resource, isShort }: { resource: Resource; isShort: boolean }) {
+function Details(props: { resource: Resource; isShort: boolean; ask: StockAsked | undefined }) {
+  const { resource, isShort, ask } = props;
+  const hasStock = resource.holds_liquid || resource.is_quarantined;
   return (
     <div className="rdetail" data-testid="resource" data-resource={resource.id}>
       <header>
@@ -41,6 +47,7 @@ function Details({ resource, isShort }: { resource: Resource; isShort: boolean }
             {words.tree.lineage}
           </Link>
         )}
+        {ask && hasStock && <TakeStock key={resource.id} resource={resource} ask={ask} />}
       </header>
       {resource.is_quarantined && (
         <p className="quar">
@@ -48,7 +55,7 @@ function Details({ resource, isShort }: { resource: Resource; isShort: boolean }
             <Glyph look="doubt" />
             {words.tree.quarantined}
           </span>
-          Nobody knows what it holds until somebody has answered.
+          {words.tree.unknown}
         </p>
       )}
       {resource.holds_liquid && <ContentsTable resource={resource} />}

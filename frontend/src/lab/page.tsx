@@ -10,6 +10,8 @@ import { Card, Empty, Loaded } from "@/ui/card";
 import { Button } from "@/ui/controls";
 import { useLabTime } from "@/ui/time";
 import { ContentsTable, ResourceInspector, Wells } from "./inspector";
+import type { StockAsked } from "./stock";
+import { TicketDialog } from "./ticket";
 import { ResourceTree } from "./tree";
 import { words } from "./words";
 
@@ -22,7 +24,15 @@ export function LabPage() {
   };
   const at = params.get("at");
   const picked = params.get("sel");
-  const pick = (id: string): void => set("sel", id);
+  const pick = (id: string): void => {
+    params.delete("stock");
+    set("sel", id);
+  };
+  const ticket = params.get("ticket");
+  const ask: StockAsked = {
+    isAsked: params.get("stock") === "1",
+    onAsk: (isAsked) => set("stock", isAsked ? "1" : null),
+  };
   return (
     <div className="wrap labpage" data-testid="lab" data-at={at ?? undefined}>
       <div className="hd wrapping">
@@ -31,9 +41,12 @@ export function LabPage() {
         <Moment at={at} onChange={(next) => set("at", next)} />
       </div>
       {at === null ? (
-        <Present picked={picked} onPick={pick} />
+        <Present picked={picked} onPick={pick} ask={ask} />
       ) : (
         <Past at={at} picked={picked} onPick={pick} />
+      )}
+      {ticket !== null && (
+        <TicketDialog key={ticket} id={ticket} onClose={() => set("ticket", null)} />
       )}
     </div>
   );
@@ -73,7 +86,7 @@ interface Picking {
   onPick: (id: string) => void;
 }
 
-function Present({ picked, onPick }: Picking) {
+function Present({ picked, onPick, ask }: Picking & { ask: StockAsked }) {
   const resources = useResources();
   useTopics("events", "devices");
   return (
@@ -84,7 +97,7 @@ function Present({ picked, onPick }: Picking) {
         </Loaded>
       </Card>
       <section className="card rcard" aria-label="Resource">
-        <ResourceInspector id={picked} />
+        <ResourceInspector id={picked} ask={ask} />
       </section>
     </>
   );

@@ -77,6 +77,7 @@ const NEED: Record<string, State> = {
   in_doubt: { look: "doubt", word: "In doubt" },
   approval: { look: "needs", word: "Approval" },
   paused: { look: "error", word: "Paused" },
+  quarantined: { look: "doubt", word: "Quarantined" },
   ticket: { look: "error", word: "Conflict" },
   stopped: { look: "stopped", word: "Stopped" },
   candidate: { look: "needs", word: "New device" },

@@ -62,7 +62,7 @@ export interface Session {
 }
 
 export interface Need {
-  kind: "in_doubt" | "approval" | "paused" | "ticket" | "stopped" | "candidate";
+  kind: "in_doubt" | "approval" | "paused" | "quarantined" | "ticket" | "stopped" | "candidate";
   title: string;
   detail: string;
   since_at: Iso | null;

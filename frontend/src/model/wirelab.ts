@@ -91,6 +91,34 @@ export interface Resource extends ResourceRow {
   events: LabEvent[];
 }
 
+export interface StockLot {
+  lot_id: Id;
+  lot: string;
+  material: string;
+  /** Liquids are counted in nanolitres, solids and gases in micrograms. */
+  unit: "nl" | "ug";
+}
+
+/** Whether one may take stock of a resource, and which lots it could hold. */
+export interface Stock {
+  is_allowed: boolean;
+  why_not: string | null;
+  lots: StockLot[];
+}
+
+export interface Ticket {
+  id: Id;
+  code: string;
+  message: string;
+  detail: Record<string, unknown>;
+  resources: { id: Id; name: string; is_quarantined: boolean }[];
+  host: { id: Id; name: string } | null;
+  opened_at: Iso;
+  closed_at: Iso | null;
+  closed_by: string | null;
+  can_close: boolean;
+}
+
 export interface LineageNode {
   id: Id;
   kind: "entity" | "activity";

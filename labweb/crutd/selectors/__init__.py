@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping
+from dataclasses import dataclass
+from datetime import datetime
 from uuid import UUID
 
 from django.db.models import Q, QuerySet, Sum
 
 from labweb.crutd.models import Entry, Event, EventSubject, Holding, ResourceLock, Ticket
 from labweb.crutd.models import Transaction as Transaction
+from labweb.domain.crutd import operations
 from labweb.domain.crutd.decide import ResourceState
 from labweb.domain.crutd.ledger import Amount
+from labweb.domain.crutd.lifecycle import FINAL
 from labweb.domain.crutd.provenance import is_nominal
 from labweb.domain.errors import NotFoundError
 from labweb.domain.resources.contents import LotId
@@ -193,3 +197,82 @@ def visible_lots(lab: Lab, seen: Collection[UUID]) -> list[Lot]:
 def open_tickets(lab: Lab) -> QuerySet[Ticket]:
     """Return contradictions nobody has looked at."""
     return Ticket.objects.filter(lab=lab, closed_at__isnull=True).order_by("opened_at")
+
+
+def visible_tickets(lab: Lab, seen: Collection[UUID]) -> list[Ticket]:
+    """Return the open tickets that concern nothing but the given resources."""
+    tickets = list(open_tickets(lab))
+    if not tickets:
+        return []
+    known = concerns(tickets)
+    return [ticket for ticket in tickets if known[ticket.id].issubset(seen)]
+
+
+def find_ticket(ticket_id: UUID) -> Ticket:
+    """Return a ticket.
+
+    Raises:
+        NotFoundError: There is none.
+    """
+    row = Ticket.objects.filter(pk=ticket_id).select_related("lab", "closed_by").first()
+    if row is None:
+        raise NotFoundError(f"no ticket {ticket_id}", code="ticket.not_found")
+    return row
+
+
+def ticket_for_update(ticket_id: UUID) -> Ticket:
+    """Lock and return a ticket.
+
+    Raises:
+        NotFoundError: There is none.
+    """
+    row = Ticket.objects.filter(pk=ticket_id).select_for_update(of=("self",)).first()
+    if row is None:
+        raise NotFoundError(f"no ticket {ticket_id}", code="ticket.not_found")
+    return row
+
+
+def concerns(tickets: Collection[Ticket]) -> dict[UUID, set[UUID]]:
+    """Return what each ticket of one lab is about: what a transaction touches, or all."""
+    told = {ticket.id: ticket.detail.get("transaction_id") for ticket in tickets}
+    rows = Transaction.objects.filter(pk__in=[one for one in told.values() if one])
+    touched = {
+        str(pk): set(operations.touched_ids(operations.from_json(operation)))
+        for pk, operation in rows.values_list("pk", "operation")
+    }
+    roots = Resource.objects.filter(
+        lab__in={ticket.lab_id for ticket in tickets}, parent__isnull=True
+    )
+    everything = set(roots.values_list("pk", flat=True))
+    return {ticket: touched.get(one or "", everything) for ticket, one in told.items()}
+
+
+@dataclass(frozen=True, slots=True)
+class GivenUp:
+    """A resource still quarantined though its transaction is over."""
+
+    resource: Resource
+    at: datetime
+
+
+def given_up(lab: Lab) -> list[GivenUp]:
+    """Return what nobody can answer for any more, oldest first; two queries at most.
+
+    Only taking stock tells what these hold.
+    """
+    closed = resource_selectors.resources_of(lab).filter(quarantined_by__isnull=False)
+    rows = {row.id: row for row in closed}
+    if not rows:
+        return []
+    over = Transaction.objects.filter(
+        pk__in={row.quarantined_by for row in rows.values()},
+        state__in=[state.value for state in FINAL],
+        settled_at__isnull=False,
+    )
+    ends = {pk: at for pk, at in over.values_list("pk", "settled_at") if at is not None}
+    found = [
+        GivenUp(row, ends[row.quarantined_by])
+        for row in rows.values()
+        if row.quarantined_by in ends
+    ]
+    return sorted(found, key=lambda one: one.at)

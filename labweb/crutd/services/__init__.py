@@ -5,7 +5,7 @@ from __future__ import annotations
 from labweb.crutd.services.deliveries import receive_deliveries
 from labweb.crutd.services.importing import check_time_zone, import_lab
 from labweb.crutd.services.labware import import_labware
-from labweb.crutd.services.recording import event_hash, open_ticket
+from labweb.crutd.services.recording import close_ticket, event_hash, open_ticket
 from labweb.crutd.services.transactions import (
     Settlement,
     advance,
@@ -22,6 +22,7 @@ __all__ = [
     "carry_out",
     "check_operation",
     "check_time_zone",
+    "close_ticket",
     "discard",
     "event_hash",
     "import_lab",

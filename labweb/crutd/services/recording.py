@@ -7,14 +7,20 @@ from functools import partial
 from typing import Any
 from uuid import UUID
 
-from django.db.transaction import on_commit
+from django.db.transaction import atomic, on_commit
 
+from labweb.accounts import services as account_services
+from labweb.accounts.selectors import User
 from labweb.common import feed
 from labweb.common.clock import now
+from labweb.crutd import selectors
 from labweb.crutd.models import Event, EventHead, EventSubject, Ticket, Transaction
 from labweb.crutd.selectors.chain import event_hash as event_hash
+from labweb.domain.approvals.roles import Permission
 from labweb.domain.crutd import operations
 from labweb.domain.crutd.decide import Change
+from labweb.domain.errors import DefinitionError, StateError
+from labweb.resources import selectors as resource_selectors
 from labweb.resources.selectors import Lab
 
 
@@ -79,6 +85,41 @@ def open_ticket(lab: Lab, code: str, message: str, detail: Mapping[str, Any]) ->
     """Ask a person to look at a contradiction."""
     ticket = Ticket.objects.create(
         lab=lab, code=code, message=message, detail=dict(detail), opened_at=now()
+    )
+    on_commit(partial(feed.publish, "lab", {"ticket_id": str(ticket.id)}))
+    return ticket
+
+
+@atomic
+def close_ticket(ticket_id: UUID, *, actor: User, reason: str) -> Ticket:
+    """Close a ticket that a person has looked into.
+
+    Raises:
+        NotFoundError: There is no such ticket.
+        ForbiddenError: The actor may not resolve on all that the ticket concerns.
+        DefinitionError: The reason is empty.
+        StateError: The ticket is closed.
+
+    Effect:
+        None on matter and on the record: quarantines end by taking stock. The audit keeps
+        the reason.
+    """
+    ticket = selectors.ticket_for_update(ticket_id)
+    resource_selectors.require(actor, Permission.RESOLVE, selectors.concerns([ticket])[ticket.id])
+    if not reason.strip():
+        raise DefinitionError(
+            "say what you found: the reason is empty", code="ticket.reason_missing"
+        )
+    if ticket.closed_at is not None:
+        raise StateError("this ticket is closed", code="ticket.closed")
+    ticket.closed_at, ticket.closed_by = now(), actor
+    ticket.save(update_fields=["closed_at", "closed_by"])
+    account_services.write_audit(
+        "ticket.close",
+        str(ticket.id),
+        actor=actor,
+        reason=reason.strip(),
+        detail={"code": ticket.code},
     )
     on_commit(partial(feed.publish, "lab", {"ticket_id": str(ticket.id)}))
     return ticket

@@ -131,7 +131,9 @@ def check_correct(operation: Correct, snapshot: Snapshot, facts: Facts | None) -
     if not operation.reason.strip():
         text = "a correction needs a reason: what was measured, and how"
         findings.append(Finding("crutd.reason_missing", text, state.name))
-    if not is_vessel(state.kind):
+    is_measured = bool(operation.measured_nl or operation.measured_ug)
+    # A person may also have looked at a quarantined thing that holds nothing, such as a heater.
+    if not is_vessel(state.kind) and (is_measured or state.quarantined_by is None):
         findings.append(Finding("crutd.no_vessel", f"{state.name} holds nothing", state.name))
     findings += _check_units(operation.measured_nl, "nl", facts, state)
     findings += _check_units(operation.measured_ug, "ug", facts, state)

@@ -250,6 +250,7 @@ def lab_summary(lab: Lab) -> dict[str, Any]:
     # A run that waits for an answer is one thing, not two.
     alone = paused.exclude(jobs__state=JobState.IN_DOUBT.value).count()
     tickets = crutd_selectors.open_tickets(lab).count()
+    unknown = len(crutd_selectors.given_up(lab))
     waiting = approval_selectors.requests_of(lab).filter(state="open").count()
     return {
         "id": str(lab.id),
@@ -262,7 +263,7 @@ def lab_summary(lab: Lab) -> dict[str, Any]:
         "counts": {
             "runs_live": live.count(),
             "approvals_open": waiting,
-            "needs_you": doubts + alone + waiting + tickets + lab.is_stopped,
+            "needs_you": doubts + alone + waiting + unknown + tickets + lab.is_stopped,
         },
     }
 

@@ -98,6 +98,7 @@ def test_a_pump_that_lost_its_zero_with_liquid_is_never_initialised(
     (finding,) = findings_of(a_bench(ready=False, contents=WATER), value)
     assert (finding.subject, finding.code) == ("s", "plan.not_initialized_with_liquid")
     assert "2.50 mL" in finding.message
+    assert "Take stock" in finding.message, "the way out has a name"
 
 
 def test_a_target_without_room_is_told_at_the_target() -> None:

@@ -18,6 +18,7 @@ from django.test import Client
 from pytest_django import Settings
 
 from labweb.approvals.models import ApprovalRequest
+from labweb.crutd import services as crutd_services
 from labweb.resources.models import Lot
 from labweb.runs import services as run_services
 from labweb.telemetry.selectors import File
@@ -66,6 +67,9 @@ API: dict[tuple[str, str], tuple[tuple[str, ...], Any]] = {
     ("GET", "resources/<resource>"): (MEMBERS, None),
     ("GET", "resources/<resource>/lineage"): (MEMBERS, None),
     ("GET", "resources/<resource>/provenance"): (MEMBERS, None),
+    ("GET", "resources/<resource>/stock"): (MEMBERS, None),
+    ("GET", "tickets/<ticket>"): (MEMBERS, None),
+    ("POST", "tickets/<ticket>/close"): (WORKERS, {"reason": "looked"}),
     ("GET", "resources/<resource>/conditions?device=<device>"): (MEMBERS, None),
     ("GET", "lots/<lot>/provenance"): (MEMBERS, None),
     ("POST", "operations"): (WORKERS, A_VIAL),
@@ -154,6 +158,7 @@ def ids(bench: Bench, settings: Settings, tmp_path: Path) -> dict[str, str]:
         "run": str(run.id),
         "job": str(attempt.job_id),
         "file": str(a_file(bench).pk),
+        "ticket": str(crutd_services.open_ticket(bench.lab, "host.gap", "a gap", {}).id),
         "request": str(ApprovalRequest.objects.get(run_id=request_run.id).id),
     }
 

@@ -109,7 +109,7 @@ class Ledger:
             if is_ready
             else "and its zero is not known. Finding the zero would push the liquid out at the "
             "port the pump initialises to, wherever that leads: take the liquid out by hand, "
-            "then ask an admin"
+            f"then write down what {state.name} holds, at Lab with 'Take stock'"
         )
         held_text = f"the syringe of {state.name} holds {render_volume(held)} by the record"
         finding = Finding(

@@ -1,0 +1,115 @@
+"""REST of what a person settles at the desk: taking stock, and tickets."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar
+from uuid import UUID
+
+import msgspec
+from rest_framework.request import Request
+from rest_framework.response import Response
+from rest_framework.views import APIView
+
+from labweb.accounts.selectors import user_of
+from labweb.common.render import iso
+from labweb.common.requests import body
+from labweb.crutd import selectors, services
+from labweb.crutd.api import visible
+from labweb.crutd.models import Ticket
+from labweb.domain.approvals.roles import Permission
+from labweb.domain.crutd import operations
+from labweb.domain.crutd.ledger import Account
+from labweb.domain.errors import NotFoundError
+from labweb.domain.resources.contents import Phase
+from labweb.enrollment import selectors as enrollment_selectors
+from labweb.resources import selectors as resource_selectors
+from labweb.resources.selectors import Lot
+
+
+class Stock(APIView):
+    """What a person needs to take stock of a resource."""
+
+    def get(self, request: Request, resource_id: UUID) -> Response:
+        """Tell whether the caller may take stock of it now, and which lots it could hold."""
+        row = visible(request, resource_id)
+        user = user_of(request)
+        lab = resource_selectors.the_lab()
+        look = operations.Correct(resource_id=row.id, account=Account.SUSPENSE, reason="look")
+        findings = services.check_operation(look, lab=lab)
+        why_not = findings[0].message if findings else None
+        if row.id not in resource_selectors.allowed_ids(user, Permission.RESOLVE):
+            why_not = "only people with the right to resolve may take stock here"
+        seen = resource_selectors.allowed_ids(user, Permission.VIEW)
+        lots = [_lot(lot) for lot in selectors.visible_lots(lab, seen)]
+        return Response({"is_allowed": why_not is None, "why_not": why_not, "lots": lots})
+
+
+def _lot(lot: Lot) -> dict[str, Any]:
+    return {
+        "lot_id": str(lot.id),
+        "lot": lot.number or lot.key,
+        "material": lot.material.name,
+        "unit": Phase(lot.phase).unit,
+    }
+
+
+class Closing(msgspec.Struct, forbid_unknown_fields=True):
+    """Why a ticket may be closed."""
+
+    reason: str
+
+
+class TicketDetail(APIView):
+    """One contradiction between record and world."""
+
+    def get(self, request: Request, ticket_id: UUID) -> Response:
+        """Return a ticket with the resources and the host it concerns."""
+        return Response(_ticket(request, _seen(request, ticket_id)))
+
+
+class CloseTicket(APIView):
+    """The end of a ticket."""
+
+    bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": Closing}
+
+    def post(self, request: Request, ticket_id: UUID) -> Response:
+        """Close a ticket that a person has looked into; the reason is kept."""
+        _seen(request, ticket_id)
+        reason = body(request, Closing).reason
+        ticket = services.close_ticket(ticket_id, actor=user_of(request), reason=reason)
+        return Response(_ticket(request, ticket))
+
+
+def _seen(request: Request, ticket_id: UUID) -> Ticket:
+    """Return a ticket the caller may see.
+
+    Raises:
+        NotFoundError: There is none, or none the caller may know of.
+    """
+    ticket = selectors.find_ticket(ticket_id)
+    seen = resource_selectors.allowed_ids(user_of(request), Permission.VIEW)
+    if not selectors.concerns([ticket])[ticket.id] <= seen:
+        raise NotFoundError(f"no ticket {ticket_id}", code="ticket.not_found")
+    return ticket
+
+
+def _ticket(request: Request, ticket: Ticket) -> dict[str, Any]:
+    ids = selectors.concerns([ticket])[ticket.id]
+    allowed = resource_selectors.allowed_ids(user_of(request), Permission.RESOLVE)
+    host_id = ticket.detail.get("host_id")
+    host = None if host_id is None else enrollment_selectors.find_host(UUID(host_id))
+    return {
+        "id": str(ticket.id),
+        "code": ticket.code,
+        "message": ticket.message,
+        "detail": ticket.detail,
+        "resources": [
+            {"id": str(row.id), "name": row.name, "is_quarantined": row.quarantined_by is not None}
+            for row in resource_selectors.rows(ids)
+        ],
+        "host": None if host is None else {"id": str(host.id), "name": host.name},
+        "opened_at": iso(ticket.opened_at),
+        "closed_at": iso(ticket.closed_at),
+        "closed_by": None if ticket.closed_by is None else ticket.closed_by.printed_name,
+        "can_close": ticket.closed_at is None and ids <= allowed,
+    }
