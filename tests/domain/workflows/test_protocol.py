@@ -197,6 +197,7 @@ def test_arguments_nested_too_deep_are_refused_before_anything_walks_them() -> N
     ("args", "code"),
     [
         ({"x": float("nan")}, "protocol.not_finite"),
+        ({"x": 10**400}, "protocol.not_finite"),
         ({"x": [float("inf")]}, "protocol.not_finite"),
         ({"x": "a" * 1001}, "protocol.too_long"),
         ({"x": list(range(201))}, "protocol.too_long"),
