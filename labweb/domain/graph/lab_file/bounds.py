@@ -62,7 +62,9 @@ def _check_depth(by_id: Mapping[UUID, Resource]) -> Iterator[Finding]:
     for start in by_id:
         path: list[UUID] = []
         current: UUID | None = start
-        while current in by_id and current not in depth and len(path) <= len(by_id):
+        while current is not None and current in by_id and current not in depth:
+            if len(path) > len(by_id):
+                break
             path.append(current)
             current = by_id[current].parent_id
         above = depth.get(current, 0) if current is not None else 0
