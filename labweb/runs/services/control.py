@@ -182,7 +182,7 @@ def _check_answer(job: Job, answer: str, moved_nl: int | None, note: str) -> Non
         asked = getattr(operation, "amount_nl", 0)
         if moved_nl is None or moved_nl >= asked:
             raise DefinitionError(
-                f"'partly' must be less than the {asked} nL that were asked for",
+                f"'partly' must be less than the {asked / 1_000_000:g} mL that were asked for",
                 code="run.bad_amount",
             )
 
