@@ -6,13 +6,16 @@ from django.contrib import admin
 from django.urls import include, path, re_path
 from drf_spectacular.views import SpectacularAPIView
 
-from labweb.api import pages, twin_proxy
+from labweb.api import errors, pages, twin_proxy
 
 urlpatterns = [
     path("healthz", pages.health),
     path("api/schema/", SpectacularAPIView.as_view(), name="schema"),
     path("api/v1/", include("labweb.api.urls")),
+    re_path(r"^api/", errors.no_such),
     path("admin/", admin.site.urls),
     re_path(r"^twin/view(?:/(?P<path>.*))?$", twin_proxy.page),
     re_path(r"^(?!api/|admin/|static/|ws/|twin/view).*$", pages.app),
 ]
+
+handler500 = errors.server_error

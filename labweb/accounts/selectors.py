@@ -7,7 +7,7 @@ from uuid import UUID
 
 from rest_framework.request import Request
 
-from labweb.accounts.models import Grant
+from labweb.accounts.models import AuditEntry, Grant
 from labweb.accounts.models import User as User
 from labweb.domain.approvals.roles import PERMISSIONS, Permission, roles_with
 from labweb.domain.errors import ForbiddenError
@@ -41,6 +41,12 @@ def printed_names(ids: Iterable[str]) -> dict[str, str]:
     """Return the name that stands under a decision, by id; one query."""
     rows = User.objects.filter(pk__in=list(ids))
     return {str(row.pk): row.printed_name for row in rows}
+
+
+def first_subject(action: str, subjects: Iterable[str]) -> str | None:
+    """Return which of the subjects had this done to it first, by the audit trail."""
+    rows = AuditEntry.objects.filter(action=action, subject__in=list(subjects)).order_by("id")
+    return rows.values_list("subject", flat=True).first()
 
 
 def find_user(username: str) -> User | None:

@@ -3,10 +3,17 @@
 from __future__ import annotations
 
 import logging
+import sys
+from collections.abc import Mapping
 from typing import Any
 
 from django.core.exceptions import PermissionDenied
-from django.http import Http404
+from django.db import InterfaceError, OperationalError
+from django.http import Http404, HttpRequest, HttpResponse, JsonResponse
+from django.views import defaults
+from kombu.exceptions import OperationalError as BrokerError
+from redis.exceptions import ConnectionError as RedisAway
+from redis.exceptions import TimeoutError as RedisSilent
 from rest_framework import exceptions
 from rest_framework.response import Response
 
@@ -31,14 +38,19 @@ STATUS: list[tuple[type[errors.LabError], int]] = [
 ]
 """First match wins, the narrow before the wide."""
 
+AWAY = (OperationalError, InterfaceError, RedisAway, RedisSilent, BrokerError)
+"""Failures that a server beside us is the cause of; the same request may succeed later."""
+
+_LONGEST_SHOWN = 200
+
 
 def status_of(error: errors.LabError) -> int:
     """Return the HTTP status of a failure."""
     return next((code for kind, code in STATUS if isinstance(error, kind)), 500)
 
 
-def handle(error: Exception, _context: dict[str, Any]) -> Response | None:
-    """Render a failure; what is no known failure stays a 500 and is logged by Django."""
+def handle(error: Exception, context: dict[str, Any]) -> Response:
+    """Render a failure in the one shape; what nobody foresaw is logged and says no details."""
     if isinstance(error, errors.LabError):
         return Response(error.to_json(), status=status_of(error))
     if isinstance(error, Http404):
@@ -46,19 +58,64 @@ def handle(error: Exception, _context: dict[str, Any]) -> Response | None:
     if isinstance(error, PermissionDenied):
         error = exceptions.PermissionDenied()
     if isinstance(error, exceptions.APIException):
-        body = {
-            "code": f"http.{error.get_codes() if isinstance(error.detail, str) else 'invalid'}",
-            "message": _text(error),
-            "effect": "none",
-            "context": {} if isinstance(error.detail, str) else {"fields": error.detail},
-            "findings": [],
-        }
-        response = Response(body, status=error.status_code)
-        wait = getattr(error, "wait", None)
-        if wait is not None:
-            response["Retry-After"] = str(int(wait))
-        return response
-    return None
+        return _refused(error)
+    request = context.get("request")
+    method, path = getattr(request, "method", "") or "", getattr(request, "path", "")
+    return Response(*_failed(error, method, path))
+
+
+def no_such(request: HttpRequest) -> JsonResponse:
+    """Answer for an address below `/api/` that is none, or whose id is none."""
+    body = _body("http.not_found", f"there is nothing at {request.path[:_LONGEST_SHOWN]}")
+    return JsonResponse(body, status=404)
+
+
+def server_error(request: HttpRequest) -> HttpResponse:
+    """Answer for what failed outside of a view; below `/api/` in the one shape."""
+    if not request.path.startswith("/api/"):
+        return defaults.server_error(request)
+    body, status = _failed(sys.exception(), request.method or "", request.path)
+    return JsonResponse(body, status=status)
+
+
+def _refused(error: exceptions.APIException) -> Response:
+    is_text = isinstance(error.detail, str)
+    code = f"http.{error.get_codes() if is_text else 'invalid'}"
+    body = _body(code, _text(error), context={} if is_text else {"fields": error.detail})
+    response = Response(body, status=error.status_code)
+    wait = getattr(error, "wait", None)
+    if wait is not None:
+        response["Retry-After"] = str(int(wait))
+    return response
+
+
+def _failed(error: BaseException | None, method: str, path: str) -> tuple[dict[str, Any], int]:
+    """Log a failure that nobody foresaw; return what may be told of it, and the status."""
+    logger.error("%s %s failed", method, path, exc_info=error)
+    is_safe = method in {"GET", "HEAD", "OPTIONS"}
+    effect = errors.Effect.NONE if is_safe else errors.Effect.UNKNOWN
+    hint = "" if is_safe else "; look whether it was carried out before you send it again"
+    if isinstance(error, AWAY):
+        message = f"the database or the broker does not answer{hint}"
+        return _body("http.unavailable", message, effect=effect), 503
+    message = f"the server failed at this request; its log says why{hint}"
+    return _body("http.internal", message, effect=effect), 500
+
+
+def _body(
+    code: str,
+    message: str,
+    *,
+    effect: errors.Effect = errors.Effect.NONE,
+    context: Mapping[str, Any] | None = None,
+) -> dict[str, Any]:
+    return {
+        "code": code,
+        "message": message,
+        "effect": effect.value,
+        "context": dict(context or {}),
+        "findings": [],
+    }
 
 
 def _text(error: exceptions.APIException) -> str:

@@ -18,6 +18,7 @@ from django.conf import settings
 from django.http.request import split_domain_port, validate_host
 
 from labweb.accounts.selectors import User
+from labweb.api.parsers import finite, refuse_constant
 from labweb.common.feed import GROUP
 from labweb.domain.approvals.roles import Permission
 from labweb.domain.errors import NotFoundError
@@ -36,6 +37,22 @@ OPEN_TOPICS = frozenset({"lab", "runs", "approvals", "hosts", "devices", "events
 
 CHECK_EVERY_S = 3.0
 """A socket outlives its session by this much at most."""
+
+
+def check_frame(text: str | None, data: bytes | None, most_bytes: int) -> int | None:
+    """Return the code to close with when a frame is too large, or is bytes; None: it is text."""
+    raw = data if text is None else text.encode(errors="replace")
+    if raw is not None and len(raw) > most_bytes:
+        return CLOSE_TOO_BIG
+    return CLOSE_BAD_FRAME if text is None else None
+
+
+class NoSuchConsumer(AsyncWebsocketConsumer):
+    """Refuses a websocket at an address that is none: the handshake gets 403."""
+
+    async def connect(self) -> None:
+        """Close before anything was accepted."""
+        await self.close()
 
 
 class BrowserConsumer(AsyncWebsocketConsumer):
@@ -94,11 +111,12 @@ class BrowserConsumer(AsyncWebsocketConsumer):
 
     async def receive(self, text_data: str | None = None, bytes_data: bytes | None = None) -> None:
         """Take `{"subscribe": [...]}`, `{"unsubscribe": [...]}` or `{"ping": n}`."""
-        if bytes_data is not None or text_data is None or len(text_data) > MAX_FRAME_BYTES:
-            await self.close(code=CLOSE_TOO_BIG)
+        code = check_frame(text_data, bytes_data, MAX_FRAME_BYTES)
+        if code is not None:
+            await self.close(code=code)
             return
         try:
-            frame = json.loads(text_data)
+            frame = json.loads(text_data or "", parse_constant=refuse_constant, parse_float=finite)
             wanted = {str(topic) for topic in frame.get("subscribe", [])}
             left = {str(topic) for topic in frame.get("unsubscribe", [])}
         except (ValueError, AttributeError, TypeError, RecursionError):

@@ -48,7 +48,9 @@ class StrictJSONParser(BaseParser):
         if len(raw) > MAX_BODY_BYTES:
             raise TooLargeError
         try:
-            value = json.loads(raw.decode("utf-8"), parse_constant=_refuse, parse_float=_finite)
+            value = json.loads(
+                raw.decode("utf-8"), parse_constant=refuse_constant, parse_float=finite
+            )
             _check_texts(value)
         except (ValueError, RecursionError) as error:
             raise ParseError(f"the body is no JSON: {error}") from error
@@ -59,11 +61,17 @@ class StrictJSONParser(BaseParser):
         return value
 
 
-def _refuse(name: str) -> NoReturn:
+def refuse_constant(name: str) -> NoReturn:
+    """Refuse `NaN` and the infinities, which are no JSON."""
     raise ValueError(f"{name} is no number")
 
 
-def _finite(text: str) -> float:
+def finite(text: str) -> float:
+    """Read a number that a float can hold.
+
+    Raises:
+        ValueError: It is too large.
+    """
     value = float(text)
     if not math.isfinite(value):
         raise ValueError(f"{text[:40]} is beyond what a number can hold")

@@ -9,7 +9,7 @@ from channels.routing import ProtocolTypeRouter, URLRouter
 from django.core.asgi import get_asgi_application
 from django.urls import re_path
 
-from labweb.api.live import BrowserConsumer
+from labweb.api.live import BrowserConsumer, NoSuchConsumer
 from labweb.api.twin_feed import FeedConsumer
 from labweb.api.twin_proxy import TwinConsumer
 from labweb.runs.live import EdgeConsumer
@@ -26,6 +26,7 @@ routes: list[Any] = [
     _route(
         r"^twin/view(?:/(?P<theme>light|dark))?/?$", AuthMiddlewareStack(TwinConsumer.as_asgi())
     ),
+    _route(r"", NoSuchConsumer.as_asgi()),
 ]
 
 

@@ -20,13 +20,13 @@ from django.core.cache import cache
 from django.db.utils import InterfaceError, OperationalError
 
 from labweb.api import twin_snapshot
+from labweb.api.live import check_frame
 from labweb.common.feed import GROUP
 from labweb.domain.errors import NotFoundError
 
 logger = logging.getLogger(__name__)
 
 CLOSE_BAD_FRAME = 4400
-CLOSE_TOO_BIG = 1009
 MAX_FRAME_BYTES = 16 * 1024
 
 FLUSH_S = 0.1
@@ -112,11 +112,12 @@ class FeedConsumer(AsyncWebsocketConsumer):
 
     async def receive(self, text_data: str | None = None, bytes_data: bytes | None = None) -> None:
         """Take a sign of life, or the wish for a snapshot."""
-        if bytes_data is not None or text_data is None or len(text_data) > MAX_FRAME_BYTES:
-            await self.close(code=CLOSE_TOO_BIG)
+        code = check_frame(text_data, bytes_data, MAX_FRAME_BYTES)
+        if code is not None:
+            await self.close(code=code)
             return
         try:
-            frame = _decoder.decode(text_data)
+            frame = _decoder.decode(text_data or "")
         except (msgspec.DecodeError, RecursionError):
             await self.close(code=CLOSE_BAD_FRAME)
             return

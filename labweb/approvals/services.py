@@ -115,6 +115,31 @@ def decide(request_id: UUID, *, actor: User, is_approved: bool, comment: str) ->
     return row
 
 
+def expire_one() -> ApprovalRequest | None:
+    """Close one request whose time is over, and return it; None: there is none to close.
+
+    A request that somebody answers at this moment is left to them.
+
+    Effect:
+        Nothing is released: the caller ends the run that waits for it in the same block.
+    """
+    due = ApprovalRequest.objects.filter(state=ApprovalRequest.State.OPEN, expires_at__lt=now())
+    row = due.order_by("expires_at").select_for_update(skip_locked=True).first()
+    if row is None:
+        return None
+    row.state = ApprovalRequest.State.EXPIRED
+    row.save(update_fields=["state"])
+    account_services.write_audit(
+        "approval.expire",
+        str(row.id),
+        actor=None,
+        reason="nobody answered in time",
+        detail={"run": str(row.run_id), "expires_at": row.expires_at.isoformat()},
+    )
+    on_commit(partial(feed.publish, "approvals", {"request_id": str(row.id)}))
+    return row
+
+
 def withdraw(run_id: UUID) -> None:
     """Close the open request of a run that was given up."""
     rows = ApprovalRequest.objects.filter(run_id=run_id, state=ApprovalRequest.State.OPEN)

@@ -12,6 +12,9 @@ from labweb.domain.errors import DefinitionError
 
 T = TypeVar("T", bound=msgspec.Struct)
 
+_MOST_DIGITS = 18
+"""Python reads no number of thousands of digits, and fails on it."""
+
 
 def body(request: Request, shape: type[T]) -> T:
     """Read the body as a struct; unknown and missing fields are refused.
@@ -36,7 +39,8 @@ def whole_number(request: Request, name: str, *, default: int, low: int, high: i
     text = request.query_params.get(name)
     if text is None:
         return default
-    if not text.isascii() or not text.isdigit() or not low <= int(text) <= high:
+    is_number = text.isascii() and text.isdigit() and len(text) <= _MOST_DIGITS
+    if not is_number or not low <= int(text) <= high:
         raise DefinitionError(f"{name} must be {low} to {high}", code="http.query")
     return int(text)
 

@@ -37,8 +37,14 @@ class Dimension:
     units: Mapping[str, str]
     """Accepted spelling → pint unit; the first one is shown by default."""
 
+    most: str
+    """Largest quantity that is read: far above what any laboratory handles."""
 
-_MICRO = {"uL": "microliter", "µL": "microliter", "μL": "microliter"}
+
+_MICRO = {
+    f"{micro}{liter}": "microliter" for liter in ("L", "l") for micro in ("u", "\u00b5", "\u03bc")
+}
+"""The micro sign and the Greek letter look alike: both are read as `u` is."""
 
 DIMENSIONS: Mapping[str, Dimension] = {
     dimension.name: dimension
@@ -47,37 +53,51 @@ DIMENSIONS: Mapping[str, Dimension] = {
             "volume",
             "ul",
             "microliter",
-            {"mL": "milliliter", "ml": "milliliter", **_MICRO, "ul": "microliter"}
+            {"mL": "milliliter", "ml": "milliliter", **_MICRO}
             | {"L": "liter", "l": "liter", "nL": "nanoliter", "nl": "nanoliter"},
+            "10000 L",
         ),
         Dimension(
             "flow_rate",
             "ul_s",
             "microliter/second",
             {"mL/min": "milliliter/minute", "ml/min": "milliliter/minute"}
-            | {"uL/s": "microliter/second", "µL/s": "microliter/second"}
-            | {"mL/s": "milliliter/second", "uL/min": "microliter/minute"},
+            | {f"{unit}/s": "microliter/second" for unit in _MICRO}
+            | {"mL/s": "milliliter/second"}
+            | {f"{unit}/min": "microliter/minute" for unit in _MICRO},
+            "1000000 mL/s",
         ),
         Dimension(
             "temperature",
             "c",
             "degC",
             {"°C": "degC", "degC": "degC", "C": "degC", "K": "kelvin"},
+            "10000 °C",
         ),
-        Dimension("temperature_difference", "delta_c", "delta_degC", {"K": "delta_degC"}),
+        Dimension(
+            "temperature_difference", "delta_c", "delta_degC", {"K": "delta_degC"}, "10000 K"
+        ),
         Dimension(
             "time",
             "s",
             "second",
             {"min": "minute", "s": "second", "h": "hour", "ms": "millisecond"},
+            "10000 h",
         ),
-        Dimension("speed", "rpm", "revolutions_per_minute", {"rpm": "revolutions_per_minute"}),
+        Dimension(
+            "speed",
+            "rpm",
+            "revolutions_per_minute",
+            {"rpm": "revolutions_per_minute"},
+            "1000000 rpm",
+        ),
         Dimension(
             "mass",
             "mg",
             "milligram",
             {"g": "gram", "mg": "milligram", "kg": "kilogram", "ug": "microgram"}
-            | {"µg": "microgram"},
+            | {"\u00b5g": "microgram", "\u03bcg": "microgram"},
+            "10000 kg",
         ),
     )
 }
@@ -107,7 +127,7 @@ def parse_exact(text: object, dimension: str) -> Decimal:
 
     Raises:
         UnitError: Not text, no unit, a unit of another dimension, a decimal
-            comma, not finite, or too long. Nothing is guessed.
+            comma, not finite, too long, or beyond any laboratory. Nothing is guessed.
 
     Example:
         >>> parse_exact("250 uL", "volume")
@@ -120,6 +140,20 @@ def parse_exact(text: object, dimension: str) -> Decimal:
     if unit not in wanted.units:
         known = ", ".join(wanted.units)
         raise UnitError(f"{text!r} is not a {dimension}: use one of {known}", code="unit.unknown")
+    factor, offset = _scale(wanted.units[unit], wanted.canonical)
+    value = number * factor + offset
+    if value > _most(wanted.name):
+        raise UnitError(
+            f"{text!r} is more than any laboratory handles: at most {wanted.most} is read",
+            code="unit.too_large",
+        )
+    return value
+
+
+@cache
+def _most(dimension: str) -> Decimal:
+    wanted = DIMENSIONS[dimension]
+    number, unit = _split(wanted.most, wanted)
     factor, offset = _scale(wanted.units[unit], wanted.canonical)
     return number * factor + offset
 

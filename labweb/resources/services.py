@@ -6,16 +6,36 @@ from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 from uuid import UUID
 
+from django.db import connection
 from django.db.models import F
 
 from labweb.common.clock import now
 from labweb.domain.crutd.operations import Create, Receive
+from labweb.domain.errors import StateError
 from labweb.domain.resources.kinds import KINDS
 from labweb.resources.models import Connection, Lab, Lot, Material, Resource
 
+_LAB_LOCK = 0x6C61_6231
+"""PostgreSQL advisory lock of who imports the lab."""
+
 
 def create_lab(**fields: Any) -> Lab:  # noqa: ANN401 - column values
-    """Write a new lab."""
+    """Write the lab of this server; imports at the same time wait for each other.
+
+    Raises:
+        StateError: The database holds a lab already: one server serves one lab, and which
+            one a stop is meant for is never to be a question. Nothing was written.
+    """
+    with connection.cursor() as cursor:
+        cursor.execute("SELECT pg_advisory_xact_lock(%s)", [_LAB_LOCK])
+    other = Lab.objects.first()
+    if other is not None:
+        raise StateError(
+            f"this database holds the lab {other.name!r}, and one server serves one lab: give the "
+            "other lab a data directory of its own (make run LAB=FILE), or an empty DATABASE_URL",
+            code="lab.exists_other",
+            context={"lab": str(other.id), "name": other.name},
+        )
     return Lab.objects.create(**fields)
 
 

@@ -38,6 +38,14 @@ class Socket:
         opened = await self._end.receive_output(PATIENCE_S)
         assert opened["type"] == "websocket.accept", opened
 
+    async def refused(self) -> bool:
+        """Ask to open; tell whether the handshake was refused and the other side is done."""
+        await self._end.send_input({"type": "websocket.connect"})
+        answer = await self._end.receive_output(PATIENCE_S)
+        await self._end.send_input({"type": "websocket.disconnect", "code": 1006})
+        await self._end.wait(PATIENCE_S)
+        return bool(answer["type"] == "websocket.close")
+
     async def send_text(self, text: str) -> None:
         """Send a text frame."""
         await self._end.send_input({"type": "websocket.receive", "text": text})

@@ -16,6 +16,13 @@ export type Parsed = { ok: true; quantity: Quantity } | { ok: false; reason: str
 const PATTERN = /^([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(\S.*)?$/;
 const COMMA = /^[+-]?\d+,\d/;
 
+/** Spellings of a microlitre: the micro sign and the Greek letter look alike. */
+const MICRO = ["u", "\u00b5", "\u03bc"].flatMap((micro) => [`${micro}L`, `${micro}l`]);
+
+function spelled<T>(value: T, suffix = ""): Record<string, T> {
+  return Object.fromEntries(MICRO.map((unit) => [unit + suffix, value]));
+}
+
 /** Factor and offset to the canonical unit of the dimension. */
 const SCALE: Record<string, Record<string, [factor: number, offset: number]>> = {
   volume: {
@@ -23,42 +30,37 @@ const SCALE: Record<string, Record<string, [factor: number, offset: number]>> = 
     l: [1e6, 0],
     mL: [1000, 0],
     ml: [1000, 0],
-    uL: [1, 0],
-    µL: [1, 0],
-    μL: [1, 0],
-    ul: [1, 0],
+    ...spelled([1, 0]),
     nL: [1e-3, 0],
     nl: [1e-3, 0],
   },
   flow_rate: {
     "mL/min": [1000 / 60, 0],
     "ml/min": [1000 / 60, 0],
-    "uL/s": [1, 0],
-    "µL/s": [1, 0],
+    ...spelled([1, 0], "/s"),
     "mL/s": [1000, 0],
-    "uL/min": [1 / 60, 0],
+    ...spelled([1 / 60, 0], "/min"),
   },
   temperature: { "°C": [1, 0], degC: [1, 0], C: [1, 0], K: [1, -273.15] },
   temperature_difference: { K: [1, 0] },
   time: { ms: [1e-3, 0], s: [1, 0], min: [60, 0], h: [3600, 0] },
   speed: { rpm: [1, 0] },
-  mass: { kg: [1e6, 0], g: [1000, 0], mg: [1, 0], ug: [1e-3, 0], µg: [1e-3, 0] },
+  mass: { kg: [1e6, 0], g: [1000, 0], mg: [1, 0], ug: [1e-3, 0], µg: [1e-3, 0], μg: [1e-3, 0] },
 };
 
 /** How a unit is shown, whichever way it was typed. */
 const SHOWN: Record<string, string> = {
-  uL: "µL",
-  μL: "µL",
-  ul: "µL",
+  ...spelled("µL"),
   ml: "mL",
   l: "L",
   nl: "nL",
   degC: "°C",
   C: "°C",
   "ml/min": "mL/min",
-  "uL/s": "µL/s",
-  "uL/min": "µL/min",
+  ...spelled("µL/s", "/s"),
+  ...spelled("µL/min", "/min"),
   ug: "µg",
+  μg: "µg",
 };
 
 /** Read text such as `250 uL`; `fallback` is the unit of a bare number, "" asks for one. */

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Mapping
 from typing import Any, Literal
 
@@ -53,6 +54,8 @@ _PYTHON_TYPES: Mapping[str, tuple[type, ...]] = {
     "object": (dict,),
     "null": (type(None),),
 }
+
+_A_TYPE = {name: f"an {name}" if name[0] in "aeio" else f"a {name}" for name in _PYTHON_TYPES}
 
 
 def unit_suffix(name: str) -> str:
@@ -301,7 +304,7 @@ def _type_problem(parameter: ParameterSpec, value: object) -> tuple[str, str] | 
     is_bool = isinstance(value, bool)
     fits = isinstance(value, _PYTHON_TYPES[parameter.type])
     if not fits or (is_bool and parameter.type != "boolean"):
-        return "type", f"is a {parameter.type}; got {value!r:.80}"
+        return "type", f"is {_A_TYPE[parameter.type]}; got {value!r:.80}"
     if isinstance(value, float) and not math.isfinite(value):
         return "type", f"is a finite number; got {value!r}"
     return None
@@ -317,10 +320,19 @@ def _range_problem(parameter: ParameterSpec, value: object) -> tuple[str, str] |
     if not isinstance(value, int | float):
         return None
     if parameter.minimum is not None and value < parameter.minimum:
-        return "range", f"is at least {parameter.minimum:g} {parameter.symbol}; got {value:g}"
+        return "range", f"is at least {_amount(parameter, parameter.minimum)}; got {_plain(value)}"
     if parameter.maximum is not None and value > parameter.maximum:
-        return "range", f"is at most {parameter.maximum:g} {parameter.symbol}; got {value:g}"
+        return "range", f"is at most {_amount(parameter, parameter.maximum)}; got {_plain(value)}"
     return None
+
+
+def _amount(parameter: ParameterSpec, value: float) -> str:
+    return f"{_plain(value)} {parameter.symbol}".rstrip()
+
+
+def _plain(value: float) -> str:
+    """Write a number; an integer may be larger than any float."""
+    return f"{value:g}" if abs(value) <= sys.float_info.max else f"{str(value)[:20]}…"
 
 
 def _finding(reason: str, owner: str, name: str, message: str) -> Finding:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+import sys
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -379,8 +380,8 @@ def _arguments_problem(value: object) -> tuple[str, str] | None:
             return _wrong(
                 "protocol.too_long", f"arguments have at most {MOST_ITEMS} items on a level"
             )
-        if isinstance(item, float) and not math.isfinite(item):
-            return _wrong("protocol.not_finite", f"{item!r} is no number a device can be told")
+        if isinstance(item, int | float) and not abs(item) <= sys.float_info.max:
+            return _wrong("protocol.not_finite", f"{item!r:.40} is no number a device can be told")
         if isinstance(item, str) and len(item) > LONGEST_TEXT:
             return _wrong(
                 "protocol.too_long", f"a text in arguments is longer than {LONGEST_TEXT} characters"

@@ -14,6 +14,7 @@ from labweb.accounts.selectors import user_of
 from labweb.approvals import selectors as approval_selectors
 from labweb.common.requests import body
 from labweb.crutd import selectors as crutd_selectors
+from labweb.domain.errors import DefinitionError
 from labweb.resources import selectors as resource_selectors
 from labweb.runs import selectors, services
 from labweb.runs.api import render
@@ -37,7 +38,10 @@ class Requests(APIView):
         lab = resource_selectors.the_lab()
         shown = visible_runs(lab, user).values("pk")
         rows = approval_selectors.requests_of(lab).filter(run_id__in=shown)
-        if request.query_params.get("state", "open") == "open":
+        state = request.query_params.get("state", "open")
+        if state not in {"open", "all"}:
+            raise DefinitionError("state is open or all", code="http.query")
+        if state == "open":
             rows = rows.filter(state="open")
         found = list(rows[:200])
         runs = selectors.runs_by_id([row.run_id for row in found])

@@ -72,11 +72,12 @@ def _sentences(document: dict[str, Any], names: dict[str, str]) -> dict[str, Any
     steps = document.get("steps")
     found: dict[str, Any] = {}
     for step in steps if isinstance(steps, list) else []:
-        if not isinstance(step, dict) or step.get("kind") not in STEP_KINDS:
+        kind = step.get("kind") if isinstance(step, dict) else None
+        if not isinstance(kind, str) or kind not in STEP_KINDS:
             continue
         params = step.get("params")
         known = params if isinstance(params, dict) else {}
-        found[str(step.get("id"))] = sentence(str(step["kind"]), known, names)
+        found[str(step.get("id"))] = sentence(kind, known, names)
     return found
 
 

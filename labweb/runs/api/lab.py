@@ -25,11 +25,18 @@ class LabView(APIView):
         return Response(selectors.lab_summary(resource_selectors.the_lab()))
 
 
+class Nothing(msgspec.Struct, forbid_unknown_fields=True):
+    """Body of an act that takes no arguments."""
+
+
 class StopLab(APIView):
     """Software stop."""
 
+    bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": Nothing}
+
     def post(self, request: Request) -> Response:
         """Stop every device now and latch."""
+        body(request, Nothing)
         services.stop_lab(actor=user_of(request))
         return Response(selectors.lab_summary(resource_selectors.the_lab()))
 

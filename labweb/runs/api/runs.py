@@ -174,7 +174,11 @@ def whole_nl(volume_ul: float) -> int:
     """
     if not 0 < volume_ul < MOST_UL:
         raise DefinitionError(f"{volume_ul} µL cannot have moved", code="run.bad_amount")
-    return round(volume_ul * 1000)
+    amount_nl = round(volume_ul * 1000)
+    if not amount_nl:
+        message = f"{volume_ul:g} µL is less than a nanolitre, the least that is recorded"
+        raise DefinitionError(message, code="run.bad_amount")
+    return amount_nl
 
 
 class ResolveJob(APIView):

@@ -11,6 +11,7 @@ from labweb.runs.services.control import (
     stop_lab,
 )
 from labweb.runs.services.dispatch import dispatch_ready, publish_outbox
+from labweb.runs.services.expiry import expire_requests
 from labweb.runs.services.ingest import ingest_events, note_quarantine
 from labweb.runs.services.start import (
     check_named,
@@ -26,6 +27,7 @@ __all__ = [
     "check_named",
     "decide_request",
     "dispatch_ready",
+    "expire_requests",
     "ingest_events",
     "names_for",
     "note_quarantine",

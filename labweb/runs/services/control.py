@@ -16,7 +16,7 @@ from labweb.domain.approvals.roles import Permission
 from labweb.domain.crutd import operations
 from labweb.domain.errors import DefinitionError, StateError
 from labweb.domain.runs.edge import ANSWERS, resolve
-from labweb.domain.runs.job import UNSTARTED, JobState, Mover, RunState
+from labweb.domain.runs.job import FINAL, UNSTARTED, JobState, Mover, RunState
 from labweb.enrollment import selectors as enrollment_selectors
 from labweb.enrollment import services as enrollment_services
 from labweb.resources import selectors as resource_selectors
@@ -28,6 +28,7 @@ from labweb.runs.services import dispatch
 from labweb.runs.services.state import announce, move_job, refresh_run
 
 _ENDED = {RunState.COMPLETE.value, RunState.ABORTED.value}
+_UNDONE = [state.value for state in FINAL - {JobState.COMPLETE}]
 
 
 def _require(run: Run, actor: User, permission: Permission) -> None:
@@ -65,7 +66,8 @@ def resume_run(run_id: UUID, *, actor: User) -> Run:
     """Take every pause away and queue what was held: a person says that it may go on.
 
     Raises:
-        StateError: The run has ended, the lab is stopped, or a job is in doubt.
+        StateError: The run has ended, the lab is stopped, a job is in doubt, or a job ended
+            undone, which nothing carries out again. Nothing was written.
     """
     run = selectors.run_for_update(run_id)
     _require(run, actor, Permission.RUN)
@@ -75,6 +77,14 @@ def resume_run(run_id: UUID, *, actor: User) -> Run:
         raise StateError("the lab is stopped: reset it first", code="run.lab_stopped")
     if run.jobs.filter(state=JobState.IN_DOUBT.value).exists():
         raise StateError("say first what happened in the job in doubt", code="run.in_doubt")
+    undone = run.jobs.filter(state__in=_UNDONE).first()
+    if undone is not None:
+        raise StateError(
+            f"run #{run.number} cannot go on: {undone.sentence!r} ended {undone.state}, and "
+            "nothing carries it out again. Give this run up, and start another for what is left",
+            code="run.cannot_go_on",
+            context={"job_id": str(undone.id), "state": undone.state},
+        )
     run.pause_reasons = []
     run.save(update_fields=["pause_reasons"])
     for job in Job.objects.filter(run=run, state=JobState.HELD.value):
@@ -172,7 +182,7 @@ def _check_answer(job: Job, answer: str, moved_nl: int | None, note: str) -> Non
         asked = getattr(operation, "amount_nl", 0)
         if moved_nl is None or moved_nl >= asked:
             raise DefinitionError(
-                f"'partly' must be less than the {asked} nL that were asked for",
+                f"'partly' must be less than the {asked / 1_000_000:g} mL that were asked for",
                 code="run.bad_amount",
             )
 

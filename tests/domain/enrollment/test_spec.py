@@ -128,3 +128,26 @@ def test_every_dimension_a_person_may_write_has_its_unit_here() -> None:
 )
 def test_the_unit_is_the_end_of_the_name(name: str, suffix: str) -> None:
     assert unit_suffix(name) == suffix
+
+
+@pytest.mark.parametrize(
+    ("value", "words"),
+    [
+        ("3", "port_index is an integer; got '3'"),
+        (99, "port_index is at most 12; got 99"),
+        (0, "port_index is at least 1; got 0"),
+        pytest.param(10**400, "port_index is at most 12; got 10000000000000000000…", id="huge"),
+    ],
+)
+def test_what_is_wrong_with_an_argument_is_said_in_a_sentence(value: object, words: str) -> None:
+    port = ParameterSpec(name="port_index", type="integer", minimum=1, maximum=12)
+    turn = ActionSpec(
+        name="turn",
+        parameters=(port,),
+        timeout_s=60.0,
+        recovery="R2",
+        operation="transfer",
+        role="pump",
+    )
+    (finding,) = check_arguments(turn, {"port_index": value})
+    assert finding.message == f"turn: {words}"

@@ -9,7 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from labweb.domain.errors import Finding, ProtocolError
+from labweb.domain.errors import Finding, ProtocolError, UnitError
+from labweb.domain.units import DIMENSIONS, parse, parse_volume_nl
 from labweb.domain.workflows.edges import find_cycle, sort_steps
 from labweb.domain.workflows.protocol import (
     bind_materials,
@@ -87,6 +88,7 @@ def test_an_unknown_kind_is_refused_and_the_known_ones_are_named() -> None:
         (float("nan"), "unit.not_text"),
         ("1,5 min", "unit.comma"),
         ("9e99 s", "unit.not_finite"),
+        ("10001 h", "unit.too_large"),
         (None, "unit.not_text"),
         (True, "unit.not_text"),
     ],
@@ -99,10 +101,28 @@ def test_a_duration_that_is_none_is_refused_at_its_field(duration: object, code:
 
 @pytest.mark.parametrize(
     ("volume", "code"),
-    [("0 mL", "unit.not_positive"), ("-1 mL", "unit.not_positive"), ("0.5 nL", "unit.off_grid")],
+    [("0 mL", "unit.not_positive"), ("-1 mL", "unit.not_positive"), ("0.5 nL", "unit.off_grid")]
+    + [(f"{amount} mL", "unit.too_large") for amount in ("1e15", "10000001")],
 )
 def test_a_volume_that_cannot_be_poured_is_refused(volume: str, code: str) -> None:
     assert codes(flow(transfer("t", "water", "flask", volume))) == [code]
+
+
+@pytest.mark.parametrize("unit", ["uL", "ul", "\u00b5L", "\u00b5l", "\u03bcL", "\u03bcl"])
+def test_a_microlitre_reads_the_same_however_it_is_written(unit: str) -> None:
+    assert parse_volume_nl(f"250 {unit}") == 250_000
+    assert parse(f"3 {unit}/s", "flow_rate") == 3
+    assert parse(f"180 {unit}/min", "flow_rate") == pytest.approx(3)
+
+
+@pytest.mark.parametrize("name", sorted(DIMENSIONS))
+def test_the_most_that_is_read_of_a_dimension_is_read_and_no_more(name: str) -> None:
+    most = DIMENSIONS[name].most
+    number, unit = most.split(" ")
+    assert parse(most, name) > 0
+    with pytest.raises(UnitError) as caught:
+        parse(f"{int(number) + 1} {unit}", name)
+    assert caught.value.code == "unit.too_large"
 
 
 def test_temperatures_may_be_negative_but_not_below_absolute_zero() -> None:
@@ -177,6 +197,7 @@ def test_arguments_nested_too_deep_are_refused_before_anything_walks_them() -> N
     ("args", "code"),
     [
         ({"x": float("nan")}, "protocol.not_finite"),
+        ({"x": 10**400}, "protocol.not_finite"),
         ({"x": [float("inf")]}, "protocol.not_finite"),
         ({"x": "a" * 1001}, "protocol.too_long"),
         ({"x": list(range(201))}, "protocol.too_long"),

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import tracemalloc
 from dataclasses import replace
 
 import pytest
@@ -272,3 +273,19 @@ def test_a_syringe_too_small_for_the_amount_is_chosen_last() -> None:
     assert moved_nl(plan_of(bench, alone), "pump_2", "flask") == 60_000_000
     small = flow(transfer("t", "water", "flask", "50 mL"))
     assert moved_nl(plan_of(bench, small), "pump_1", "flask") == 50_000_000
+
+
+def test_a_volume_of_millions_of_strokes_is_refused_without_making_one() -> None:
+    bench = Bench()
+    bench.vessel("water", 200_000_000)
+    bench.vessel("flask")
+    bench.pump(1, {1: ("water", 0), 2: ("flask", 0)}, syringe_nl=100_000)
+    tracemalloc.start()
+    try:
+        found = findings_of(bench, flow(transfer("t", "water", "flask", "1000 L")))
+        _, peak = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    (finding,) = [finding for finding in found if finding.code == "plan.too_many_strokes"]
+    assert "10000000 strokes" in finding.message
+    assert peak < 20_000_000

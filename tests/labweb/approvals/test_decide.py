@@ -11,6 +11,7 @@ from labweb.approvals.models import ApprovalRequest, Decision
 from labweb.common.clock import now
 from labweb.domain.errors import ForbiddenError, StateError
 from labweb.runs import services
+from labweb.runs.management.commands.dispatcher import Command, Monitor
 from labweb.runs.models import Run
 from tests.builders import HEAT, MOVE_WATER, Bench, a_started_run, a_user, an_edge
 
@@ -84,6 +85,35 @@ def test_a_request_that_has_expired_releases_nothing(bench: Bench) -> None:
     with pytest.raises(StateError):
         decide(bench, "approver")
     assert not Decision.objects.exists()
+
+
+def test_a_request_whose_time_is_over_ends_its_run_and_is_written_so(bench: Bench) -> None:
+    run = a_started_run(bench, HEAT)
+    assert services.expire_requests() == 0
+    ApprovalRequest.objects.update(expires_at=now() - timedelta(seconds=1))
+    Command()._watch(Monitor())
+    assert ApprovalRequest.objects.get().state == "expired"
+    run.refresh_from_db()
+    assert (run.state, run.ended_at is None) == ("aborted", False)
+    jobs = run.jobs.values_list("state", "code")
+    assert set(jobs) == {("stopped", "approval.expired")}
+    written = AuditEntry.objects.filter(action__in=["approval.expire", "run.abort"])
+    assert {entry.actor for entry in written} == {None}
+    assert written.count() == 2
+    assert services.expire_requests() == 0
+    with pytest.raises(StateError) as refusal:
+        decide(bench, "approver")
+    assert refusal.value.code == "approval.answered"
+    assert not Decision.objects.exists()
+
+
+def test_only_what_is_over_expires(bench: Bench) -> None:
+    early, late = a_started_run(bench, HEAT), a_started_run(bench, HEAT)
+    over = now() - timedelta(seconds=1)
+    ApprovalRequest.objects.filter(run_id=early.id).update(expires_at=over)
+    assert services.expire_requests() == 1
+    found = dict(Run.objects.values_list("pk", "state"))
+    assert found == {early.id: "aborted", late.id: "awaiting_approval"}
 
 
 def test_giving_a_run_up_withdraws_its_question(bench: Bench) -> None:

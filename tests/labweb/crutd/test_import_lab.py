@@ -6,6 +6,7 @@ import json
 from io import StringIO
 from pathlib import Path
 from typing import Any
+from uuid import UUID
 
 import pytest
 from django.core.management import call_command
@@ -23,6 +24,8 @@ from labweb.domain.graph.lab_file.uni_lab_os.export import export_uni_lab_os
 from labweb.domain.graph.lab_file.uni_lab_os.reader import read_uni_lab_os
 from labweb.enrollment.models import Device
 from labweb.resources.models import Connection, Lab, Lot, Material, Resource
+from labweb.resources.selectors import the_lab
+from labweb.runs.services import stop_lab
 from tests.builders import STARTER, Bench
 from tests.corpus import GRAPHS, NO_GRAPHS
 from tests.labs import generated_lab
@@ -117,12 +120,12 @@ def test_texts_as_long_as_a_file_may_have_are_kept() -> None:
 
 
 @pytest.mark.django_db
-def test_two_labs_whose_names_read_alike_get_keys_of_their_own() -> None:
-    keys = set()
-    for name in ("A lab", "a-lab", "实验室", "Лаборатория"):
-        lab = json.loads(generated_lab(4)) | {"name": name}
-        keys.add(import_lab(read_lab(json.dumps(lab).encode()), actor=None, source={}).key)
-    assert len(keys) == 4
+@pytest.mark.parametrize(
+    ("name", "key"), [("A lab", "a-lab"), ("实验室", None), ("Лаборатория", None)]
+)
+def test_a_lab_whose_name_gives_no_key_has_its_id_as_key(name: str, key: str | None) -> None:
+    lab_file = read_lab(json.dumps(json.loads(generated_lab(4)) | {"name": name}).encode())
+    assert import_lab(lab_file, actor=None, source={}).key == (key or lab_file.id.hex)
 
 
 @pytest.mark.django_db
@@ -176,6 +179,27 @@ def test_a_lab_is_not_imported_twice(graph: Path) -> None:
     with pytest.raises(CommandError, match=r"lab\.exists"):
         run("import_lab", str(graph))
     assert (Resource.objects.count(), Entry.objects.count(), Event.objects.count()) == before
+
+
+def test_another_lab_is_refused_and_the_first_stays_the_one_that_is_stopped(
+    bench: Bench, graph: Path
+) -> None:
+    before = (Resource.objects.count(), Entry.objects.count(), Event.objects.count())
+    with pytest.raises(CommandError, match=r"lab\.exists_other.*data directory"):
+        run("import_lab", str(graph))
+    assert (Resource.objects.count(), Entry.objects.count(), Event.objects.count()) == before
+    assert run("import_lab", str(graph), "--check").startswith("bench_of_four.json: checked (")
+    assert the_lab() == bench.lab
+    stop_lab(actor=bench.people["chemist"])
+    assert the_lab().is_stopped
+
+
+def test_of_two_labs_from_before_the_rule_the_first_imported_is_the_one_that_runs(
+    bench: Bench,
+) -> None:
+    for number in (0, 2**128 - 1):
+        Lab.objects.create(id=UUID(int=number), key=f"lab-{number}", name="Other", mode="sim")
+        assert the_lab() == bench.lab
 
 
 @pytest.mark.django_db

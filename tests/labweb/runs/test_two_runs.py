@@ -107,3 +107,24 @@ def test_an_ended_run_is_not_resumed() -> None:
     with pytest.raises(StateError) as refused:
         services.resume_run(run.id, actor=bench.people["chemist"])
     assert refused.value.code == "run.ended"
+
+
+def test_a_run_with_a_job_that_ended_undone_is_not_resumed_and_says_why() -> None:
+    bench = a_lab()
+    edge = an_edge(bench)
+    run = a_started_run(bench, WATER)
+    services.dispatch_ready()
+    attempt = Attempt.objects.get(job__run=run)
+    edge.report("rejected", attempt.id, code="device.limit", message="no")
+    services.pause_run(run.id, actor=bench.people["chemist"])
+    before = states(run.id)
+    assert before[0] == "rejected"
+    with pytest.raises(StateError) as refused:
+        services.resume_run(run.id, actor=bench.people["chemist"])
+    assert refused.value.code == "run.cannot_go_on"
+    assert "ended rejected" in refused.value.message
+    run.refresh_from_db()
+    assert (run.state, len(run.pause_reasons), states(run.id)) == ("paused", 1, before)
+    services.abort_run(run.id, actor=bench.people["chemist"], reason="start anew")
+    run.refresh_from_db()
+    assert run.state == "aborted"

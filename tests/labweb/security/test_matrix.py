@@ -108,7 +108,7 @@ API: dict[tuple[str, str], tuple[tuple[str, ...], Any]] = {
 }
 """Method and route → who may, and a body that would be right."""
 
-PAGES = {"healthz", "^(?!api/|admin/|static/|ws/|twin/view).*$"}
+PAGES = {"healthz", "^api/", "^(?!api/|admin/|static/|ws/|twin/view).*$"}
 MEMBERS_PAGES = {"api/schema/", r"^twin/view(?:/(?P<path>.*))?$"}
 
 

@@ -67,8 +67,27 @@ def test_another_sort_of_body_is_refused(chemist: Client) -> None:
     assert (answer.status_code, code_of(answer)) == (415, "http.unsupported_media_type")
 
 
+@pytest.mark.parametrize("kind", [[], {}, None, 5, True, "transfer "])
+def test_a_step_whose_kind_is_none_is_a_finding(chemist: Client, kind: object) -> None:
+    steps = [{"id": "s", "kind": kind, "params": {}, "position": {"x": 0, "y": 0}}]
+    document = {"schema": "labweb.workflow/1", "name": "f", "steps": steps, "edges": []}
+    answer = call(chemist, "POST", f"{API}/workflows/check", {"document": document})
+    assert answer.status_code == 200
+    codes = [finding["code"] for finding in json.loads(answer.content)["findings"]]
+    assert codes == ["protocol.unknown_kind"]
+
+
 @pytest.mark.parametrize(
-    "query", ["limit=0", "limit=501", "limit=x", "limit=²", "state=%00", "state=running,open"]
+    "query",
+    [
+        "limit=0",
+        f"limit={'9' * 5000}",
+        "limit=501",
+        "limit=x",
+        "limit=²",
+        "state=%00",
+        "state=running,open",
+    ],
 )
 def test_a_bad_query_is_refused(chemist: Client, query: str) -> None:
     answer = chemist.get(f"{API}/runs?{query}")

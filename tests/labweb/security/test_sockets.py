@@ -18,7 +18,7 @@ from labweb.api import live
 from labweb.common import feed
 from labweb.runs.models import Run
 from tests.builders import Bench, a_lab, a_started_run, a_user
-from tests.labweb.sockets import a_socket
+from tests.labweb.sockets import HOST, OWN, Socket, a_socket
 from tests.labweb.web import signed_in
 
 pytestmark = pytest.mark.django_db(transaction=True)
@@ -94,7 +94,7 @@ async def test_what_is_asked_for_while_rights_are_looked_up_again_is_not_forgott
 
 @pytest.mark.parametrize(
     "frame",
-    ["x" * 1_000_000, json.dumps({"subscribe": ["y" * 70_000]})],
+    ["x" * 1_000_000, json.dumps({"subscribe": ["y" * 70_000]}), "\u00e9" * 40_000],
 )
 async def test_a_frame_of_a_megabyte_closes_the_socket(
     chemist: tuple[Bench, Client], frame: str
@@ -104,7 +104,13 @@ async def test_a_frame_of_a_megabyte_closes_the_socket(
         assert await socket.closed() == 1009
 
 
-@pytest.mark.parametrize("frame", ["", "{", "[]", "7", '{"subscribe": 7}', "[" * 5000])
+@pytest.mark.parametrize(
+    "frame",
+    [
+        *("", "{", "[]", "7", '{"subscribe": 7}', "[" * 5000),
+        *('{"ping": NaN}', '{"ping": -Infinity}', '{"ping": 1e400}', f'{{"ping": {"9" * 5000}}}'),
+    ],
+)
 async def test_a_frame_that_makes_no_sense_closes_the_socket(
     chemist: tuple[Bench, Client], frame: str
 ) -> None:
@@ -113,10 +119,19 @@ async def test_a_frame_that_makes_no_sense_closes_the_socket(
         assert await socket.closed() == 4400
 
 
-async def test_bytes_close_the_socket(chemist: tuple[Bench, Client]) -> None:
+@pytest.mark.parametrize(("length", "code"), [(2, 4400), (70_000, 1009)])
+async def test_bytes_close_the_socket(
+    chemist: tuple[Bench, Client], length: int, code: int
+) -> None:
     async with a_socket("/ws/v1/", client=chemist[1]) as socket:
-        await socket.send_bytes(b"\x00\x01")
-        assert await socket.closed() == 1009
+        await socket.send_bytes(b"\x00" * length)
+        assert await socket.closed() == code
+
+
+@pytest.mark.parametrize("path", ["/ws/none/", "/ws/v1", "/ws/", "/", "/twin/none"])
+async def test_a_socket_at_an_address_that_is_none_is_refused(path: str) -> None:
+    socket = Socket(path, [(b"host", HOST), (b"origin", OWN)])
+    assert await socket.refused()
 
 
 @pytest.mark.parametrize(

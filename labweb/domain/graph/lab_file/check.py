@@ -8,6 +8,7 @@ from uuid import UUID
 
 from labweb.domain.errors import Finding
 from labweb.domain.graph.lab_file.amounts import to_nl
+from labweb.domain.graph.lab_file.bounds import check_bounds
 from labweb.domain.graph.lab_file.config import check_config
 from labweb.domain.graph.lab_file.model import DeviceEntry, LabFile, Mode
 from labweb.domain.graph.topology import Medium
@@ -23,6 +24,7 @@ def check_lab(lab: LabFile) -> list[Finding]:
         *_check_unique(lab),
         *check_tree(lab.resources),
         *_check_root(lab),
+        *check_bounds(lab),
         *_check_configs(lab),
         *_check_contents(lab),
         *_check_ends(lab),

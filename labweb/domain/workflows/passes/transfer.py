@@ -14,6 +14,16 @@ from labweb.domain.workflows.passes.strokes import check_fineness, dead_volume_n
 from labweb.domain.workflows.protocol import Step
 
 
+def count_strokes(amount_nl: int, syringe_nl: int) -> int:
+    """Count the fewest strokes that move an amount, without making any.
+
+    Example:
+        >>> count_strokes(10, 4)
+        3
+    """
+    return -(-amount_nl // syringe_nl)
+
+
 def split_strokes(amount_nl: int, syringe_nl: int) -> tuple[int, ...]:
     """Split an amount into the fewest strokes, as equal as whole nanolitres allow.
 
@@ -21,7 +31,7 @@ def split_strokes(amount_nl: int, syringe_nl: int) -> tuple[int, ...]:
         >>> split_strokes(10, 4)
         (4, 3, 3)
     """
-    count = -(-amount_nl // syringe_nl)
+    count = count_strokes(amount_nl, syringe_nl)
     base, rest = divmod(amount_nl, count)
     return tuple(base + (place < rest) for place in range(count))
 
@@ -42,14 +52,15 @@ def plan_transfer(step: Step, drafting: Drafting) -> DraftStep:
     strokes = make_strokes(step, drafting, pumping.device, pumping.pump_id, mass_check)
     if strokes is None:
         return DraftStep(step=step, whole=whole)
-    parts = split_strokes(amount_nl, strokes.syringe_nl)
-    if len(parts) > MOST_STROKES:
+    count = count_strokes(amount_nl, strokes.syringe_nl)
+    if count > MOST_STROKES:
         message = (
-            f"{render_volume(amount_nl)} takes {len(parts)} strokes of "
+            f"{render_volume(amount_nl)} takes {count} strokes of "
             f"{render_volume(strokes.syringe_nl)}; at most {MOST_STROKES} are planned"
         )
         drafting.refuse(step, "plan.too_many_strokes", message, "params.volume")
         return DraftStep(step=step, whole=whole)
+    parts = split_strokes(amount_nl, strokes.syringe_nl)
     check_fineness(step, drafting, pumping.device, strokes.syringe_nl, parts)
     jobs: list[DraftJob | None] = []
     pump_id = pumping.pump_id

@@ -268,3 +268,51 @@ def damaged(lab: dict[str, Any], rnd: random.Random) -> dict[str, Any]:
         else:
             holder[key] = copy.deepcopy(rnd.choice(WRONG))
     return lab
+
+
+def codes_of(value: dict[str, Any]) -> set[tuple[str, str]]:
+    with pytest.raises(LabFileError) as caught:
+        read_lab(json.dumps(value).encode())
+    return {(finding.code, finding.subject) for finding in caught.value.findings}
+
+
+@pytest.mark.parametrize("character", ["\n", "\x1b", "\x7f", "\x85", "\u202e", "\u2066", "\u2069"])
+@pytest.mark.parametrize("sort", ["resources", "materials", "devices", "hosts"])
+def test_a_name_that_controls_how_text_is_shown_is_refused(sort: str, character: str) -> None:
+    value = starter()
+    entry = value[sort][-1]
+    entry["name"] = f"a{character}b"
+    assert codes_of(value) == {("lab_file.name", entry["key"])}
+    entry["name"] = "مختبر א 实验室 µ"
+    read_lab(json.dumps(value).encode())
+
+
+@pytest.mark.parametrize("axis", ["x_mm", "y_mm", "z_mm"])
+def test_a_place_more_than_a_kilometre_away_is_refused(axis: str) -> None:
+    value = starter()
+    entry = next(entry for entry in value["resources"] if entry.get("pose"))
+    entry["pose"][axis] = -1e6
+    read_lab(json.dumps(value).encode())
+    entry["pose"][axis] = -1_000_001
+    assert codes_of(value) == {("pose.too_far", entry["key"])}
+
+
+@pytest.mark.parametrize("order", [1, -1])
+def test_a_tree_without_end_is_refused(order: int) -> None:
+    value = starter()
+    root = next(entry["key"] for entry in value["resources"] if entry.get("parent") is None)
+
+    def chained(count: int) -> dict[str, Any]:
+        chain = [
+            {
+                **{"key": f"n{place}", "name": f"N{place}", "kind": "deck"},
+                "parent": root if place == 0 else f"n{place - 1}",
+            }
+            for place in range(count)
+        ]
+        return value | {"resources": value["resources"] + chain[::order]}
+
+    read_lab(json.dumps(chained(99)).encode())
+    (found,) = codes_of(chained(100))
+    assert found[0] == "tree.too_deep"
+    assert codes_of(chained(20_000))
