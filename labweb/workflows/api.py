@@ -90,6 +90,8 @@ class NewVersion(msgspec.Struct, forbid_unknown_fields=True):
     """Body of a version."""
 
     note: str = ""
+    revision: int | None = None
+    """Of the draft that the caller saw; without it the present draft is frozen."""
 
 
 class Drafts(APIView):
@@ -116,8 +118,10 @@ class Versions(APIView):
 
     def post(self, request: Request, workflow_id: UUID) -> Response:
         """Freeze the draft as a version."""
-        note = body(request, NewVersion).note
-        version = services.save_version(workflow_id, note=note, actor=user_of(request))
+        wanted = body(request, NewVersion)
+        version = services.save_version(
+            workflow_id, note=wanted.note, revision=wanted.revision, actor=user_of(request)
+        )
         return Response(render_version(version), status=201)
 
 

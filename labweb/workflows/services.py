@@ -31,6 +31,25 @@ def _may_draw(lab: Lab, actor: User) -> None:
     resource_selectors.require(actor, Permission.DRAW, [resource_selectors.root_of(lab).id])
 
 
+def _check_name(name: str) -> None:
+    """Refuse a name that does not read as it is written."""
+    if not name.isprintable():
+        raise DefinitionError(
+            "the name of a workflow holds a character that cannot be seen, such as a line break"
+            " or one that turns the direction of writing",
+            code="workflow.name",
+        )
+
+
+def _check_revision(row: Workflow, revision: int) -> None:
+    if row.draft_revision != revision:
+        raise RevisionError(
+            "somebody saved this draft in between",
+            code="workflow.revision",
+            context={"revision": row.draft_revision, "document": row.draft},
+        )
+
+
 def _check_size(document: dict[str, Any]) -> None:
     if len(canonical(document)) > MAX_DRAFT_BYTES:
         raise DefinitionError("a workflow may have 1 MB", code="workflow.too_large")
@@ -43,7 +62,7 @@ def create_workflow(
     """Create a workflow with a draft; drafts may be unfinished.
 
     Raises:
-        DefinitionError: The name is empty or too long, or the document too large.
+        DefinitionError: The name is empty, too long or not printable, or the document too large.
         ForbiddenError: The actor may not draw here.
     """
     _may_draw(lab, actor)
@@ -52,6 +71,7 @@ def create_workflow(
         raise DefinitionError(
             "a workflow needs a name of 1 to 200 characters", code="workflow.name"
         )
+    _check_name(clean)
     draft = document or {"schema": SCHEMA, "name": clean, "steps": [], "edges": []}
     _check_size(draft)
     at = now()
@@ -75,18 +95,16 @@ def save_draft(
 
     Raises:
         RevisionError: Somebody saved in between; `context` carries the newer draft.
+        DefinitionError: The document is too large, or its name is not printable.
     """
     row = Workflow.objects.select_for_update().get(pk=selectors.find_workflow(workflow_id).pk)
     _may_draw(row.lab, actor)
     _check_size(document)
-    if row.draft_revision != revision:
-        raise RevisionError(
-            "somebody saved this draft in between",
-            code="workflow.revision",
-            context={"revision": row.draft_revision, "document": row.draft},
-        )
-    row.draft = document
+    _check_revision(row, revision)
     name = document.get("name")
+    if isinstance(name, str):
+        _check_name(name)
+    row.draft = document
     if isinstance(name, str) and 0 < len(name.strip()) <= LONGEST_NAME:
         row.name = name.strip()
     row.draft_revision += 1
@@ -97,15 +115,22 @@ def save_draft(
 
 
 @atomic
-def save_version(workflow_id: UUID, *, note: str, actor: User | None) -> WorkflowVersion:
+def save_version(
+    workflow_id: UUID, *, note: str, actor: User | None, revision: int | None = None
+) -> WorkflowVersion:
     """Freeze the draft as the next version; the same draft twice is one version.
 
+    `revision` is of the draft that the author saw; None freezes whichever is there.
+
     Raises:
+        RevisionError: Somebody saved in between; `context` carries the newer draft.
         ProtocolError: The draft is malformed; findings list each place.
     """
     row = Workflow.objects.select_for_update().get(pk=selectors.find_workflow(workflow_id).pk)
     if actor is not None:
         _may_draw(row.lab, actor)
+    if revision is not None:
+        _check_revision(row, revision)
     parse_workflow(row.draft)
     digest = hashlib.sha256(canonical(row.draft)).hexdigest()
     last = row.versions.order_by("-number").first()

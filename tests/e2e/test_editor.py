@@ -152,3 +152,63 @@ def press_to_the_end(chemist: Visitor, button: str) -> int:
         chemist.press(button)
         count += 1
     return count
+
+
+def step(kind: str, **params: str) -> dict[str, Any]:
+    """Return the one step of a workflow."""
+    return {"id": "s1", "kind": kind, "params": params, "position": {"x": 0, "y": 0}}
+
+
+def test_the_draft_of_somebody_else_is_asked_about_and_neither_saved_nor_started(
+    visit: Visit, stack: Stack
+) -> None:
+    chemist, other = visit("chemist"), visit("approver")
+    document = {"schema": "labweb.workflow/1", "name": "Two tabs", "edges": []}
+    mine = {**document, "steps": [step("wait", duration="1 s")]}
+    made = stack.client().call("POST", "workflows", {"name": "Two tabs", "document": mine})
+    address = f"workflows/{made['id']}/edit"
+    for tab in (chemist, other):
+        tab.open(address)
+        wait_until_checked(tab)
+    runs = len(stack.client().get("runs?limit=500")["runs"])
+    other.press(other.page.locator("article[data-step]"))
+    write(other, "duration", "7 s")
+    wait_until_saved(other)
+    expect(chemist.at("draft-conflict")).to_be_visible()
+    chemist.press("run")
+    expect(chemist.at("start-run")).to_be_disabled()
+    chemist.key("Escape")
+    chemist.press("save-version")
+    chemist.press("save-version-confirm")
+    expect(chemist.page.get_by_role("dialog")).to_contain_text("Somebody else saved")
+    chemist.key("Escape")
+    found = stack.client().get(f"workflows/{made['id']}")
+    assert found["versions"] == []
+    assert len(stack.client().get("runs?limit=500")["runs"]) == runs
+    chemist.press("load-theirs")
+    expect(chemist.at("draft-conflict")).to_have_count(0)
+    wait_until_checked(chemist)
+    chemist.press("run")
+    chemist.press("start-run")
+    chemist.page.wait_for_url("**/runs/*")
+    run = stack.client().run(chemist.page.url.rstrip("/").split("/")[-1])
+    assert run["document"]["steps"][0]["params"]["duration"] == "7 s"
+
+
+def test_what_was_drawn_as_the_session_ended_is_offered_after_signing_in(
+    visit: Visit, stack: Stack
+) -> None:
+    chemist = visit("chemist")
+    workflow = new_workflow(chemist, "Signed out")
+    chemist.context.clear_cookies(name="sessionid")
+    chemist.press("add-wait")
+    chemist.page.wait_for_url("**/login?next=*")
+    assert draft(stack, workflow)["steps"] == []
+    chemist.sign_in(stack, "chemist")
+    chemist.press("offer-restore")
+    expect(chemist.page.locator("article[data-step]")).to_have_count(1)
+    wait_until_saved(chemist)
+    assert [found["kind"] for found in draft(stack, workflow)["steps"]] == ["wait"]
+    chemist.page.reload()
+    expect(chemist.page.locator("article[data-step]")).to_have_count(1)
+    expect(chemist.at("draft-offer")).to_have_count(0)

@@ -95,8 +95,9 @@ export function saveDraft(
   return call("PUT", `/workflows/${id}/draft`, { document, revision });
 }
 
-export function saveVersion(id: string, note: string): Promise<Version> {
-  return call("POST", `/workflows/${id}/versions`, { note });
+/** Freeze the draft of the revision that was seen. */
+export function saveVersion(id: string, note: string, revision: number): Promise<Version> {
+  return call("POST", `/workflows/${id}/versions`, { note, revision });
 }
 
 export function checkDocument(
@@ -106,8 +107,9 @@ export function checkDocument(
   return call("POST", "/workflows/check", { document }, signal);
 }
 
-export function startRun(versionId: string): Promise<Run> {
-  return call("POST", "/runs", { version_id: versionId });
+/** Start a version by the plan that was seen. */
+export function startRun(versionId: string, planDigest: string): Promise<Run> {
+  return call("POST", "/runs", { version_id: versionId, plan_digest: planDigest });
 }
 
 export type RunAct = { act: "pause" | "resume" } | { act: "abort"; reason: string };

@@ -65,7 +65,11 @@ export function useWorkflows(): UseQueryResult<WorkflowRow[]> {
 }
 
 export function useWorkflow(id: string): UseQueryResult<Workflow> {
-  return useQuery({ queryKey: keys.workflow(id), queryFn: get<Workflow>(`/workflows/${id}`) });
+  return useQuery({
+    queryKey: keys.workflow(id),
+    queryFn: get<Workflow>(`/workflows/${id}`),
+    refetchOnMount: "always",
+  });
 }
 
 export function useVersion(id: string, number: number | null): UseQueryResult<Version> {

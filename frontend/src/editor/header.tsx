@@ -115,14 +115,16 @@ function SavedText() {
   const { result } = useVerdict();
   const time = useLabTime();
   if (!canEdit) return null;
-  const isSaved = saving.saved === document;
+  const isSaved = saving.saved === document && saving.conflict === null;
   const text = saving.problem
     ? `${words.editor.unsaved}: ${saving.problem}`
-    : isSaved
-      ? saving.savedAt
-        ? `saved ${time.second(saving.savedAt)}`
-        : "saved"
-      : words.editor.saving;
+    : saving.conflict !== null
+      ? words.editor.unsaved
+      : isSaved
+        ? saving.savedAt
+          ? `saved ${time.second(saving.savedAt)}`
+          : "saved"
+        : words.editor.saving;
   return (
     <span
       className={`t12 wide num cut ${saving.problem ? "err" : "m"}`}

@@ -6,15 +6,12 @@ import { useMutation } from "@tanstack/react-query";
 import { ReactFlowProvider, useReactFlow } from "@xyflow/react";
 import { useEffect, useMemo, useState } from "react";
 import { useParams } from "react-router";
-import { saveVersion } from "@/api/commands";
 import { keys } from "@/api/keys";
 import { client, useTopics } from "@/api/live";
-import { useResources, useSteps, useWorkflow } from "@/api/queries";
-import { call } from "@/api/client";
+import { useResources, useSession, useSteps, useWorkflow } from "@/api/queries";
 import type { Workflow } from "@/model/wire";
 import { Failed } from "@/ui/card";
 import { Button, Dialog, Refused, TextField } from "@/ui/controls";
-import { Glyph } from "@/ui/glyph";
 import { Canvas } from "./canvas";
 import { useChecking, useCheckNow } from "./check";
 import { ConnectMenu } from "./connectmenu";
@@ -24,15 +21,18 @@ import { Inspector } from "./inspector";
 import { useEditorKeys } from "./keys";
 import { ListView } from "./listview";
 import { Palette } from "./palette";
+import { Questions } from "./questions";
 import { RunSheet } from "./runsheet";
-import { flushAll, useAutosave } from "./saving";
+import { hearOf, saveSeen, useAutosave } from "./saving";
 import { useEditor } from "./store";
+import { isSame, keptOf, useKeeping } from "./unsaved";
 import { words } from "./words";
 
 export function EditorPage() {
   const { id = "" } = useParams();
   const workflow = useWorkflow(id);
-  if (workflow.data) {
+  // A draft from the cache may be older than one's own last save.
+  if (workflow.data && workflow.isFetchedAfterMount) {
     return (
       <ReactFlowProvider>
         <Editor workflow={workflow.data} key={id} />
@@ -41,7 +41,7 @@ export function EditorPage() {
   }
   return (
     <div className="wrap">
-      {workflow.error ? (
+      {workflow.error && !workflow.data ? (
         <div className="card">
           <Failed what="this workflow" error={workflow.error} retry={workflow.refetch} />
         </div>
@@ -56,13 +56,15 @@ type Sheet = "run" | "save" | "connect" | null;
 
 function Editor({ workflow }: { workflow: Workflow }) {
   const [sheet, setSheet] = useState<Sheet>(null);
+  // Before `useOpen`: what is left is saved before the store forgets what it is of.
+  useAutosave();
+  useKeeping();
   const isOpen = useOpen(workflow);
   const view = useEditor((state) => state.view);
   const flow = useReactFlow();
   const checkNow = useCheckNow();
   useTopics("workflows", "events", "devices");
   useChecking();
-  useAutosave();
   const acts = useMemo(
     () => ({
       onCheck: () => void checkNow(),
@@ -83,7 +85,7 @@ function Editor({ workflow }: { workflow: Workflow }) {
         onSave={acts.onSaveVersion}
         onRun={acts.onRun}
       />
-      <Conflict />
+      <Questions />
       <div className="panes wide">
         <Palette />
         {view === "canvas" ? (
@@ -100,7 +102,7 @@ function Editor({ workflow }: { workflow: Workflow }) {
       </div>
       <FindingsBar />
       <RunSheet isOpen={sheet === "run"} onClose={() => setSheet(null)} />
-      <SaveSheet isOpen={sheet === "save"} onClose={() => setSheet(null)} id={workflow.id} />
+      <SaveSheet isOpen={sheet === "save"} onClose={() => setSheet(null)} />
       <ConnectMenu isOpen={sheet === "connect"} onClose={() => setSheet(null)} />
     </div>
   );
@@ -110,50 +112,25 @@ function Editor({ workflow }: { workflow: Workflow }) {
 function useOpen(workflow: Workflow): boolean {
   const steps = useSteps().data;
   const resources = useResources().data;
+  const owner = useSession().data?.user?.username ?? "";
   const openId = useEditor((state) => state.workflowId);
+  const revision = useEditor((state) => state.saving.revision);
+  const isBusy = useEditor((state) => state.saving.isBusy);
   useEffect(() => {
     const { workflowId, open } = useEditor.getState();
-    if (workflowId !== workflow.id) open(workflow);
-  }, [workflow]);
+    if (workflowId === workflow.id) return hearOf(workflow);
+    const kept = keptOf(owner, workflow.id);
+    open(workflow, owner, kept && isSame(kept.document, workflow.draft) ? null : kept);
+  }, [workflow, owner, revision, isBusy]);
   useEffect(() => () => useEditor.getState().set({ workflowId: "" }), []);
   useEffect(() => useEditor.getState().setLab(steps, resources), [steps, resources]);
   return openId === workflow.id;
 }
 
-function Conflict() {
-  const conflict = useEditor((state) => state.saving.conflict);
-  const workflowId = useEditor((state) => state.workflowId);
-  if (conflict === null) return null;
-  const loadTheirs = async (): Promise<void> => {
-    const theirs = await call<Workflow>("GET", `/workflows/${workflowId}`);
-    client.setQueryData(keys.workflow(workflowId), theirs);
-    useEditor.getState().open(theirs);
-  };
-  const keepMine = async (): Promise<void> => {
-    const theirs = await call<Workflow>("GET", `/workflows/${workflowId}`);
-    const { setSaving } = useEditor.getState();
-    setSaving({ conflict: null, revision: theirs.draft_revision });
-    await flushAll();
-  };
-  return (
-    <div className="conflict" role="alert" data-testid="draft-conflict">
-      <Glyph look="needs" />
-      <span className="b">{words.editor.conflict}</span>
-      <i className="sp" />
-      <Button onClick={() => void loadTheirs()}>{words.editor.loadTheirs}</Button>
-      <Button onClick={() => void keepMine()}>{words.editor.keepMine}</Button>
-    </div>
-  );
-}
-
-function SaveSheet(props: { isOpen: boolean; onClose: () => void; id: string }) {
+function SaveSheet(props: { isOpen: boolean; onClose: () => void }) {
   const [note, setNote] = useState("");
   const save = useMutation({
-    mutationFn: async () => {
-      if (!(await flushAll()))
-        throw new Error("The draft could not be saved, so there is no version.");
-      return saveVersion(props.id, note.trim());
-    },
+    mutationFn: () => saveSeen(note.trim()),
     onSuccess: () => {
       void client.invalidateQueries({ queryKey: keys.workflows });
       setNote("");

@@ -1,24 +1,30 @@
 /** From the draft to a run: what will happen, who has to agree, then start. */
 
 import { useMutation } from "@tanstack/react-query";
+import { useEffect, useState } from "react";
 import { useNavigate } from "react-router";
-import { call } from "@/api/client";
-import { saveVersion, startRun } from "@/api/commands";
+import { ApiError, call } from "@/api/client";
+import { startRun } from "@/api/commands";
 import { useSession } from "@/api/queries";
 import { formatDuration } from "@/model/format";
 import type { Plan, Version, Workflow } from "@/model/wire";
 import { Button, Dialog, Refused } from "@/ui/controls";
 import { Glyph } from "@/ui/glyph";
 import { ModeChip } from "@/ui/state";
-import { useVerdict } from "./check";
-import { flushAll } from "./saving";
+import { runCheck, useVerdict } from "./check";
+import { flushOrThrow, hearOf, saveSeen } from "./saving";
 import { contentOf, useEditor } from "./store";
+import { words } from "./words";
 
-/** Save a version when the draft differs from the last one, and return the version to run. */
+/** Save a version when the page differs from the last one, and return the version to run. */
 async function versionToRun(): Promise<{ id: string }> {
-  const { workflowId, history } = useEditor.getState();
-  if (!(await flushAll())) throw new Error("The draft could not be saved, so nothing was started.");
+  await flushOrThrow();
+  const { workflowId, history, saving } = useEditor.getState();
   const workflow = await call<Workflow>("GET", `/workflows/${workflowId}`);
+  if (workflow.draft_revision !== saving.revision) {
+    hearOf(workflow);
+    throw new Error(words.editor.conflict);
+  }
   const latest = workflow.latest_version;
   if (latest) {
     const version = await call<Version>(
@@ -28,7 +34,7 @@ async function versionToRun(): Promise<{ id: string }> {
     if (version.document && contentOf(version.document) === contentOf(history.document))
       return latest;
   }
-  return saveVersion(workflowId, "Saved for a run");
+  return saveSeen("Saved for a run");
 }
 
 export function RunSheet({ isOpen, onClose }: { isOpen: boolean; onClose: () => void }) {
@@ -43,9 +49,14 @@ function Sheet({ onClose }: { onClose: () => void }) {
   const { result, findings } = useVerdict();
   const lab = useSession().data?.lab;
   const navigate = useNavigate();
+  const isFresh = useFreshCheck();
+  const isConflict = useEditor((state) => state.saving.conflict !== null);
   const start = useMutation({
-    mutationFn: async () => startRun((await versionToRun()).id),
+    mutationFn: async (seen: Plan) => startRun((await versionToRun()).id, seen.digest),
     onSuccess: (run) => void navigate(`/runs/${run.id}`),
+    onError: (error) => {
+      if (error instanceof ApiError && error.code === "run.plan_changed") void runCheck();
+    },
   });
   const plan = result?.plan ?? null;
   const policies = result?.policies ?? [];
@@ -73,6 +84,11 @@ function Sheet({ onClose }: { onClose: () => void }) {
       )}
       {plan && <Summary plan={plan} />}
       {policies.length > 0 && <Policies policies={policies} />}
+      {isConflict && !start.error && (
+        <p className="help bad" role="alert">
+          {words.editor.conflict} Settle that first.
+        </p>
+      )}
       <Refused error={start.error} />
       <div className="acts">
         <Button large onClick={onClose}>
@@ -83,8 +99,8 @@ function Sheet({ onClose }: { onClose: () => void }) {
           look="pri"
           testId="start-run"
           disabled={start.isPending}
-          why={whyNot(plan, lab?.stop.is_stopped === true)}
-          onClick={() => start.mutate()}
+          why={whyNot(plan, { isStopped: lab?.stop.is_stopped === true, isConflict, isFresh })}
+          onClick={() => plan && start.mutate(plan)}
         >
           {start.isPending ? "Starting…" : policies.length ? "Request approval" : verb}
         </Button>
@@ -93,8 +109,29 @@ function Sheet({ onClose }: { onClose: () => void }) {
   );
 }
 
-function whyNot(plan: Plan | null, isStopped: boolean): string | null {
+/** Check again as the sheet opens: the lab may have changed since one drew. */
+function useFreshCheck(): boolean {
+  const [isFresh, setFresh] = useState(false);
+  useEffect(() => {
+    const abort = new AbortController();
+    void runCheck(abort.signal).then(() => {
+      if (!abort.signal.aborted) setFresh(true);
+    });
+    return () => abort.abort();
+  }, []);
+  return isFresh;
+}
+
+interface Obstacles {
+  isStopped: boolean;
+  isConflict: boolean;
+  isFresh: boolean;
+}
+
+function whyNot(plan: Plan | null, { isStopped, isConflict, isFresh }: Obstacles): string | null {
   if (isStopped) return "The lab is stopped. Reset it first.";
+  if (isConflict) return `${words.editor.conflict} Settle that first.`;
+  if (!isFresh) return words.editor.checking;
   return plan ? null : "The findings have to be settled first.";
 }
 

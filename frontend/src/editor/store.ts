@@ -27,6 +27,12 @@ interface Saving {
   conflict: number | null;
 }
 
+/** What was drawn upon a revision and did not reach the server. */
+export interface Kept {
+  revision: number;
+  document: WorkflowDocument;
+}
+
 interface Checked {
   /** What was checked, as text without positions. */
   content: string;
@@ -36,6 +42,10 @@ interface Checked {
 
 export interface EditorState {
   workflowId: string;
+  /** Who draws. */
+  owner: string;
+  /** What this person left unsaved, as long as nobody said what becomes of it. */
+  offer: Kept | null;
   history: History;
   canEdit: boolean;
   selection: string[];
@@ -52,7 +62,7 @@ export interface EditorState {
   hint: string | null;
   /** Field that should take the focus, from a finding. */
   focusField: string | null;
-  open: (workflow: Workflow) => void;
+  open: (workflow: Workflow, owner: string, kept?: Kept | null) => void;
   setLab: (steps: Steps | undefined, resources: ResourceRow[] | undefined) => void;
   edit: (edit: Edit) => void;
   undo: () => void;
@@ -73,6 +83,8 @@ function keepKnown(selection: string[], document: WorkflowDocument): string[] {
 
 export const useEditor = create<EditorState>((set) => ({
   workflowId: "",
+  owner: "",
+  offer: null,
   history: startHistory(NOTHING),
   canEdit: false,
   selection: [],
@@ -95,24 +107,17 @@ export const useEditor = create<EditorState>((set) => ({
   connectFrom: null,
   hint: null,
   focusField: null,
-  open: (workflow) =>
+  open: (workflow, owner, kept = null) =>
     set({
       workflowId: workflow.id,
-      history: startHistory(workflow.draft),
+      owner,
       canEdit: workflow.can_edit,
       selection: [],
       checked: null,
       checkProblem: null,
       connectFrom: null,
       hint: null,
-      saving: {
-        revision: workflow.draft_revision,
-        saved: workflow.draft,
-        savedAt: null,
-        isBusy: false,
-        problem: null,
-        conflict: null,
-      },
+      ...opened(workflow, workflow.can_edit ? kept : null),
     }),
   setLab: (steps, resources) =>
     set({
@@ -130,6 +135,24 @@ export const useEditor = create<EditorState>((set) => ({
   set: (part) => set(part),
   setSaving: (part) => set((state) => ({ saving: { ...state.saving, ...part } })),
 }));
+
+/** The draft of the server; what was left unsaved is offered, or asked about if both moved on. */
+function opened(workflow: Workflow, kept: Kept | null): Partial<EditorState> {
+  const { draft, draft_revision: revision } = workflow;
+  const isOver = kept !== null && kept.revision !== revision;
+  return {
+    history: startHistory(isOver ? kept.document : draft),
+    offer: isOver ? null : kept,
+    saving: {
+      revision: isOver ? kept.revision : revision,
+      saved: draft,
+      savedAt: null,
+      isBusy: false,
+      problem: null,
+      conflict: isOver ? revision : null,
+    },
+  };
+}
 
 function changed(state: EditorState, history: History): Partial<EditorState> {
   return { history, selection: keepKnown(state.selection, history.document), hint: null };

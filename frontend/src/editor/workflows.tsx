@@ -19,7 +19,7 @@ export function WorkflowsPage() {
   const [source, setSource] = useState<WorkflowRow | null>(null);
   const mayEdit = useSession().data?.user?.permissions.includes("draw") ?? false;
   useTopics("workflows");
-  const isAsking = params.has("new") || source !== null;
+  const isAsking = mayEdit && (params.has("new") || source !== null);
   const close = (): void => {
     setSource(null);
     setParams({}, { replace: true });

@@ -35,6 +35,8 @@ class StartRun(msgspec.Struct, forbid_unknown_fields=True):
     """Body of a start."""
 
     version_id: UUID
+    plan_digest: str | None = None
+    """Of the plan that the caller saw; without it the present plan is started."""
 
 
 class Reason(msgspec.Struct, forbid_unknown_fields=True):
@@ -89,8 +91,9 @@ class Runs(APIView):
     def post(self, request: Request) -> Response:
         """Start a version, or ask for approval where a policy wants it."""
         user = user_of(request)
-        version = workflow_selectors.find_version(body(request, StartRun).version_id)
-        run = services.start_run(version, actor=user)
+        wanted = body(request, StartRun)
+        version = workflow_selectors.find_version(wanted.version_id)
+        run = services.start_run(version, actor=user, seen_digest=wanted.plan_digest)
         return Response(render.render_run(selectors.find_run(run.id), user), status=201)
 
 

@@ -23,7 +23,7 @@ from labweb.crutd import selectors as crutd_selectors
 from labweb.domain.approvals.roles import Permission
 from labweb.domain.crutd import operations
 from labweb.domain.crutd.decide import ResourceState
-from labweb.domain.errors import Finding, PreconditionError
+from labweb.domain.errors import Finding, PreconditionError, RevisionError
 from labweb.domain.runs.job import JobState, Mover, RunState
 from labweb.domain.workflows import plan as plans
 from labweb.domain.workflows.compile import LabView, compile_workflow
@@ -138,10 +138,13 @@ def _texts(value: object) -> Iterator[str]:
 
 
 @atomic
-def start_run(version: WorkflowVersion, *, actor: User) -> Run:
+def start_run(version: WorkflowVersion, *, actor: User, seen_digest: str | None = None) -> Run:
     """Compile a version against the lab as it is and queue it, or ask for approval.
 
+    `seen_digest` is of the plan that the actor saw; None agrees to the present one.
+
     Raises:
+        RevisionError: The plan is not the one the actor saw; nothing was written.
         ProtocolError, PlanningError: As `preview`; nothing was written.
         ForbiddenError: The actor may not run things on some resource of the plan.
         PreconditionError: The lab is stopped.
@@ -156,6 +159,8 @@ def start_run(version: WorkflowVersion, *, actor: User) -> Run:
     check_named(lab, version.document, actor, Permission.RUN)
     found = preview(lab, version.document)
     resource_selectors.require(actor, Permission.RUN, touched(found.plan))
+    plan_digest = plans.digest(found.plan)
+    _check_seen(plan_digest, seen_digest)
     needs_person = bool(found.policies)
     state = RunState.AWAITING_APPROVAL if needs_person else RunState.QUEUED
     number = (Run.objects.filter(lab=lab).aggregate(Max("number"))["number__max"] or 0) + 1
@@ -164,7 +169,7 @@ def start_run(version: WorkflowVersion, *, actor: User) -> Run:
         number=number,
         version=version,
         plan=msgspec.to_builtins(found.plan),
-        plan_digest=plans.digest(found.plan),
+        plan_digest=plan_digest,
         state=state.value,
         created_by=actor,
         created_at=now(),
@@ -174,10 +179,19 @@ def start_run(version: WorkflowVersion, *, actor: User) -> Run:
     if needs_person:
         _ask(run, found.policies, actor)
     account_services.write_audit(
-        "run.start", str(run.id), actor=actor, detail={"plan_digest": run.plan_digest}
+        "run.start", str(run.id), actor=actor, detail={"plan_digest": plan_digest}
     )
     on_commit(partial(announce, run.id))
     return run
+
+
+def _check_seen(plan_digest: str, seen_digest: str | None) -> None:
+    if seen_digest is not None and seen_digest != plan_digest:
+        raise RevisionError(
+            "the plan is not the one that was seen: the workflow or the lab has changed since",
+            code="run.plan_changed",
+            context={"plan_digest": plan_digest},
+        )
 
 
 def _write_jobs(run: Run, plan: Plan, state: JobState) -> None:

@@ -40,10 +40,38 @@ def test_a_malformed_draft_becomes_no_version(bench: Bench) -> None:
         services.save_version(row.id, note="", actor=chemist)
 
 
+def test_a_version_is_of_the_draft_its_author_saw(bench: Bench) -> None:
+    chemist, approver = bench.people["chemist"], bench.people["approver"]
+    document = bench.version(MOVE_WATER).document
+    row = services.create_workflow(bench.lab, name="Mine", document=document, actor=chemist)
+    theirs = {**document, "name": "Theirs"}
+    services.save_draft(row.id, document=theirs, revision=1, actor=approver)
+    with pytest.raises(RevisionError) as refusal:
+        services.save_version(row.id, note="", actor=chemist, revision=1)
+    assert refusal.value.code == "workflow.revision"
+    assert refusal.value.context == {"revision": 2, "document": theirs}
+    assert not WorkflowVersion.objects.filter(workflow=row).exists()
+    assert services.save_version(row.id, note="", actor=chemist, revision=2).document == theirs
+
+
 @pytest.mark.parametrize("name", ["", "   ", "x" * 201])
 def test_a_workflow_needs_a_name_of_bounded_length(bench: Bench, name: str) -> None:
     with pytest.raises(DefinitionError):
         services.create_workflow(bench.lab, name=name, document=None, actor=bench.people["chemist"])
+
+
+@pytest.mark.parametrize("name", ["Heat\u202egnp", "Heat\x07", "Heat\nand stir", "a\x00b"])
+def test_a_name_that_does_not_read_as_written_is_refused(bench: Bench, name: str) -> None:
+    chemist = bench.people["chemist"]
+    with pytest.raises(DefinitionError) as refusal:
+        services.create_workflow(bench.lab, name=name, document=None, actor=chemist)
+    assert refusal.value.code == "workflow.name"
+    row = services.create_workflow(bench.lab, name="Wärme 加热 5 µL", document=None, actor=chemist)
+    with pytest.raises(DefinitionError) as refusal:
+        services.save_draft(row.id, document={**EMPTY, "name": name}, revision=1, actor=chemist)
+    assert refusal.value.code == "workflow.name"
+    row.refresh_from_db()
+    assert (row.draft_revision, row.name) == (1, "Wärme 加热 5 µL")
 
 
 def test_an_observer_draws_nothing(bench: Bench) -> None:

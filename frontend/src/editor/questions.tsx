@@ -1,0 +1,66 @@
+/** What the editor asks about drafts: somebody else saved, or something was left unsaved. */
+
+import { call } from "@/api/client";
+import { keys } from "@/api/keys";
+import { client } from "@/api/live";
+import type { Workflow } from "@/model/wire";
+import { Button } from "@/ui/controls";
+import { Glyph } from "@/ui/glyph";
+import { flushAll } from "./saving";
+import { useEditor } from "./store";
+import { answerOffer } from "./unsaved";
+import { words } from "./words";
+
+export function Questions() {
+  const conflict = useEditor((state) => state.saving.conflict);
+  const offer = useEditor((state) => state.offer);
+  if (conflict !== null) return <Conflict />;
+  return offer ? <Offer /> : null;
+}
+
+function Conflict() {
+  const workflowId = useEditor((state) => state.workflowId);
+  const fetchTheirs = (): Promise<Workflow> => call<Workflow>("GET", `/workflows/${workflowId}`);
+  const loadTheirs = async (): Promise<void> => {
+    const theirs = await fetchTheirs();
+    client.setQueryData(keys.workflow(workflowId), theirs);
+    const { open, owner } = useEditor.getState();
+    open(theirs, owner);
+  };
+  const keepMine = async (): Promise<void> => {
+    const theirs = await fetchTheirs();
+    // The server has theirs: even an unchanged page has something to save now.
+    const { setSaving } = useEditor.getState();
+    setSaving({ conflict: null, revision: theirs.draft_revision, saved: theirs.draft });
+    await flushAll();
+  };
+  return (
+    <div className="conflict" role="alert" data-testid="draft-conflict">
+      <Glyph look="needs" />
+      <span className="b">{words.editor.conflict}</span>
+      <i className="sp" />
+      <Button onClick={() => void loadTheirs()} testId="load-theirs">
+        {words.editor.loadTheirs}
+      </Button>
+      <Button onClick={() => void keepMine()} testId="keep-mine">
+        {words.editor.keepMine}
+      </Button>
+    </div>
+  );
+}
+
+function Offer() {
+  return (
+    <div className="conflict" role="alert" data-testid="draft-offer">
+      <Glyph look="needs" />
+      <span className="b">{words.editor.offer}</span>
+      <i className="sp" />
+      <Button onClick={() => answerOffer(true)} testId="offer-restore">
+        {words.editor.restore}
+      </Button>
+      <Button onClick={() => answerOffer(false)} testId="offer-discard">
+        {words.editor.discard}
+      </Button>
+    </div>
+  );
+}
