@@ -48,16 +48,9 @@ export function RunSheet({ isOpen, onClose }: { isOpen: boolean; onClose: () => 
 function Sheet({ onClose }: { onClose: () => void }) {
   const { result, findings } = useVerdict();
   const lab = useSession().data?.lab;
-  const navigate = useNavigate();
   const isFresh = useFreshCheck();
   const isConflict = useEditor((state) => state.saving.conflict !== null);
-  const start = useMutation({
-    mutationFn: async (seen: Plan) => startRun((await versionToRun()).id, seen.digest),
-    onSuccess: (run) => void navigate(`/runs/${run.id}`),
-    onError: (error) => {
-      if (error instanceof ApiError && error.code === "run.plan_changed") void runCheck();
-    },
-  });
+  const start = useStart();
   const plan = result?.plan ?? null;
   const policies = result?.policies ?? [];
   const verb = lab?.mode === "live" ? "Start live" : "Start in simulation";
@@ -107,6 +100,18 @@ function Sheet({ onClose }: { onClose: () => void }) {
       </div>
     </div>
   );
+}
+
+/** Start by the plan that was seen; when it is another by now, show that one first. */
+function useStart() {
+  const navigate = useNavigate();
+  return useMutation({
+    mutationFn: async (seen: Plan) => startRun((await versionToRun()).id, seen.digest),
+    onSuccess: (run) => void navigate(`/runs/${run.id}`),
+    onError: (error) => {
+      if (error instanceof ApiError && error.code === "run.plan_changed") void runCheck();
+    },
+  });
 }
 
 /** Check again as the sheet opens: the lab may have changed since one drew. */
