@@ -90,9 +90,8 @@ def test_the_seal_never_goes_back_and_never_changes_its_journal(host: Host) -> N
     path = host.path.with_suffix(".seal")
     host.take(a_do(host.server))
     before = read_seal(path)
-    raise_seal(
-        path, Seal(journal_id=host.journal.journal_id, seq=1, hash="x"), host.journal._hash_at
-    )
+    journal_id, hash_at = host.journal.journal_id, host.journal._hash_at
+    raise_seal(path, Seal(journal_id=journal_id, seq=1, hash="x"), hash_at)
     assert read_seal(path) == before
     with pytest.raises(JournalError):
         raise_seal(path, Seal(journal_id=uuid4(), seq=99, hash="x"), hash_at)

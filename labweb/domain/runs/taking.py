@@ -79,16 +79,37 @@ def take_command(
 def _refuse(tx: JournalWrite, command: Command, signed: Signed, answer: Answer) -> Receipt:
     digest = hashlib.sha256(signed.body.encode()).hexdigest()
     action_id = None if isinstance(command, Reset) else command.action_id
-    record_refusal(tx, f"{answer.code}:{digest}", action_id, answer, digest)
+    subject = f"{answer.code}:{digest}"
+    record_refusal(tx, subject, action_id, answer, digest, command=type(command).__name__.lower())
     return Receipt(answer)
 
 
 def record_refusal(
-    tx: JournalWrite, subject: str, action_id: UUID | None, answer: Answer, digest: str
+    tx: JournalWrite,
+    subject: str,
+    action_id: UUID | None,
+    answer: Answer,
+    digest: str,
+    *,
+    command: str = "",
 ) -> None:
-    """Tell of a refusal once: a message that comes again says nothing new."""
+    """Tell of a refusal once: a message that comes again says nothing new.
+
+    Args:
+        tx: The write.
+        subject: What makes two refusals the same.
+        action_id: Action the command speaks of; None where its text cannot be trusted.
+        answer: Why.
+        digest: SHA-256 of the text.
+        command: `do`, `cancel`, `resolve` or `reset`; empty where it is not known.
+    """
     if tx.is_first_refusal(subject):
-        body = {"code": answer.code, "message": answer.message, "body_sha256": digest}
+        body = {
+            "command": command,
+            "code": answer.code,
+            "message": answer.message,
+            "body_sha256": digest,
+        }
         tx.append("refused", action_id, body)
 
 
