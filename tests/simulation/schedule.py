@@ -15,6 +15,13 @@ from tests.simulation.world import DRAIN_ROUNDS, STEPS, World, add_jobs
 Step = Callable[[World, SimHost], None]
 
 
+def _exchanges(world: World, host: SimHost) -> None:
+    """Let the uplink do a little of everything."""
+    world.step_uplink(host)
+    world.step_up(host)
+    world.step_down(host)
+
+
 def _broker_repeats(world: World, host: SimHost) -> None:
     waiting = world.brokers[host.name]
     if waiting:
@@ -137,16 +144,17 @@ def _row_lost(world: World, host: SimHost) -> None:
 
 WEIGHTS: dict[Step, float] = {
     lambda world, host: world.step_line(host): 40,
-    lambda world, host: world.step_broker(host): 12,
-    lambda world, host: world.step_uplink(host): 14,
-    lambda world, host: world.step_up(host): 12,
-    lambda world, host: world.step_down(host): 12,
+    _exchanges: 30,
+    lambda world, host: world.step_broker(host): 14,
+    lambda world, host: world.step_uplink(host): 4,
+    lambda world, host: world.step_up(host): 6,
+    lambda world, host: world.step_down(host): 6,
     lambda world, host: world.server.tick(): 8,
     _waits: 3,
     _broker_repeats: 2,
     _broker_drops: 1,
     _broker_purged: 0.2,
-    _cancels: 0.7,
+    _cancels: 0.5,
     _answers: 2,
     _sets_aside: 0.6,
     _cut_off: 0.8,

@@ -57,7 +57,12 @@ class Job:
     has_started: bool = False
     actions: list[Attempt] = field(default_factory=list)
 
+    targets: frozenset[UUID] = field(init=False)
     seen: scheduler.JobView | None = None
+
+    def __post_init__(self) -> None:
+        touched = (self.operation.source_id, self.operation.target_id)
+        self.targets = frozenset({self.device_id, *touched})
 
     @property
     def view(self) -> scheduler.JobView:
@@ -215,12 +220,12 @@ class SimServer:
                 step_id=one.host,
                 state=one.state,
                 has_started=one.has_started,
-                locks=self.targets(one),
+                locks=one.targets,
             )
             for one in self.jobs
             if one.run != made.run
         )
-        targets = self.targets(made)
+        targets = made.targets
         if any(target in holders for target in targets):
             return
         bench = (id_of(BENCH),)
@@ -247,10 +252,6 @@ class SimServer:
         host.outbox.append(Row(self._command(host, attempt), attempt.id, "do"))
         self.move(made, JobState.DISPATCHED, Mover.SCHEDULER)
         self.watch.dispatched(attempt)
-
-    @staticmethod
-    def targets(made: Job) -> frozenset[UUID]:
-        return frozenset({made.device_id, made.operation.source_id, made.operation.target_id})
 
     def _command(self, host: Host, attempt: Attempt) -> Do:
         made = attempt.job
@@ -317,7 +318,10 @@ class SimServer:
             found = edge.resolve(answer, moved_nl=moved_nl)
             assert found is not None
             state, outcome = found
-            self._settle(attempt, outcome, None, None)
+            if outcome.kind is OutcomeKind.UNKNOWN:
+                self._discard(attempt, {})
+            else:
+                self._settle(attempt, outcome, None, None)
             self.move(made, JobState(state.value), Mover.PERSON)
             return
         rows = host.outbox
@@ -476,7 +480,7 @@ class SimServer:
         if meaning.outcome is not None:
             is_discarded = meaning.is_resolution and meaning.outcome.kind is OutcomeKind.UNKNOWN
             if is_discarded:
-                self._discard(attempt)
+                self._discard(attempt, event.body.get("revs") or {})
             else:
                 self._settle(attempt, meaning.outcome, event.body.get("change"), event.body)
         if meaning.state is not None:
@@ -516,14 +520,12 @@ class SimServer:
                 touched.add(UUID(account))
         for vessel_id in change.quarantined:
             self.vessels[vessel_id].quarantined_by = str(attempt.id)
-        if revs:
-            for key, rev in revs.items():
-                vessel = self.vessels[UUID(key)]
-                vessel.view = msgspec.structs.replace(vessel.view, rev=rev)
-        else:
-            for vessel_id in touched:
-                vessel = self.vessels[vessel_id]
-                vessel.view = msgspec.structs.replace(vessel.view, rev=vessel.view.rev + 1)
+        self._set_revs(revs or {str(i): self.vessels[i].view.rev + 1 for i in touched})
+
+    def _set_revs(self, revs: dict[str, int]) -> None:
+        for key, rev in revs.items():
+            vessel = self.vessels[UUID(key)]
+            vessel.view = msgspec.structs.replace(vessel.view, rev=rev)
 
     def _close(self, attempt: Attempt, state: TransactionState, *, is_freed: bool) -> None:
         was_quarantined = attempt.transaction is TransactionState.QUARANTINED
@@ -536,8 +538,9 @@ class SimServer:
                 if vessel.quarantined_by == str(attempt.id):
                     vessel.quarantined_by = None
 
-    def _discard(self, attempt: Attempt) -> None:
+    def _discard(self, attempt: Attempt, revs: dict[str, int]) -> None:
         lifecycle.check_step(attempt.transaction, TransactionState.ROLLED_BACK)
+        self._set_revs(revs)
         self._close(attempt, TransactionState.ROLLED_BACK, is_freed=False)
 
     # --- quarantine ---
