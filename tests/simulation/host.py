@@ -60,6 +60,9 @@ class Lab(Protocol):
 
     now_s: float
 
+    def started(self, host: SimHost, row: ActionRow) -> None:
+        """Look at a start that is on disk."""
+
     def begin(self, host: SimHost, started: Started) -> None:
         """Send the first byte."""
 
@@ -101,6 +104,7 @@ class SimHost:
         # What only an onlooker knows.
         self.resumed_boot = -1
         self.is_put_back = False
+        self.was_put_back = False
         self.new_journal()
 
     # --- disk ---
@@ -219,6 +223,7 @@ class SimHost:
             found = acting.start(tx, row, do, at=self.moment(), scene=SCENE)
         if not isinstance(found, Started):
             return found.kind == edge.REJECT
+        self.lab.started(self, row)
         yield "after started"
         yield from self._act(found)
         return True

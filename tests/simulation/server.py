@@ -134,6 +134,9 @@ class Watch(Protocol):
     def dispatched(self, attempt: Attempt) -> None:
         """A job was sent to a host."""
 
+    def fenced(self, host: Host, code: str) -> None:
+        """A host was put into quarantine."""
+
     def ingested(self, host: Host, fresh: Sequence[EdgeEvent]) -> None:
         """Events were written down."""
 
@@ -554,7 +557,7 @@ class SimServer:
             self._fence(host, code)
 
     def _fence(self, host: Host, code: str) -> None:
-        self.watch.say(f"host {host.name} is quarantined: {code}")
+        self.watch.fenced(host, code)
         self.tickets.append(code)
         for made in self.jobs:
             if made.host == host.name and made.state in job.AT_EDGE:

@@ -56,6 +56,12 @@ class World:
             self.say(f"job {job.index}: {before.value} → {job.state.value} ({mover.value})")
         checks.check_move(self, job, before, mover)
 
+    def fenced(self, host: Host, code: str) -> None:
+        self.say(f"host {host.name} is quarantined: {code}")
+        there = self.hosts[host.name]
+        has_cause = there.was_put_back or there.lost_rows
+        require(has_cause, "Q", f"host {host.name} is quarantined without a cause: {code}")
+
     def dispatched(self, attempt: Attempt) -> None:
         checks.check_dispatch(self, attempt)
 
@@ -72,6 +78,19 @@ class World:
 
     # --- what hosts do to matter ---
 
+    def started(self, host: SimHost, row: ActionRow) -> None:
+        """I13: an action is allowed to start; judged by what only an onlooker knows."""
+        floor = int(host.disk.meta.get("floor", 0))
+        require(row.dseq >= floor, "I13", f"dispatch {row.dseq} is below the floor {floor}")
+        last = self.last_start.get(row.device_id, 0)
+        require(row.dseq > last, "I13", f"dispatch {row.dseq} starts after {last}")
+        self.last_start[row.device_id] = row.dseq
+        require(host.resumed_boot == host.boot_count, "I13", "starts before a session in this boot")
+        require(not host.is_put_back, "I13", "starts on a journal that was put back from a copy")
+        doubtful = host.disk.rows(ActionState.IN_DOUBT)
+        is_closed = any(one.device_id == row.device_id for one in doubtful)
+        require(not is_closed, "I14", "starts on a device with an action in doubt")
+
     def begin(self, host: SimHost, started: Started) -> None:
         """The first byte: from here on the device acts by itself."""
         row = started.row
@@ -80,13 +99,6 @@ class World:
         if self.trace is not None:
             self.say(f"{host.name} acts: dispatch {row.dseq}")
         require(count == 1, "I1", f"dispatch {row.dseq} of {host.name} happened {count} times")
-        state = host.disk.host_state(host.boot_id)
-        require(row.dseq >= state.floor, "I13", f"dispatch {row.dseq} is below the floor")
-        last = self.last_start.get(row.device_id, 0)
-        require(row.dseq > last, "I13", f"dispatch {row.dseq} starts after {last}")
-        self.last_start[row.device_id] = row.dseq
-        require(host.resumed_boot == host.boot_count, "I13", "acts before a session in this boot")
-        require(not host.is_put_back, "I13", "acts on a journal that was put back from a copy")
         written = host.disk.actions[row.action_id].st
         require(written is ActionState.STARTED, "I13", "acts before the start is on disk")
 
@@ -251,6 +263,7 @@ class World:
         is_same = seal is None or (
             disk.journal_id == seal.journal_id and disk.hash_at(seal.seq) == seal.hash
         )
+        host.was_put_back = True
         host.is_put_back = not is_same
         if not is_same:
             self.say(f"{host.name}: the journal is put back to event {host.disk.head[0]}")
@@ -262,7 +275,7 @@ class World:
             if disk.journal_id == known.journal_id and disk.head[0] < known.acked_seq:
                 self.kill_host(host)
                 host.disk, host.seal = disk.copy(), seal
-                host.is_put_back = True
+                host.is_put_back = host.was_put_back = True
                 self.say(f"{host.name}: the whole disk is put back to event {disk.head[0]}")
                 self._guarded(host, lambda: host.start(is_cold=True))
                 return
@@ -302,35 +315,34 @@ class World:
         self.say(f"a person sets the journal of {host.name} aside")
         self.kill_host(host)
         host.new_journal()
-        host.is_put_back = False
+        host.is_put_back = host.was_put_back = False
+        host.lost_rows.clear()
         self.server.readmit(known)
         self._guarded(host, lambda: host.start(is_cold=False))
 
 
-ROUTES: tuple[tuple[tuple[str, int, bool], ...], ...] = (
-    (("A", 0, True), ("A", 0, False)),
-    (("A", 1, True), ("B", 0, True), ("B", 0, False)),
-    (("B", 1, True),),
+ROUTES: tuple[tuple[int, str, int, bool, tuple[int, ...]], ...] = (
+    (0, "A", 0, True, ()),
+    (0, "A", 0, False, (0,)),
+    (1, "A", 1, True, ()),
+    (1, "B", 0, True, (2,)),
+    (1, "B", 1, True, (2,)),
+    (1, "B", 0, False, (3,)),
 )
-"""Host, pump, and whether it draws: one run works on A alone, one goes on to B, one is B's."""
+"""Run, host, pump, whether it draws, and what comes before: the second run goes on to B."""
 
 
 def add_jobs(world: World) -> None:
     """Submit the runs."""
-    index = 0
-    for run, route in enumerate(ROUTES):
-        after: tuple[int, ...] = ()
-        for name, number, is_draw in route:
-            pump = PUMPS[name, number]
-            made = Job(
-                id=id_of(JOB, index + 1),
-                index=index,
-                run=run,
-                host=name,
-                device_id=pump.id,
-                operation=stroke(pump, is_draw=is_draw),
-                after=after,
-            )
-            world.server.add_job(made)
-            after = (index,)
-            index += 1
+    for index, (run, name, number, is_draw, after) in enumerate(ROUTES):
+        pump = PUMPS[name, number]
+        made = Job(
+            id=id_of(JOB, index + 1),
+            index=index,
+            run=run,
+            host=name,
+            device_id=pump.id,
+            operation=stroke(pump, is_draw=is_draw),
+            after=after,
+        )
+        world.server.add_job(made)
