@@ -6,7 +6,7 @@ kills it; where random ones are too rare, a directed schedule stands in `directe
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from typing import Any
@@ -63,9 +63,8 @@ def locks_off(patch: Patch) -> None:
 
 def started_after_acting(patch: Patch) -> None:
     """The start is written when the device has answered."""
-    real = SimHost._try
 
-    def attempt(self: SimHost, row: ActionRow) -> Iterator[str]:
+    def attempt(self: SimHost, row: ActionRow) -> Generator[str, None, bool]:
         started = acting.Started(row, row.do)
         if self.is_held(row):
             return False
@@ -82,7 +81,6 @@ def started_after_acting(patch: Patch) -> None:
             acting.write_end(tx, row, report, [])
         return True
 
-    assert real is not attempt
     patch.setattr(SimHost, "_try", attempt)
 
 
@@ -211,9 +209,11 @@ def no_tombstone(patch: Patch) -> None:
 
 def seal_moves_anyway(patch: Patch) -> None:
     """A journal that was put back wipes out the evidence as soon as it is long enough."""
-    patch.setattr(
-        sim_host, "is_raised", lambda found, wanted, hash_at_found: wanted.seq > found.seq
-    )
+
+    def raised(found: Seal, wanted: Seal, *, hash_at_found: str | None) -> bool:
+        return wanted.seq > found.seq
+
+    patch.setattr(sim_host, "is_raised", raised)
 
 
 def seal_goes_back(patch: Patch) -> None:

@@ -318,6 +318,9 @@ class World:
         host.is_put_back = host.was_put_back = False
         host.lost_rows.clear()
         self.server.readmit(known)
+        # Its connections are closed with it: a HELLO of the old journal may be on the wire.
+        for link in self.links[host.name]:
+            link.is_closed_at_server = True
         self._guarded(host, lambda: host.start(is_cold=False))
 
 

@@ -158,6 +158,7 @@ def readmitted(record: HostRecord) -> HostRecord:
 
     The old journal was set aside with every process of the host down, so nothing that it
     had accepted can start any more; its epoch and the floor void what is still on its way.
+    The caller closes the host's connections: a HELLO of the old journal may wait on one.
     """
     return replace(
         record,
