@@ -222,7 +222,7 @@ def seal_goes_back(patch: Patch) -> None:
 
 
 def seal_of_any_journal(patch: Patch) -> None:
-    """The seal is not bound to its journal."""
+    """The seal is bound neither to its journal nor to an event of it."""
     real_find, real_raise = journal.find_regression, journal.is_raised
 
     def find(chain: journal.Chain, seal: Seal | None) -> str | None:
