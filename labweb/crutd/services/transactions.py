@@ -306,6 +306,9 @@ def discard(transaction_id: UUID, settlement: Settlement) -> None:
     row = selectors.transaction_for_update(transaction_id)
     lifecycle.check_step(TransactionState(row.state), TransactionState.ROLLED_BACK)
     change = Change(state=TransactionState.ROLLED_BACK)
+    # The host has raised them by closing the vessels anew; what it is sent next must not
+    # look older than what it knows.
+    resource_services.set_revs(settlement.revs)
     _close(row, change, settlement)
     record(row, change)
 
@@ -375,6 +378,12 @@ def open_ticket(lab: Lab, code: str, message: str, detail: Mapping[str, Any]) ->
     )
     on_commit(partial(feed.publish, "lab", {"ticket_id": str(ticket.id)}))
     return ticket
+
+
+def has_open_ticket(lab: Lab, code: str, host_id: str) -> bool:
+    """Say whether a person was asked about a host already, and has not answered."""
+    rows = Ticket.objects.filter(lab=lab, code=code, closed_at__isnull=True)
+    return rows.filter(detail__host_id=host_id).exists()
 
 
 @atomic

@@ -12,6 +12,7 @@ from labweb.runs.services.control import (
 )
 from labweb.runs.services.dispatch import dispatch_ready, publish_outbox
 from labweb.runs.services.ingest import ingest_events, note_quarantine
+from labweb.runs.services.isolation import isolate_hosts
 from labweb.runs.services.start import (
     check_named,
     decide_request,
@@ -27,6 +28,7 @@ __all__ = [
     "decide_request",
     "dispatch_ready",
     "ingest_events",
+    "isolate_hosts",
     "names_for",
     "note_quarantine",
     "pause_run",
