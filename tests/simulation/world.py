@@ -324,7 +324,9 @@ class World:
         self._guarded(host, lambda: host.start(is_cold=False))
 
 
-ROUTES: tuple[tuple[int, str, int, bool, tuple[int, ...]], ...] = (
+Route = tuple[int, str, int, bool, tuple[int, ...]]
+
+ROUTES: tuple[Route, ...] = (
     (0, "A", 0, True, ()),
     (0, "A", 0, False, (0,)),
     (1, "A", 1, True, ()),
@@ -335,9 +337,19 @@ ROUTES: tuple[tuple[int, str, int, bool, tuple[int, ...]], ...] = (
 """Run, host, pump, whether it draws, and what comes before: the second run goes on to B."""
 
 
-def add_jobs(world: World) -> None:
+APART: tuple[Route, ...] = (
+    (0, "A", 0, True, ()),
+    (0, "A", 0, False, (0,)),
+    (1, "B", 0, True, ()),
+    (1, "B", 0, False, (2,)),
+    (2, "B", 1, True, ()),
+)
+"""The same for two hosts that have nothing to do with each other."""
+
+
+def add_jobs(world: World, routes: tuple[Route, ...] = ROUTES) -> None:
     """Submit the runs."""
-    for index, (run, name, number, is_draw, after) in enumerate(ROUTES):
+    for index, (run, name, number, is_draw, after) in enumerate(routes):
         pump = PUMPS[name, number]
         made = Job(
             id=id_of(JOB, index + 1),
