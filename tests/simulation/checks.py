@@ -12,7 +12,7 @@ from labweb.domain.runs.session import SessionState
 from tests.simulation.lab import OWNER
 
 if TYPE_CHECKING:
-    from tests.simulation.server import Attempt, Host, Job
+    from tests.simulation.rows import Attempt, Host, Job
     from tests.simulation.world import World
 
 SENT = frozenset(

@@ -316,9 +316,8 @@ def old_epoch_stays(patch: Patch) -> None:
 
 def refusal_ends_any_job(patch: Patch) -> None:
     """A refused command ends its job, wherever the job stands."""
-    patch.setattr(
-        intake, "_read_refusal", lambda body, current: intake._read_end(JobState.REJECTED, body)
-    )
+    ended = JobState.REJECTED
+    patch.setattr(intake, "_read_refusal", lambda body, _: intake._read_end(ended, body))
 
 
 def dependents_go_on(patch: Patch) -> None:

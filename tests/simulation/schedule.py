@@ -9,7 +9,7 @@ from labweb.domain.runs.job import AT_EDGE, FINAL, JobState
 from labweb.domain.runs.session import SessionState
 from tests.simulation import checks
 from tests.simulation.host import SimHost
-from tests.simulation.server import Host, Job
+from tests.simulation.rows import Host, Job
 from tests.simulation.world import DRAIN_ROUNDS, STEPS, World, add_jobs
 
 Step = Callable[[World, SimHost], None]

@@ -6,180 +6,38 @@ Each public method is one database transaction: it happens whole or not at all.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
-from typing import Any, Protocol
+from dataclasses import replace
+from typing import Any
 from uuid import UUID
 
 import msgspec
 
 from labweb.domain.crutd import decide, lifecycle, operations
-from labweb.domain.crutd.decide import Change, Outcome, OutcomeKind, ResourceState
-from labweb.domain.crutd.lifecycle import TransactionState
-from labweb.domain.crutd.operations import TransferLiquid
-from labweb.domain.errors import LabError, StateError
+from labweb.domain.crutd.decide import Outcome, OutcomeKind
+from labweb.domain.errors import LabError
 from labweb.domain.messages import (
     Ack,
     Cancel,
-    Command,
     Do,
     EdgeEvent,
     Events,
     Hello,
     Resolve,
-    ResourceView,
     Resume,
     Signed,
     Welcome,
 )
-from labweb.domain.resources.contents import add, remove
 from labweb.domain.runs import edge, intake, isolation, job, locks, relay, scheduler, session
 from labweb.domain.runs.job import JobState, Mover
-from labweb.domain.runs.locks import Lock
-from labweb.domain.runs.session import HostRecord, SessionState
+from labweb.domain.runs.session import SessionState
 from tests.simulation.host import Link
-from tests.simulation.lab import ACTION, BENCH, HOSTS, OWNER, host_id, id_of, vessels
-
-EVENTS_WITHOUT_JOB = frozenset({"boot", "armed"})
-
-
-@dataclass(eq=False)
-class Job:
-    """One job, and its only try."""
-
-    id: UUID
-    index: int
-    run: int
-    host: str
-    device_id: UUID
-    operation: TransferLiquid
-    after: tuple[int, ...]
-    state: JobState = JobState.QUEUED
-    has_started: bool = False
-    actions: list[Attempt] = field(default_factory=list)
-
-    targets: frozenset[UUID] = field(init=False)
-    seen: scheduler.JobView | None = None
-
-    def __post_init__(self) -> None:
-        touched = (self.operation.source_id, self.operation.target_id)
-        self.targets = frozenset({self.device_id, *touched})
-
-    @property
-    def view(self) -> scheduler.JobView:
-        if self.seen is None or self.seen.state is not self.state:
-            self.seen = scheduler.JobView(
-                id=self.id,
-                index=self.index,
-                state=self.state,
-                after=self.after,
-                host_id=host_id(self.host),
-            )
-        return self.seen
+from tests.simulation.lab import ACTION, BENCH, id_of
+from tests.simulation.record import Record
+from tests.simulation.rows import Attempt, Host, Job, Row
 
 
-@dataclass(eq=False)
-class Attempt:
-    """One try, with the locks that it holds until it is settled."""
-
-    id: UUID
-    job: Job
-    dseq: int
-    targets: frozenset[UUID]
-    locks: tuple[Lock, ...]
-    transaction: TransactionState = TransactionState.LOCKED
-
-
-@dataclass(eq=False)
-class Row:
-    """A command in the outbox."""
-
-    command: Command
-    action_id: UUID
-    kind: str
-    sent_at_s: float | None = None
-    is_answered: bool = False
-
-
-@dataclass(eq=False)
-class Host:
-    """What the server remembers of a host."""
-
-    name: str
-    record: HostRecord
-    state: SessionState = SessionState.ENROLLING
-    beat_at_s: float = 0.0
-    is_resumed: bool = False
-    log: list[EdgeEvent] = field(default_factory=list)
-    """Events applied of the present journal."""
-
-    outbox: list[Row] = field(default_factory=list)
-
-
-@dataclass
-class Vessel:
-    """A vessel as the server knows it."""
-
-    view: ResourceView
-    quarantined_by: str | None = None
-
-
-class Watch(Protocol):
-    """What looks on."""
-
-    now_s: float
-
-    def moved(self, job: Job, before: JobState, mover: Mover) -> None:
-        """A job has changed its state."""
-
-    def dispatched(self, attempt: Attempt) -> None:
-        """A job was sent to a host."""
-
-    def fenced(self, host: Host, code: str) -> None:
-        """A host was put into quarantine."""
-
-    def ingested(self, host: Host, fresh: Sequence[EdgeEvent]) -> None:
-        """Events were written down."""
-
-    def ring(self, host: str, signed: Signed, command: Command) -> None:
-        """A doorbell rings."""
-
-    def say(self, text: str) -> None:
-        """Write a line of the trace."""
-
-
-class SimServer:
+class SimServer(Record):
     """Jobs, hosts, vessels and the outbox."""
-
-    def __init__(self, watch: Watch) -> None:
-        self.watch = watch
-        self.jobs: list[Job] = []
-        self.by_index: dict[int, Job] = {}
-        self.attempts: dict[UUID, Attempt] = {}
-        self.vessels = {view.id: Vessel(view) for view in vessels()}
-        self.tickets: list[str] = []
-        self.hosts = {
-            host_id(name): Host(
-                name=name,
-                record=HostRecord(
-                    host_id=host_id(name), journal_id=None, acked_seq=0, hash_at_acked="", epoch=0
-                ),
-            )
-            for name in HOSTS
-        }
-
-    def host(self, name: str) -> Host:
-        return self.hosts[host_id(name)]
-
-    def add_job(self, made: Job) -> None:
-        self.jobs.append(made)
-        self.by_index[made.index] = made
-
-    def move(self, job_: Job, state: JobState, mover: Mover) -> None:
-        job.check_step(job_.state, state, mover)
-        before, job_.state = job_.state, state
-        if state is JobState.RUNNING:
-            job_.has_started = True
-        self.watch.moved(job_, before, mover)
 
     # --- scheduling ---
 
@@ -276,21 +134,6 @@ class SimServer:
             resources=[self.vessels[vessel].view for vessel in touched],
         )
 
-    def snapshot(self, operation: TransferLiquid) -> dict[UUID, ResourceState]:
-        found = {}
-        for vessel_id in operations.touched_ids(operation):
-            vessel = self.vessels[vessel_id]
-            view = vessel.view
-            found[vessel_id] = ResourceState(
-                id=view.id,
-                name=view.name,
-                kind=view.kind,
-                contents=dict(view.contents),  # type: ignore[arg-type]
-                capacity_nl=view.capacity_nl,
-                quarantined_by=vessel.quarantined_by,
-            )
-        return found
-
     def publish(self, host: Host) -> None:
         """Ring for every command that is not answered."""
         for row in host.outbox:
@@ -352,19 +195,6 @@ class SimServer:
             for row in host.outbox
         ):
             host.outbox.append(Row(command, attempt.id, name))
-
-    def take_stock(self, vessel_id: UUID, nl: int) -> bool:
-        """Write down what a person found in a closed vessel, while nothing is open on it."""
-        is_open = any(vessel_id in one.targets and one.locks for one in self.attempts.values())
-        if is_open:
-            return False
-        vessel = self.vessels[vessel_id]
-        lot = f"lot {OWNER[vessel_id]}"
-        view = msgspec.structs.replace(
-            vessel.view, contents={lot: nl} if nl else {}, rev=vessel.view.rev + 1
-        )
-        self.vessels[vessel_id] = Vessel(view)
-        return True
 
     def readmit(self, host: Host) -> None:
         """Let a host begin again, after a person took stock and set its journal aside."""
@@ -488,63 +318,6 @@ class SimServer:
                 self._settle(attempt, meaning.outcome, event.body.get("change"), event.body)
         if meaning.state is not None:
             self.move(attempt.job, meaning.state, Mover.EDGE)
-
-    # --- the record ---
-
-    def _settle(
-        self,
-        attempt: Attempt,
-        outcome: Outcome,
-        reported: dict[str, Any] | None,
-        body: Any,  # noqa: ANN401 - an event's
-    ) -> None:
-        operation = attempt.job.operation
-        try:
-            change = decide.settle(operation, self.snapshot(operation), outcome)
-        except StateError as error:
-            self.tickets.append(error.code)
-            change = decide.settle(operation, {}, Outcome(kind=OutcomeKind.UNKNOWN))
-        if reported is not None and reported != change.to_json():
-            self.tickets.append("reconcile.drift")
-            for vessel_id in operations.touched_ids(operation):
-                self.vessels[vessel_id].quarantined_by = str(attempt.id)
-        lifecycle.check_step(attempt.transaction, change.state)
-        self._write(attempt, change, (body or {}).get("revs") or {})
-        self._close(attempt, change.state, is_freed=True)
-
-    def _write(self, attempt: Attempt, change: Change, revs: dict[str, int]) -> None:
-        touched = set(change.quarantined)
-        for posting in change.postings:
-            parts = {posting.lot: posting.amount_nl}
-            for account, pour in ((posting.debit, remove), (posting.credit, add)):
-                vessel = self.vessels[UUID(account)]
-                left = pour(vessel.view.contents, parts)  # type: ignore[arg-type]
-                vessel.view = msgspec.structs.replace(vessel.view, contents=left)
-                touched.add(UUID(account))
-        for vessel_id in change.quarantined:
-            self.vessels[vessel_id].quarantined_by = str(attempt.id)
-        self._set_revs(revs or {str(i): self.vessels[i].view.rev + 1 for i in touched})
-
-    def _set_revs(self, revs: dict[str, int]) -> None:
-        for key, rev in revs.items():
-            vessel = self.vessels[UUID(key)]
-            vessel.view = msgspec.structs.replace(vessel.view, rev=rev)
-
-    def _close(self, attempt: Attempt, state: TransactionState, *, is_freed: bool) -> None:
-        was_quarantined = attempt.transaction is TransactionState.QUARANTINED
-        attempt.transaction = state
-        if state not in lifecycle.FINAL:
-            return
-        attempt.locks = ()
-        if was_quarantined and is_freed:
-            for vessel in self.vessels.values():
-                if vessel.quarantined_by == str(attempt.id):
-                    vessel.quarantined_by = None
-
-    def _discard(self, attempt: Attempt, revs: dict[str, int]) -> None:
-        lifecycle.check_step(attempt.transaction, TransactionState.ROLLED_BACK)
-        self._set_revs(revs)
-        self._close(attempt, TransactionState.ROLLED_BACK, is_freed=False)
 
     # --- quarantine ---
 

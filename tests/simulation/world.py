@@ -19,7 +19,8 @@ from tests.simulation import checks
 from tests.simulation.checks import require
 from tests.simulation.host import KilledError, Link, SimHost
 from tests.simulation.lab import HOSTS, JOB, PUMPS, STROKE_NL, Matter, id_of, stroke
-from tests.simulation.server import Attempt, Host, Job, SimServer
+from tests.simulation.rows import Attempt, Host, Job
+from tests.simulation.server import SimServer
 
 STEPS = 220
 DRAIN_ROUNDS = 400

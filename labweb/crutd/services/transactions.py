@@ -380,12 +380,6 @@ def open_ticket(lab: Lab, code: str, message: str, detail: Mapping[str, Any]) ->
     return ticket
 
 
-def has_open_ticket(lab: Lab, code: str, host_id: str) -> bool:
-    """Say whether a person was asked about a host already, and has not answered."""
-    rows = Ticket.objects.filter(lab=lab, code=code, closed_at__isnull=True)
-    return rows.filter(detail__host_id=host_id).exists()
-
-
 @atomic
 def carry_out(
     operation: operations.Operation, *, lab: Lab, actor_id: UUID, targets: Collection[UUID] = ()

@@ -12,6 +12,7 @@ from django.db.transaction import atomic
 
 from labweb.accounts import selectors as account_selectors
 from labweb.common.clock import now
+from labweb.crutd import selectors as crutd_selectors
 from labweb.crutd import services as crutd_services
 from labweb.crutd.services import Settlement
 from labweb.domain.crutd.decide import Outcome, OutcomeKind
@@ -80,7 +81,8 @@ def note_quarantine(host_id: UUID) -> None:
     host = enrollment_selectors.host_for_update(host_id)
     code = str(host.heartbeat.get("code", "host.quarantined"))
     message = f"{host.name} is quarantined: {host.heartbeat.get('message', 'its journal differs')}"
-    if not crutd_services.has_open_ticket(host.lab, code, str(host.id)):
+    known = crutd_selectors.open_tickets(host.lab).filter(code=code, detail__host_id=str(host.id))
+    if not known.exists():
         crutd_services.open_ticket(host.lab, code, message, {"host_id": str(host.id)})
     _fence_jobs(host)
 
