@@ -196,6 +196,10 @@ class Transaction:
         row = (str(view.id), view.rev, canonical(view).decode(), held.quarantined_by)
         self._run("INSERT OR REPLACE INTO resource_state VALUES (?, ?, ?, ?)", row)
 
+    def drop_resource(self, resource_id: UUID) -> None:
+        """Forget a resource that another host owns from here on."""
+        self._run("DELETE FROM resource_state WHERE id = ?", (str(resource_id),))
+
     def quarantined_for(self, action_id: UUID) -> list[HeldResource]:
         """Return the resources that an action in doubt has closed."""
         found = self._run(

@@ -197,6 +197,11 @@ class MemoryWrite:
     def put_resource(self, held: HeldResource) -> None:
         self._put(self._disk.resources, held.view.id, held)
 
+    def drop_resource(self, resource_id: UUID) -> None:
+        old = self._disk.resources.pop(resource_id, None)
+        if old is not None:
+            self._undo.append((self._disk.resources, resource_id, old))
+
     def quarantined_for(self, action_id: UUID) -> list[HeldResource]:
         text = str(action_id)
         found = [one for one in self._disk.resources.values() if one.quarantined_by == text]
