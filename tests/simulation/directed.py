@@ -7,7 +7,8 @@ from uuid import UUID
 
 import msgspec
 
-from labweb.domain.messages import Command, Do, Signed
+from labweb.domain.messages import Command, Do, Reset, Signed, StopLab
+from labweb.domain.runs import standing
 from labweb.domain.runs.job import JobState
 from labweb.domain.runs.journal import HeldResource
 from labweb.domain.runs.session import SessionState
@@ -264,6 +265,31 @@ def measured_after_discard() -> None:
     require(last.state is JobState.COMPLETE, "I8", "the device stays closed for the next job")
 
 
+def stopped_and_reset() -> None:
+    """A lab is stopped; reboot, session and another stop's reset start nothing, its own does."""
+    world = a_world()
+    host = dispatched(world)
+    take_all(world, host)
+    with host.write() as tx:
+        standing.write_stop(tx, StopLab(stop_id=UUID(int=7), issued_by="ada"))
+    work(world, host)
+    world.kill_host(host)
+    host.start(is_cold=True)
+    talk(world, host)
+    for number in (6, 7):
+        require(not world.matter.count, "I14", "something moved while the lab is stopped")
+        host.take(*signed(_reset(host, number)))
+        work(world, host)
+    require(world.matter.count, "I8", "nothing moves after the reset")
+    drain(world)
+
+
+def _reset(host: SimHost, number: int) -> Reset:
+    return Reset(
+        host_id=host.id, epoch=host.disk.epoch, dseq=1, stop_id=UUID(int=number), reason="clear"
+    )
+
+
 def _adopted(do: Do) -> dict[UUID, HeldResource]:
     return {view.id: HeldResource(view=view) for view in do.resources}
 
@@ -278,4 +304,5 @@ SCHEDULES: tuple[Schedule, ...] = (
     next_on_a_doubtful_device,
     below_the_floor,
     measured_after_discard,
+    stopped_and_reset,
 )

@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 
 from tests.simulation import directed, mutants
+from tests.simulation import rule_mutants as rules
 from tests.simulation.checks import ViolationError
 from tests.simulation.directed import Schedule
 from tests.simulation.mutants import Mutant
@@ -22,29 +23,31 @@ SEEDS: dict[Mutant, tuple[int, str]] = {
     mutants.no_seal: (221, "I13"),
     mutants.no_cold_boot_hold: (25, "I13"),
     mutants.hold_in_memory: (516, "I13"),
-    mutants.no_tombstone: (80, "Q"),
-    mutants.no_fork_check: (5, "I5"),
-    mutants.events_applied_again: (42, "I5"),
-    mutants.quarantine_ends_by_itself: (391, "I13"),
-    mutants.quarantine_keeps_jobs: (3, "I8"),
-    mutants.old_epoch_stays: (0, "I8"),
-    mutants.refusal_ends_any_job: (80, "Q"),
-    mutants.dependents_go_on: (3, "I17"),
-    mutants.nobody_is_isolated: (3, "I17"),
+    rules.no_tombstone: (80, "Q"),
+    rules.no_fork_check: (5, "I5"),
+    rules.events_applied_again: (42, "I5"),
+    rules.quarantine_ends_by_itself: (391, "I13"),
+    rules.quarantine_keeps_jobs: (3, "I8"),
+    rules.old_epoch_stays: (0, "I8"),
+    rules.refusal_ends_any_job: (80, "Q"),
+    rules.dependents_go_on: (3, "I17"),
+    rules.nobody_is_isolated: (3, "I17"),
 }
 """Seed that kills a mutant, and the invariant that it violates."""
 
 BY_HAND: dict[Mutant, tuple[Schedule, str]] = {
-    mutants.no_floor: (directed.below_the_floor, "I13"),
-    mutants.no_fence: (directed.later_before_earlier, "I13"),
-    mutants.seal_moves_anyway: (directed.restored_and_outgrown, "I13"),
-    mutants.seal_goes_back: (directed.same_length_other_history, "I13"),
-    mutants.seal_of_any_journal: (directed.journal_of_before_the_reset, "I13"),
-    mutants.only_length_of_seal: (directed.same_length_other_history, "I13"),
-    mutants.answer_before_stock: (directed.answered_before_stock, "I4"),
-    mutants.resume_before_read: (directed.whole_disk_restored_and_outgrown, "I13"),
-    mutants.record_is_not_adopted: (directed.measured_after_discard, "I8"),
-    mutants.doubt_does_not_close: (directed.next_on_a_doubtful_device, "I14"),
+    rules.no_floor: (directed.below_the_floor, "I13"),
+    rules.no_fence: (directed.later_before_earlier, "I13"),
+    rules.seal_moves_anyway: (directed.restored_and_outgrown, "I13"),
+    rules.seal_goes_back: (directed.same_length_other_history, "I13"),
+    rules.seal_of_any_journal: (directed.journal_of_before_the_reset, "I13"),
+    rules.only_length_of_seal: (directed.same_length_other_history, "I13"),
+    rules.answer_before_stock: (directed.answered_before_stock, "I4"),
+    rules.resume_before_read: (directed.whole_disk_restored_and_outgrown, "I13"),
+    rules.record_is_not_adopted: (directed.measured_after_discard, "I8"),
+    rules.no_latch: (directed.stopped_and_reset, "I14"),
+    rules.any_reset_opens: (directed.stopped_and_reset, "I14"),
+    rules.doubt_does_not_close: (directed.next_on_a_doubtful_device, "I14"),
 }
 """Schedule by hand that kills a mutant, and the invariant that it violates."""
 
@@ -54,7 +57,7 @@ def name_of(made: object) -> str:
 
 
 def test_every_mutant_has_a_schedule_that_kills_it() -> None:
-    every = {*mutants.OF_THE_PROTOCOL, *mutants.OF_THE_RULES}
+    every = {*mutants.OF_THE_PROTOCOL, *rules.OF_THE_RULES}
     assert every == SEEDS.keys() | BY_HAND.keys()
     assert len(mutants.OF_THE_PROTOCOL) == 11
 

@@ -88,6 +88,7 @@ class World:
         self.last_start[row.device_id] = row.dseq
         require(host.resumed_boot == host.boot_count, "I13", "starts before a session in this boot")
         require(not host.is_put_back, "I13", "starts on a journal that was put back from a copy")
+        require("stop_id" not in host.disk.meta, "I14", "starts while the lab is stopped")
         doubtful = host.disk.rows(ActionState.IN_DOUBT)
         is_closed = any(one.device_id == row.device_id for one in doubtful)
         require(not is_closed, "I14", "starts on a device with an action in doubt")

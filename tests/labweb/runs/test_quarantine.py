@@ -5,6 +5,7 @@ from __future__ import annotations
 from uuid import uuid4
 
 import pytest
+from django.core.management import CommandError, call_command
 
 from labweb.crutd.models import ResourceLock, Ticket
 from labweb.domain.errors import DefinitionError, StateError
@@ -103,6 +104,17 @@ def test_a_readmitted_host_gets_work_again(bench: Bench) -> None:
     fresh = readmitted(bench)
     assert bench.host.state == "online"
     assert bench.host.journal_id == fresh.journal_id
+
+
+def test_a_command_line_readmits_in_the_name_of_a_person(bench: Bench) -> None:
+    quarantined(bench)
+    with pytest.raises(CommandError, match="no such host or no such user"):
+        call_command("readmit_host", bench.host.key, user="nobody", reason="I looked")
+    with pytest.raises(CommandError, match="forbidden"):
+        call_command("readmit_host", bench.host.key, user="observer", reason="I looked")
+    assert bench.host.state == "quarantined"
+    call_command("readmit_host", bench.host.key, user="admin", reason="I looked")
+    assert bench.host.state == "isolated"
 
 
 def test_a_cancel_that_overtakes_its_command_quarantines_nobody(bench: Bench) -> None:
