@@ -141,6 +141,16 @@ class SimHost:
         if is_raised(self.seal, wanted, hash_at_found=self.disk.hash_at(self.seal.seq)):
             self.seal = wanted
 
+    def seal_up(self) -> None:
+        """Bring the seal to the end of the journal before anything of it is told."""
+        seq, digest = self.disk.head
+        wanted = Seal(journal_id=self.disk.journal_id, seq=seq, hash=digest)
+        seal = self.seal
+        if seal is None or seal.journal_id != wanted.journal_id:
+            return
+        if is_raised(seal, wanted, hash_at_found=self.disk.hash_at(seal.seq)):
+            self.seal = wanted
+
     def regression(self) -> str | None:
         seal = self.seal
         known = None if seal is None else self.disk.hash_at(seal.seq)
@@ -285,6 +295,7 @@ class SimHost:
         found = self.events_after(self.sent_seq)
         if not found:
             return False
+        self.seal_up()
         self.sent_seq = found[-1].seq
         self.waiting_since_s = self.lab.now_s
         self.link.up.append(Events(epoch=self.link_epoch, events=found))

@@ -26,6 +26,7 @@ from labweb.domain.runs.journal import Seal
 from labweb.domain.runs.session import HelloAnswer, HostRecord, Intake
 from tests.simulation import host as sim_host
 from tests.simulation import server as sim_server
+from tests.simulation.host import SimHost
 from tests.simulation.memory import MemoryWrite
 from tests.simulation.mutants import Mutant, Patch
 
@@ -47,6 +48,11 @@ def no_fence(patch: Patch) -> None:
 def no_tombstone(patch: Patch) -> None:
     """A cancel that comes before its command is forgotten."""
     patch.setattr(MemoryWrite, "is_tombstoned", lambda self, action_id: False)
+
+
+def told_before_sealed(patch: Patch) -> None:
+    """What a crash left behind the seal is told all the same."""
+    patch.setattr(SimHost, "seal_up", lambda self: None)
 
 
 def seal_moves_anyway(patch: Patch) -> None:
@@ -216,6 +222,7 @@ OF_THE_RULES: tuple[Mutant, ...] = (
     no_floor,
     no_fence,
     no_tombstone,
+    told_before_sealed,
     seal_moves_anyway,
     seal_goes_back,
     seal_of_any_journal,

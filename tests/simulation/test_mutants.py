@@ -24,6 +24,7 @@ SEEDS: dict[Mutant, tuple[int, str]] = {
     mutants.no_cold_boot_hold: (25, "I13"),
     mutants.hold_in_memory: (516, "I13"),
     rules.no_tombstone: (80, "Q"),
+    rules.told_before_sealed: (139960, "I2"),
     rules.no_fork_check: (5, "I5"),
     rules.events_applied_again: (42, "I5"),
     rules.quarantine_ends_by_itself: (391, "I13"),
