@@ -53,6 +53,10 @@ BY_HAND: dict[Mutant, tuple[Schedule, str]] = {
 """Schedule by hand that kills a mutant, and the invariant that it violates."""
 
 
+FOUND = (139960, 141101)
+"""Seeds that have violated an invariant once."""
+
+
 def name_of(made: object) -> str:
     return getattr(made, "__name__", str(made))
 
@@ -61,6 +65,11 @@ def test_every_mutant_has_a_schedule_that_kills_it() -> None:
     every = {*mutants.OF_THE_PROTOCOL, *rules.OF_THE_RULES}
     assert every == SEEDS.keys() | BY_HAND.keys()
     assert len(mutants.OF_THE_PROTOCOL) == 11
+
+
+@pytest.mark.parametrize("seed", FOUND)
+def test_what_was_violated_once_is_violated_no_more(seed: int) -> None:
+    run(seed)
 
 
 @pytest.mark.parametrize("mutant", SEEDS, ids=name_of)

@@ -260,6 +260,7 @@ class World:
         disk, _ = host.rng.choice(host.copies)
         self.kill_host(host)
         host.disk = disk.copy()
+        host.lost_rows.clear()
         seal = host.seal
         # A write that never reached the seal was never acted upon: losing it is harmless.
         is_same = seal is None or (
@@ -277,6 +278,7 @@ class World:
             if disk.journal_id == known.journal_id and disk.head[0] < known.acked_seq:
                 self.kill_host(host)
                 host.disk, host.seal = disk.copy(), seal
+                host.lost_rows.clear()
                 host.is_put_back = host.was_put_back = True
                 self.say(f"{host.name}: the whole disk is put back to event {disk.head[0]}")
                 self._guarded(host, lambda: host.start(is_cold=True))
