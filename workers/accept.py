@@ -4,48 +4,21 @@ from __future__ import annotations
 
 import hashlib
 import logging
-import math
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Any
-from uuid import UUID
 
 import msgspec
 
-from labweb.domain.crutd import decide, operations
-from labweb.domain.crutd.conditions import Condition, Verification
-from labweb.domain.errors import LabError
-from labweb.domain.messages import (
-    PROTOCOL_VERSION,
-    Cancel,
-    Command,
-    Do,
-    Reset,
-    Resolve,
-    Signed,
-    decode_command,
-)
+from labweb.domain.messages import Command, Do, Signed, decode_command
 from labweb.domain.runs import edge
-from labweb.domain.runs.edge import ActionState, Answer
+from labweb.domain.runs.edge import Answer
+from labweb.domain.runs.taking import Receipt as Receipt
+from labweb.domain.runs.taking import record_refusal, take_command
 from workers import faults
-from workers.conclusions import change_body
 from workers.devices import lines_of
 from workers.journal import Journal
-from workers.journal_schema import ActionRow
 from workers.keys import is_signed
-from workers.states import adopt, apply_change, snapshot, stale_resource
-from workers.transaction import Transaction
 
 log = logging.getLogger(__name__)
-
-
-@dataclass(frozen=True, slots=True)
-class Receipt:
-    """What became of a command."""
-
-    answer: Answer
-    line: str | None = None
-    """Line that has something to do."""
 
 
 def accept(journal: Journal, signed: Signed, wake: Callable[[str], None]) -> Receipt:
@@ -61,8 +34,9 @@ def accept(journal: Journal, signed: Signed, wake: Callable[[str], None]) -> Rec
     if isinstance(command, Receipt):
         receipt = command
     else:
+        line = _line_for(journal, command)
         with journal.write() as tx:
-            receipt = _take(journal, tx, signed, command)
+            receipt = take_command(tx, signed, command, at=journal.moment(), line=line)
             faults.point("accept.before_commit")
         faults.point("accept.after_commit")
     if receipt.answer.kind in {edge.DROP, edge.REFUSE}:
@@ -77,7 +51,7 @@ def _read(journal: Journal, signed: Signed) -> Command | Receipt:
         answer = Answer(edge.REFUSE, "envelope.bad_signature", "no known key signed this text")
         digest = hashlib.sha256(signed.body.encode()).hexdigest()
         with journal.write() as tx:
-            _record_refusal(tx, f"signature:{journal.host_state().epoch}", None, answer, digest)
+            record_refusal(tx, f"signature:{journal.host_state().epoch}", None, answer, digest)
         return Receipt(answer)
     try:
         return decode_command(signed.body)
@@ -85,189 +59,14 @@ def _read(journal: Journal, signed: Signed) -> Command | Receipt:
         answer = Answer(edge.REFUSE, "envelope.malformed", f"no command: {exc}")
         digest = hashlib.sha256(signed.body.encode()).hexdigest()
         with journal.write() as tx:
-            _record_refusal(tx, f"malformed:{digest}", None, answer, digest)
+            record_refusal(tx, f"malformed:{digest}", None, answer, digest)
         return Receipt(answer)
 
 
-def _take(journal: Journal, tx: Transaction, signed: Signed, command: Command) -> Receipt:
-    known = tx.action(command.action_id) if isinstance(command, Do) else None
-    is_cancelled = isinstance(command, Do) and tx.is_tombstoned(command.action_id)
-    answer = edge.decide_accept(
-        tx.host_state(journal.boot_id),
-        host_id=command.host_id,
-        epoch=command.epoch,
-        dseq=command.dseq,
-        known=None if known is None else known.st,
-        is_tombstoned=is_cancelled,
-    )
-    if answer.kind == edge.ACCEPT and command.v != PROTOCOL_VERSION:
-        answer = Answer(edge.REFUSE, "envelope.version", f"version {command.v} is not spoken here")
-    if answer.kind == edge.REFUSE:
-        return _refuse(tx, command, signed, answer)
-    if answer.kind == edge.DUPLICATE:
-        is_waiting = known is not None and known.st is ActionState.ACCEPTED
-        return Receipt(answer, known.line if known is not None and is_waiting else None)
-    if answer.kind == edge.DROP:
-        return Receipt(answer)
-    match command:
-        case Do():
-            return _take_do(journal, tx, signed, command)
-        case Cancel():
-            return _take_cancel(tx, command)
-        case Resolve():
-            return _take_resolve(tx, signed, command)
-        case Reset():
-            return _take_reset(tx, command)
-
-
-def _refuse(tx: Transaction, command: Command, signed: Signed, answer: Answer) -> Receipt:
-    digest = hashlib.sha256(signed.body.encode()).hexdigest()
-    action_id = None if isinstance(command, Reset) else command.action_id
-    _record_refusal(tx, f"{answer.code}:{digest}", action_id, answer, digest)
-    return Receipt(answer)
-
-
-def _record_refusal(
-    tx: Transaction, subject: str, action_id: UUID | None, answer: Answer, digest: str
-) -> None:
-    """Tell of a refusal once: a message that comes again says nothing new."""
-    if tx.is_first_refusal(subject):
-        body = {"code": answer.code, "message": answer.message, "body_sha256": digest}
-        tx.append("refused", action_id, body)
-
-
-# --- do ---
-
-
-def _take_do(journal: Journal, tx: Transaction, signed: Signed, do: Do) -> Receipt:
-    line = _line_of(journal, do.device_id)
-    problem = _problem(tx, do, line)
-    state = ActionState.REJECTED if problem else ActionState.ACCEPTED
-    tx.insert_action(
-        ActionRow(
-            action_id=do.action_id,
-            dseq=do.dseq,
-            epoch=do.epoch,
-            line=line or "",
-            device_id=do.device_id,
-            body=signed.body,
-            key_id=signed.key_id,
-            signature=signed.signature,
-            st=state,
-            accepted_mono_s=journal.mono_s(),
-            accepted_boot_id=journal.boot_id,
-            accepted_wall_s=journal.wall_s(),
-            is_cancel_wanted=False,
-            prestate=None,
-            report=None,
-            conclusion=None,
-        )
-    )
-    body: dict[str, Any] = {"epoch": do.epoch, "dseq": do.dseq}
-    if problem is not None:
-        tx.append(
-            "rejected", do.action_id, {**body, "code": problem.code, "message": problem.message}
-        )
-        return Receipt(Answer(edge.REJECT, problem.code, problem.message))
-    adopt(tx, do.resources)
-    tx.append("accepted", do.action_id, {**body, "line": line})
-    return Receipt(Answer(edge.ACCEPT), line)
-
-
-def _problem(tx: Transaction, do: Do, line: str | None) -> Answer | None:
-    """Say why a command can never start here; None: it may be kept."""
-    try:
-        operations.from_json(do.operation)
-        msgspec.convert([*do.pre, *do.post], list[Condition])
-    except msgspec.MsgspecError as exc:
-        return Answer(edge.REJECT, "edge.malformed", f"the action cannot be read: {exc}")
-    if not (math.isfinite(do.timeout_s) and do.timeout_s > 0 and do.ttl_s >= 0):
-        return Answer(edge.REJECT, "edge.malformed", "timeout_s must be positive")
-    if line is None:
-        return Answer(edge.REJECT, "edge.unknown_device", f"no device {do.device_id} here")
-    stale = stale_resource(tx, do.resources)
-    if stale is not None:
-        message = f"{stale.name} is at revision {stale.rev} here; the server knew an older one"
-        return Answer(edge.REJECT, "edge.stale", message)
-    return None
-
-
-def _line_of(journal: Journal, device_id: UUID) -> str | None:
+def _line_for(journal: Journal, command: Command) -> str | None:
+    if not isinstance(command, Do):
+        return None
     for line, devices in lines_of(journal.devices()).items():
-        if any(device.id == device_id for device in devices):
+        if any(device.id == command.device_id for device in devices):
             return line
     return None
-
-
-# --- cancel, resolve, reset ---
-
-
-def _take_cancel(tx: Transaction, cancel: Cancel) -> Receipt:
-    row = tx.action(cancel.action_id)
-    body = {
-        "code": "edge.cancelled",
-        "message": "cancelled before it started",
-        "issued_by": cancel.issued_by,
-    }
-    if row is None:
-        if tx.add_tombstone(cancel.action_id, cancel.dseq):
-            tx.append("stopped", cancel.action_id, {**body, "is_tombstone": True})
-        return Receipt(Answer(edge.ACCEPT))
-    if row.st is ActionState.ACCEPTED:
-        tx.move(row.action_id, ActionState.ACCEPTED, ActionState.STOPPED)
-        tx.append("stopped", row.action_id, {**body, "is_tombstone": False})
-        return Receipt(Answer(edge.ACCEPT))
-    if row.st in {ActionState.STARTED, ActionState.ACTUATED}:
-        tx.want_cancel(row.action_id)
-        return Receipt(Answer(edge.ACCEPT))
-    return Receipt(Answer(edge.DUPLICATE))
-
-
-def _take_resolve(tx: Transaction, signed: Signed, resolve: Resolve) -> Receipt:
-    row = tx.action(resolve.action_id)
-    if row is None or row.st is not ActionState.IN_DOUBT:
-        return Receipt(Answer(edge.DUPLICATE))
-    found = edge.resolve(resolve.answer, moved_nl=resolve.moved_nl)
-    if found is None:
-        text = f"{resolve.answer!r} with {resolve.moved_nl} nL answers nothing"
-        return _refuse(tx, resolve, signed, Answer(edge.REFUSE, "envelope.bad_answer", text))
-    state, outcome = found
-    operation = operations.from_json(row.do.operation)
-    try:
-        before = snapshot(tx, operations.touched_ids(operation))
-        change = decide.settle(operation, before, outcome)
-    except LabError as exc:
-        return _refuse(tx, resolve, signed, Answer(edge.REFUSE, exc.code, exc.message))
-    revs = apply_change(tx, change, row.action_id)
-    body = change_body(change, revs, outcome, Verification.ASSUMED)
-    body |= {
-        "state": state.value,
-        "answer": resolve.answer,
-        "note": resolve.note,
-        "issued_by": resolve.issued_by,
-    }
-    tx.move(row.action_id, ActionState.IN_DOUBT, state)
-    tx.keep(row.action_id, "conclusion", body)
-    tx.append("resolved", row.action_id, body)
-    return Receipt(Answer(edge.ACCEPT), row.line)
-
-
-def _take_reset(tx: Transaction, reset: Reset) -> Receipt:
-    """Release the stop that the reset names; every other latch stays closed.
-
-    One that releases nothing is answered too, so that the server rings no more.
-    """
-    is_released = tx.meta().get("stop_id") == str(reset.stop_id)
-    subject = f"reset:{reset.stop_id}"
-    if not is_released and not tx.is_first_refusal(subject):
-        return Receipt(Answer(edge.DUPLICATE))
-    if is_released:
-        tx.set_meta("stop_id", None)
-    body = {
-        "stop_id": str(reset.stop_id),
-        "is_released": is_released,
-        "reason": reset.reason,
-        "issued_by": reset.issued_by,
-    }
-    tx.append("stop_reset", None, body)
-    return Receipt(Answer(edge.ACCEPT))

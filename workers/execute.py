@@ -14,9 +14,9 @@ from labweb.domain.crutd.decide import confirmed_nl
 from labweb.domain.errors import Effect, LabError
 from labweb.domain.messages import Do
 from labweb.domain.ports import Clock
+from labweb.domain.runs.bodies import plain
 from labweb.domain.runs.edge import Report
 from workers import faults
-from workers.conclusions import plain
 from workers.unit import Unit
 
 log = logging.getLogger(__name__)

@@ -10,23 +10,19 @@ from uuid import UUID
 
 import msgspec
 
-from labweb.domain.crutd import decide, operations
-from labweb.domain.crutd.conditions import Condition, Result, Verification
-from labweb.domain.crutd.decide import Change, Outcome, OutcomeKind
-from labweb.domain.errors import Effect, LabError
+from labweb.domain.crutd.conditions import Condition, Result
 from labweb.domain.messages import Do
 from labweb.domain.ports import Clock
-from labweb.domain.runs import edge
-from labweb.domain.runs.edge import ActionState, Answer, Conclusion, Report
+from labweb.domain.runs import acting, edge
+from labweb.domain.runs.acting import Started
+from labweb.domain.runs.bodies import plain, report_from
+from labweb.domain.runs.edge import ActionState, Answer, Report
+from labweb.domain.runs.journal import ActionRow, JournalError
 from workers import execute, faults
-from workers.conclusions import change_body, plain, report_body, report_from, results_body
 from workers.journal import Journal
-from workers.journal_schema import ActionRow, JournalError
 from workers.keys import is_signed
 from workers.readings import Reader, prestate_body, prestate_from
-from workers.states import apply_change, snapshot
 from workers.store import Store
-from workers.transaction import Transaction
 from workers.unit import Unit
 
 log = logging.getLogger(__name__)
@@ -35,7 +31,6 @@ LAST_WRITE_TRIES = 60
 """How often the outcome of an action is written again while the disk refuses it."""
 
 LAST_WRITE_PAUSE_S = 0.5
-NEVER_S = float("inf")
 
 
 class HungDriverError(RuntimeError):
@@ -72,15 +67,9 @@ class Executor:
         """
         doubtful = []
         for row in self._journal.actions(self._line, ActionState.STARTED):
-            if edge.recover(row.st) is ActionState.IN_DOUBT:
-                report = Report(
-                    ok=False,
-                    effect=Effect.UNKNOWN,
-                    code="edge.interrupted",
-                    message="the host stopped between start and answer",
-                )
-                self._finish(row, report, edge.conclude(report, []), [])
-                doubtful.append(row.action_id)
+            with self._journal.write() as tx:
+                if acting.recover(tx, row):
+                    doubtful.append(row.action_id)
         return doubtful
 
     # --- work ---
@@ -104,14 +93,8 @@ class Executor:
         for row in self._journal.actions(self._line, ActionState.ACTUATED):
             if self._confirm_again(row):
                 return True
-        seen: set[UUID] = set()
-        for row in self._journal.actions(self._line, ActionState.ACCEPTED):
-            if row.device_id in seen:
-                continue
-            seen.add(row.device_id)
-            if self._try(row):
-                return True
-        return False
+        accepted = self._journal.actions(self._line, ActionState.ACCEPTED)
+        return any(self._try(row) for row in acting.in_turn(accepted))
 
     def _try(self, row: ActionRow) -> bool:
         """Start an action if it may; False: it waits."""
@@ -127,21 +110,24 @@ class Executor:
         if unit is None or not unit.is_online or unit.driver.is_stopped:
             # Nothing is read: only age, fence, floor and record decide.
             with self._journal.write() as tx:
-                answer = self._decide(tx, row, do, [])
-                self._write_rejection(tx, row, answer)
+                answer = acting.decide_now(tx, row, do, self._journal.moment(), [])
+                acting.write_rejection(tx, row, answer, ())
             return answer.kind == edge.REJECT
         judged = self._reader.judge(conditions, {})
         before = self._reader.read([*conditions, *_conditions(do.post)])
+        scene = acting.Scene(
+            pid=os.getpid(),
+            driver_digest=unit.config.digest,
+            prestate=plain(prestate_body(before)),
+            judged=judged,
+        )
         faults.point("execute.before_started")
         with self._journal.write() as tx:
-            answer = self._decide(tx, row, do, [result for _, result in judged])
-            self._write_rejection(tx, row, answer, judged)
-            if answer.kind == edge.START:
-                self._write_start(tx, row, unit, before, judged)
-        if answer.kind != edge.START:
-            return answer.kind == edge.REJECT
+            found = acting.start(tx, row, do, at=self._journal.moment(), scene=scene)
+        if isinstance(found, Answer):
+            return found.kind == edge.REJECT
         faults.point("execute.after_started")
-        self._carry_out(row, do, unit, before)
+        self._carry_out(found, unit, before)
         return True
 
     def _is_held(self, device_id: UUID) -> bool:
@@ -166,77 +152,15 @@ class Executor:
 
     def _reject(self, row: ActionRow, answer: Answer) -> bool:
         with self._journal.write() as tx:
-            if tx.state_of(row.action_id) is ActionState.ACCEPTED:
-                self._write_rejection(tx, row, answer)
+            acting.reject(tx, row, answer)
         return True
-
-    def _decide(self, tx: Transaction, row: ActionRow, do: Do, results: list[Result]) -> Answer:
-        """Decide inside the write, so that nothing changes between decision and start."""
-        if tx.state_of(row.action_id) is not ActionState.ACCEPTED:
-            return Answer(edge.HOLD, "edge.taken", "the action was stopped meanwhile")
-        operation = operations.from_json(do.operation)
-        known = snapshot(tx, operations.touched_ids(operation))
-        return edge.decide_start(
-            tx.host_state(self._journal.boot_id),
-            edge.Candidate(
-                dseq=row.dseq,
-                max_fence=tx.max_fence(row.device_id),
-                age_s=self._age_s(row),
-                ttl_s=do.ttl_s,
-                device_blocked_by=tx.blocked_by(row.device_id),
-            ),
-            findings=decide.check(operation, known),
-            results=results,
-        )
-
-    def _age_s(self, row: ActionRow) -> float:
-        if row.accepted_boot_id == self._journal.boot_id:
-            return self._journal.mono_s() - row.accepted_mono_s
-        age_s = self._journal.wall_s() - row.accepted_wall_s
-        return age_s if age_s >= 0 else NEVER_S
-
-    def _write_rejection(
-        self,
-        tx: Transaction,
-        row: ActionRow,
-        answer: Answer,
-        judged: list[tuple[Condition, Result]] | None = None,
-    ) -> None:
-        if answer.kind != edge.REJECT:
-            return
-        tx.move(row.action_id, ActionState.ACCEPTED, ActionState.REJECTED)
-        body = {"code": answer.code, "message": answer.message, "pre": results_body(judged or [])}
-        tx.append("rejected", row.action_id, body)
-
-    def _write_start(
-        self,
-        tx: Transaction,
-        row: ActionRow,
-        unit: Unit,
-        before: Mapping[tuple[UUID, str], Any],
-        judged: list[tuple[Condition, Result]],
-    ) -> None:
-        tx.move(row.action_id, ActionState.ACCEPTED, ActionState.STARTED)
-        prestate = plain(prestate_body(before))
-        tx.keep(row.action_id, "prestate", prestate)
-        tx.raise_fence(row.device_id, row.dseq)
-        body = {
-            "pid": os.getpid(),
-            "line": self._line,
-            "device_id": str(row.device_id),
-            "driver_digest": unit.config.digest,
-            "epoch": row.epoch,
-            "dseq": row.dseq,
-            "prestate": prestate,
-            "pre": results_body(judged),
-        }
-        tx.append("started", row.action_id, body)
 
     # --- the action itself ---
 
     def _carry_out(
-        self, row: ActionRow, do: Do, unit: Unit, before: Mapping[tuple[UUID, str], Any]
+        self, started: Started, unit: Unit, before: Mapping[tuple[UUID, str], Any]
     ) -> None:
+        row, do = started.row, started.do
         acted = execute.act(
             unit, do, self._clock, is_cancel_wanted=lambda: self._is_cancelled(row.action_id)
         )
@@ -245,7 +169,7 @@ class Executor:
             unit.clear_stop()
         faults.point("execute.before_actuated")
         if not acted.report.ok:
-            self._finish(row, acted.report, edge.conclude(acted.report, []), [])
+            self._finish(row, acted.report, [])
             if acted.is_hung:
                 raise HungDriverError(unit.config.key)
             unit.check_link()
@@ -260,10 +184,7 @@ class Executor:
 
     def _write_actuated(self, row: ActionRow, report: Report) -> None:
         with self._journal.write() as tx:
-            body = report_body(report)
-            tx.move(row.action_id, ActionState.STARTED, ActionState.ACTUATED)
-            tx.keep(row.action_id, "report", body)
-            tx.append("actuated", row.action_id, body)
+            acting.write_actuated(tx, row, report)
 
     def _confirm(
         self,
@@ -280,7 +201,7 @@ class Executor:
         post = self._reader.await_all(_conditions(do.post), before, is_over=self._is_closing)
         if post is None:
             return
-        self._finish(row, report, edge.conclude(report, post), post)
+        self._finish(row, report, post)
 
     def _confirm_again(self, row: ActionRow) -> bool:
         """End an action that was answered before a crash; False: its device is offline."""
@@ -294,39 +215,15 @@ class Executor:
 
     # --- its end ---
 
-    def _finish(
-        self,
-        row: ActionRow,
-        report: Report,
-        conclusion: Conclusion,
-        post: list[tuple[Condition, Result]],
-    ) -> None:
-        self._persist(lambda: self._write_end(row, report, conclusion, post))
+    def _finish(self, row: ActionRow, report: Report, post: list[tuple[Condition, Result]]) -> None:
+        self._persist(lambda: self._write_end(row, report, post))
         faults.point("execute.after_done")
 
     def _write_end(
-        self,
-        row: ActionRow,
-        report: Report,
-        conclusion: Conclusion,
-        post: list[tuple[Condition, Result]],
+        self, row: ActionRow, report: Report, post: list[tuple[Condition, Result]]
     ) -> None:
-        operation = operations.from_json(row.do.operation)
         with self._journal.write() as tx:
-            known = snapshot(tx, operations.touched_ids(operation))
-            conclusion, change = _settle(operation, known, conclusion)
-            revs = apply_change(tx, change, row.action_id)
-            body = change_body(change, revs, conclusion.outcome, conclusion.verification)
-            body |= {
-                "code": conclusion.code,
-                "message": conclusion.message,
-                "post": results_body(post),
-                "report": report_body(report),
-            }
-            current = tx.state_of(row.action_id) or row.st
-            tx.move(row.action_id, current, conclusion.state)
-            tx.keep(row.action_id, "conclusion", body)
-            tx.append(conclusion.state.value, row.action_id, body)
+            acting.write_end(tx, row, report, post)
             faults.point("execute.before_done")
 
     def _persist(self, write: Callable[[], None]) -> None:
@@ -348,21 +245,3 @@ class Executor:
 
 def _conditions(plain_conditions: list[dict[str, Any]]) -> list[Condition]:
     return msgspec.convert(plain_conditions, list[Condition])
-
-
-def _settle(
-    operation: operations.Operation, known: decide.Snapshot, conclusion: Conclusion
-) -> tuple[Conclusion, Change]:
-    """Settle; a report that contradicts the record means that nobody knows."""
-    try:
-        return conclusion, decide.settle(operation, known, conclusion.outcome)
-    except LabError as error:
-        unknown = Outcome(kind=OutcomeKind.UNKNOWN)
-        doubtful = Conclusion(
-            state=ActionState.IN_DOUBT,
-            outcome=unknown,
-            verification=Verification.ASSUMED,
-            code=error.code,
-            message=error.message,
-        )
-        return doubtful, decide.settle(operation, known, unknown)

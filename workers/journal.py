@@ -28,9 +28,12 @@ from labweb.domain.messages import (
     EdgeEvent,
 )
 from labweb.domain.runs.edge import ActionState, HostState
-from workers.journal_schema import ActionRow, JournalError, migrate, to_action
-from workers.seal import Seal, create_seal, raise_seal, read_seal
-from workers.transaction import Transaction, host_state_of
+from labweb.domain.runs.journal import ActionRow, Chain, JournalError, Seal, find_regression
+from labweb.domain.runs.moment import Moment
+from labweb.domain.runs.standing import state_of
+from workers.journal_schema import migrate, to_action
+from workers.seal import create_seal, raise_seal, read_seal
+from workers.transaction import Transaction
 
 BUSY_TIMEOUT_S = 5.0
 BOOT_ID_FILE = Path("/proc/sys/kernel/random/boot_id")
@@ -88,7 +91,7 @@ class Journal:
         """Return what decides whether anything may start."""
         with _readable():
             found = self._connection.execute("SELECT key, value FROM meta").fetchall()
-        return host_state_of({row[0]: row[1] for row in found}, self.boot_id)
+        return state_of({row[0]: row[1] for row in found}, self.boot_id)
 
     def head(self) -> tuple[int, str]:
         """Return sequence number and hash of the last event; (0, "") when there is none."""
@@ -102,16 +105,13 @@ class Journal:
     def regression(self) -> str | None:
         """Say why the journal cannot be the newest one; None when nothing tells against it."""
         seal = self.seal()
-        seq, digest = self.head()
-        if seal is None:
-            return "the seal is gone" if seq else None
-        if seal.journal_id != self.journal_id:
-            return f"the seal belongs to journal {seal.journal_id}"
-        if seal.seq > seq:
-            return f"the seal says {seal.seq}, the journal ends at {seq}"
-        if seal.seq == seq and seal.hash != digest:
-            return f"event {seq} is not the one that was sealed"
-        return None
+        seq, _ = self.head()
+        known = None if seal is None else self._hash_at(seal.seq)
+        return find_regression(Chain(journal_id=self.journal_id, seq=seq, hash_at_seal=known), seal)
+
+    def moment(self) -> Moment:
+        """Return now, by this host's clocks."""
+        return Moment(boot_id=self.boot_id, mono_s=self.mono_s(), wall_s=self.wall_s())
 
     def devices(self) -> list[DeviceConfig]:
         """Return the devices that the server last told this host to serve."""
@@ -203,7 +203,17 @@ class Journal:
             raise
         seq, digest = transaction.head
         if transaction.has_appended:
-            raise_seal(self._seal_path, Seal(journal_id=self.journal_id, seq=seq, hash=digest))
+            seal = Seal(journal_id=self.journal_id, seq=seq, hash=digest)
+            raise_seal(self._seal_path, seal, self._hash_at)
+
+    def seal_up(self) -> None:
+        """Bring the seal to the end of the journal, which a crash may have left behind.
+
+        Nothing is told to the server that a copy could take back unseen.
+        """
+        seq, digest = self.head()
+        seal = Seal(journal_id=self.journal_id, seq=seq, hash=digest)
+        raise_seal(self._seal_path, seal, self._hash_at)
 
     def prune(self, older_than_s: float) -> int:
         """Delete events that are acknowledged and older than that; return how many."""
@@ -212,6 +222,13 @@ class Journal:
             return tx.prune(self.acked_seq(), before_s)
 
     # --- inside ---
+
+    def _hash_at(self, seq: int) -> str | None:
+        """Return the hash of one event; of the empty beginning, the empty text."""
+        if seq == 0:
+            return ""
+        row = self._one("SELECT hash FROM event WHERE seq = ?", (seq,))
+        return None if row is None else str(row[0])
 
     def _one(self, query: str, values: tuple[Any, ...] = ()) -> sqlite3.Row | None:
         with _readable():

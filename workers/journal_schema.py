@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import sqlite3
-from dataclasses import dataclass
 from uuid import UUID
 
-from labweb.domain.errors import LabError
-from labweb.domain.messages import Do, Signed, decode_command
 from labweb.domain.runs.edge import ActionState
+from labweb.domain.runs.journal import ActionRow as ActionRow
+from labweb.domain.runs.journal import JournalError as JournalError
 
 VERSION_1 = """
 CREATE TABLE meta (key TEXT PRIMARY KEY, value TEXT NOT NULL) WITHOUT ROWID;
@@ -55,47 +54,6 @@ CREATE TABLE device_fence (device_id TEXT PRIMARY KEY, max_dseq INTEGER NOT NULL
 
 MIGRATIONS = (VERSION_1,)
 """Script by version; forward only, one entry per released version."""
-
-
-class JournalError(LabError):
-    """The journal cannot be read or written: nothing may be actuated."""
-
-    default_code = "journal.unusable"
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ActionRow:
-    """One action of the journal."""
-
-    action_id: UUID
-    dseq: int
-    epoch: int
-    line: str
-    device_id: UUID
-    body: str
-    key_id: str
-    signature: str
-    st: ActionState
-    accepted_mono_s: float
-    accepted_boot_id: str
-    accepted_wall_s: float
-    is_cancel_wanted: bool
-    prestate: str | None
-    report: str | None
-    conclusion: str | None
-
-    @property
-    def signed(self) -> Signed:
-        """Return the command as it came."""
-        return Signed(body=self.body, key_id=self.key_id, signature=self.signature)
-
-    @property
-    def do(self) -> Do:
-        """Return the command, read anew from its signed text."""
-        command = decode_command(self.body)
-        if not isinstance(command, Do):
-            raise JournalError(f"action {self.action_id} holds a {type(command).__name__}")
-        return command
 
 
 def to_action(row: sqlite3.Row) -> ActionRow:

@@ -15,12 +15,12 @@ from drivers.transports.urls import make_transport
 from labweb.domain.errors import LabError
 from labweb.domain.messages import DeviceConfig
 from labweb.domain.ports import Clock
+from labweb.domain.runs.journal import JournalError
 from workers.clock import SystemClock
 from workers.config import HostConfig, line_queue
 from workers.devices import lines_of
 from workers.executor import Executor
 from workers.journal import Journal
-from workers.journal_schema import JournalError
 from workers.store import Store
 from workers.telemetry import Sampler
 from workers.unit import Unit

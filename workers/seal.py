@@ -7,22 +7,14 @@ from __future__ import annotations
 
 import fcntl
 import os
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from uuid import UUID
 
 import msgspec
 
-from workers.journal_schema import JournalError
-
-
-class Seal(msgspec.Struct, frozen=True, kw_only=True):
-    """Identity and end of a journal."""
-
-    journal_id: UUID
-    seq: int
-    hash: str
+from labweb.domain.runs.journal import JournalError, is_raised
+from labweb.domain.runs.journal import Seal as Seal
 
 
 def read_seal(path: Path) -> Seal | None:
@@ -45,17 +37,22 @@ def create_seal(path: Path, seal: Seal) -> None:
         _write(path, seal)
 
 
-def raise_seal(path: Path, seal: Seal) -> None:
-    """Move the seal forward; it never goes back and never changes its journal.
+def raise_seal(path: Path, seal: Seal, hash_at: Callable[[int], str | None]) -> None:
+    """Move the seal forward, if the journal holds the event that is sealed now.
+
+    Args:
+        path: Where the seal lies.
+        seal: The end of the journal.
+        hash_at: Finds the hash of one of the journal's events; None: it has none.
 
     Raises:
         JournalError: It belongs to another journal, or cannot be written.
     """
     with _locked(path):
         found = read_seal(path)
-        if found is None or found.journal_id != seal.journal_id:
-            raise JournalError(f"the seal {path} is not of journal {seal.journal_id}")
-        if seal.seq > found.seq:
+        if found is None:
+            raise JournalError(f"the seal {path} is gone")
+        if is_raised(found, seal, hash_at_found=hash_at(found.seq)):
             _write(path, seal)
 
 

@@ -9,7 +9,7 @@ from uuid import UUID
 
 from labweb.domain.errors import DeviceError, LabError
 from labweb.domain.ports import Clock
-from workers.conclusions import plain
+from labweb.domain.runs.bodies import plain
 from workers.store import Sample, Store
 from workers.unit import Unit
 

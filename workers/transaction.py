@@ -11,14 +11,9 @@ import msgspec
 
 from labweb.domain.messages import EdgeEvent, ResourceView, canonical, event_hash
 from labweb.domain.runs.edge import ActionState, HostState
-from workers.journal_schema import ActionRow, JournalError, to_action
-
-
-class HeldResource(msgspec.Struct, frozen=True, kw_only=True):
-    """A resource as this host knows it."""
-
-    view: ResourceView
-    quarantined_by: str | None = None
+from labweb.domain.runs.journal import ActionRow, HeldResource, JournalError
+from labweb.domain.runs.standing import state_of
+from workers.journal_schema import to_action
 
 
 class Transaction:
@@ -83,7 +78,7 @@ class Transaction:
 
     def host_state(self, boot_id: str) -> HostState:
         """Return what decides whether anything may start, as of this write."""
-        return host_state_of(self.meta(), boot_id)
+        return state_of(self.meta(), boot_id)
 
     # --- actions ---
 
@@ -201,6 +196,10 @@ class Transaction:
         row = (str(view.id), view.rev, canonical(view).decode(), held.quarantined_by)
         self._run("INSERT OR REPLACE INTO resource_state VALUES (?, ?, ?, ?)", row)
 
+    def drop_resource(self, resource_id: UUID) -> None:
+        """Forget a resource that another host owns from here on."""
+        self._run("DELETE FROM resource_state WHERE id = ?", (str(resource_id),))
+
     def quarantined_for(self, action_id: UUID) -> list[HeldResource]:
         """Return the resources that an action in doubt has closed."""
         found = self._run(
@@ -217,18 +216,6 @@ class Transaction:
             return self._connection.execute(query, values)
         except sqlite3.Error as exc:
             raise JournalError(f"the journal cannot be written: {exc}") from exc
-
-
-def host_state_of(meta: dict[str, str], boot_id: str) -> HostState:
-    """Read the host's state from its remembered values."""
-    return HostState(
-        host_id=UUID(meta["host_id"]),
-        epoch=int(meta.get("epoch", 0)),
-        floor=int(meta.get("floor", 0)),
-        boot_id=boot_id,
-        armed_boot_id=meta.get("armed_boot_id"),
-        stop_latched="stop_id" in meta,
-    )
 
 
 def _text(value: UUID | None) -> str | None:

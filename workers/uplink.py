@@ -207,6 +207,7 @@ class Uplink:
             if not events:
                 await asyncio.sleep(EVENTS_POLL_S)
                 continue
+            self._journal.seal_up()
             faults.point("uplink.before_send")
             self._acked.clear()
             self._sent_seq = events[-1].seq

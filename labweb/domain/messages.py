@@ -175,6 +175,9 @@ class Hello(msgspec.Struct, frozen=True, tag="hello", tag_field="t", kw_only=Tru
     hash_head: str
     acked_seq: int
     seal_seq: int
+    regression: str = ""
+    """Why the host itself takes its journal for an older copy; empty: nothing says so."""
+
     open_actions: list[UUID] = msgspec.field(default_factory=list)
     software: str = ""
     v: int = PROTOCOL_VERSION

@@ -12,6 +12,7 @@ from labweb.domain.enrollment.device import Device as DeviceData
 from labweb.domain.enrollment.spec import DriverSpec
 from labweb.domain.errors import NotFoundError
 from labweb.domain.messages import DeviceConfig
+from labweb.domain.runs.session import SessionState
 from labweb.enrollment.models import Device as Device
 from labweb.enrollment.models import DriverVersion
 from labweb.enrollment.models import EdgeHost as EdgeHost
@@ -45,6 +46,14 @@ def host_for_update(host_id: UUID) -> EdgeHost:
 def all_hosts() -> QuerySet[EdgeHost]:
     """Every host of every lab."""
     return EdgeHost.objects.all()
+
+
+def session_states() -> dict[UUID, SessionState]:
+    """Return how the server sees every host."""
+    return {
+        host_id: SessionState(state)
+        for host_id, state in EdgeHost.objects.values_list("id", "state")
+    }
 
 
 def hosts_online() -> QuerySet[EdgeHost]:

@@ -23,7 +23,16 @@ from labweb.domain.approvals.roles import Permission
 from labweb.domain.enrollment.spec import DriverSpec
 from labweb.domain.errors import DefinitionError, EnrollmentError, StateError
 from labweb.domain.messages import Hello, Welcome, hello_bytes
-from labweb.domain.runs.session import HostRecord, SessionState, decide_hello, state_by_silence
+from labweb.domain.runs.session import (
+    HostRecord,
+    SessionState,
+    after_hello,
+    decide_hello,
+    quarantined,
+    readmitted,
+    state_by_beat,
+    state_by_silence,
+)
 from labweb.enrollment import selectors
 from labweb.enrollment.models import Device, DriverVersion, EdgeHost
 from labweb.resources import selectors as resource_selectors
@@ -178,8 +187,73 @@ def record_of(row: EdgeHost) -> HostRecord:
         acked_seq=row.acked_seq,
         hash_at_acked=row.hash_at_acked,
         epoch=row.epoch,
+        last_dseq=row.last_dseq,
+        floor=row.floor,
         is_revoked=row.state == SessionState.REVOKED.value,
+        quarantine=_quarantine_of(row),
     )
+
+
+def _quarantine_of(row: EdgeHost) -> str:
+    if row.state != SessionState.QUARANTINED.value:
+        return ""
+    return str(row.heartbeat.get("code", "host.quarantined"))
+
+
+def _keep_record(row: EdgeHost, record: HostRecord) -> None:
+    row.journal_id = record.journal_id
+    row.acked_seq = record.acked_seq
+    row.hash_at_acked = record.hash_at_acked
+    row.epoch = record.epoch
+    row.floor = record.floor
+
+
+def quarantine_host(row: EdgeHost, code: str, message: str) -> None:
+    """End a host's session and void all it was given; only a readmission lets it in again.
+
+    Effect:
+        None on matter. The caller puts its jobs in doubt in the same block.
+    """
+    _keep_record(row, quarantined(record_of(row), code))
+    row.state = SessionState.QUARANTINED.value
+    row.state_at = now()
+    row.heartbeat = {"code": code, "message": message}
+    row.save()
+    on_commit(partial(feed.publish, "hosts", {"host_id": str(row.id)}))
+
+
+@atomic
+def readmit_host(host_id: UUID, *, actor: User, reason: str) -> EdgeHost:
+    """Let a quarantined host begin again with a new journal.
+
+    A person has been at the host: every process was down when its journal was set aside
+    (`python -m workers.host reset-journal`), and what its vessels hold was looked at.
+
+    Raises:
+        NotFoundError: There is none.
+        ForbiddenError: The actor may not admit hosts.
+        DefinitionError: No reason was given.
+        StateError: It is not in quarantine.
+
+    Effect:
+        None on matter. Jobs in doubt stay so until a person answers for each.
+    """
+    row = selectors.host_for_update(host_id)
+    root = resource_selectors.root_of(row.lab)
+    resource_selectors.require(actor, Permission.ADMIT, [root.id])
+    if not reason.strip():
+        raise DefinitionError("say what you checked: the reason is empty", code="host.no_reason")
+    if row.state != SessionState.QUARANTINED.value:
+        raise StateError(f"{row.name} is {row.state}", code="host.not_quarantined")
+    _keep_record(row, readmitted(record_of(row)))
+    row.state = SessionState.ISOLATED.value
+    row.state_at = now()
+    row.heartbeat = {}
+    row.save()
+    account_services.write_audit("host.readmit", str(row.id), actor=actor, reason=reason)
+    on_commit(partial(tell_host, row.id, {"type": "edge.renew"}))
+    on_commit(partial(feed.publish, "hosts", {"host_id": str(row.id)}))
+    return row
 
 
 @atomic
@@ -198,21 +272,20 @@ def open_session(hello: Hello, nonce: str) -> Welcome:
     if not signing.is_signed_by(known.public_key, hello_bytes(hello, nonce), hello.signature):
         raise EnrollmentError("the signature is not this host's", code="host.bad_signature")
     row = selectors.host_for_update(hello.host_id)
-    answer = decide_hello(record_of(row), hello)
+    record = record_of(row)
+    answer = decide_hello(record, hello)
     if answer.kind == "refuse":
         raise EnrollmentError(answer.message, code=answer.code)
-    row.epoch += 1
+    opening = after_hello(record, hello, answer)
+    _keep_record(row, opening.record)
+    row.state = opening.state.value
     row.session_id = new_id()
     row.last_seen_at = row.state_at = now()
-    if answer.kind == "normal":
-        row.journal_id = hello.journal_id
-        row.state = SessionState.SYNCING.value
-    else:
-        row.state = SessionState.QUARANTINED.value
+    if opening.mode == "quarantine" and not record.quarantine:
         row.heartbeat = {"code": answer.code, "message": answer.message}
     row.save()
     on_commit(partial(feed.publish, "hosts", {"host_id": str(row.id)}))
-    return welcome_of(row, "normal" if answer.kind == "normal" else "quarantine")
+    return welcome_of(row, opening.mode)
 
 
 def welcome_of(row: EdgeHost, mode: str) -> Welcome:
@@ -238,17 +311,34 @@ def resume_host(host_id: UUID, epoch: int) -> None:
         feed.publish("hosts", {"host_id": str(host_id)})
 
 
-def beat(host_id: UUID, epoch: int, heartbeat: Mapping[str, Any]) -> bool:
+def beat(
+    host_id: UUID, epoch: int, heartbeat: Mapping[str, Any], *, is_resumed: bool = True
+) -> bool:
     """Record a sign of life.
+
+    Args:
+        host_id: Who.
+        epoch: Session it was sent in.
+        heartbeat: What it says.
+        is_resumed: The server has read the host's log to its end in this session.
 
     Returns:
         False when the session is not this one any more; the connection is to be closed.
     """
     rows = EdgeHost.objects.filter(pk=host_id, epoch=epoch)
-    if not rows.update(last_seen_at=now(), heartbeat=dict(heartbeat)):
+    row = rows.first()
+    if row is None:
         return False
-    back = rows.filter(state__in=[SessionState.SUSPECT.value, SessionState.ISOLATED.value])
-    if back.update(state=SessionState.ONLINE.value, state_at=now()):
+    changes: dict[str, Any] = {"last_seen_at": now()}
+    if row.state != SessionState.QUARANTINED.value:
+        # In quarantine the reason stands there.
+        changes["heartbeat"] = dict(heartbeat)
+    if not rows.update(**changes):
+        return False
+    state = state_by_beat(SessionState(row.state), is_resumed=is_resumed)
+    if state.value != row.state and rows.filter(state=row.state).update(
+        state=state.value, state_at=now()
+    ):
         feed.publish("hosts", {"host_id": str(host_id)})
     return True
 

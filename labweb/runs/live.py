@@ -32,6 +32,7 @@ from labweb.domain.messages import (
     StopLab,
     Telemetry,
 )
+from labweb.domain.runs.session import is_caught_up
 from labweb.enrollment import selectors as enrollment_selectors
 from labweb.enrollment import services as enrollment_services
 from labweb.runs import services
@@ -123,7 +124,7 @@ class EdgeConsumer(AsyncWebsocketConsumer):
             await database_sync_to_async(services.note_quarantine)(hello.host_id)
 
     async def _maybe_resume(self, acked: int) -> None:
-        if self.is_online or acked < self.pending_head or self.host_id is None:
+        if self.is_online or self.host_id is None or not is_caught_up(acked, self.pending_head):
             return
         self.is_online = True
         await database_sync_to_async(enrollment_services.resume_host)(self.host_id, self.epoch)
@@ -141,7 +142,7 @@ class EdgeConsumer(AsyncWebsocketConsumer):
                 await self._events(host_id, frame)
             case Heartbeat():
                 alive = await database_sync_to_async(enrollment_services.beat)(
-                    host_id, self.epoch, msgspec.to_builtins(frame)
+                    host_id, self.epoch, msgspec.to_builtins(frame), is_resumed=self.is_online
                 )
                 if not alive:
                     await self.close(code=CLOSE_SESSION_OVER)

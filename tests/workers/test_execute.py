@@ -12,6 +12,7 @@ import pytest
 from labweb.domain.crutd.conditions import Condition
 from labweb.domain.messages import Cancel, Resolve, StopLab
 from labweb.domain.runs.edge import ActionState
+from labweb.domain.runs.journal import JournalError
 from tests.workers.bench import (
     BOTTLE_ID,
     DEVICE_ID,
@@ -25,7 +26,6 @@ from tests.workers.bench import (
     plain,
 )
 from workers import execute
-from workers.journal_schema import JournalError
 from workers.session import latch_stop
 from workers.store import Sample, Store
 

@@ -10,10 +10,10 @@ from uuid import uuid4
 import pytest
 
 from labweb.domain.runs.edge import ActionState
+from labweb.domain.runs.journal import JournalError
 from tests.workers.bench import HOST_ID, Host, a_do
 from workers import journal_schema
 from workers.journal import Journal, check_journal, create_journal
-from workers.journal_schema import JournalError
 from workers.keys import create_key
 from workers.seal import Seal, raise_seal, read_seal
 from workers.session import arm, disarm_if_regressed, make_hello, record_ack, record_boot
@@ -90,11 +90,34 @@ def test_the_seal_never_goes_back_and_never_changes_its_journal(host: Host) -> N
     path = host.path.with_suffix(".seal")
     host.take(a_do(host.server))
     before = read_seal(path)
-    raise_seal(path, Seal(journal_id=host.journal.journal_id, seq=1, hash="x"))
+    journal_id, hash_at = host.journal.journal_id, host.journal._hash_at
+    raise_seal(path, Seal(journal_id=journal_id, seq=1, hash="x"), hash_at)
     assert read_seal(path) == before
     with pytest.raises(JournalError):
-        raise_seal(path, Seal(journal_id=uuid4(), seq=99, hash="x"))
+        raise_seal(path, Seal(journal_id=uuid4(), seq=99, hash="x"), hash_at)
     assert read_seal(path) == before
+
+
+def test_a_journal_put_back_from_a_copy_cannot_outgrow_its_seal(host: Host) -> None:
+    host.journal._connection.execute("PRAGMA wal_checkpoint(TRUNCATE)")
+    copy = host.path.with_name("copy")
+    shutil.copy(host.path, copy)
+    for _ in range(2):
+        host.take(a_do(host.server))
+    host.journal.close()
+    for name in ("journal.sqlite3-wal", "journal.sqlite3-shm"):
+        host.path.with_name(name).unlink(missing_ok=True)
+    shutil.copy(copy, host.path)
+    host.journal = Journal(host.path)
+    for _ in range(3):
+        host.take(a_do(host.server))
+    seal = read_seal(host.path.with_suffix(".seal"))
+    assert seal is not None
+    assert host.journal.head()[0] > seal.seq
+    assert "is not the one that was sealed" in str(host.journal.regression())
+    assert not arm(host.journal)
+    assert make_hello(host.journal, create_key(host.folder / "key"), "n").regression
+    host.journal.close()
 
 
 def test_a_damaged_file_is_refused(tmp_path: Path) -> None:

@@ -279,6 +279,9 @@ def discard(transaction_id: UUID, settlement: Settlement) -> None:
     lifecycle.check_step(TransactionState(row.state), TransactionState.ROLLED_BACK)
     change = Change(state=TransactionState.ROLLED_BACK)
     post(row, (), operations.reservations(operations.from_json(row.operation)))
+    # The host has raised them by closing the vessels anew; what it is sent next must not
+    # look older than what it knows.
+    resource_services.set_revs(settlement.revs)
     _close(row, change, settlement)
     record(row, change)
 

@@ -51,11 +51,15 @@ class Mover(StrEnum):
     """An event of the host: the only mover after dispatch."""
 
     FENCE = "fence"
-    """A signed declaration that a host is lost."""
+    """A host is lost or its journal cannot be trusted: what it was given is in doubt."""
+
+    PERSON = "person"
+    """A signed answer about an action whose host has begun another journal."""
 
 
 _J = JobState
 _SERVER, _SCHEDULER, _EDGE, _FENCE = Mover.SERVER, Mover.SCHEDULER, Mover.EDGE, Mover.FENCE
+_PERSON = Mover.PERSON
 
 FINAL = frozenset({_J.COMPLETE, _J.ABORTED, _J.STOPPED, _J.REJECTED})
 AT_EDGE = frozenset({_J.DISPATCHED, _J.ACCEPTED, _J.RUNNING, _J.COMPLETING})
@@ -95,6 +99,8 @@ STEPS: frozenset[tuple[JobState, JobState, Mover]] = frozenset(
         (_J.ACCEPTED, _J.IN_DOUBT, _FENCE),
         (_J.RUNNING, _J.IN_DOUBT, _FENCE),
         (_J.COMPLETING, _J.IN_DOUBT, _FENCE),
+        (_J.IN_DOUBT, _J.COMPLETE, _PERSON),
+        (_J.IN_DOUBT, _J.ABORTED, _PERSON),
     }
 )
 """Every allowed step and its mover; what is not listed is refused here and in the database."""

@@ -17,7 +17,11 @@ class JobView:
     index: int
     state: JobState
     after: tuple[int, ...]
+    """Jobs of the run that come before; every index is lower than its own."""
+
     host_id: UUID
+    owner_ids: frozenset[UUID] = frozenset()
+    """Hosts that own what the job uses, beside its own."""
 
 
 def ready(jobs: Sequence[JobView], online_hosts: Collection[UUID]) -> list[JobView]:

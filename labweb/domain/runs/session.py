@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from uuid import UUID
 
@@ -38,7 +38,18 @@ class HostRecord:
     acked_seq: int
     hash_at_acked: str
     epoch: int
+    last_dseq: int = 0
+    """Highest dispatch ever given to the host."""
+
+    floor: int = 0
+    """Dispatches below it were given up; the host may start none of them."""
+
+    epoch_seen: int = 0
+    """Highest epoch under which the host has sent anything: it is on the host's disk."""
+
     is_revoked: bool = False
+    quarantine: str = ""
+    """Code of the quarantine the host is in; only a person's readmission ends it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,15 +71,27 @@ def decide_hello(record: HostRecord, hello: Hello) -> HelloAnswer:
     """
     if record.is_revoked:
         return HelloAnswer("refuse", "host.revoked", "this host's key was revoked")
+    if record.quarantine:
+        return HelloAnswer("quarantine", record.quarantine, "a person has to readmit this host")
+    if hello.regression:
+        return HelloAnswer("quarantine", "host.behind_seal", hello.regression)
     if record.journal_id is None:
         return HelloAnswer("normal")
     if hello.journal_id != record.journal_id:
         return HelloAnswer("quarantine", "host.other_journal", "the host has another journal")
+    return _decide_history(record, hello)
+
+
+def _decide_history(record: HostRecord, hello: Hello) -> HelloAnswer:
     if hello.seq_head < record.acked_seq:
         return HelloAnswer(
             "quarantine",
             "host.journal_regressed",
             f"the journal ends at {hello.seq_head}, the server has read up to {record.acked_seq}",
+        )
+    if hello.seq_head == record.acked_seq and hello.hash_head != record.hash_at_acked:
+        return HelloAnswer(
+            "quarantine", "host.fork", f"event {hello.seq_head} is not the one the server has read"
         )
     if hello.seal_seq > hello.seq_head:
         return HelloAnswer(
@@ -80,7 +103,86 @@ def decide_hello(record: HostRecord, hello: Hello) -> HelloAnswer:
         return HelloAnswer(
             "quarantine", "host.future_epoch", "the host knows an epoch the server never gave"
         )
+    if hello.epoch_last < record.epoch_seen:
+        return HelloAnswer(
+            "quarantine",
+            "host.epoch_regressed",
+            f"the host has spoken in session {record.epoch_seen}, its journal knows "
+            f"{hello.epoch_last}",
+        )
     return HelloAnswer("normal")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Opening:
+    """The session that follows from a HELLO."""
+
+    record: HostRecord
+    """What to remember before the WELCOME is sent."""
+
+    state: SessionState
+    mode: str
+    """`normal` or `quarantine`, for the WELCOME."""
+
+
+def after_hello(record: HostRecord, hello: Hello, answer: HelloAnswer) -> Opening:
+    """Give a host that is not refused a session under a fresh epoch.
+
+    A host in quarantine gets one too: it learns the raised floor by it, and is disarmed.
+    """
+    if answer.kind == "quarantine":
+        return Opening(
+            record=quarantined(record, answer.code),
+            state=SessionState.QUARANTINED,
+            mode="quarantine",
+        )
+    fresh = replace(record, epoch=record.epoch + 1, journal_id=hello.journal_id)
+    return Opening(record=fresh, state=SessionState.SYNCING, mode="normal")
+
+
+def quarantined(record: HostRecord, code: str) -> HostRecord:
+    """Fence a host whose log cannot be trusted: its session ends, what it was given is void.
+
+    Every job that was dispatched to it is in doubt from here on.
+    """
+    return replace(
+        record,
+        epoch=record.epoch + 1,
+        floor=max(record.floor, record.last_dseq + 1),
+        quarantine=record.quarantine or code,
+    )
+
+
+def readmitted(record: HostRecord) -> HostRecord:
+    """Let a host begin again with a new journal, after a person took stock beside it.
+
+    The old journal was set aside with every process of the host down, so nothing that it
+    had accepted can start any more; its epoch and the floor void what is still on its way.
+    The caller closes the host's connections: a HELLO of the old journal may wait on one.
+    """
+    return replace(
+        record,
+        epoch=record.epoch + 1,
+        journal_id=None,
+        acked_seq=0,
+        hash_at_acked="",
+        epoch_seen=0,
+        quarantine="",
+    )
+
+
+def is_given_up(record: HostRecord, dseq: int) -> bool:
+    """Say whether a person's answer settles an action on the server.
+
+    Only where its host can never tell: the action was fenced, and the host has begun another
+    journal since. Every other answer goes to the host as a command.
+    """
+    return dseq < record.floor and not record.quarantine and record.journal_id is not None
+
+
+def is_caught_up(acked_seq: int, seq_head: int) -> bool:
+    """Say whether the server has read all that a host's HELLO announced."""
+    return acked_seq >= seq_head
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,6 +202,8 @@ def check_events(record: HostRecord, events: Sequence[EdgeEvent]) -> Intake:
     journal_id = record.journal_id
     if journal_id is None:
         return Intake(code="host.no_session", message="events before HELLO")
+    if record.quarantine:
+        return Intake(code="host.quarantined", message="a person has to readmit this host")
     fresh: list[EdgeEvent] = []
     seq, head = record.acked_seq, record.hash_at_acked
     for event in events:
@@ -123,3 +227,14 @@ def state_by_silence(current: SessionState, silent_s: float) -> SessionState:
     if silent_s >= SUSPECT_AFTER_S and current is SessionState.ONLINE:
         return SessionState.SUSPECT
     return current
+
+
+def state_by_beat(current: SessionState, *, is_resumed: bool) -> SessionState:
+    """Return the state after a sign of life in the present session.
+
+    A host whose log the server had not read to its end when it fell silent is not online
+    by a heartbeat alone.
+    """
+    if current not in {SessionState.SUSPECT, SessionState.ISOLATED}:
+        return current
+    return SessionState.ONLINE if is_resumed else SessionState.SYNCING

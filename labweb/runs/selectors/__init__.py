@@ -186,6 +186,17 @@ def hold_run_of(action_id: UUID) -> None:
         run_for_update(run_id)
 
 
+def has_suspended_jobs() -> bool:
+    """Say whether any job waits for a host that went away."""
+    return Job.objects.filter(state=JobState.SUSPENDED.value).exists()
+
+
+def runs_with_waiting_jobs() -> QuerySet[Run]:
+    """Runs with a job that is queued or suspended, oldest first."""
+    waiting = Job.objects.filter(state__in=[JobState.QUEUED.value, JobState.SUSPENDED.value])
+    return Run.objects.filter(pk__in=waiting.values("run_id")).order_by("created_at")
+
+
 def attempt_for_update(action_id: UUID) -> Attempt | None:
     """Lock and return the attempt an event speaks of, or None."""
     return (
@@ -210,6 +221,13 @@ def jobs_in_doubt(lab: Lab) -> QuerySet[Job]:
     """Jobs whose outcome nobody knows."""
     rows = Job.objects.filter(run__lab=lab, state=JobState.IN_DOUBT.value)
     return rows.select_related("run__version__workflow", "device").order_by("state_at")
+
+
+def jobs_at(host: EdgeHost) -> QuerySet[Job]:
+    """Lock and return the jobs that were dispatched to a host and have not ended."""
+    states = [state.value for state in AT_EDGE]
+    rows = Job.objects.filter(device__host=host, state__in=states).order_by("id")
+    return rows.select_related("run").select_for_update(of=("self",))
 
 
 def host_events(action_ids: list[UUID]) -> QuerySet[HostEvent]:

@@ -13,6 +13,7 @@ from labweb.runs.services.control import (
 from labweb.runs.services.dispatch import dispatch_ready, publish_outbox
 from labweb.runs.services.expiry import expire_requests
 from labweb.runs.services.ingest import ingest_events, note_quarantine
+from labweb.runs.services.isolation import isolate_hosts
 from labweb.runs.services.start import (
     check_named,
     decide_request,
@@ -29,6 +30,7 @@ __all__ = [
     "dispatch_ready",
     "expire_requests",
     "ingest_events",
+    "isolate_hosts",
     "names_for",
     "note_quarantine",
     "pause_run",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import partial
 from uuid import UUID
 
@@ -12,18 +13,22 @@ from labweb.accounts.selectors import User
 from labweb.approvals import services as approval_services
 from labweb.common import feed
 from labweb.common.clock import new_id, now
+from labweb.crutd import services as crutd_services
+from labweb.crutd.services import Settlement
 from labweb.domain.approvals.roles import Permission
 from labweb.domain.crutd import operations
+from labweb.domain.crutd.decide import OutcomeKind
 from labweb.domain.errors import DefinitionError, StateError
 from labweb.domain.runs.edge import ANSWERS, resolve
 from labweb.domain.runs.job import FINAL, UNSTARTED, JobState, Mover, RunState
+from labweb.domain.runs.session import is_given_up
 from labweb.enrollment import selectors as enrollment_selectors
 from labweb.enrollment import services as enrollment_services
 from labweb.resources import selectors as resource_selectors
 from labweb.resources import services as resource_services
 from labweb.resources.selectors import Lab
 from labweb.runs import selectors
-from labweb.runs.models import Job, Outbox, Run
+from labweb.runs.models import Attempt, Job, Outbox, Run
 from labweb.runs.services import dispatch
 from labweb.runs.services.state import announce, move_job, refresh_run
 
@@ -151,6 +156,13 @@ def resolve_job(job_id: UUID, *, actor: User, answer: str, moved_nl: int | None,
     attempt = selectors.last_attempt(job)
     if attempt is None:
         raise StateError("this job was never dispatched", code="run.not_in_doubt")
+    record = enrollment_services.record_of(attempt.host)
+    if is_given_up(record, attempt.dseq):
+        return _settle_here(job, attempt, actor, answer=answer, moved_nl=moved_nl, note=note)
+    if record.quarantine:
+        raise StateError(
+            f"{attempt.host.name} is quarantined: readmit it first", code="run.host_quarantined"
+        )
     waiting = Outbox.objects.filter(action_id=attempt.id, kind="resolve", settled_at__isnull=True)
     if waiting.exists():
         raise StateError("an answer is on its way to the host", code="run.answered")
@@ -165,6 +177,34 @@ def resolve_job(job_id: UUID, *, actor: User, answer: str, moved_nl: int | None,
         detail={"answer": answer, "moved_nl": moved_nl},
     )
     on_commit(partial(announce, job.run_id, job.id))
+    return job
+
+
+def _settle_here(
+    job: Job, attempt: Attempt, actor: User, *, answer: str, moved_nl: int | None, note: str
+) -> Job:
+    """Settle on the server what the host can never tell: its journal was set aside."""
+    found = resolve(answer, moved_nl=moved_nl)
+    if found is None:
+        raise DefinitionError(f"{answer!r} answers nothing", code="run.bad_answer")
+    state, outcome = found
+    settlement = Settlement(outcome=outcome, verification="assumed", actor_id=actor.pk)
+    if outcome.kind is OutcomeKind.UNKNOWN:
+        kept = replace(settlement, keep_quarantined=True)
+        crutd_services.discard(attempt.transaction_id, kept)
+    else:
+        crutd_services.settle(attempt.transaction_id, settlement)
+    resolution = {"answer": answer, "note": note, "by": actor.printed_name, "moved_nl": moved_nl}
+    evidence = {**job.evidence, "resolution": resolution}
+    move_job(job, JobState(state.value), Mover.PERSON, evidence=evidence)
+    account_services.write_audit(
+        "job.resolve",
+        str(job.id),
+        actor=actor,
+        reason=note,
+        detail={"answer": answer, "moved_nl": moved_nl, "is_settled_here": True},
+    )
+    refresh_run(job.run_id)
     return job
 
 

@@ -20,6 +20,7 @@ from labweb.domain.crutd.decide import ResourceState
 from labweb.domain.errors import LockedError, PreconditionError
 from labweb.domain.messages import Cancel, Command, Do, Reset, Resolve, ResourceView
 from labweb.domain.runs.job import JobState, Mover, RunState
+from labweb.domain.runs.relay import RING_AGAIN_AFTER_S, stamped
 from labweb.domain.runs.scheduler import ready
 from labweb.enrollment import selectors as enrollment_selectors
 from labweb.enrollment import services as enrollment_services
@@ -32,8 +33,7 @@ from labweb.runs.services.state import move_job, refresh_run
 
 logger = logging.getLogger(__name__)
 
-RING_AGAIN_AFTER = timedelta(seconds=2)
-"""A command that the host has not answered is rung again; the host drops repeats."""
+RING_AGAIN_AFTER = timedelta(seconds=RING_AGAIN_AFTER_S)
 
 _TIMEOUT_S = 120.0
 
@@ -240,8 +240,7 @@ def _publish_for(host: EdgeHost) -> int:
     with atomic():
         rows = selectors.pending_outbox(host).filter(due).select_for_update(skip_locked=True)
         for row in rows[:100]:
-            body = {**row.body, "epoch": host.epoch}
-            signed = signing.sign(msgspec.convert(body, Command))
+            signed = signing.sign(stamped(msgspec.convert(row.body, Command), host.epoch))
             if not queue.ring(host.id, signed):
                 logger.warning("the broker is away: telling host %s directly", host.name)
             if row.publish_count:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 from uuid import UUID
 
@@ -11,12 +12,13 @@ from django.db.transaction import atomic
 
 from labweb.accounts import selectors as account_selectors
 from labweb.common.clock import now
+from labweb.crutd import selectors as crutd_selectors
 from labweb.crutd import services as crutd_services
 from labweb.crutd.services import Settlement
 from labweb.domain.crutd.decide import Outcome, OutcomeKind
-from labweb.domain.crutd.lifecycle import TransactionState
 from labweb.domain.errors import LabError, StateError
 from labweb.domain.messages import EdgeEvent
+from labweb.domain.runs.intake import Meaning, read_event
 from labweb.domain.runs.job import JobState, Mover
 from labweb.domain.runs.session import SessionState, check_events
 from labweb.enrollment import selectors as enrollment_selectors
@@ -40,7 +42,7 @@ def ingest_events(host_id: UUID, epoch: int, events: Sequence[EdgeEvent]) -> int
         cannot be. The last three quarantine the host; nothing of the frame is kept.
     """
     host = enrollment_selectors.host_for_update(host_id)
-    if host.epoch != epoch:
+    if host.epoch != epoch or host.state == SessionState.QUARANTINED.value:
         return None
     intake = check_events(enrollment_services.record_of(host), events)
     if intake.code:
@@ -63,21 +65,45 @@ def ingest_events(host_id: UUID, epoch: int, events: Sequence[EdgeEvent]) -> int
 
 def _quarantine(host: EdgeHost, code: str, message: str) -> None:
     logger.error("host %s is quarantined: %s %s", host.name, code, message)
-    host.state = SessionState.QUARANTINED.value
-    host.state_at = now()
-    host.epoch += 1
-    host.save(update_fields=["state", "state_at", "epoch"])
+    enrollment_services.quarantine_host(host, code, message)
     crutd_services.open_ticket(host.lab, code, message, {"host_id": str(host.id)})
+    _fence_jobs(host)
 
 
+@atomic
 def note_quarantine(host_id: UUID) -> None:
-    """Ask a person to take stock of a host whose journal does not continue the known one."""
-    host = enrollment_selectors.find_host(host_id)
-    if host is None:
-        return
+    """Put in doubt what a host was given whose journal does not continue the known one.
+
+    Effect:
+        None on matter. A person is asked to take stock; a host that is in quarantine
+        already is not asked about again.
+    """
+    host = enrollment_selectors.host_for_update(host_id)
     code = str(host.heartbeat.get("code", "host.quarantined"))
     message = f"{host.name} is quarantined: {host.heartbeat.get('message', 'its journal differs')}"
-    crutd_services.open_ticket(host.lab, code, message, {"host_id": str(host.id)})
+    known = crutd_selectors.open_tickets(host.lab).filter(code=code, detail__host_id=str(host.id))
+    if not known.exists():
+        crutd_services.open_ticket(host.lab, code, message, {"host_id": str(host.id)})
+    _fence_jobs(host)
+
+
+def _fence_jobs(host: EdgeHost) -> None:
+    """Put every dispatched job of a fenced host in doubt: its log can tell nothing of them."""
+    Outbox.objects.filter(host=host, settled_at__isnull=True).update(settled_at=now())
+    for job in selectors.jobs_at(host):
+        attempt = selectors.last_attempt(job)
+        if attempt is None:
+            continue
+        unknown = Settlement(outcome=Outcome(kind=OutcomeKind.UNKNOWN), code="host.quarantined")
+        crutd_services.settle(attempt.transaction_id, unknown)
+        move_job(
+            job,
+            JobState.IN_DOUBT,
+            Mover.FENCE,
+            code="host.quarantined",
+            message=f"{host.name} is quarantined: nobody knows what became of this",
+        )
+        refresh_run(job.run_id)
 
 
 def _keep(host: EdgeHost, event: EdgeEvent) -> None:
@@ -116,59 +142,72 @@ def _apply(host: EdgeHost, event: EdgeEvent) -> None:
             {"host_id": str(host.id), "action_id": str(event.action_id), "kind": event.kind},
         )
         return
-    handler = _HANDLERS.get(event.kind)
-    if handler is not None:
-        handler(attempt, event)
-        refresh_run(attempt.job.run_id)
+    meaning = read_event(event.kind, event.body, JobState(attempt.job.state))
+    dispatch.settle_outbox(attempt.id, list(meaning.answered))
+    if event.kind == "started":
+        pid = event.body.get("pid")
+        attempt.worker_pid = pid if isinstance(pid, int) else None
+        attempt.save(update_fields=["worker_pid"])
+    if meaning.advance is not None:
+        crutd_services.advance(attempt.transaction_id, meaning.advance)
+    if meaning.outcome is not None:
+        _settle(attempt, event, meaning)
+    if meaning.state is not None:
+        move_job(attempt.job, meaning.state, Mover.EDGE, **_fields(attempt, event, meaning))
+    refresh_run(attempt.job.run_id)
 
 
-def _on_accepted(attempt: Attempt, _event: EdgeEvent) -> None:
-    dispatch.settle_outbox(attempt.id, ["do"])
-    if attempt.job.state == JobState.DISPATCHED.value:
-        move_job(attempt.job, JobState.ACCEPTED, Mover.EDGE)
+def _settle(attempt: Attempt, event: EdgeEvent, meaning: Meaning) -> None:
+    outcome = meaning.outcome
+    if outcome is None:
+        return
+    settlement = _settlement(event.body, outcome)
+    if meaning.is_resolution and outcome.kind is OutcomeKind.UNKNOWN:
+        crutd_services.discard(attempt.transaction_id, replace(settlement, keep_quarantined=True))
+    else:
+        crutd_services.settle(attempt.transaction_id, settlement)
 
 
-def _on_started(attempt: Attempt, event: EdgeEvent) -> None:
-    pid = event.body.get("pid")
-    attempt.worker_pid = pid if isinstance(pid, int) else None
-    attempt.save(update_fields=["worker_pid"])
-    crutd_services.advance(attempt.transaction_id, TransactionState.EXECUTING)
-    move_job(attempt.job, JobState.RUNNING, Mover.EDGE)
+def _fields(attempt: Attempt, event: EdgeEvent, meaning: Meaning) -> dict[str, Any]:
+    """Return what else an event writes into the row of its job."""
+    body, evidence = event.body, attempt.job.evidence
+    if event.kind == "actuated":
+        return {"evidence": {"report": body.get("report") or {}}}
+    if meaning.is_resolution:
+        return {"evidence": {**evidence, "resolution": _resolution(body, meaning)}}
+    if meaning.outcome is None:
+        return {}
+    return {
+        "code": str(body.get("code", "")),
+        "message": str(body.get("message", "")),
+        "verification": str(body.get("verification", "")),
+        "evidence": {
+            **evidence,
+            "post": body.get("post", []),
+            "pre": body.get("pre", []),
+            "report": body.get("report") or evidence.get("report", {}),
+        },
+    }
 
 
-def _on_actuated(attempt: Attempt, event: EdgeEvent) -> None:
-    crutd_services.advance(attempt.transaction_id, TransactionState.CONFIRMING)
-    evidence = event.body.get("report") or {}
-    move_job(attempt.job, JobState.COMPLETING, Mover.EDGE, evidence={"report": evidence})
+def _resolution(body: Mapping[str, Any], meaning: Meaning) -> dict[str, Any]:
+    resolution = {
+        "answer": body.get("answer"),
+        "note": body.get("note"),
+        "by": _name_of(str(body.get("issued_by") or "")),
+    }
+    if body.get("answer") == "partly" and meaning.outcome is not None:
+        resolution["moved_nl"] = meaning.outcome.moved_nl
+    return resolution
 
 
-def _on_ended(state: JobState) -> Callable[[Attempt, EdgeEvent], None]:
-    def apply(attempt: Attempt, event: EdgeEvent) -> None:
-        kinds = ["do", "cancel"] if state is JobState.IN_DOUBT else ["do", "cancel", "resolve"]
-        dispatch.settle_outbox(attempt.id, kinds)
-        body = event.body
-        crutd_services.settle(attempt.transaction_id, _settlement(body, state))
-        move_job(
-            attempt.job,
-            state,
-            Mover.EDGE,
-            code=str(body.get("code", "")),
-            message=str(body.get("message", "")),
-            verification=str(body.get("verification", "")),
-            evidence={
-                **attempt.job.evidence,
-                "post": body.get("post", []),
-                "pre": body.get("pre", []),
-                "report": body.get("report") or attempt.job.evidence.get("report", {}),
-            },
-        )
-
-    return apply
+def _name_of(user_id: str) -> str:
+    return account_selectors.printed_names([user_id] if user_id else []).get(user_id, user_id)
 
 
-def _settlement(body: Mapping[str, Any], state: JobState) -> Settlement:
+def _settlement(body: Mapping[str, Any], outcome: Outcome) -> Settlement:
     return Settlement(
-        outcome=_outcome(body.get("outcome"), state),
+        outcome=outcome,
         verification=str(body.get("verification", "")),
         conditions=[*body.get("pre", []), *body.get("post", [])],
         code=str(body.get("code", "")),
@@ -176,63 +215,3 @@ def _settlement(body: Mapping[str, Any], state: JobState) -> Settlement:
         reported_change=body.get("change"),
         revs={UUID(key): int(rev) for key, rev in (body.get("revs") or {}).items()},
     )
-
-
-def _outcome(value: Mapping[str, Any] | None, state: JobState) -> Outcome:
-    if value is None:
-        unknown = state is JobState.IN_DOUBT
-        kind = OutcomeKind.UNKNOWN if unknown else OutcomeKind.PARTIAL
-        return Outcome(kind=kind, moved_nl=None if unknown else 0)
-    moved = value.get("moved_nl")
-    return Outcome(
-        kind=OutcomeKind(value["kind"]),
-        moved_nl=None if moved is None else int(moved),
-        data=value.get("data") or {},
-    )
-
-
-def _on_resolved(attempt: Attempt, event: EdgeEvent) -> None:
-    dispatch.settle_outbox(attempt.id, ["resolve"])
-    body = event.body
-    state = JobState(str(body["state"]))
-    settlement = _settlement(body, state)
-    if settlement.outcome.kind is OutcomeKind.UNKNOWN:
-        crutd_services.discard(attempt.transaction_id, _kept(settlement))
-    else:
-        crutd_services.settle(attempt.transaction_id, settlement)
-    resolution = {
-        "answer": body.get("answer"),
-        "note": body.get("note"),
-        "by": _name_of(str(body.get("issued_by") or "")),
-    }
-    if body.get("answer") == "partly":
-        resolution["moved_nl"] = settlement.outcome.moved_nl
-    evidence = {**attempt.job.evidence, "resolution": resolution}
-    move_job(attempt.job, state, Mover.EDGE, evidence=evidence)
-
-
-def _name_of(user_id: str) -> str:
-    return account_selectors.printed_names([user_id] if user_id else []).get(user_id, user_id)
-
-
-def _kept(settlement: Settlement) -> Settlement:
-    return Settlement(
-        outcome=settlement.outcome,
-        code=settlement.code,
-        message=settlement.message,
-        keep_quarantined=True,
-    )
-
-
-_HANDLERS: dict[str, Callable[[Attempt, EdgeEvent], None]] = {
-    "accepted": _on_accepted,
-    "started": _on_started,
-    "actuated": _on_actuated,
-    "complete": _on_ended(JobState.COMPLETE),
-    "aborted": _on_ended(JobState.ABORTED),
-    "in_doubt": _on_ended(JobState.IN_DOUBT),
-    "rejected": _on_ended(JobState.REJECTED),
-    "refused": _on_ended(JobState.REJECTED),
-    "stopped": _on_ended(JobState.STOPPED),
-    "resolved": _on_resolved,
-}

@@ -96,6 +96,7 @@ class Command(BaseCommand):
     def _watch(self, monitor: Monitor) -> None:
         enrollment_services.watch_hosts(monitor.silent_s())
         services.expire_requests()
+        services.isolate_hosts()
         for lab in resource_selectors.labs().filter(is_stopped=True):
             if lab.stop_id is None or lab.stopped_at is None:
                 continue

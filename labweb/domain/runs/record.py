@@ -1,4 +1,4 @@
-"""Resources as this host knows them: taken over from the server, settled here."""
+"""Resources as a host knows them: taken over from the server, settled by the host."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from labweb.domain.crutd.decide import Change, ResourceState, Snapshot
 from labweb.domain.crutd.operations import Create
 from labweb.domain.messages import ResourceView
 from labweb.domain.resources.contents import LotId, add, remove
-from workers.transaction import HeldResource, Transaction
+from labweb.domain.runs.journal import HeldResource, JournalWrite
 
 DEEPEST_TREE = 64
 
 
-def stale_resource(tx: Transaction, views: Sequence[ResourceView]) -> ResourceView | None:
+def stale_resource(tx: JournalWrite, views: Sequence[ResourceView]) -> ResourceView | None:
     """Find a resource of which the server knows less than this host; None: it is up to date."""
     for view in views:
         held = tx.resource(view.id)
@@ -25,7 +25,7 @@ def stale_resource(tx: Transaction, views: Sequence[ResourceView]) -> ResourceVi
     return None
 
 
-def adopt(tx: Transaction, views: Sequence[ResourceView]) -> None:
+def adopt(tx: JournalWrite, views: Sequence[ResourceView]) -> None:
     """Take over what the server says.
 
     The server changes a resource only while nothing is open on it, so its newer revision
@@ -38,7 +38,7 @@ def adopt(tx: Transaction, views: Sequence[ResourceView]) -> None:
         tx.put_resource(HeldResource(view=view, quarantined_by=quarantined_by))
 
 
-def snapshot(tx: Transaction, ids: Iterable[UUID]) -> Snapshot:
+def snapshot(tx: JournalWrite, ids: Iterable[UUID]) -> Snapshot:
     """Return what a decision needs to know of these resources; unknown ones are left out."""
     found = {}
     for resource_id in ids:
@@ -48,7 +48,7 @@ def snapshot(tx: Transaction, ids: Iterable[UUID]) -> Snapshot:
     return found
 
 
-def apply_change(tx: Transaction, change: Change, action_id: UUID) -> dict[str, int]:
+def apply_change(tx: JournalWrite, change: Change, action_id: UUID) -> dict[str, int]:
     """Write a settled change and lift its action's quarantine; return the new revisions.
 
     A change that quarantines closes its resources anew, in the same write.
@@ -75,7 +75,7 @@ def apply_change(tx: Transaction, change: Change, action_id: UUID) -> dict[str, 
     return {str(i): _keep(tx, held[i]) for i in sorted(held)}
 
 
-def _pour(tx: Transaction, change: Change, held: dict[UUID, HeldResource]) -> None:
+def _pour(tx: JournalWrite, change: Change, held: dict[UUID, HeldResource]) -> None:
     for posting in change.postings:
         parts = {posting.lot: posting.amount_nl}
         source_id, target_id = UUID(posting.debit), UUID(posting.credit)
@@ -86,7 +86,7 @@ def _pour(tx: Transaction, change: Change, held: dict[UUID, HeldResource]) -> No
         held[target_id] = HeldResource(view=_filled(target, add(_contents(target), parts)))
 
 
-def _held(tx: Transaction, held: dict[UUID, HeldResource], resource_id: UUID) -> HeldResource:
+def _held(tx: JournalWrite, held: dict[UUID, HeldResource], resource_id: UUID) -> HeldResource:
     if resource_id not in held:
         found = tx.resource(resource_id)
         if found is None:
@@ -95,7 +95,7 @@ def _held(tx: Transaction, held: dict[UUID, HeldResource], resource_id: UUID) ->
     return held[resource_id]
 
 
-def _keep(tx: Transaction, held: HeldResource) -> int:
+def _keep(tx: JournalWrite, held: HeldResource) -> int:
     rev = held.view.rev + 1
     view = msgspec.structs.replace(held.view, rev=rev)
     tx.put_resource(HeldResource(view=view, quarantined_by=held.quarantined_by))
@@ -121,7 +121,7 @@ def _created(operation: Create) -> ResourceView:
     )
 
 
-def _to_state(tx: Transaction, held: HeldResource) -> ResourceState:
+def _to_state(tx: JournalWrite, held: HeldResource) -> ResourceState:
     view = held.view
     return ResourceState(
         id=view.id,
@@ -138,7 +138,7 @@ def _to_state(tx: Transaction, held: HeldResource) -> ResourceState:
     )
 
 
-def _ancestors(tx: Transaction, parent_id: UUID | None) -> tuple[UUID, ...]:
+def _ancestors(tx: JournalWrite, parent_id: UUID | None) -> tuple[UUID, ...]:
     found: list[UUID] = []
     while parent_id is not None and parent_id not in found and len(found) < DEEPEST_TREE:
         found.append(parent_id)

@@ -1,0 +1,206 @@
+"""How a host carries an action out: what it writes before, between and after the bytes.
+
+`start` hands out the only `Started` there is, so nobody can act on an action whose start
+is not part of a write. The order is: read, `start`, act, `write_actuated`, read, `write_end`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+from uuid import UUID
+
+from labweb.domain.crutd import decide, operations
+from labweb.domain.crutd.conditions import Condition, Result, Verification
+from labweb.domain.crutd.decide import Change, Outcome, OutcomeKind
+from labweb.domain.errors import Effect, LabError
+from labweb.domain.messages import Do
+from labweb.domain.runs import edge
+from labweb.domain.runs.bodies import change_body, report_body, results_body
+from labweb.domain.runs.edge import ActionState, Answer, Conclusion, Report
+from labweb.domain.runs.journal import ActionRow, JournalWrite
+from labweb.domain.runs.moment import Moment
+from labweb.domain.runs.record import apply_change, snapshot
+
+NEVER_S = float("inf")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Scene:
+    """What a worker knows when it wants to start an action."""
+
+    pid: int
+    driver_digest: str
+    prestate: dict[str, Any] = field(default_factory=dict)
+    """Readings from just before."""
+
+    judged: Sequence[tuple[Condition, Result]] = ()
+    """Pre-conditions with their verdicts on readings from just before."""
+
+
+@dataclass(frozen=True, slots=True)
+class Started:
+    """The right to send an action's bytes once, as soon as its write is on disk."""
+
+    row: ActionRow
+    do: Do
+
+
+def in_turn(rows: Iterable[ActionRow]) -> Iterator[ActionRow]:
+    """Give of a line's accepted actions, in dispatch order, the first of each device."""
+    seen: set[UUID] = set()
+    for row in rows:
+        if row.device_id not in seen:
+            seen.add(row.device_id)
+            yield row
+
+
+def age_s(row: ActionRow, at: Moment) -> float:
+    """Return how long an action has waited since its acceptance.
+
+    Within one boot the monotonic clock counts. After a restart only the wall clock is
+    left; one that went back tells nothing, so the action counts as too old.
+    """
+    if row.accepted_boot_id == at.boot_id:
+        return at.mono_s - row.accepted_mono_s
+    waited_s = at.wall_s - row.accepted_wall_s
+    return waited_s if waited_s >= 0 else NEVER_S
+
+
+def decide_now(
+    tx: JournalWrite, row: ActionRow, do: Do, at: Moment, results: Sequence[Result]
+) -> Answer:
+    """Decide inside the write, so that nothing changes between decision and start."""
+    if tx.state_of(row.action_id) is not ActionState.ACCEPTED:
+        return Answer(edge.HOLD, "edge.taken", "the action was stopped meanwhile")
+    operation = operations.from_json(do.operation)
+    known = snapshot(tx, operations.touched_ids(operation))
+    return edge.decide_start(
+        tx.host_state(at.boot_id),
+        edge.Candidate(
+            dseq=row.dseq,
+            max_fence=tx.max_fence(row.device_id),
+            age_s=age_s(row, at),
+            ttl_s=do.ttl_s,
+            device_blocked_by=tx.blocked_by(row.device_id),
+        ),
+        findings=decide.check(operation, known),
+        results=results,
+    )
+
+
+def start(
+    tx: JournalWrite, row: ActionRow, do: Do, *, at: Moment, scene: Scene
+) -> Answer | Started:
+    """Decide whether an action starts now, and write down what was decided."""
+    answer = decide_now(tx, row, do, at, [result for _, result in scene.judged])
+    write_rejection(tx, row, answer, scene.judged)
+    if answer.kind != edge.START:
+        return answer
+    tx.move(row.action_id, ActionState.ACCEPTED, ActionState.STARTED)
+    tx.keep(row.action_id, "prestate", scene.prestate)
+    tx.raise_fence(row.device_id, row.dseq)
+    body = {
+        "pid": scene.pid,
+        "line": row.line,
+        "device_id": str(row.device_id),
+        "driver_digest": scene.driver_digest,
+        "epoch": row.epoch,
+        "dseq": row.dseq,
+        "prestate": scene.prestate,
+        "pre": results_body(scene.judged),
+    }
+    tx.append("started", row.action_id, body)
+    return Started(row, do)
+
+
+def reject(tx: JournalWrite, row: ActionRow, answer: Answer) -> None:
+    """End an action that can never start, unless something else ended it first."""
+    if tx.state_of(row.action_id) is ActionState.ACCEPTED:
+        write_rejection(tx, row, answer, ())
+
+
+def write_rejection(
+    tx: JournalWrite,
+    row: ActionRow,
+    answer: Answer,
+    judged: Sequence[tuple[Condition, Result]],
+) -> None:
+    """Write a rejection down; any other answer leaves the action as it is."""
+    if answer.kind != edge.REJECT:
+        return
+    tx.move(row.action_id, ActionState.ACCEPTED, ActionState.REJECTED)
+    body = {"code": answer.code, "message": answer.message, "pre": results_body(judged)}
+    tx.append("rejected", row.action_id, body)
+
+
+def write_actuated(tx: JournalWrite, row: ActionRow, report: Report) -> None:
+    """Write down that the device has answered; what follows only reads."""
+    body = report_body(report)
+    tx.move(row.action_id, ActionState.STARTED, ActionState.ACTUATED)
+    tx.keep(row.action_id, "report", body)
+    tx.append("actuated", row.action_id, body)
+
+
+def write_end(
+    tx: JournalWrite,
+    row: ActionRow,
+    report: Report,
+    post: Sequence[tuple[Condition, Result]],
+) -> Conclusion:
+    """Settle an action and write its end: row, resources and event together."""
+    operation = operations.from_json(row.do.operation)
+    known = snapshot(tx, operations.touched_ids(operation))
+    conclusion, change = _settle(operation, known, edge.conclude(report, post))
+    revs = apply_change(tx, change, row.action_id)
+    body = change_body(change, revs, conclusion.outcome, conclusion.verification)
+    body |= {
+        "code": conclusion.code,
+        "message": conclusion.message,
+        "post": results_body(post),
+        "report": report_body(report),
+    }
+    current = tx.state_of(row.action_id) or row.st
+    tx.move(row.action_id, current, conclusion.state)
+    tx.keep(row.action_id, "conclusion", body)
+    tx.append(conclusion.state.value, row.action_id, body)
+    return conclusion
+
+
+def recover(tx: JournalWrite, row: ActionRow) -> bool:
+    """Put in doubt what was started and never answered; True: it is in doubt from here on.
+
+    Nothing is sent: nobody can tell whether the device acted.
+    """
+    current = tx.state_of(row.action_id)
+    if current is None or edge.recover(current) is not ActionState.IN_DOUBT:
+        return False
+    if current is ActionState.IN_DOUBT:
+        return False
+    report = Report(
+        ok=False,
+        effect=Effect.UNKNOWN,
+        code="edge.interrupted",
+        message="the host stopped between start and answer",
+    )
+    write_end(tx, row, report, [])
+    return True
+
+
+def _settle(
+    operation: operations.Operation, known: decide.Snapshot, conclusion: Conclusion
+) -> tuple[Conclusion, Change]:
+    """Settle; a report that contradicts the record means that nobody knows."""
+    try:
+        return conclusion, decide.settle(operation, known, conclusion.outcome)
+    except LabError as error:
+        unknown = Outcome(kind=OutcomeKind.UNKNOWN)
+        doubtful = Conclusion(
+            state=ActionState.IN_DOUBT,
+            outcome=unknown,
+            verification=Verification.ASSUMED,
+            code=error.code,
+            message=error.message,
+        )
+        return doubtful, decide.settle(operation, known, unknown)

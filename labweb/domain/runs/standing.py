@@ -1,0 +1,81 @@
+"""Where a host stands: its session, its hold after a restart, its stop latch.
+
+A machine that was restarted moves nothing until the server has resumed its session. Which
+start of the machine was armed is on disk, so that a second restart of the program alone
+does not lift the hold.
+"""
+
+from __future__ import annotations
+
+from uuid import UUID
+
+from labweb.domain.messages import StopLab, Welcome, canonical
+from labweb.domain.runs.edge import HostState
+from labweb.domain.runs.journal import JournalWrite
+
+
+def state_of(meta: dict[str, str], boot_id: str) -> HostState:
+    """Read what decides whether anything may start from a host's remembered values."""
+    return HostState(
+        host_id=UUID(meta["host_id"]),
+        epoch=int(meta.get("epoch", 0)),
+        floor=int(meta.get("floor", 0)),
+        boot_id=boot_id,
+        armed_boot_id=meta.get("armed_boot_id"),
+        stop_latched="stop_id" in meta,
+    )
+
+
+def write_welcome(tx: JournalWrite, welcome: Welcome) -> None:
+    """Remember a session's epoch and floor, devices and keys.
+
+    Epoch and floor never go back. In quarantine the host is disarmed: nothing starts until
+    the server resumes it.
+    """
+    meta = tx.meta()
+    tx.set_meta("epoch", str(max(welcome.epoch, int(meta.get("epoch", 0)))))
+    tx.set_meta("floor", str(max(welcome.floor, int(meta.get("floor", 0)))))
+    tx.set_meta("devices", canonical(welcome.devices).decode())
+    tx.set_meta("command_keys", canonical(welcome.command_keys).decode())
+    if welcome.mode != "normal":
+        tx.set_meta("armed_boot_id", None)
+
+
+def write_ack(tx: JournalWrite, seq: int) -> None:
+    """Remember how far the server has committed; never further than there are events."""
+    known = int(tx.meta().get("acked_seq", 0))
+    tx.set_meta("acked_seq", str(max(known, min(seq, tx.head[0]))))
+
+
+def write_boot(tx: JournalWrite, boot_id: str) -> None:
+    """Tell, once for each start of the machine, that it has started."""
+    if tx.meta().get("boot_id") != boot_id:
+        tx.set_meta("boot_id", boot_id)
+        tx.append("boot", None, {"boot_id": boot_id})
+
+
+def write_armed(tx: JournalWrite, boot_id: str, regression: str | None) -> bool:
+    """Let this start of the machine begin new work; False: the journal is not the newest.
+
+    A journal that ends before its seal, or was put back from a copy, stays disarmed
+    whatever the server says: actions may have happened that it does not know of.
+    """
+    if regression is not None:
+        return False
+    if tx.meta().get("armed_boot_id") != boot_id:
+        tx.set_meta("armed_boot_id", boot_id)
+        tx.append("armed", None, {"boot_id": boot_id})
+    return True
+
+
+def write_disarmed(tx: JournalWrite) -> None:
+    """Let nothing start here until the server has resumed a session."""
+    tx.set_meta("armed_boot_id", None)
+
+
+def write_stop(tx: JournalWrite, stop: StopLab) -> None:
+    """Close the stop latch. Only a signed Reset opens it."""
+    if tx.meta().get("stop_id") != str(stop.stop_id):
+        tx.set_meta("stop_id", str(stop.stop_id))
+        body = {"stop_id": str(stop.stop_id), "issued_by": stop.issued_by}
+        tx.append("stop_latched", None, body)

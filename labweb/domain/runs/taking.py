@@ -1,0 +1,239 @@
+"""How a host takes a command into its journal: decide, write, and say which line to wake."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from dataclasses import dataclass
+from typing import Any
+from uuid import UUID
+
+import msgspec
+
+from labweb.domain.crutd import decide, operations
+from labweb.domain.crutd.conditions import Condition, Verification
+from labweb.domain.errors import LabError
+from labweb.domain.messages import PROTOCOL_VERSION, Cancel, Command, Do, Reset, Resolve, Signed
+from labweb.domain.runs import edge
+from labweb.domain.runs.bodies import change_body
+from labweb.domain.runs.edge import ActionState, Answer
+from labweb.domain.runs.journal import ActionRow, JournalWrite
+from labweb.domain.runs.moment import Moment
+from labweb.domain.runs.record import adopt, apply_change, snapshot, stale_resource
+
+
+@dataclass(frozen=True, slots=True)
+class Receipt:
+    """What became of a command."""
+
+    answer: Answer
+    line: str | None = None
+    """Line that has something to do."""
+
+
+def take_command(
+    tx: JournalWrite, signed: Signed, command: Command, *, at: Moment, line: str | None
+) -> Receipt:
+    """Take one command, whose signature holds, into the journal; safe to repeat.
+
+    Args:
+        tx: The write that keeps it.
+        signed: The command as it came.
+        command: What it says.
+        at: When it came.
+        line: Line of the device it is for; None: this host does not serve one.
+
+    Effect:
+        On the record only.
+    """
+    known = tx.action(command.action_id) if isinstance(command, Do) else None
+    is_cancelled = isinstance(command, Do) and tx.is_tombstoned(command.action_id)
+    answer = edge.decide_accept(
+        tx.host_state(at.boot_id),
+        host_id=command.host_id,
+        epoch=command.epoch,
+        dseq=command.dseq,
+        known=None if known is None else known.st,
+        is_tombstoned=is_cancelled,
+    )
+    if answer.kind == edge.ACCEPT and command.v != PROTOCOL_VERSION:
+        answer = Answer(edge.REFUSE, "envelope.version", f"version {command.v} is not spoken here")
+    if answer.kind == edge.REFUSE:
+        return _refuse(tx, command, signed, answer)
+    if answer.kind == edge.DUPLICATE:
+        is_waiting = known is not None and known.st is ActionState.ACCEPTED
+        return Receipt(answer, known.line if known is not None and is_waiting else None)
+    if answer.kind == edge.DROP:
+        return Receipt(answer)
+    match command:
+        case Do():
+            return _take_do(tx, signed, command, at=at, line=line)
+        case Cancel():
+            return _take_cancel(tx, command)
+        case Resolve():
+            return _take_resolve(tx, signed, command)
+        case Reset():
+            return _take_reset(tx, command)
+
+
+def _refuse(tx: JournalWrite, command: Command, signed: Signed, answer: Answer) -> Receipt:
+    digest = hashlib.sha256(signed.body.encode()).hexdigest()
+    action_id = None if isinstance(command, Reset) else command.action_id
+    subject = f"{answer.code}:{digest}"
+    record_refusal(tx, subject, action_id, answer, digest, command=type(command).__name__.lower())
+    return Receipt(answer)
+
+
+def record_refusal(
+    tx: JournalWrite,
+    subject: str,
+    action_id: UUID | None,
+    answer: Answer,
+    digest: str,
+    *,
+    command: str = "",
+) -> None:
+    """Tell of a refusal once: a message that comes again says nothing new.
+
+    Args:
+        tx: The write.
+        subject: What makes two refusals the same.
+        action_id: Action the command speaks of; None where its text cannot be trusted.
+        answer: Why.
+        digest: SHA-256 of the text.
+        command: `do`, `cancel`, `resolve` or `reset`; empty where it is not known.
+    """
+    if tx.is_first_refusal(subject):
+        body = {
+            "command": command,
+            "code": answer.code,
+            "message": answer.message,
+            "body_sha256": digest,
+        }
+        tx.append("refused", action_id, body)
+
+
+def _take_do(tx: JournalWrite, signed: Signed, do: Do, *, at: Moment, line: str | None) -> Receipt:
+    problem = _problem(tx, do, line)
+    state = ActionState.REJECTED if problem else ActionState.ACCEPTED
+    tx.insert_action(
+        ActionRow(
+            action_id=do.action_id,
+            dseq=do.dseq,
+            epoch=do.epoch,
+            line=line or "",
+            device_id=do.device_id,
+            body=signed.body,
+            key_id=signed.key_id,
+            signature=signed.signature,
+            st=state,
+            accepted_mono_s=at.mono_s,
+            accepted_boot_id=at.boot_id,
+            accepted_wall_s=at.wall_s,
+            is_cancel_wanted=False,
+            prestate=None,
+            report=None,
+            conclusion=None,
+        )
+    )
+    body: dict[str, Any] = {"epoch": do.epoch, "dseq": do.dseq}
+    if problem is not None:
+        tx.append(
+            "rejected", do.action_id, {**body, "code": problem.code, "message": problem.message}
+        )
+        return Receipt(Answer(edge.REJECT, problem.code, problem.message))
+    adopt(tx, do.resources)
+    tx.append("accepted", do.action_id, {**body, "line": line})
+    return Receipt(Answer(edge.ACCEPT), line)
+
+
+def _problem(tx: JournalWrite, do: Do, line: str | None) -> Answer | None:
+    """Say why a command can never start here; None: it may be kept."""
+    try:
+        operations.from_json(do.operation)
+        msgspec.convert([*do.pre, *do.post], list[Condition])
+    except msgspec.MsgspecError as exc:
+        return Answer(edge.REJECT, "edge.malformed", f"the action cannot be read: {exc}")
+    if not (math.isfinite(do.timeout_s) and do.timeout_s > 0 and do.ttl_s >= 0):
+        return Answer(edge.REJECT, "edge.malformed", "timeout_s must be positive")
+    if line is None:
+        return Answer(edge.REJECT, "edge.unknown_device", f"no device {do.device_id} here")
+    stale = stale_resource(tx, do.resources)
+    if stale is not None:
+        message = f"{stale.name} is at revision {stale.rev} here; the server knew an older one"
+        return Answer(edge.REJECT, "edge.stale", message)
+    return None
+
+
+# --- cancel, resolve, reset ---
+
+
+def _take_cancel(tx: JournalWrite, cancel: Cancel) -> Receipt:
+    row = tx.action(cancel.action_id)
+    body = {
+        "code": "edge.cancelled",
+        "message": "cancelled before it started",
+        "issued_by": cancel.issued_by,
+    }
+    if row is None:
+        if tx.add_tombstone(cancel.action_id, cancel.dseq):
+            tx.append("stopped", cancel.action_id, {**body, "is_tombstone": True})
+        return Receipt(Answer(edge.ACCEPT))
+    if row.st is ActionState.ACCEPTED:
+        tx.move(row.action_id, ActionState.ACCEPTED, ActionState.STOPPED)
+        tx.append("stopped", row.action_id, {**body, "is_tombstone": False})
+        return Receipt(Answer(edge.ACCEPT))
+    if row.st in {ActionState.STARTED, ActionState.ACTUATED}:
+        tx.want_cancel(row.action_id)
+        return Receipt(Answer(edge.ACCEPT))
+    return Receipt(Answer(edge.DUPLICATE))
+
+
+def _take_resolve(tx: JournalWrite, signed: Signed, resolve: Resolve) -> Receipt:
+    row = tx.action(resolve.action_id)
+    if row is None or row.st is not ActionState.IN_DOUBT:
+        return Receipt(Answer(edge.DUPLICATE))
+    found = edge.resolve(resolve.answer, moved_nl=resolve.moved_nl)
+    if found is None:
+        text = f"{resolve.answer!r} with {resolve.moved_nl} nL answers nothing"
+        return _refuse(tx, resolve, signed, Answer(edge.REFUSE, "envelope.bad_answer", text))
+    state, outcome = found
+    operation = operations.from_json(row.do.operation)
+    try:
+        before = snapshot(tx, operations.touched_ids(operation))
+        change = decide.settle(operation, before, outcome)
+    except LabError as exc:
+        return _refuse(tx, resolve, signed, Answer(edge.REFUSE, exc.code, exc.message))
+    revs = apply_change(tx, change, row.action_id)
+    body = change_body(change, revs, outcome, Verification.ASSUMED)
+    body |= {
+        "state": state.value,
+        "answer": resolve.answer,
+        "note": resolve.note,
+        "issued_by": resolve.issued_by,
+    }
+    tx.move(row.action_id, ActionState.IN_DOUBT, state)
+    tx.keep(row.action_id, "conclusion", body)
+    tx.append("resolved", row.action_id, body)
+    return Receipt(Answer(edge.ACCEPT), row.line)
+
+
+def _take_reset(tx: JournalWrite, reset: Reset) -> Receipt:
+    """Release the stop that the reset names; every other latch stays closed.
+
+    One that releases nothing is answered too, so that the server rings no more.
+    """
+    is_released = tx.meta().get("stop_id") == str(reset.stop_id)
+    subject = f"reset:{reset.stop_id}"
+    if not is_released and not tx.is_first_refusal(subject):
+        return Receipt(Answer(edge.DUPLICATE))
+    if is_released:
+        tx.set_meta("stop_id", None)
+    body = {
+        "stop_id": str(reset.stop_id),
+        "is_released": is_released,
+        "reason": reset.reason,
+        "issued_by": reset.issued_by,
+    }
+    tx.append("stop_reset", None, body)
+    return Receipt(Answer(edge.ACCEPT))

@@ -1,0 +1,342 @@
+"""An edge host of the simulation: processes around the same rules that `workers` calls."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Generator
+from random import Random
+from typing import Any, Protocol
+from uuid import UUID
+
+import msgspec
+
+from labweb.domain.messages import Ack, Command, EdgeEvent, Events, Hello, Resume, Signed, Welcome
+from labweb.domain.runs import acting, edge, standing, taking
+from labweb.domain.runs.acting import Scene, Started
+from labweb.domain.runs.bodies import report_from
+from labweb.domain.runs.edge import ActionState, Report
+from labweb.domain.runs.journal import (
+    ActionRow,
+    Chain,
+    JournalError,
+    Seal,
+    find_regression,
+    is_raised,
+)
+from labweb.domain.runs.moment import Moment
+from tests.simulation.lab import DEVICE_COUNT, JOURNAL, PUMPS, host_id, id_of
+from tests.simulation.memory import Disk, MemoryWrite
+
+SCENE = Scene(pid=4242, driver_digest="d")
+ACK_TIMEOUT_S = 10.0
+HANDSHAKE_S = 10.0
+SILENCE_S = 20.0
+FRAME_EVENTS = 6
+
+
+class KilledError(BaseException):
+    """The host died at this very point."""
+
+
+class Link:
+    """One connection of a host to the server; what is on the wire may be lost with it."""
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+        self.up: deque[Any] = deque()
+        self.down: deque[Any] = deque()
+        self.is_cut = False
+        self.cut_at_s = 0.0
+        self.server_epoch: int | None = None
+        """Session of the server's end; None until HELLO."""
+
+        self.is_resumed = False
+        self.pending_head = 0
+        self.is_closed_at_server = False
+
+
+class Lab(Protocol):
+    """What a host touches outside itself."""
+
+    now_s: float
+
+    def started(self, host: SimHost, row: ActionRow) -> None:
+        """Look at a start that is on disk."""
+
+    def begin(self, host: SimHost, started: Started) -> None:
+        """Send the first byte."""
+
+    def finish(self, host: SimHost, started: Started) -> Report:
+        """Let the device answer."""
+
+    def accepted(self, host: SimHost, row: ActionRow) -> None:
+        """Look at what was journaled."""
+
+    def say(self, text: str) -> None:
+        """Write a line of the trace."""
+
+
+class SimHost:
+    """One machine: a disk with a journal and a seal, and processes that may die."""
+
+    def __init__(self, name: str, lab: Lab, rng: Random) -> None:
+        self.name = name
+        self.id = host_id(name)
+        self.lab = lab
+        self.rng = rng
+        self.pumps = [PUMPS[name, number] for number in range(DEVICE_COUNT)]
+        self.device_ids = frozenset(pump.id for pump in self.pumps)
+        self.journal_count = 0
+        self.boot_count = 0
+        self.boot_at_s = 0.0
+        self.is_up = False
+        self.line: Generator[str, None, None] | None = None
+        self.where = ""
+        self.link: Link | None = None
+        self.link_epoch: int | None = None
+        self.sent_seq = 0
+        self.waiting_since_s: float | None = None
+        self.heard_at_s = 0.0
+        self.acting: Started | None = None
+        self.copies: list[tuple[Disk, Seal]] = []
+        self.lost_rows: set[tuple[UUID, int]] = set()
+        self.dies_before_seal = False
+        # What only an onlooker knows.
+        self.resumed_boot = -1
+        self.is_put_back = False
+        self.was_put_back = False
+        self.new_journal()
+
+    # --- disk ---
+
+    def new_journal(self) -> None:
+        """Set the journal aside and begin another one."""
+        self.journal_count += 1
+        number = self.journal_count * 16 + self.pumps[0].bottle.int % 16
+        number = number * 2 + (self.name == "B")
+        self.disk = Disk(self.id, id_of(JOURNAL, number))
+        self.seal: Seal | None = Seal(journal_id=self.disk.journal_id, seq=0, hash="")
+
+    @property
+    def boot_id(self) -> str:
+        return f"boot {self.boot_count}"
+
+    def moment(self) -> Moment:
+        now_s = self.lab.now_s
+        return Moment(boot_id=self.boot_id, mono_s=now_s - self.boot_at_s, wall_s=now_s)
+
+    def write(self) -> MemoryWrite:
+        return MemoryWrite(self.disk, self.lab.now_s, self._sealed)
+
+    def _sealed(self, has_appended: bool) -> None:
+        if not has_appended:
+            return
+        if self.dies_before_seal:
+            self.dies_before_seal = False
+            raise KilledError
+        seq, digest = self.disk.head
+        wanted = Seal(journal_id=self.disk.journal_id, seq=seq, hash=digest)
+        if self.seal is None:
+            raise JournalError("the seal is gone")
+        if is_raised(self.seal, wanted, hash_at_found=self.disk.hash_at(self.seal.seq)):
+            self.seal = wanted
+
+    def seal_up(self) -> None:
+        """Bring the seal to the end of the journal before anything of it is told."""
+        seq, digest = self.disk.head
+        wanted = Seal(journal_id=self.disk.journal_id, seq=seq, hash=digest)
+        seal = self.seal
+        if seal is None or seal.journal_id != wanted.journal_id:
+            return
+        if is_raised(seal, wanted, hash_at_found=self.disk.hash_at(seal.seq)):
+            self.seal = wanted
+
+    def regression(self) -> str | None:
+        seal = self.seal
+        known = None if seal is None else self.disk.hash_at(seal.seq)
+        chain = Chain(journal_id=self.disk.journal_id, seq=self.disk.head[0], hash_at_seal=known)
+        return find_regression(chain, seal)
+
+    # --- supervisor ---
+
+    def start(self, *, is_cold: bool) -> None:
+        """Start every process; a cold start is one of the machine."""
+        if is_cold:
+            self.boot_count += 1
+            self.boot_at_s = self.lab.now_s
+        self.is_up = True
+        with self.write() as tx:
+            standing.write_boot(tx, self.boot_id)
+        if self.regression() is not None:
+            with self.write() as tx:
+                standing.write_disarmed(tx)
+        self.line = self._work()
+
+    def kill(self) -> None:
+        """End every process by SIGKILL."""
+        self.is_up = False
+        self.kill_line()
+        self.kill_uplink()
+
+    def kill_line(self) -> None:
+        if self.line is not None:
+            self.line.close()
+        self.line = None
+        self.where = ""
+
+    def kill_uplink(self) -> None:
+        self.link = None
+        self.link_epoch = None
+
+    # --- accept ---
+
+    def take(self, signed: Signed, command: Command) -> str:
+        """Take a command in, as the accept worker and the uplink do."""
+        line = "line" if getattr(command, "device_id", None) in self.device_ids else None
+        with self.write() as tx:
+            receipt = taking.take_command(tx, signed, command, at=self.moment(), line=line)
+            row = tx.action(command.action_id) if hasattr(command, "action_id") else None
+        if receipt.answer.kind == edge.ACCEPT and row is not None:
+            self.lab.accepted(self, row)
+        return f"{receipt.answer.kind} {receipt.answer.code}"
+
+    # --- the line ---
+
+    def _work(self) -> Generator[str, None, None]:
+        """Work as the process of a line does; every yield is a place to die."""
+        for row in self.disk.rows(ActionState.STARTED):
+            with self.write() as tx:
+                acting.recover(tx, row)
+            yield "recovered"
+        while True:
+            is_moved = yield from self._step()
+            if not is_moved:
+                yield "idle"
+
+    def _step(self) -> Generator[str, None, bool]:
+        for row in self.disk.rows(ActionState.ACTUATED):
+            yield "confirming"
+            report = report_from(msgspec.json.decode(row.report or "{}"))
+            self._end(row, report)
+            return True
+        for row in acting.in_turn(self.disk.rows(ActionState.ACCEPTED)):
+            if (yield from self._try(row)):
+                return True
+        return False
+
+    def _try(self, row: ActionRow) -> Generator[str, None, bool]:
+        if self.is_held(row):
+            return False
+        do = row.do
+        yield "before started"
+        with self.write() as tx:
+            found = acting.start(tx, row, do, at=self.moment(), scene=SCENE)
+        if not isinstance(found, Started):
+            return found.kind == edge.REJECT
+        self.lab.started(self, row)
+        yield "after started"
+        yield from self._act(found)
+        return True
+
+    def is_held(self, row: ActionRow) -> bool:
+        state = self.disk.host_state(self.boot_id)
+        is_armed = state.armed_boot_id == state.boot_id
+        return state.stop_latched or not is_armed or bool(self.disk.blocked_by(row.device_id))
+
+    def _act(self, started: Started) -> Generator[str, None, None]:
+        self.lab.begin(self, started)
+        self.acting = started
+        yield "acting"
+        report = self.lab.finish(self, started)
+        self.acting = None
+        yield "before actuated"
+        if report.ok:
+            with self.write() as tx:
+                acting.write_actuated(tx, started.row, report)
+            yield "after actuated"
+        self._end(started.row, report)
+        yield "after done"
+
+    def _end(self, row: ActionRow, report: Report) -> None:
+        with self.write() as tx:
+            acting.write_end(tx, row, report, [])
+
+    # --- the uplink ---
+
+    def hello(self) -> Hello:
+        seq, digest = self.disk.head
+        state = self.disk.host_state(self.boot_id)
+        return Hello(
+            host_id=self.id,
+            journal_id=self.disk.journal_id,
+            boot_id=self.boot_id,
+            armed_boot_id=state.armed_boot_id,
+            epoch_last=state.epoch,
+            seq_head=seq,
+            hash_head=digest,
+            acked_seq=int(self.disk.meta.get("acked_seq", 0)),
+            seal_seq=0 if self.seal is None else self.seal.seq,
+            regression=self.regression() or "",
+        )
+
+    def connect(self) -> Link:
+        """Open a connection and say HELLO."""
+        self.link = Link(self.name)
+        self.link_epoch = None
+        self.heard_at_s = self.lab.now_s
+        self.waiting_since_s = None
+        self.link.up.append(self.hello())
+        return self.link
+
+    def tell_events(self) -> bool:
+        """Send the next frame, one at a time; False: nothing to tell, or an answer is due."""
+        if self.link is None or self.link_epoch is None or self.waiting_since_s is not None:
+            return False
+        found = self.events_after(self.sent_seq)
+        if not found:
+            return False
+        self.seal_up()
+        self.sent_seq = found[-1].seq
+        self.waiting_since_s = self.lab.now_s
+        self.link.up.append(Events(epoch=self.link_epoch, events=found))
+        return True
+
+    def events_after(self, seq: int) -> list[EdgeEvent]:
+        """Return the next events; one whose row the disk has lost is left out."""
+        found = self.disk.events[seq : seq + FRAME_EVENTS]
+        if self.lost_rows:
+            journal = self.disk.journal_id
+            found = [one for one in found if (journal, one.seq) not in self.lost_rows]
+        return found
+
+    def is_silent(self) -> bool:
+        """Say whether the uplink gives its connection up."""
+        now_s = self.lab.now_s
+        waiting = self.waiting_since_s
+        if waiting is not None and now_s - waiting > ACK_TIMEOUT_S:
+            return True
+        if self.link_epoch is None:
+            return now_s - self.heard_at_s > HANDSHAKE_S
+        link = self.link
+        return link is not None and link.is_cut and now_s - link.cut_at_s > SILENCE_S
+
+    def hear(self, frame: object, resumed: Callable[[SimHost], None]) -> None:
+        """Take one frame from the server."""
+        self.heard_at_s = self.lab.now_s
+        if isinstance(frame, Welcome):
+            with self.write() as tx:
+                standing.write_welcome(tx, frame)
+            with self.write() as tx:
+                standing.write_ack(tx, frame.acked_seq)
+            self.link_epoch = frame.epoch
+            self.sent_seq = frame.acked_seq
+        elif isinstance(frame, Ack):
+            with self.write() as tx:
+                standing.write_ack(tx, frame.seq)
+            if frame.seq >= self.sent_seq:
+                self.waiting_since_s = None
+        elif isinstance(frame, Resume) and frame.epoch == self.link_epoch:
+            regression = self.regression()
+            resumed(self)
+            with self.write() as tx:
+                standing.write_armed(tx, self.boot_id, regression)

@@ -1,0 +1,127 @@
+"""Rows of the simulated server's tables, and what looks on."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Protocol
+from uuid import UUID
+
+from labweb.domain.crutd.lifecycle import TransactionState
+from labweb.domain.crutd.operations import TransferLiquid
+from labweb.domain.messages import (
+    Command,
+    EdgeEvent,
+    ResourceView,
+    Signed,
+)
+from labweb.domain.runs import scheduler
+from labweb.domain.runs.job import JobState, Mover
+from labweb.domain.runs.locks import Lock
+from labweb.domain.runs.session import HostRecord, SessionState
+from tests.simulation.lab import host_id
+
+
+@dataclass(eq=False)
+class Job:
+    """One job, and its only try."""
+
+    id: UUID
+    index: int
+    run: int
+    host: str
+    device_id: UUID
+    operation: TransferLiquid
+    after: tuple[int, ...]
+    state: JobState = JobState.QUEUED
+    has_started: bool = False
+    actions: list[Attempt] = field(default_factory=list)
+
+    targets: frozenset[UUID] = field(init=False)
+    seen: scheduler.JobView | None = None
+
+    def __post_init__(self) -> None:
+        touched = (self.operation.source_id, self.operation.target_id)
+        self.targets = frozenset({self.device_id, *touched})
+
+    @property
+    def view(self) -> scheduler.JobView:
+        if self.seen is None or self.seen.state is not self.state:
+            self.seen = scheduler.JobView(
+                id=self.id,
+                index=self.index,
+                state=self.state,
+                after=self.after,
+                host_id=host_id(self.host),
+            )
+        return self.seen
+
+
+@dataclass(eq=False)
+class Attempt:
+    """One try, with the locks that it holds until it is settled."""
+
+    id: UUID
+    job: Job
+    dseq: int
+    targets: frozenset[UUID]
+    locks: tuple[Lock, ...]
+    transaction: TransactionState = TransactionState.LOCKED
+
+
+@dataclass(eq=False)
+class Row:
+    """A command in the outbox."""
+
+    command: Command
+    action_id: UUID
+    kind: str
+    sent_at_s: float | None = None
+    is_answered: bool = False
+
+
+@dataclass(eq=False)
+class Host:
+    """What the server remembers of a host."""
+
+    name: str
+    record: HostRecord
+    state: SessionState = SessionState.ENROLLING
+    beat_at_s: float = 0.0
+    is_resumed: bool = False
+    log: list[EdgeEvent] = field(default_factory=list)
+    """Events applied of the present journal."""
+
+    outbox: list[Row] = field(default_factory=list)
+
+
+@dataclass
+class Vessel:
+    """A vessel as the server knows it."""
+
+    view: ResourceView
+    quarantined_by: str | None = None
+
+
+class Watch(Protocol):
+    """What looks on."""
+
+    now_s: float
+
+    def moved(self, job: Job, before: JobState, mover: Mover) -> None:
+        """A job has changed its state."""
+
+    def dispatched(self, attempt: Attempt) -> None:
+        """A job was sent to a host."""
+
+    def fenced(self, host: Host, code: str) -> None:
+        """A host was put into quarantine."""
+
+    def ingested(self, host: Host, fresh: Sequence[EdgeEvent]) -> None:
+        """Events were written down."""
+
+    def ring(self, host: str, signed: Signed, command: Command) -> None:
+        """A doorbell rings."""
+
+    def say(self, text: str) -> None:
+        """Write a line of the trace."""

@@ -1,0 +1,106 @@
+"""I11: a resource is in one host's tree or on its way, whatever is lost, repeated or overtaken."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from uuid import UUID
+
+import pytest
+
+from labweb.domain.errors import StateError
+from labweb.domain.messages import ResourceView
+from labweb.domain.runs import custody
+from labweb.domain.runs.custody import Custody, CustodyState, CustodyWrite, Release
+from tests.simulation.checks import ViolationError
+from tests.simulation.lab import id_of
+from tests.simulation.memory import MemoryWrite
+from tests.simulation.moving import play
+
+COUNT = 20_000 if os.environ.get("LABWEB_SOAK") else 200
+A, B, VIAL, MOVE = id_of(1), id_of(2), id_of(3), id_of(4)
+OWNED = Custody(resource_id=VIAL, state=CustodyState.OWNED, owner=A)
+VIEW = ResourceView(id=VIAL, name="vial", kind="vial", rev=4)
+Patch = pytest.MonkeyPatch
+
+
+def test_no_schedule_brings_a_vial_into_two_trees_or_none() -> None:
+    assert play_all(COUNT) > COUNT
+
+
+def play_all(count: int) -> int:
+    return sum(play(seed) for seed in range(count))
+
+
+def told_twice(patch: Patch) -> None:
+    """A host takes the same move again."""
+    patch.setattr(MemoryWrite, "is_first_refusal", lambda self, subject: True)
+
+
+def released_in_use(patch: Patch) -> None:
+    """A host lets go what one of its actions holds."""
+    real = custody.take_release
+
+    def take(tx: CustodyWrite, release: Release, *, in_use: object) -> bool:
+        return real(tx, release, in_use=())
+
+    patch.setattr(custody, "take_release", take)
+
+
+def moved_while_moving(patch: Patch) -> None:
+    """A thing on its way is sent elsewhere."""
+    real = custody.ask
+
+    def asked(known: Custody, *, transfer_id: UUID, target: UUID, in_use: object) -> Custody:
+        still = Custody(
+            resource_id=known.resource_id,
+            state=CustodyState.OWNED,
+            owner=known.owner or A,
+        )
+        return real(still, transfer_id=transfer_id, target=target, in_use=())
+
+    patch.setattr(custody, "ask", asked)
+
+
+def kept_by_the_first(patch: Patch) -> None:
+    """The first host goes on to write what it let go."""
+    patch.setattr(MemoryWrite, "drop_resource", lambda self, resource_id: None)
+
+
+@pytest.mark.parametrize(
+    "mutant", [told_twice, released_in_use, moved_while_moving, kept_by_the_first]
+)
+def test_every_rule_of_custody_is_needed(
+    monkeypatch: Patch, mutant: Callable[[Patch], None]
+) -> None:
+    mutant(monkeypatch)
+    with pytest.raises((ViolationError, StateError)):
+        play_all(60)
+
+
+def test_a_thing_in_use_or_on_its_way_is_not_sent_off() -> None:
+    with pytest.raises(StateError, match="uses it"):
+        custody.ask(OWNED, transfer_id=MOVE, target=B, in_use={VIAL})
+    with pytest.raises(StateError, match="already"):
+        custody.ask(OWNED, transfer_id=MOVE, target=A, in_use=())
+    leaving = custody.ask(OWNED, transfer_id=MOVE, target=B, in_use=())
+    with pytest.raises(StateError, match="on its way"):
+        custody.ask(leaving, transfer_id=id_of(9), target=B, in_use=())
+
+
+def test_only_the_owner_lets_go_and_only_the_target_receives() -> None:
+    leaving = custody.ask(OWNED, transfer_id=MOVE, target=B, in_use=())
+    with pytest.raises(StateError, match="does not own"):
+        custody.after_released(leaving, host=B, transfer_id=MOVE, view=VIEW)
+    with pytest.raises(StateError, match="does not own"):
+        custody.after_released(leaving, host=A, transfer_id=id_of(9), view=VIEW)
+    with pytest.raises(StateError, match="not sent"):
+        custody.after_received(leaving, host=B, transfer_id=MOVE)
+    moving = custody.after_released(leaving, host=A, transfer_id=MOVE, view=VIEW)
+    assert (moving.owner, moving.view) == (None, VIEW)
+    with pytest.raises(StateError, match="not sent"):
+        custody.after_received(moving, host=A, transfer_id=MOVE)
+    arrived = custody.after_received(moving, host=B, transfer_id=MOVE)
+    assert arrived == Custody(resource_id=VIAL, state=CustodyState.OWNED, owner=B)
+    assert custody.after_kept(leaving, host=A, transfer_id=MOVE) == OWNED
+    assert custody.after_kept(leaving, host=B, transfer_id=MOVE) == leaving
