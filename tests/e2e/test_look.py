@@ -9,11 +9,12 @@ import pytest
 from playwright.sync_api import Browser, expect
 
 from tests.e2e.visitor import DESKTOP, PHONE, Visitor, visiting
-from tests.system.stack import Stack
+from tests.system.stack import Stack, is_over
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(180)]
 
 SCREENS = Path(__file__).resolve().parents[2] / "test-results" / "screens"
+WATER = "Move 5 mL of water"
 SIZES = {"desk": DESKTOP, "phone": PHONE}
 
 
@@ -28,12 +29,13 @@ def addresses(stack: Stack) -> dict[str, tuple[str, str]]:
     """Return each page by a name for its picture: its address, and what it shows at last."""
     client, keys = stack.client(), stack.keys()
     workflows = {row["name"]: row["id"] for row in client.get("workflows")["workflows"]}
-    runs = client.get("runs?limit=50")["runs"] or [client.start("Move 5 mL of water")]
+    runs = client.get("runs?limit=50")["runs"]
     requests = client.get("approvals?state=all")["requests"]
     if not requests:
         client.start("Heat and stir")
         requests = client.get("approvals?state=all")["requests"]
-    run = next((row for row in runs if row["state"] == "complete"), runs[0])
+    water = [row for row in runs if row["workflow"]["name"] == WATER and row["state"] == "complete"]
+    run = water[0] if water else client.wait_for_run(client.start(WATER)["id"], is_over, 90)
     device = next(row for row in client.get("devices")["devices"] if row["key"] == "heater_1")
     drawing = workflows["Make a dilution and weigh it"]
     return {

@@ -103,7 +103,11 @@ def test_a_run_and_a_lineage_can_be_taken_away_as_files(visit: Visit, stack: Sta
     with ZipFile(crate.value.path()) as packed:
         described = json.loads(packed.read("ro-crate-metadata.json"))["@graph"]
     assert {"workflow.json", "plan.json"} <= {entity["@id"] for entity in described}
-    chemist.open(f"lineage/{stack.keys()['reactor_1']}")
+    reactor = stack.keys()["reactor_1"]
+    asked = stack.client().raw("GET", f"resources/{reactor}/provenance?form=prov")
+    assert asked.status_code == 200, asked.text
+    chemist.open(f"lineage/{reactor}")
+    chemist.at("lineage-table").wait_for()
     with chemist.page.expect_download() as document:
         chemist.press("prov")
     told = json.loads(Path(document.value.path()).read_text())
