@@ -48,7 +48,7 @@ def _job(job: Job, attempt: Attempt | None, digests: dict[UUID, str]) -> JobFact
         ended_at=iso(job.ended_at) or "",
         worker_pid=None if attempt is None else attempt.worker_pid,
         report=evidence.get("report") or {},
-        resolved_by=str(resolution.get("by") or ""),
+        resolved_by=str(resolution.get("by_id") or ""),
     )
 
 

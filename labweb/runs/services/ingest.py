@@ -195,6 +195,7 @@ def _resolution(body: Mapping[str, Any], meaning: Meaning) -> dict[str, Any]:
         "answer": body.get("answer"),
         "note": body.get("note"),
         "by": _name_of(str(body.get("issued_by") or "")),
+        "by_id": body.get("issued_by"),
     }
     if body.get("answer") == "partly" and meaning.outcome is not None:
         resolution["moved_nl"] = meaning.outcome.moved_nl

@@ -31,10 +31,10 @@ from labweb.domain.crutd.provenance.prov_check import check_prov
 from labweb.domain.crutd.provenance.prov_read import read_prov
 from labweb.resources.models import Lot
 from labweb.runs import services
-from labweb.runs.models import Run
+from labweb.runs.models import Job, Run
 from labweb.runs.selectors import provenance
 from labweb.telemetry.models import Sample
-from tests.builders import HEAT, Bench, a_started_run, a_user, an_edge
+from tests.builders import HEAT, Bench, a_started_run, a_user, an_edge, to_transfer
 from tests.labweb.web import call, code_of, read, signed_in
 
 API = "/api/v1"
@@ -87,6 +87,22 @@ def test_a_product_leads_back_to_lot_run_person_device_and_driver(bench: Bench) 
         "drivers.connectors.tricontinent_c3000:TricontinentC3000"
     }
     assert not found.truncation()["is_truncated"]
+
+
+def test_who_answered_a_doubt_belongs_to_what_came_of_it(bench: Bench) -> None:
+    edge = an_edge(bench)
+    attempt = to_transfer(a_started_run(bench), edge)
+    edge.lose(attempt)
+    approver = bench.people["approver"]
+    services.resolve_job(
+        attempt.job_id, actor=bench.people["chemist"], answer="happened", moved_nl=None, note="saw"
+    )
+    edge.resolve(attempt)
+    told = Job.objects.get(pk=attempt.job_id).evidence["resolution"]
+    assert (told["by"], told["by_id"]) == ("Chemist Person", str(bench.people["chemist"].pk))
+    answer = signed_in(approver).get(f"{API}/resources/{bench.node('pump_1').id}/provenance")
+    assert answer.status_code == 200
+    assert "Chemist Person" in answer.content.decode()
 
 
 def test_the_driver_is_the_one_that_the_command_named_and_not_the_present_one(
