@@ -16,7 +16,6 @@ DEFAULT = "default"
 _PLAIN = re.compile(r"[A-Za-z0-9_/]")
 _LATER = re.compile(r"[A-Za-z0-9_/.\-]")
 _ESCAPED = re.compile(r"%([0-9A-Fa-f]{2})")
-_PREFIX = re.compile(r"[A-Za-z][A-Za-z0-9_\-]*")
 
 
 def escape(text: str) -> str:
@@ -46,11 +45,6 @@ def unescape(local: str) -> str:
         for place, part in enumerate(_ESCAPED.split(local))
     )
     return raw.decode("utf-8", "surrogatepass")
-
-
-def is_prefix(text: str) -> bool:
-    """Tell whether a text may stand before the colon."""
-    return bool(_PREFIX.fullmatch(text))
 
 
 def expand(name: str, prefixes: Mapping[str, str]) -> str | None:
