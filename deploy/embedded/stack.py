@@ -33,6 +33,8 @@ from deploy.embedded.valkey import Valkey
 READY_TIMEOUT_S = 60.0
 _POLL_S = 0.02
 _STOP_S = 3.0
+_LEAVE_S = 6.0
+"""A lab that was told to stop has left its data directory by then."""
 
 
 class Stack:
@@ -133,10 +135,11 @@ def claim(layout: Layout) -> int:
     Raises:
         EmbeddedError: Another run has it; the message names its process and address.
     """
-    deadline = monotonic() + _STOP_S
+    deadline = monotonic() + _LEAVE_S
     descriptor, last = lock(layout), record.load(layout)
-    while descriptor is None and last and not last.is_running() and monotonic() < deadline:
-        # Its guard was killed, and the supervisor is still ending the rest.
+    while descriptor is None and not (last and last.is_running()) and monotonic() < deadline:
+        # Its guard was killed and the supervisor is still ending the rest, or it has ended it
+        # and is about to leave; one that begins says so in its record at once.
         threading.Event().wait(_POLL_S)
         descriptor, last = lock(layout), record.load(layout)
     if descriptor is None:

@@ -3,6 +3,7 @@
 import json
 import os
 import stat
+import threading
 from pathlib import Path
 
 import pytest
@@ -16,10 +17,12 @@ from deploy.embedded.layout import (
     close_sockets,
     data_directory_of,
     ensure_secret_key,
+    lock,
     open_data_directory,
     open_sockets,
 )
 from deploy.embedded.processes import Site, environment, table
+from deploy.embedded.stack import claim
 from deploy.embedded.stages import Ledger, Stage
 
 
@@ -74,6 +77,20 @@ def test_a_killed_run_s_socket_folder_is_removed_and_nothing_else(tmp_path: Path
     (layout.run / "sockets").write_text(f"{kept}\n", encoding="utf-8")
     close_sockets(layout)
     assert kept.is_dir()
+
+
+def test_a_start_waits_for_a_run_that_has_ended_all_and_is_about_to_leave(
+    tmp_path: Path,
+) -> None:
+    layout = open_data_directory(tmp_path / "data")
+    held = lock(layout)
+    assert held is not None
+    leaving = threading.Timer(0.3, os.close, (held,))
+    leaving.start()
+    try:
+        os.close(claim(layout))
+    finally:
+        leaving.join()
 
 
 def test_the_secret_key_is_random_private_and_stays(tmp_path: Path) -> None:
