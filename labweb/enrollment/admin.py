@@ -53,7 +53,7 @@ class DriverVersions(ReadOnly):
 class Devices(ReadOnly):
     """Instruments, found and admitted."""
 
-    list_display = ("name", "key", "state", "host", "driver", "discovered_at", "review_link")
+    list_display = ("name", "key", "state", "review_link", "host", "driver", "discovered_at")
     list_filter = ("state", "host")
     list_select_related = ("host", "driver")
     search_fields = ("name", "key", "id")
@@ -70,6 +70,19 @@ class Devices(ReadOnly):
         view = self.admin_site.admin_view(require_http_methods(["GET", "POST"])(self.review))
         own = path("<uuid:device_id>/review/", view, name="enrollment_device_review")
         return [own, *super().get_urls()]
+
+    def change_view(
+        self,
+        request: HttpRequest,
+        object_id: str,
+        form_url: str = "",
+        extra_context: dict[str, Any] | None = None,
+    ) -> HttpResponse:
+        """Send to the review: it says all of a device, and in words."""
+        del form_url, extra_context
+        if self.get_object(request, object_id) is None:
+            raise Http404
+        return HttpResponseRedirect(reverse("admin:enrollment_device_review", args=[object_id]))
 
     def review(self, request: HttpRequest, device_id: UUID) -> HttpResponse:
         """Show one device in words; admit or suspend it with a reason."""

@@ -13,7 +13,7 @@ from tests.system.stack import Stack, is_over
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(180)]
 
-SCREENS = Path(__file__).resolve().parents[2] / "test-results" / "screens"
+SCREENS = Path(__file__).resolve().parents[2] / "var" / "screens"
 WATER = "Move 5 mL of water"
 SIZES = {"desk": DESKTOP, "phone": PHONE}
 

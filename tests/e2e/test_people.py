@@ -72,6 +72,12 @@ def test_search_finds_the_reactor_by_its_name(visit: Visit, stack: Stack) -> Non
 def test_a_discovered_device_is_read_admitted_and_comes_online(visit: Visit, stack: Stack) -> None:
     device = next(d for d in stack.client().get("devices")["devices"] if d["key"] == "ph_1")
     assert device["state"] == "candidate"
+    stranger = visit(None)
+    stranger.open("admin/enrollment/device/")
+    stranger.at("sign-in").wait_for()
+    stranger.sign_in(stack, "admin")
+    stranger.press(stranger.page.get_by_role("link", name="pH 1"))
+    expect(stranger.page.get_by_role("button", name="Admit")).to_be_visible()
     admin = visit("admin")
     admin.open("")
     need = admin.at("needs").locator("[data-kind=candidate]")

@@ -1,6 +1,6 @@
 /** Sign in, and go back to where one came from. */
 
-import { useState } from "react";
+import { useEffect, useState } from "react";
 import { Navigate, useSearchParams } from "react-router";
 import { useSignIn } from "@/api/commands";
 import { useSession } from "@/api/queries";
@@ -13,13 +13,27 @@ export function safeNext(next: string | null): string {
   return next && /^\/(?![/\\])/.test(next) && !next.startsWith("/login") ? next : "/";
 }
 
+/** Pages that the server draws itself: the router does not know them. */
+export function isDrawnByServer(path: string): boolean {
+  return /^\/(?:admin|api)(?:[/?#]|$)/.test(path);
+}
+
+/** Go to a page, with a whole load where the router does not know it. */
+function GoTo({ path }: { path: string }) {
+  const isOutside = isDrawnByServer(path);
+  useEffect(() => {
+    if (isOutside) window.location.replace(path);
+  }, [isOutside, path]);
+  return isOutside ? null : <Navigate to={path} replace />;
+}
+
 export function LoginPage() {
   const [params] = useSearchParams();
   const [username, setUsername] = useState("");
   const [password, setPassword] = useState("");
   const session = useSession();
   const signIn = useSignIn();
-  if (session.data?.user) return <Navigate to={safeNext(params.get("next"))} replace />;
+  if (session.data?.user) return <GoTo path={safeNext(params.get("next"))} />;
   const lab = session.data?.lab;
   return (
     <main className="login">

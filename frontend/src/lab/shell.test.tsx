@@ -5,7 +5,7 @@ import { beforeEach, expect, test } from "vitest";
 import { useConnection } from "@/api/connection";
 import type { Lab, User } from "@/model/wire";
 import { serve, show } from "@/testpage";
-import { LoginPage, safeNext } from "./login";
+import { LoginPage, isDrawnByServer, safeNext } from "./login";
 import { StopBanner, StopButton } from "./stop";
 
 const lab: Lab = {
@@ -106,6 +106,16 @@ test.each([
   [null, "/"],
 ])("after sign-in %s leads to %s", (next, expected) => {
   expect(safeNext(next)).toBe(expected);
+});
+
+test.each([
+  ["/admin/", true],
+  ["/admin/enrollment/device/", true],
+  ["/api/docs/", true],
+  ["/administration", false],
+  ["/runs/1", false],
+])("%s is drawn by the server: %s", (path, expected) => {
+  expect(isDrawnByServer(path)).toBe(expected);
 });
 
 test("a wrong password is said in place", async () => {

@@ -145,11 +145,19 @@ def test_facts_cannot_be_changed_or_deleted_in_the_admin(found: Bench, admin: Cl
     for path in (
         f"accounts/auditentry/{entry.pk}",
         f"resources/resource/{found.node('water').pk}",
-        f"enrollment/device/{found.device('ph_1').pk}",
     ):
         assert admin.get(f"/admin/{path}/change/").status_code == 200
         assert admin.post(f"/admin/{path}/change/", {"name": "x"}).status_code == 403
         assert admin.post(f"/admin/{path}/delete/", {"post": "yes"}).status_code == 403
+
+
+def test_the_page_of_a_device_is_its_review(found: Bench, admin: Client) -> None:
+    change = f"/admin/enrollment/device/{found.device('ph_1').pk}/change/"
+    assert admin.get(change).headers["Location"] == url_of(found)
+    assert admin.post(change, {"name": "x"}).headers["Location"] == url_of(found)
+    assert found.device("ph_1").name != "x"
+    unknown = "/admin/enrollment/device/00000000-0000-0000-0000-000000000000/change/"
+    assert admin.get(unknown).status_code == 404
 
 
 def test_giving_and_taking_a_role_is_written_down(found: Bench, admin: Client) -> None:
