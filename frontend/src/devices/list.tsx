@@ -47,7 +47,7 @@ function DeviceTable({ rows }: { rows: DeviceRow[] }) {
           <th className="wide">Host</th>
           <th>State</th>
           <th className="r">Reading</th>
-          <th className="r">Age</th>
+          <th className="wide r">Age</th>
           <th className="wide">Does</th>
         </tr>
       </thead>
@@ -75,7 +75,7 @@ function DeviceTable({ rows }: { rows: DeviceRow[] }) {
                   {shown.length === 0 && "–"}
                 </span>
               </td>
-              <td className="r m">{shown[0] ? <Age at_s={shown[0].at_s} /> : "–"}</td>
+              <td className="wide r m">{shown[0] ? <Age at_s={shown[0].at_s} /> : "–"}</td>
               <td className="wide s">
                 {row.job ? (
                   <Link to={`/runs/${row.job.run_id}?job=${row.job.id}`}>
