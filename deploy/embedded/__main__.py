@@ -15,6 +15,7 @@ from deploy.embedded import external, procfs, record
 from deploy.embedded.errors import EmbeddedError
 from deploy.embedded.guard import guarded
 from deploy.embedded.layout import DEFAULT_LAB, Layout, data_directory_of
+from deploy.embedded.manage import manage
 from deploy.embedded.processes import table as default_processes
 from deploy.embedded.session import Options, ProcessTable, StageTable, run
 from deploy.embedded.stack import clean_environment, services
@@ -53,6 +54,8 @@ def main(
             return guarded(lambda guard: _run(options, guard, process_table, stage_table))
         if given.command == "services":
             return _services(data)
+        if given.command == "manage":
+            manage(data, given.words)
         return _status(data) if given.command == "status" else _stop(data)
     except EmbeddedError as error:
         sys.stderr.write(f"labweb: {error}\n")
@@ -136,6 +139,7 @@ def _parser() -> argparse.ArgumentParser:
         ("status", "say what runs"),
         ("stop", "stop a running lab"),
         ("services", "run PostgreSQL and Valkey alone and print their addresses as JSON"),
+        ("manage", "run one of Django's commands, such as verify_ledger, on a lab that runs"),
         ("check", "say whether the servers that the environment names can be used"),
     ):
         command = commands.add_parser(
@@ -150,6 +154,8 @@ def _parser() -> argparse.ArgumentParser:
             command.add_argument("--lab", type=Path, default=DEFAULT_LAB, help="lab file")
         if name == "run":
             _add_run_options(command)
+        if name == "manage":
+            command.add_argument("words", nargs=argparse.REMAINDER, help="command and options")
     return parser
 
 

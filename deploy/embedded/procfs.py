@@ -64,13 +64,19 @@ def working_directory(pid: int) -> Path | None:
         return None
 
 
-def has_environment(pid: int, name: str, value: str) -> bool:
-    """Tell whether a process was started with this variable."""
+def environment_of(pid: int) -> dict[str, str]:
+    """Read what a process was started with; empty when that cannot be known."""
     try:
         block = (_PROC / str(pid) / "environ").read_bytes()
     except OSError:
-        return False
-    return f"{name}={value}".encode() in block.split(b"\0")
+        return {}
+    pairs = (os.fsdecode(pair).partition("=") for pair in block.split(b"\0") if pair)
+    return {name: value for name, _, value in pairs}
+
+
+def has_environment(pid: int, name: str, value: str) -> bool:
+    """Tell whether a process was started with this variable."""
+    return environment_of(pid).get(name) == value
 
 
 def children_of(pid: int) -> list[int]:

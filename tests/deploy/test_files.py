@@ -7,6 +7,7 @@ import threading
 from pathlib import Path
 
 import pytest
+from django.db.utils import OperationalError
 
 from deploy.embedded import children
 from deploy.embedded.console import welcome
@@ -24,6 +25,7 @@ from deploy.embedded.layout import (
 from deploy.embedded.processes import Site, environment, table
 from deploy.embedded.stack import claim
 from deploy.embedded.stages import Ledger, Stage
+from manage import main
 
 
 def _a_site(tmp_path: Path, **changes: object) -> Site:
@@ -91,6 +93,19 @@ def test_a_start_waits_for_a_run_that_has_ended_all_and_is_about_to_leave(
         os.close(claim(layout))
     finally:
         leaving.join()
+
+
+def test_a_command_without_a_database_says_how_to_get_one(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def refuse(_: object) -> None:
+        raise OperationalError("connection refused")
+
+    monkeypatch.setattr("manage.execute_from_command_line", refuse)
+    assert main(["manage.py", "verify_ledger"]) == 1
+    said = capsys.readouterr().err
+    assert "connection refused" in said
+    assert "python -m deploy.embedded manage verify_ledger" in said
 
 
 def test_the_secret_key_is_random_private_and_stays(tmp_path: Path) -> None:

@@ -9,9 +9,13 @@ import sys
 from http.client import RemoteDisconnected
 from pathlib import Path
 
+import django
 import pytest
 
+from deploy.embedded.errors import EmbeddedError
 from deploy.embedded.layout import CHECKOUT
+from deploy.embedded.manage import environment_of
+from deploy.embedded.record import MARK
 from tests.deploy.conftest import (
     PLAIN_LAB,
     RunningLab,
@@ -66,6 +70,25 @@ def test_a_process_finds_its_addresses_in_its_environment(start_lab: StartLab) -
     secret = Path(environment["LABWEB_SECRET_KEY_FILE"])
     assert stat.S_IMODE(secret.stat().st_mode) == 0o600
     assert len(secret.read_text(encoding="ascii")) > 50
+
+
+def test_a_command_of_the_lab_finds_what_its_processes_find(start_lab: StartLab) -> None:
+    lab = _opened(start_lab())
+    theirs = lab.get()["environment"]
+    assert isinstance(theirs, dict)
+    given = environment_of(lab.data)
+    assert {name for name in theirs if name not in given} <= {MARK, "PYTHONUNBUFFERED"}
+    assert given["DATABASE_URL"] == theirs["DATABASE_URL"]
+    command = [sys.executable, "-m", "deploy.embedded", "manage", "--data", str(lab.data)]
+    done = subprocess.run(
+        [*command, "version"], cwd=CHECKOUT, capture_output=True, text=True, check=True
+    )
+    assert done.stdout.strip() == django.get_version()
+
+
+def test_a_command_for_a_lab_that_does_not_run_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(EmbeddedError, match="No lab runs on"):
+        environment_of(tmp_path)
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
