@@ -23,7 +23,11 @@ class Break:
     code: str
     message: str
     element: str
-    weight: int = _SMALL
+    weight: int
+
+
+def _break(code: str, message: str, element: str, weight: int = _SMALL) -> Break:
+    return Break(code, message, element, weight)
 
 
 @dataclass(slots=True)
@@ -109,7 +113,7 @@ def _no_tube(network: Network, element: Element, verb: str) -> Finding:
 def _describe(tube: Tube, own: str) -> str:
     far = tube.target if tube.source == own else tube.source
     if tube.medium is not Medium.LIQUID:
-        return f"a {tube.medium.value} link with {far}"
+        return f"a link with {far} that carries no liquid ({tube.medium.value})"
     return f"a tube {'to' if tube.source == own else 'from'} {far}, which conducts one way"
 
 
@@ -170,7 +174,8 @@ def _go_on(network: Network, step: _Step, around: list[tuple[Arc, str]]) -> Iter
     for arc, flaw in around:
         if arc.tube is step.arc.tube and element.role is not Role.PUMP:
             continue
-        breaks = list(_stand(network, step, arc))
+        is_liquid = Medium.LIQUID is arc.tube.medium is step.arc.tube.medium
+        breaks = list(_stand(network, step, arc)) if is_liquid else []
         if flaw:
             breaks.append(flaw_break(network, element.key, arc, flaw))
         pumped = step.pumped or element.role is Role.PUMP
@@ -199,15 +204,15 @@ def flaw_break(network: Network, reached: str, arc: Arc, flaw: str) -> Break:
     far = network.elements[arc.far].key
     if flaw == "medium":
         message = (
-            f"liquid reaches {reached}; from there only a {arc.tube.medium.value} link "
-            f"({arc.tube.key}) leads to {far}, and it carries no liquid: a tube is missing"
+            f"liquid reaches {reached}; from there only link {arc.tube.key} leads to {far}, and it "
+            f"carries no liquid ({arc.tube.medium.value}): a tube is missing"
         )
-        return Break("plan.wrong_medium", message, reached, _LARGE)
+        return _break("plan.wrong_medium", message, reached, _LARGE)
     message = (
         f"liquid reaches {reached}; the tube {arc.tube.key} conducts from {far} to {reached} "
         "and not back: a tube the other way is missing"
     )
-    return Break("plan.wrong_way", message, reached)
+    return _break("plan.wrong_way", message, reached)
 
 
 def _stand(network: Network, step: _Step, arc: Arc) -> Iterator[Break]:
@@ -227,20 +232,23 @@ def _stand(network: Network, step: _Step, arc: Arc) -> Iterator[Break]:
         )
         if divides or conducts(network, step.element, step.port, arc) is None:
             message = f"liquid reaches {element.key}; more than two tubes are joined to it"
-            yield Break("plan.tee", message, element.key)
+            yield _break("plan.tee", message, element.key)
         return
     through = {
         Role.VESSEL: "a vessel, and no transfer leads through one",
-        Role.MANIFOLD: "a manifold, which leads on only when a request names what lies behind",
-        Role.CARTRIDGE: "a cartridge, which leads on only when a request names it",
+        Role.MANIFOLD: "a manifold and leads on only when a request says through what",
+        Role.CARTRIDGE: "a cartridge and leads on only when a request names it",
         Role.GAS: "a source of gas",
         Role.VACUUM: "a vacuum line",
     }.get(element.role, f"a {element.kind or 'device'} that nobody says conducts liquid")
     message = (
         f"liquid reaches {element.key}, which is {through}: a way around it to {far} is missing"
     )
-    code = "plan.vessel_between" if element.role is Role.VESSEL else "plan.no_conductor"
-    yield Break(code, message, element.key)
+    yield _break(
+        "plan.vessel_between" if element.role is Role.VESSEL else "plan.no_conductor",
+        message,
+        element.key,
+    )
 
 
 def _valve(network: Network, step: _Step, arc: Arc, far: str) -> Iterator[Break]:
@@ -251,7 +259,7 @@ def _valve(network: Network, step: _Step, arc: Arc, far: str) -> Iterator[Break]
             f"liquid reaches {element.key}; the link names no port of it, so it cannot be turned "
             f"towards {far}: name the port"
         )
-        yield Break("plan.port_unnamed", message, element.key)
+        yield _break("plan.port_unnamed", message, element.key)
         return
     if element.position(step.port, arc.own_port) is None:
         if element.common_port is None and not element.positions:
@@ -264,7 +272,7 @@ def _valve(network: Network, step: _Step, arc: Arc, far: str) -> Iterator[Break]
             f"liquid reaches port {step.port!r} of {element.key}, which never joins it to port "
             f"{arc.own_port!r} towards {far}: {why}"
         )
-        yield Break("plan.valve_cannot_join", message, element.key)
+        yield _break("plan.valve_cannot_join", message, element.key)
         return
     for port in dict.fromkeys((step.port, arc.own_port)):
         if network.divides(step.element, port, drawn=True) or network.divides(
@@ -288,19 +296,19 @@ def _tee(network: Network, index: int, port: str) -> Break:
         f"liquid reaches {element.key}; its port {port!r} is joined to {' and '.join(joined)}, "
         "and the flow would divide there: give each tube a port of its own"
     )
-    return Break("plan.tee", message, element.key)
+    return _break("plan.tee", message, element.key)
 
 
 def _syringe(network: Network, step: _Step, arc: Arc) -> Iterator[Break]:
     element = network.elements[step.element]
     if not element.capacity_nl:
         message = f"liquid reaches {element.key}; nobody says how much its syringe holds"
-        yield Break("plan.unknown_syringe", message, element.key)
+        yield _break("plan.unknown_syringe", message, element.key)
     drawn = network.divides(step.element, step.port, drawn=True)
     pushed = network.divides(step.element, arc.own_port, drawn=False)
     if element.selects and not (step.port and arc.own_port):
         message = f"liquid reaches {element.key}; a link names no port of it: name the port"
-        yield Break("plan.port_unnamed", message, element.key)
+        yield _break("plan.port_unnamed", message, element.key)
     elif element.selects and (drawn or pushed):
         yield _tee(network, step.element, step.port if drawn else arc.own_port)
     elif drawn or pushed:
@@ -310,7 +318,7 @@ def _syringe(network: Network, step: _Step, arc: Arc) -> Iterator[Break]:
             f"where it {'draws from' if drawn else 'pushes to'} cannot be chosen; "
             "a valve is missing"
         )
-        yield Break("plan.ambiguous_port", message, element.key)
+        yield _break("plan.ambiguous_port", message, element.key)
 
 
 def _no_pump(network: Network, wanted: Wanted) -> Break:
@@ -319,7 +327,7 @@ def _no_pump(network: Network, wanted: Wanted) -> Break:
         f"tubes and valves lead from {source} to {target}, and no syringe pump is on the way: "
         "nothing moves the liquid"
     )
-    return Break("plan.no_pump", message, target, 2 * _SMALL)
+    return _break("plan.no_pump", message, target, 2 * _SMALL)
 
 
 def _apart(network: Network, wanted: Wanted) -> Finding:

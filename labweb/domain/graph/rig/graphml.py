@@ -18,7 +18,7 @@ YED = "http://www.yworks.com/xml/graphml"
 _DOCTYPE = re.compile(rb"<!\s*(?:DOCTYPE|ENTITY)", re.IGNORECASE)
 _MOST_DEPTH = 200
 _INTEGER = re.compile(r"-?\d{1,19}")
-_NUMBER = re.compile(r"-?\d{1,15}(\.\d{1,20})?([eE][+-]?\d{1,3})?")
+_NUMBER = re.compile(r"-?\d{1,25}(\.\d{1,25})?([eE][+-]?\d{1,3})?")
 
 JSON_KEY = "json."
 """Beginning of the ids of keys whose text is JSON: lists, objects, and text with blank ends."""
