@@ -6,11 +6,12 @@ flask ──▶ 2│valve│-1 ──▶ pump 1 ──▶ -1│valve│5 ──�
 from __future__ import annotations
 
 import heapq
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 from labweb.domain.graph.elements import Role
-from labweb.domain.graph.network import Hop, Network, explore_ports
+from labweb.domain.graph.hops import table_of
+from labweb.domain.graph.network import Hop, Network
 
 _SYRINGE = 10**6
 _NANOLITRE = 10**12
@@ -80,8 +81,10 @@ def find_chain(network: Network, wanted: Wanted) -> Chain | None:
         if isinstance(nearest, Chain):
             return nearest
         place = (nearest.pump, nearest.passed)
-        found = () if place in settled else ways.onward(nearest, cost)
-        settled.add(place)
+        found = ()
+        if place not in settled:
+            settled.add(place)
+            found = ways.onward(nearest, cost)
 
 
 def _chain(last: _Reached, hop: Hop) -> Chain:
@@ -107,49 +110,32 @@ class _Ways:
                 if element.role is Role.MANIFOLD
             )
             self._passable |= frozenset(manifolds)
-        self._known: dict[int, Sequence[Hop]] = {}
+        self._table = table_of(network, self._passable)
+        self._count = len(wanted.through)
 
     def first(self) -> Iterator[tuple[int, _Reached | Chain]]:
         """Yield each syringe that the source is drawn into, with its cost."""
-        for hop in self.leaving(self._wanted.source):
+        for hop in self._table.relays(self._wanted.source):
             passed = self.progress(hop, 0)
-            if passed is not None and self.is_syringe(hop.end):
+            if passed is not None and self._wanted.source_port in (None, hop.start_port):
                 yield self.cost(hop) + _SYRINGE, _Reached(hop.end, passed, hop, None)
 
     def onward(self, last: _Reached, cost: int) -> Iterator[tuple[int, _Reached | Chain]]:
         """Yield each syringe that one pushes into, and the whole chain if it can end here."""
-        for hop in self.leaving(last.pump):
-            if hop.end == self._wanted.target:
-                if self._wanted.target_port in (None, hop.end_port) and self.progress(
-                    hop, last.passed
-                ) == len(self._wanted.through):
-                    yield cost + self.cost(hop), _chain(last, hop)
-            elif self.is_syringe(hop.end):
-                passed = self.progress(hop, last.passed)
-                if passed is not None:
-                    reached = _Reached(hop.end, passed, hop, last)
-                    yield cost + self.cost(hop) + _SYRINGE, reached
-
-    def leaving(self, start: int) -> Sequence[Hop]:
-        hops: Sequence[Hop]
-        if not self._passable:
-            hops = self._network.hops(start)
-        elif start in self._known:
-            hops = self._known[start]
-        else:
-            hops = tuple(explore_ports(self._network, start, self._passable))
-            self._known[start] = hops
-        port = self._wanted.source_port
-        if start == self._wanted.source and port is not None:
-            return [hop for hop in hops if hop.start_port == port]
-        return hops
-
-    def is_syringe(self, index: int) -> bool:
-        element = self._network.elements[index]
-        return element.role is Role.PUMP and bool(element.capacity_nl)
+        for hop in self._table.deliveries(last.pump, self._wanted.target):
+            is_there = self._wanted.target_port in (None, hop.end_port)
+            if is_there and self.progress(hop, last.passed) == self._count:
+                yield cost + self.cost(hop), _chain(last, hop)
+        for hop in self._table.relays(last.pump):
+            passed = self.progress(hop, last.passed)
+            if passed is not None:
+                price = hop.dead_nl * _NANOLITRE + len(hop.tubes) + _SYRINGE
+                yield cost + price, _Reached(hop.end, passed, hop, last)
 
     def progress(self, hop: Hop, passed: int) -> int | None:
         """Return how much of `through` is passed after a hop; None: in another order."""
+        if not hop.passed:
+            return passed
         for index in hop.passed:
             if self._network.elements[index].role is Role.MANIFOLD:
                 if self._wanted.through[passed : passed + 1] == (index,):

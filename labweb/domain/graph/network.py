@@ -47,10 +47,8 @@ class Hop:
     passed: tuple[int, ...] = ()
     """Manifolds and cartridges on the way."""
 
-    @property
-    def elements(self) -> frozenset[int]:
-        """Return everything on the way, ends included."""
-        return frozenset(index for index, _ in self.ports)
+    elements: frozenset[int] = frozenset()
+    """Everything on the way, ends included."""
 
 
 @dataclass(slots=True)
@@ -84,9 +82,11 @@ class Network:
     joined: list[set[tuple[int, str]]] = field(default_factory=list)
     """Per element, the ports that tubes join it to, whichever way they conduct."""
 
+    tables: dict[frozenset[int], object] = field(default_factory=dict)
+    """Hops that were found already, by what they may pass (`hops.table_of`)."""
+
     _into: dict[tuple[int, str], set[tuple[int, str]]] = field(default_factory=dict)
     _out_of: dict[tuple[int, str], set[tuple[int, str]]] = field(default_factory=dict)
-    _hops: dict[int, tuple[Hop, ...]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         """Sort everything and count what joins each port."""
@@ -141,25 +141,6 @@ class Network:
         """Tell whether liquid drawn in (or pushed out) at a port has more than one way."""
         found = self._into if drawn else self._out_of
         return len(found.get(self._joint(index, port), ())) > 1
-
-    def hops(self, start: int) -> tuple[Hop, ...]:
-        """Return the cheapest hop from a vessel or syringe to each port it conducts to."""
-        known = self._hops.get(start)
-        if known is None:
-            known = tuple(explore_ports(self, start))
-            self._hops[start] = known
-        return known
-
-
-def explore_ports(
-    network: Network, start: int, passable: frozenset[int] = frozenset()
-) -> Iterator[Hop]:
-    """Yield the hops of `explore`; of a vessel, those by each of its ports."""
-    if network.elements[start].role is Role.PUMP:
-        yield from explore(network, start, passable=passable)
-        return
-    for port in sorted({arc.own_port for arc in network.arcs[start]}):
-        yield from explore(network, start, start_port=port, passable=passable)
 
 
 def explore(
@@ -340,7 +321,7 @@ def make_hop(network: Network, start: int, step: Step, dead_nl: int) -> Hop | No
     tubes = tuple(each.arc.tube for each in steps)
     return Hop(
         start, ports[0][1], here, ports[-1][1], tubes, tuple(settings.items()), tuple(ports),
-        dead_nl, step.passed,
+        dead_nl, step.passed, frozenset(index for index, _ in ports),
     )  # fmt: skip
 
 
