@@ -222,7 +222,7 @@ def compile_line(rig: Rig | list[Finding], line: bytes) -> dict[str, Any]:
     groups, findings = plan_on_rig(rig, request)
     if findings:
         return _refused(findings)
-    return {"ok": True, "steps": [[command.to_json() for command in group] for group in groups]}
+    return {"ok": True, "steps": groups}
 
 
 def _refused(findings: list[Finding]) -> dict[str, Any]:

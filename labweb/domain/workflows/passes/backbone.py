@@ -11,8 +11,8 @@ For four hops (into pump 1, 1 to 2, 2 to 3, out of 3) and three strokes::
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from itertools import combinations
+from typing import TypedDict
 
 from labweb.domain.graph.chain import Chain
 from labweb.domain.graph.elements import Role
@@ -20,17 +20,12 @@ from labweb.domain.graph.network import Hop, Network
 from labweb.domain.workflows.passes.splitting import split_strokes
 
 
-@dataclass(frozen=True, slots=True)
-class Command:
-    """One device told to do one thing."""
+class Command(TypedDict):
+    """One device told to do one thing, as it is written in an answer."""
 
     device: str
     action: str
     parameters: dict[str, str | float]
-
-    def to_json(self) -> dict[str, object]:
-        """Render as plain data."""
-        return {"device": self.device, "action": self.action, "parameters": self.parameters}
 
 
 Group = list[Command]
@@ -47,7 +42,8 @@ def find_interval(hops: Sequence[Hop]) -> int:
     for place, hop in enumerate(hops):
         for index in hop.elements:
             places.setdefault(index, []).append(place)
-    apart = {b - a for found in places.values() for a, b in combinations(found, 2)}
+    shared = {tuple(found) for found in places.values() if len(found) > 1}
+    apart = {b - a for found in shared for a, b in combinations(found, 2)}
     return next(n for n in range(1, len(hops) + 2) if not any(gap % n == 0 for gap in apart))
 
 
@@ -95,16 +91,23 @@ def _turn(
                 yield _say(network, index, "open")
         elif standing.get(index) != position:
             standing[index] = position
-            yield Command(network.elements[index].key, "set_port", {"port": position})
+            yield Command(
+                device=network.elements[index].key,
+                action="set_port",
+                parameters={"port": position},
+            )
 
 
 def _say(network: Network, index: int, action: str) -> Command:
-    return Command(network.elements[index].key, action, {})
+    return Command(device=network.elements[index].key, action=action, parameters={})
 
 
 def _move(network: Network, hop: Hop, amount_nl: int, rate_ul_s: float) -> Iterator[Command]:
-    parameters: dict[str, str | float] = {"volume_ul": amount_nl / 1000, "rate_ul_s": rate_ul_s}
     for index, action in ((hop.start, "dispense"), (hop.end, "aspirate")):
         element = network.elements[index]
         if element.role is Role.PUMP:
-            yield Command(element.key, action, dict(parameters))
+            yield Command(
+                device=element.key,
+                action=action,
+                parameters={"volume_ul": amount_nl / 1000, "rate_ul_s": rate_ul_s},
+            )
