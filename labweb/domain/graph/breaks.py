@@ -5,29 +5,16 @@ from __future__ import annotations
 import heapq
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from itertools import islice
 
 from labweb.domain.errors import Finding
 from labweb.domain.graph.chain import Wanted
 from labweb.domain.graph.elements import Element, Role, Tube
-from labweb.domain.graph.network import Arc, Network, conducts
+from labweb.domain.graph.flaws import Flaw, find_flaws, find_link_flaw, find_no_pump
+from labweb.domain.graph.network import Arc, Network
 from labweb.domain.graph.topology import Medium
 
-_SMALL, _LARGE = 10**6, 10**9
 _LISTED = 8
-
-
-@dataclass(frozen=True, slots=True)
-class Break:
-    """One thing that keeps liquid from going on."""
-
-    code: str
-    message: str
-    element: str
-    weight: int
-
-
-def _break(code: str, message: str, element: str, weight: int = _SMALL) -> Break:
-    return Break(code, message, element, weight)
 
 
 @dataclass(slots=True)
@@ -37,7 +24,7 @@ class _Step:
     arc: Arc
     parent: _Step | None
     pumped: bool
-    breaks: tuple[Break, ...]
+    flaws: tuple[Flaw, ...]
 
 
 def find_breaks(network: Network, wanted: Wanted, defects: tuple[Finding, ...]) -> list[Finding]:
@@ -52,7 +39,7 @@ def find_breaks(network: Network, wanted: Wanted, defects: tuple[Finding, ...]) 
     found = _dead_ends(network, wanted)
     if found:
         return [*found, *_relevant(defects, source.key, target.key)]
-    last = _least_broken(network, wanted)
+    last = _least_broken(network, wanted) if _are_joined(network, wanted) else None
     if last is None:
         return [_apart(network, wanted), *_relevant(defects, source.key, target.key)]
     steps = [last]
@@ -61,9 +48,9 @@ def find_breaks(network: Network, wanted: Wanted, defects: tuple[Finding, ...]) 
     steps.reverse()
     findings: list[Finding] = []
     way = [source.key, *(elements[step.element].key for step in steps)]
-    for each in (b for step in steps for b in step.breaks):
+    for each in (flaw for step in steps for flaw in step.flaws):
         context = {"source": source.key, "target": target.key, "reached": each.element, "way": way}
-        findings.append(Finding(each.code, each.message, each.element, context))
+        findings.append(Finding(each.code, each.tell(), each.element, context))
     if not findings:
         message = (
             f"no way from {source.key} to {target.key} fits what is asked: "
@@ -143,11 +130,11 @@ def _set_out(
     network: Network, wanted: Wanted, around: list[tuple[Arc, str]]
 ) -> Iterator[tuple[int, bool, _Step]]:
     reached = network.elements[wanted.source].key
-    for arc, flaw in around:
+    for arc, why in around:
         if wanted.source_port in (None, arc.own_port):
-            breaks = (flaw_break(network, reached, arc, flaw),) if flaw else ()
-            step = _Step(arc.far, arc.far_port, arc, None, pumped=False, breaks=breaks)
-            yield 1 + sum(each.weight for each in breaks), False, step
+            flaws = (find_link_flaw(network, reached, arc, why),) if why else ()
+            step = _Step(arc.far, arc.far_port, arc, None, pumped=False, flaws=flaws)
+            yield 1 + sum(each.weight for each in flaws), False, step
 
 
 def _onward(
@@ -160,30 +147,35 @@ def _onward(
     if step.element == wanted.target:
         if wanted.target_port in (None, step.port):
             if not step.pumped:
-                lacking = _no_pump(network, wanted)
-                step.breaks = (*step.breaks, lacking)
+                elements = network.elements
+                ends = (elements[wanted.source].key, elements[wanted.target].key)
+                lacking = find_no_pump(*ends)
+                step.flaws = (*step.flaws, lacking)
                 cost += lacking.weight
             yield cost, True, step
     elif step.element != wanted.source:
         for longer in _go_on(network, step, around[step.element]):
-            yield cost + 1 + sum(each.weight for each in longer.breaks), False, longer
+            yield cost + 1 + sum(each.weight for each in longer.flaws), False, longer
 
 
 def _go_on(network: Network, step: _Step, around: list[tuple[Arc, str]]) -> Iterator[_Step]:
     element = network.elements[step.element]
-    for arc, flaw in around:
+    pumped = step.pumped or element.role is Role.PUMP
+    for arc, why in around:
         if arc.tube is step.arc.tube and element.role is not Role.PUMP:
             continue
-        is_liquid = Medium.LIQUID is arc.tube.medium is step.arc.tube.medium
-        breaks = list(_stand(network, step, arc)) if is_liquid else []
-        if flaw:
-            breaks.append(flaw_break(network, element.key, arc, flaw))
-        pumped = step.pumped or element.role is Role.PUMP
-        yield _Step(arc.far, arc.far_port, arc, step, pumped, tuple(breaks))
+        flaws: tuple[Flaw, ...] = ()
+        if Medium.LIQUID is arc.tube.medium is step.arc.tube.medium:
+            flaws = tuple(find_flaws(network, step.element, step.port, arc))
+        if why:
+            flaws = (*flaws, find_link_flaw(network, element.key, arc, why))
+        yield _Step(arc.far, arc.far_port, arc, step, pumped, flaws)
 
 
 def _all_arcs(network: Network) -> list[list[tuple[Arc, str]]]:
     """Return each way out of each element, those that do not conduct liquid with why."""
+    if network.around is not None:
+        return network.around
     around: list[list[tuple[Arc, str]]] = [[(arc, "") for arc in arcs] for arcs in network.arcs]
     for tube in network.tubes:
         ends = (network.index.get(tube.source), network.index.get(tube.target))
@@ -196,153 +188,42 @@ def _all_arcs(network: Network) -> list[list[tuple[Arc, str]]]:
             around[ends[1]].append((back, "medium"))
         elif not tube.is_two_way:
             around[ends[1]].append((back, "direction"))
+    network.around = around
     return around
 
 
-def flaw_break(network: Network, reached: str, arc: Arc, flaw: str) -> Break:
-    """Say why a tube does not lead on from the element that liquid reaches."""
-    far = network.elements[arc.far].key
-    if flaw == "medium":
-        message = (
-            f"liquid reaches {reached}; from there only link {arc.tube.key} leads to {far}, and it "
-            f"carries no liquid ({arc.tube.medium.value}): a tube is missing"
-        )
-        return _break("plan.wrong_medium", message, reached, _LARGE)
-    message = (
-        f"liquid reaches {reached}; the tube {arc.tube.key} conducts from {far} to {reached} "
-        "and not back: a tube the other way is missing"
-    )
-    return _break("plan.wrong_way", message, reached)
+def _are_joined(network: Network, wanted: Wanted) -> bool:
+    """Tell whether links of any sort lead from one to the other; each network is asked once."""
+    if network.islands is None:
+        around = _all_arcs(network)
+        islands = [-1] * len(around)
+        for start in range(len(around)):
+            if islands[start] < 0:
+                for place in _around(around, start):
+                    islands[place] = start
+        network.islands = islands
+    return network.islands[wanted.source] == network.islands[wanted.target]
 
 
-def _stand(network: Network, step: _Step, arc: Arc) -> Iterator[Break]:
-    """Yield why liquid does not get through the element between a step and an arc."""
-    element = network.elements[step.element]
-    far = network.elements[arc.far].key
-    if element.role is Role.PUMP:
-        yield from _syringe(network, step, arc)
-        return
-    if element.role is Role.VALVE:
-        yield from _valve(network, step, arc, far)
-        return
-    if element.role is Role.SOLENOID:
-        ports = (step.port, arc.own_port)
-        divides = any(
-            network.divides(step.element, p, drawn=d) for p in ports for d in (True, False)
-        )
-        if divides or conducts(network, step.element, step.port, arc) is None:
-            message = f"liquid reaches {element.key}; more than two tubes are joined to it"
-            yield _break("plan.tee", message, element.key)
-        return
-    through = {
-        Role.VESSEL: "a vessel, and no transfer leads through one",
-        Role.MANIFOLD: "a manifold and leads on only when a request says through what",
-        Role.CARTRIDGE: "a cartridge and leads on only when a request names it",
-        Role.GAS: "a source of gas",
-        Role.VACUUM: "a vacuum line",
-    }.get(element.role, f"a {element.kind or 'device'} that nobody says conducts liquid")
-    message = (
-        f"liquid reaches {element.key}, which is {through}: a way around it to {far} is missing"
-    )
-    yield _break(
-        "plan.vessel_between" if element.role is Role.VESSEL else "plan.no_conductor",
-        message,
-        element.key,
-    )
-
-
-def _valve(network: Network, step: _Step, arc: Arc, far: str) -> Iterator[Break]:
-    element = network.elements[step.element]
-    unnamed = [port for port in (step.port, arc.own_port) if not port]
-    if unnamed:
-        message = (
-            f"liquid reaches {element.key}; the link names no port of it, so it cannot be turned "
-            f"towards {far}: name the port"
-        )
-        yield _break("plan.port_unnamed", message, element.key)
-        return
-    if element.position(step.port, arc.own_port) is None:
-        if element.common_port is None and not element.positions:
-            why = "nobody says which of its ports is the common one"
-        elif element.positions:
-            why = "none of its positions does"
-        else:
-            why = f"its common port {element.common_port!r} is joined to one other at a time"
-        message = (
-            f"liquid reaches port {step.port!r} of {element.key}, which never joins it to port "
-            f"{arc.own_port!r} towards {far}: {why}"
-        )
-        yield _break("plan.valve_cannot_join", message, element.key)
-        return
-    for port in dict.fromkeys((step.port, arc.own_port)):
-        if network.divides(step.element, port, drawn=True) or network.divides(
-            step.element, port, drawn=False
-        ):
-            yield _tee(network, step.element, port)
-
-
-def _tee(network: Network, index: int, port: str) -> Break:
-    element = network.elements[index]
-    joined = sorted(
-        {
-            tube.target if tube.source == element.key else tube.source
-            for tube in network.tubes
-            if tube.medium is Medium.LIQUID
-            and (element.key, port)
-            in ((tube.source, tube.source_port), (tube.target, tube.target_port))
-        }
-    )
-    message = (
-        f"liquid reaches {element.key}; its port {port!r} is joined to {' and '.join(joined)}, "
-        "and the flow would divide there: give each tube a port of its own"
-    )
-    return _break("plan.tee", message, element.key)
-
-
-def _syringe(network: Network, step: _Step, arc: Arc) -> Iterator[Break]:
-    element = network.elements[step.element]
-    if not element.capacity_nl:
-        message = f"liquid reaches {element.key}; nobody says how much its syringe holds"
-        yield _break("plan.unknown_syringe", message, element.key)
-    drawn = network.divides(step.element, step.port, drawn=True)
-    pushed = network.divides(step.element, arc.own_port, drawn=False)
-    if element.selects and not (step.port and arc.own_port):
-        message = f"liquid reaches {element.key}; a link names no port of it: name the port"
-        yield _break("plan.port_unnamed", message, element.key)
-    elif element.selects and (drawn or pushed):
-        yield _tee(network, step.element, step.port if drawn else arc.own_port)
-    elif drawn or pushed:
-        tubes = sorted({each.tube.key for each in network.arcs[step.element]})
-        message = (
-            f"liquid reaches {element.key}, a syringe with {len(tubes)} tubes and no valve: "
-            f"where it {'draws from' if drawn else 'pushes to'} cannot be chosen; "
-            "a valve is missing"
-        )
-        yield _break("plan.ambiguous_port", message, element.key)
-
-
-def _no_pump(network: Network, wanted: Wanted) -> Break:
-    source, target = network.elements[wanted.source].key, network.elements[wanted.target].key
-    message = (
-        f"tubes and valves lead from {source} to {target}, and no syringe pump is on the way: "
-        "nothing moves the liquid"
-    )
-    return _break("plan.no_pump", message, target, 2 * _SMALL)
+def _around(around: list[list[tuple[Arc, str]]], start: int) -> Iterator[int]:
+    """Yield everything that links join to a start, nearest first, itself included."""
+    seen = {start}
+    waiting = [start]
+    for here in waiting:
+        yield here
+        for arc, _ in around[here]:
+            if arc.far not in seen:
+                seen.add(arc.far)
+                waiting.append(arc.far)
 
 
 def _apart(network: Network, wanted: Wanted) -> Finding:
     source, target = network.elements[wanted.source].key, network.elements[wanted.target].key
-    sides = []
-    for start in (wanted.source, wanted.target):
-        around = _all_arcs(network)
-        seen = {start}
-        waiting = [start]
-        for here in waiting:
-            for arc, _ in around[here]:
-                if arc.far not in seen:
-                    seen.add(arc.far)
-                    waiting.append(arc.far)
-        sides.append([network.elements[place].key for place in waiting[1:]])
+    around = _all_arcs(network)
+    sides = [
+        [network.elements[place].key for place in islice(_around(around, start), 1, _LISTED + 2)]
+        for start in (wanted.source, wanted.target)
+    ]
     texts = [", ".join(side[:_LISTED]) + (" …" if len(side) > _LISTED else "") for side in sides]
     message = (
         f"nothing joins {source} to {target}: {source} is joined to {texts[0] or 'nothing'}, and "

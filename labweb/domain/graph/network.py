@@ -85,6 +85,12 @@ class Network:
     tables: dict[frozenset[int], object] = field(default_factory=dict)
     """Hops that were found already, by what they may pass (`hops.table_of`)."""
 
+    around: list[list[tuple[Arc, str]]] | None = None
+    """Each way out of each element, also where no liquid flows, with why (`breaks`)."""
+
+    islands: list[int] | None = None
+    """Per element, a number that all that links join to it share (`breaks`)."""
+
     _into: dict[tuple[int, str], set[tuple[int, str]]] = field(default_factory=dict)
     _out_of: dict[tuple[int, str], set[tuple[int, str]]] = field(default_factory=dict)
 

@@ -17,7 +17,8 @@ ROLES = {
 
 def network(*tubes: str, dead: Iterable[int] = (), **more: dict[str, Any]) -> Network:
     """Draw `"f1:0 > v1:3"` one way or with `=` both; the first letter is the role."""
-    drawn, keys = [], {}
+    drawn: list[Tube] = []
+    keys: dict[str, None] = {}
     amounts = list(dead)
     for place, text in enumerate(tubes):
         sign = "=" if "=" in text else ">"

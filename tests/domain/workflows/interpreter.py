@@ -69,9 +69,9 @@ class Plumbing:
                 if self.sort[end] == "valve" and self.sort[far] == "pump":
                     self.common[end] = name
         one, two = (ends[0], names[0]), (ends[1], names[1])
-        for start, end in ((one, two), (two, one)) if both else ((one, two),):
-            self.flows[start].add(end)
-            self.back[end].add(start)
+        for tail, head in ((one, two), (two, one)) if both else ((one, two),):
+            self.flows[tail].add(head)
+            self.back[head].add(tail)
 
 
 class World:

@@ -88,7 +88,7 @@ _WORDS: tuple[tuple[re.Pattern[str], Role], ...] = tuple(
         (r"manifold", Role.MANIFOLD),
         (r"cartridge|column", Role.CARTRIDGE),
         (
-            r"container|flask|bottle|vial|reactor|waste|separator|filter|vessel|beaker|tube"
+            r"container|flask|bottle|vial|reactor|waste|separator|filter|vessel|beaker|tube(?!_?rack)"
             r"|trough|well|centrifuge",
             Role.VESSEL,
         ),

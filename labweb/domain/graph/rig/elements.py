@@ -29,6 +29,7 @@ _MEDIA: Mapping[str, Medium] = {
     "vacuum": Medium.VACUUM,
 }
 _NL_PER_ML = 1_000_000
+_LARGEST_NL = 10**13
 _OTHER = Sort(role=Role.OTHER)
 _ENDS = 2
 
@@ -95,18 +96,26 @@ def _positions(places: list[Mapping[str, Any]]) -> dict[str, frozenset[frozenset
 
 
 def _capacity(places: list[Mapping[str, Any]]) -> int | None:
-    """Return what a syringe holds; files of both families state millilitres."""
-    for place in places:
-        value = place.get("max_volume")
-        if isinstance(value, bool) or not isinstance(value, int | float | str):
-            continue
-        try:
-            amount = Decimal(str(value).strip()) * _NL_PER_ML
-        except InvalidOperation:
-            continue
-        if amount.is_finite() and 0 < amount < Decimal(10) ** 13:
-            return int(amount)
-    return None
+    """Return what a syringe holds."""
+    found = (volume_nl(place.get("max_volume")) for place in places)
+    return next((amount for amount in found if amount), None)
+
+
+def volume_nl(value: object) -> int | None:
+    """Return a volume in millilitres, as files of both families state it; None: no volume.
+
+    Example:
+        >>> volume_nl("25.0"), volume_nl(-1.0), volume_nl("much")
+        (25000000, None, None)
+    """
+    if isinstance(value, bool) or not isinstance(value, int | float | str):
+        return None
+    try:
+        amount = Decimal(str(value).strip()) * _NL_PER_ML
+    except InvalidOperation:
+        return None
+    is_volume = amount.is_finite() and 0 <= amount < _LARGEST_NL
+    return int(amount) if is_volume else None
 
 
 def medium_of(link: Mapping[str, Any], ends: tuple[Sort, Sort], *, chemputer: bool) -> Medium:

@@ -18,6 +18,7 @@ from labweb.domain.graph.rig.elements import (
     find_defects,
     medium_of,
     sort_of,
+    volume_nl,
 )
 from labweb.domain.graph.rig.graphml import read_graphml
 from labweb.domain.graph.rig.lab import is_lab, rig_of_lab
@@ -175,6 +176,7 @@ def _tube(
         target_port=target_port,
         medium=medium,
         is_two_way=not drawn_as_flows,
+        dead_volume_nl=volume_nl(link.get("volume")) if chemputer else None,
         attributes=link,
     )
 

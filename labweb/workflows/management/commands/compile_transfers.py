@@ -65,7 +65,7 @@ class Command(BaseCommand):
                 for line in _lines(stream):
                     answer = compile_line(rig, line)
                     is_refused |= not answer["ok"]
-                    text = json.dumps(answer, ensure_ascii=False, separators=(",", ":"))
+                    text = json.dumps(answer, separators=(",", ":"))
                     self.stdout.write(text)
         except OSError as error:
             raise CommandError(f"cannot read {options['requests']}: {error.strerror}") from error

@@ -158,6 +158,27 @@ def test_the_label_that_yed_draws_is_the_id() -> None:
     assert rig.elements[0].capacity_nl == 25_000_000
 
 
+def test_a_node_in_a_group_has_its_parent() -> None:
+    inner = "<graph><node id='g::a'/></graph>"
+    raw = (
+        '<graphml xmlns="http://graphml.graphdrawing.org/xmlns"><graph>'
+        f"<node id='g'>{inner}</node></graph></graphml>"
+    )
+    rig = read_rig(raw.encode())
+    assert [element.attributes for element in rig.elements] == [
+        {"id": "g"},
+        {"id": "g::a", "parent": "g"},
+    ]
+
+
+def test_a_chemputer_link_may_say_how_much_its_tube_holds() -> None:
+    nodes = [{"id": "f", "class": "ChemputerFlask"}, {"id": "v", "class": "ChemputerValve"}]
+    ends = {"source": "f", "target": "v", "port": "(0,1)"}
+    links = [{**ends, "volume": value} for value in (0.25, "1.0", -1.0, None)]
+    rig = read_rig(node_link(nodes, links))
+    assert [tube.dead_volume_nl for tube in rig.tubes] == [250_000, 1_000_000, None, None]
+
+
 def test_one_number_on_a_link_is_the_port_of_its_valve() -> None:
     edges = (
         '<edge source="n0" target="n1"/><edge source="n1" target="n2"><data key="p">3</data></edge>'
