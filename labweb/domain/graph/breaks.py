@@ -123,7 +123,7 @@ def _least_broken(network: Network, wanted: Wanted) -> _Step | None:
         found = ()
         if place not in settled:
             settled.add(place)
-            found = _onward(network, wanted, around, (cost, nearest))
+            found = _onward(network, wanted, (cost, nearest), settled)
 
 
 def _set_out(
@@ -140,8 +140,8 @@ def _set_out(
 def _onward(
     network: Network,
     wanted: Wanted,
-    around: list[list[tuple[Arc, str]]],
     reached: tuple[int, _Step],
+    settled: set[tuple[int, str, bool]],
 ) -> Iterator[tuple[int, bool, _Step]]:
     cost, step = reached
     if step.element == wanted.target:
@@ -154,14 +154,16 @@ def _onward(
                 cost += lacking.weight
             yield cost, True, step
     elif step.element != wanted.source:
-        for longer in _go_on(network, step, around[step.element]):
+        for longer in _go_on(network, step, settled):
             yield cost + 1 + sum(each.weight for each in longer.flaws), False, longer
 
 
-def _go_on(network: Network, step: _Step, around: list[tuple[Arc, str]]) -> Iterator[_Step]:
+def _go_on(network: Network, step: _Step, settled: set[tuple[int, str, bool]]) -> Iterator[_Step]:
     element = network.elements[step.element]
     pumped = step.pumped or element.role is Role.PUMP
-    for arc, why in around:
+    for arc, why in _all_arcs(network)[step.element]:
+        if (arc.far, arc.far_port, pumped) in settled:
+            continue
         if arc.tube is step.arc.tube and element.role is not Role.PUMP:
             continue
         flaws: tuple[Flaw, ...] = ()

@@ -11,6 +11,7 @@ from typing import Any
 
 import pytest
 
+from benchmarks.transfers import counts
 from labweb.domain.errors import LabFileError
 from labweb.domain.graph.chain import Wanted, find_chain
 from labweb.domain.graph.elements import Role
@@ -18,7 +19,7 @@ from labweb.domain.graph.rig.model import Rig, RigFormat
 from labweb.domain.graph.rig.read import read_rig
 from labweb.domain.graph.rig.write import write_rig
 from labweb.domain.workflows.rig_transfers import compile_line
-from tests.corpus import GRAPHS, NO_XDL, XDL
+from tests.corpus import GRAPHS, NO_GRAPHS, NO_XDL, XDL
 from tests.domain.workflows.interpreter import Plumbing, check
 
 pytestmark = pytest.mark.skipif(not XDL.is_dir(), reason=NO_XDL)
@@ -224,6 +225,22 @@ def graphs() -> Iterator[tuple[Path, Rig]]:
             yield path, read_rig(unpacked(path))
         except LabFileError:
             continue
+
+
+@pytest.mark.skipif(not GRAPHS.is_dir(), reason=NO_GRAPHS)
+def test_the_page_has_the_counts_that_the_benchmark_finds() -> None:
+    page = (Path(__file__).parents[3] / "docs/routing.md").read_text()
+    found = counts(GRAPHS)
+    refused = {code: number for code, number in found.items() if code.startswith("plan.")}
+    rows = {
+        "graphs with liquid links": found["graphs"],
+        "requests": found["ok"] + sum(refused.values()),
+        "compiled": found["ok"],
+        "refused": sum(refused.values()),
+        **{f"… `{code}`": number for code, number in refused.items()},
+    }
+    for name, number in rows.items():
+        assert f"\n| {name} | {number} |" in page, name
 
 
 def test_plans_on_every_published_rig_move_the_amount_and_nothing_else() -> None:
