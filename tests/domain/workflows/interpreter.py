@@ -66,7 +66,8 @@ class Plumbing:
                 (ends[0], names[0], ends[1]),
                 (ends[1], names[1], ends[0]),
             ):
-                if self.sort[end] == "valve" and self.sort[far] == "pump":
+                is_common = self.sort[far] == "pump" or name == "transferpump"
+                if self.sort[end] == "valve" and is_common:
                     self.common[end] = name
         one, two = (ends[0], names[0]), (ends[1], names[1])
         for tail, head in ((one, two), (two, one)) if both else ((one, two),):
