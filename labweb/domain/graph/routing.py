@@ -5,22 +5,24 @@ flask ──▶ 2│valve│common ──▶ syringe ──▶ common│valve│
 
 from __future__ import annotations
 
-import heapq
-from collections.abc import Collection, Iterator
+from collections.abc import Collection
 from dataclasses import dataclass, replace
 from functools import cached_property
 from uuid import UUID
 
 from labweb.domain.errors import NoRouteError
+from labweb.domain.graph.elements import Element, Role, Tube, is_numbered
+from labweb.domain.graph.network import Network, Search, Step, make_hop
 from labweb.domain.graph.topology import Connection, Medium, PhysicalGraph, PortRef
 from labweb.domain.resources.node import Resource
 from labweb.domain.resources.tree import Tree
+
+__all__ = ["COMMON_PORT", "Route", "ValvePosition", "find_route", "is_numbered"]
 
 COMMON_PORT = "common"
 """Name of a rotary valve's fixed port, unless its `config.common_port` says otherwise."""
 
 _LISTED = 12
-_Label = tuple[int, int, tuple[str, ...]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,32 +56,8 @@ class Route:
         return tuple(c.key for c in self.connections if c.dead_volume_nl is None)
 
 
-@dataclass(frozen=True, slots=True)
-class _Turn:
-    """Passing through a valve from one port to another."""
-
-    resource_id: UUID
-    entered: str
-    left: str
-
-
-@dataclass(frozen=True, slots=True)
-class _Path:
-    label: _Label
-    ports: tuple[PortRef, ...]
-    connections: tuple[Connection, ...]
-
-    @property
-    def end(self) -> PortRef:
-        return self.ports[-1]
-
-    def turns(self) -> Iterator[_Turn]:
-        for entered, left in zip(self.ports[1:-1:2], self.ports[2::2], strict=True):
-            yield _Turn(entered.resource_id, entered.port, left.port)
-
-
 @dataclass(frozen=True)
-class _Search:
+class _Question:
     """One question, with all that bounds it."""
 
     graph: PhysicalGraph
@@ -88,17 +66,54 @@ class _Search:
     target: UUID
     blocked: frozenset[UUID]
     backwards: bool = False
-    through: frozenset[str] = frozenset()
-    """Kinds that conduct between any two ports: to explain a refusal, never to plan."""
+    through_solenoids: bool = False
+    """To explain a refusal, never to plan."""
 
     @cached_property
-    def tees(self) -> frozenset[PortRef]:
-        """Ports of valves that more than one tube joins: what flows there is not one way."""
-        far: dict[PortRef, set[PortRef]] = {}
-        for connection in self.graph.connections:
-            far.setdefault(connection.source, set()).add(connection.target)
-            far.setdefault(connection.target, set()).add(connection.source)
-        return frozenset(port for port, others in far.items() if len(others) > 1)
+    def resources(self) -> list[Resource]:
+        """Everything that a liquid connection joins, in the order of the network."""
+        ids = {
+            end.resource_id
+            for connection in self.graph.connections
+            for end in (connection.source, connection.target)
+        }
+        ids |= {self.source, self.target}
+        found = [self.tree.by_id[each] for each in ids if each in self.tree.by_id]
+        return sorted(found, key=_key)
+
+    @cached_property
+    def connections(self) -> dict[str, Connection]:
+        """Connections by their place in the file: keys need not differ."""
+        return {
+            f"{connection.key}\0{connection.id}": connection
+            for connection in self.graph.connections
+        }
+
+    @cached_property
+    def network(self) -> Network:
+        """The liquid connections as a network; drawn backwards when asked from the target."""
+        keys = {resource.id: _key(resource) for resource in self.resources}
+        tubes = [
+            _tube(key, connection, keys, backwards=self.backwards)
+            for key, connection in self.connections.items()
+            if connection.source.resource_id in keys and connection.target.resource_id in keys
+        ]
+        elements = [
+            _element(each, solenoids=self.through_solenoids, ends=(self.source, self.target))
+            for each in self.resources
+        ]
+        return Network(elements, tubes)
+
+    def search(self) -> Search:
+        """Begin at the source."""
+        place = {resource.id: index for index, resource in enumerate(self.resources)}
+        is_pump = self.tree.find(self.source).kind == "syringe_pump"
+        return Search(
+            self.network,
+            place[self.source],
+            blocked=frozenset(place[each] for each in self.blocked if each in place),
+            drawn=is_pump if self.backwards else not is_pump,
+        )
 
 
 def find_route(
@@ -113,7 +128,7 @@ def find_route(
 
     Connections are directed: a check valve conducts one way, a plain tube both. Only a
     rotary valve lets liquid through, between its common port and one numbered port. A valve
-    port that more than one tube joins is not used, because the flow would divide there.
+    port at which the flow would divide is not used.
 
     Cost is dead volume and not length, because dead volume is what a transfer loses;
     unknown dead volume costs nothing and is listed in `Route.unknown_keys`.
@@ -137,135 +152,87 @@ def find_route(
 
     Effect:
         None. Nothing is reserved.
-
-    Source:
-        Dijkstra, Numerische Mathematik 1 (1959) 269-271, with a binary heap.
     """
     for end in (source, target):
         tree.find(end)
     liquid = graph.restricted(Medium.LIQUID)
-    search = _Search(liquid, tree, source, target, frozenset(blocked) - {source, target})
+    question = _Question(liquid, tree, source, target, frozenset(blocked) - {source, target})
     if source == target:
         raise NoRouteError("source and target are the same vessel", code="plan.same_vessel")
-    path = _cheapest(search)
-    if path is None:
-        raise _explain(search)
-    return _render(path, tree)
+    found = _cheapest(question)
+    if found is None:
+        raise _explain(question)
+    return _render(question, *found)
 
 
-def is_numbered(port: str) -> bool:
-    """Tell whether a port name is the number of a valve position.
-
-    Example:
-        >>> is_numbered("3"), is_numbered("0"), is_numbered("common")
-        (True, False, False)
-    """
-    return port.isascii() and port.isdigit() and not port.startswith("0")
+def _key(resource: Resource) -> str:
+    return f"{resource.key}\0{resource.id}"
 
 
-def _cheapest(search: _Search) -> _Path | None:
-    # No valve is turned to two positions on one way: it could only be entered again by the
-    # one tube of its common port, or left again by it, and either is a detour.
-    for path in _explore(search):
-        if path.end.resource_id == search.target:
-            return path
+def _tube(key: str, connection: Connection, keys: dict[UUID, str], *, backwards: bool) -> Tube:
+    ends = (connection.source, connection.target)
+    source, target = reversed(ends) if backwards else ends
+    return Tube(
+        key=key,
+        source=keys[source.resource_id],
+        source_port=source.port,
+        target=keys[target.resource_id],
+        target_port=target.port,
+        medium=connection.medium,
+        is_two_way=connection.is_two_way,
+        dead_volume_nl=connection.dead_volume_nl,
+    )
+
+
+def _element(resource: Resource, *, solenoids: bool, ends: tuple[UUID, UUID]) -> Element:
+    """Return what a resource conducts. What a way begins and ends at is never passed."""
+    role = Role.OTHER
+    if resource.id not in ends:
+        if resource.kind == "rotary_valve":
+            role = Role.VALVE
+        elif resource.kind == "solenoid_valve" and solenoids:
+            role = Role.SOLENOID
+    common = str(resource.config.get("common_port", COMMON_PORT))
+    return Element(
+        key=_key(resource), role=role, kind=resource.kind, common_port=common, numbered=True
+    )
+
+
+def _cheapest(question: _Question) -> tuple[int, Step] | None:
+    for dead_nl, step in question.search().settle():
+        if question.resources[step.element].id == question.target:
+            return dead_nl, step
     return None
 
 
-def _explore(search: _Search) -> Iterator[_Path]:
-    """Yield the cheapest path to each port that can be arrived at, in order of cost."""
-    heap: list[tuple[_Label, int, _Path]] = []
-    count = 0
-    for path in _leave(search, _Path((0, 0, ()), (), ()), search.source, None):
-        heapq.heappush(heap, (path.label, count, path))
-        count += 1
-    settled: set[PortRef] = set()
-    while heap:
-        _, _, path = heapq.heappop(heap)
-        if path.end in settled:
-            continue
-        settled.add(path.end)
-        yield path
-        if path.end.resource_id in (search.source, search.target):
-            continue
-        for longer in _leave(search, path, path.end.resource_id, path.end.port):
-            if longer.end not in settled:
-                heapq.heappush(heap, (longer.label, count, longer))
-                count += 1
+def _render(question: _Question, dead_nl: int, step: Step) -> Route:
+    resources = question.resources
+    start = next(i for i, resource in enumerate(resources) if resource.id == question.source)
+    hop = make_hop(question.network, start, step, dead_nl)
+    if hop is None:  # pragma: no cover - only a syringe's own check refuses a hop
+        raise _explain(question)
+    ports = tuple(PortRef(resources[index].id, port) for index, port in hop.ports)
+    connections = tuple(question.connections[tube.key] for tube in hop.tubes)
+    valves = tuple(
+        ValvePosition(resources[index].id, int(position)) for index, position in hop.settings
+    )
+    return Route(ports, connections, valves, dead_nl)
 
 
-def _leave(
-    search: _Search,
-    path: _Path,
-    resource_id: UUID,
-    entered: str | None,
-) -> Iterator[_Path]:
-    """Yield the path made longer by each connection that leads on from a resource."""
-    resource = search.tree.find(resource_id)
-    for own, far, connection in _ways_out(search, resource_id):
-        if entered is not None:
-            if not _conducts(resource, entered, own, search.through):
-                continue
-            if not search.tees.isdisjoint(
-                (PortRef(resource_id, entered), PortRef(resource_id, own))
-            ):
-                continue
-        if far.resource_id in search.blocked or far.resource_id not in search.tree.by_id:
-            continue
-        if far.resource_id == search.source:
-            continue
-        dead, hops, names = path.label
-        far_key = search.tree.by_id[far.resource_id].key
-        step = (own, far_key, far.port, connection.key)
-        label = (dead + (connection.dead_volume_nl or 0), hops + 1, (*names, *step))
-        ports = (*path.ports, PortRef(resource_id, own), far)
-        yield _Path(label, ports, (*path.connections, connection))
-
-
-def _ways_out(search: _Search, resource_id: UUID) -> Iterator[tuple[str, PortRef, Connection]]:
-    if not search.backwards:
-        yield from search.graph.neighbours(resource_id)
-        return
-    for connection in search.graph.by_resource.get(resource_id, ()):
-        if connection.target.resource_id == resource_id:
-            yield connection.target.port, connection.source, connection
-        elif connection.is_two_way:
-            yield connection.source.port, connection.target, connection
-
-
-def _conducts(resource: Resource, entered: str, left: str, through: frozenset[str]) -> bool:
-    if resource.kind in through:
-        return True
-    if resource.kind != "rotary_valve":
-        return False
-    common = resource.config.get("common_port", COMMON_PORT)
-    ends = {entered, left}
-    return len(ends) == 2 and common in ends and is_numbered((ends - {common}).pop())
-
-
-def _render(path: _Path, tree: Tree) -> Route:
-    valves = []
-    for turn in path.turns():
-        common = tree.find(turn.resource_id).config.get("common_port", COMMON_PORT)
-        numbered = turn.left if turn.entered == common else turn.entered
-        valves.append(ValvePosition(turn.resource_id, int(numbered)))
-    return Route(path.ports, path.connections, tuple(valves), path.label[0])
-
-
-def _explain(search: _Search) -> NoRouteError:
-    tree = search.tree
-    source, target = tree.find(search.source), tree.find(search.target)
-    reached = [tree.find(path.end.resource_id) for path in _explore(search)]
-    mirror = replace(search, source=search.target, target=search.source, backwards=True)
-    reaching = [tree.find(path.end.resource_id) for path in _explore(mirror)]
+def _explain(question: _Question) -> NoRouteError:
+    tree = question.tree
+    source, target = tree.find(question.source), tree.find(question.target)
+    reached = _reached(question)
+    mirror = replace(question, source=question.target, target=question.source, backwards=True)
+    reaching = _reached(mirror)
     context = {
         "source": source.key,
         "target": target.key,
         "reached": _keys(reached),
         "reaches_target": _keys(reaching),
-        "tees": _tees(search),
+        "tees": _tees(question),
     }
-    solenoids = _solenoids_on_the_way(search)
+    solenoids = _solenoids_on_the_way(question)
     if solenoids:
         names = ", ".join(valve.name for valve in solenoids)
         return NoRouteError(
@@ -282,23 +249,33 @@ def _explain(search: _Search) -> NoRouteError:
     )
 
 
-def _solenoids_on_the_way(search: _Search) -> list[Resource]:
-    wider = replace(search, through=frozenset({"solenoid_valve"}))
-    path = _cheapest(wider)
-    if path is None:
-        return []
-    nodes = (search.tree.find(turn.resource_id) for turn in path.turns())
-    return [node for node in nodes if node.kind == "solenoid_valve"]
+def _reached(question: _Question) -> list[Resource]:
+    return [question.resources[step.element] for _, step in question.search().settle()]
 
 
-def _tees(search: _Search) -> list[str]:
-    found = (
-        f"{tree_node.key}:{port.port}"
-        for port in search.tees
-        if (tree_node := search.tree.by_id.get(port.resource_id)) is not None
-        and tree_node.kind == "rotary_valve"
+def _solenoids_on_the_way(question: _Question) -> list[Resource]:
+    wider = replace(question, through_solenoids=True)
+    found = _cheapest(wider)
+    names = []
+    step = None if found is None else found[1].parent
+    while step is not None:
+        names.append(wider.resources[step.element])
+        step = step.parent
+    return [node for node in reversed(names) if node.kind == "solenoid_valve"]
+
+
+def _tees(question: _Question) -> list[str]:
+    far: dict[PortRef, set[PortRef]] = {}
+    for connection in question.graph.connections:
+        far.setdefault(connection.source, set()).add(connection.target)
+        far.setdefault(connection.target, set()).add(connection.source)
+    return sorted(
+        f"{node.key}:{port.port}"
+        for port, others in far.items()
+        if len(others) > 1
+        and (node := question.tree.by_id.get(port.resource_id)) is not None
+        and node.kind == "rotary_valve"
     )
-    return sorted(found)
 
 
 def _keys(resources: list[Resource]) -> list[str]:

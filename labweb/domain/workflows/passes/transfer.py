@@ -10,30 +10,9 @@ from labweb.domain.units import parse_volume_nl, render_volume
 from labweb.domain.workflows.passes.draft import Drafting, DraftJob, DraftStep, MassCheck
 from labweb.domain.workflows.passes.pumping import MOST_STROKES, Pumping, choose_pump
 from labweb.domain.workflows.passes.roles import plays
+from labweb.domain.workflows.passes.splitting import count_strokes, split_strokes
 from labweb.domain.workflows.passes.strokes import check_fineness, dead_volume_notes, make_strokes
 from labweb.domain.workflows.protocol import Step
-
-
-def count_strokes(amount_nl: int, syringe_nl: int) -> int:
-    """Count the fewest strokes that move an amount, without making any.
-
-    Example:
-        >>> count_strokes(10, 4)
-        3
-    """
-    return -(-amount_nl // syringe_nl)
-
-
-def split_strokes(amount_nl: int, syringe_nl: int) -> tuple[int, ...]:
-    """Split an amount into the fewest strokes, as equal as whole nanolitres allow.
-
-    Example:
-        >>> split_strokes(10, 4)
-        (4, 3, 3)
-    """
-    count = count_strokes(amount_nl, syringe_nl)
-    base, rest = divmod(amount_nl, count)
-    return tuple(base + (place < rest) for place in range(count))
 
 
 def plan_transfer(step: Step, drafting: Drafting) -> DraftStep:

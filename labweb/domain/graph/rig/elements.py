@@ -1,0 +1,179 @@
+"""Nodes of a graph file as elements, and its links as tubes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
+from decimal import Decimal, InvalidOperation
+from typing import Any
+
+from labweb.domain.errors import Finding
+from labweb.domain.graph.elements import Element, Role, Tube
+from labweb.domain.graph.rig.classes import (
+    COMMON_NAMES,
+    Sort,
+    chemputer_sort,
+    instrument_sort,
+    role_by_words,
+)
+from labweb.domain.graph.topology import Medium
+
+_MEDIA: Mapping[str, Medium] = {
+    "fluid": Medium.LIQUID,
+    "thermal": Medium.THERMAL,
+    "mechanical": Medium.MECHANICAL,
+    "communication": Medium.COMMUNICATION,
+    "transport": Medium.TRANSPORT,
+    "electrical": Medium.ELECTRICAL,
+    "gas": Medium.GAS,
+    "vacuum": Medium.VACUUM,
+}
+_NL_PER_ML = 1_000_000
+_LARGEST_NL = 10**13
+_OTHER = Sort(role=Role.OTHER)
+_ENDS = 2
+
+
+def sort_of(node: Mapping[str, Any]) -> Sort:
+    """Return what a node is, by its class and type and never by its name."""
+    name, type_ = str(node.get("class") or ""), str(node.get("type") or "")
+    found = chemputer_sort(name)
+    if found is not None:
+        return found
+    role = role_by_words(name)
+    instrument = instrument_sort(name)
+    if instrument is not None and role in (None, Role.PUMP):
+        return instrument
+    if role is None and type_ != "device":
+        role = role_by_words(type_)
+    return _OTHER if role is None else Sort(role=role)
+
+
+def element_of(key: str, node: Mapping[str, Any]) -> Element:
+    """Make an element of a node."""
+    sort = sort_of(node)
+    name = str(node.get("class") or node.get("type") or "")
+    config = node.get("config")
+    places: list[Mapping[str, Any]] = [config] if isinstance(config, Mapping) else []
+    places.append(node)
+    return Element(
+        key=key,
+        role=sort.role,
+        kind=name,
+        common_port=_text(places, "common_port") or sort.common_port,
+        ports=sort.ports,
+        positions=_positions(places),
+        selects=sort.role is Role.PUMP and "valve" in name.lower(),
+        capacity_nl=_capacity(places) if sort.role is Role.PUMP else None,
+        leave_by=sort.leave_by,
+        enter_by=sort.enter_by,
+        attributes=node,
+    )
+
+
+def _text(places: list[Mapping[str, Any]], name: str) -> str | None:
+    for place in places:
+        value = place.get(name)
+        if isinstance(value, str) and value:
+            return value
+    return None
+
+
+def _positions(places: list[Mapping[str, Any]]) -> dict[str, frozenset[frozenset[str]]]:
+    """Read `{"load": [["1", "2"], …]}` of a two-position or injection valve."""
+    for place in places:
+        value = place.get("joins")
+        if isinstance(value, Mapping):
+            return {
+                str(position): frozenset(
+                    frozenset(str(port) for port in pair)
+                    for pair in (pairs if isinstance(pairs, list) else ())
+                    if isinstance(pair, list) and len(pair) == _ENDS
+                )
+                for position, pairs in sorted(value.items())
+            }
+    return {}
+
+
+def _capacity(places: list[Mapping[str, Any]]) -> int | None:
+    """Return what a syringe holds."""
+    found = (volume_nl(place.get("max_volume")) for place in places)
+    return next((amount for amount in found if amount), None)
+
+
+def volume_nl(value: object) -> int | None:
+    """Return a volume in millilitres, as files of both families state it; None: no volume.
+
+    Example:
+        >>> volume_nl("25.0"), volume_nl(-1.0), volume_nl("much")
+        (25000000, None, None)
+    """
+    if isinstance(value, bool) or not isinstance(value, int | float | str):
+        return None
+    try:
+        amount = Decimal(str(value).strip()) * _NL_PER_ML
+    except InvalidOperation:
+        return None
+    is_volume = amount.is_finite() and 0 <= amount < _LARGEST_NL
+    return int(amount) if is_volume else None
+
+
+def medium_of(link: Mapping[str, Any], ends: tuple[Sort, Sort], *, chemputer: bool) -> Medium:
+    """Return what a link carries, by its own type or by what it joins."""
+    type_ = link.get("type")
+    if isinstance(type_, str) and type_ in _MEDIA and type_ != "fluid":
+        return _MEDIA[type_]
+    if type_ not in ("fluid", "physical") and not (type_ in (None, "") and chemputer):
+        return Medium.OTHER
+    return next((end.medium for end in ends if end.medium is not Medium.LIQUID), Medium.LIQUID)
+
+
+def find_common_ports(elements: Iterable[Element], tubes: Iterable[Tube]) -> list[Element]:
+    """Give each rotary valve its common port where the class does not say it.
+
+    It is the port with one of the names that such a port goes by, or else the only port
+    that a pump is joined to. When neither tells, the valve has none and is never turned.
+    """
+    known = {element.key: element for element in elements}
+    joined: dict[str, list[tuple[str, Element | None]]] = {}
+    for tube in tubes:
+        if tube.medium is Medium.LIQUID:
+            joined.setdefault(tube.source, []).append((tube.source_port, known.get(tube.target)))
+            joined.setdefault(tube.target, []).append((tube.target_port, known.get(tube.source)))
+    return [
+        replace(element, common_port=_common(joined.get(element.key, [])))
+        if element.role is Role.VALVE and element.common_port is None and not element.positions
+        else element
+        for element in known.values()
+    ]
+
+
+def _common(joined: list[tuple[str, Element | None]]) -> str | None:
+    named = {port for port, _ in joined if port.lower() in COMMON_NAMES}
+    pumps = {port for port, far in joined if far is not None and far.role is Role.PUMP}
+    for found in (named, pumps):
+        if len(found) == 1:
+            return found.pop()
+    return None
+
+
+def find_defects(elements: Iterable[Element], tubes: Iterable[Tube]) -> tuple[Finding, ...]:
+    """Return one finding for each tube at a port that its element does not have."""
+    known = {element.key: element for element in elements}
+    found = []
+    for tube in tubes:
+        if tube.medium is not Medium.LIQUID:
+            continue
+        ends = ((tube.source, tube.source_port), (tube.target, tube.target_port))
+        for key, port in ends:
+            element = known[key]
+            if port and element.ports is not None and port not in element.ports:
+                names = ", ".join(sorted(element.ports))
+                message = (
+                    f"link {tube.key} joins {key} at port {port!r}, and a "
+                    f"{element.kind or element.role} has the ports {names}"
+                )
+                context = {"element": key, "port": port}
+                found.append(Finding("graph.bad_port", message, tube.key, context))
+                break
+    return tuple(found)

@@ -1,0 +1,87 @@
+"""A lab of ours as a rig."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from uuid import UUID
+
+from labweb.domain.graph.elements import Element, Role, Tube
+from labweb.domain.graph.lab_file.read import read_lab
+from labweb.domain.graph.rig.elements import find_defects
+from labweb.domain.graph.rig.model import Rig, RigFormat
+from labweb.domain.graph.topology import Connection
+from labweb.domain.resources.kinds import is_vessel
+from labweb.domain.resources.node import Resource
+
+COMMON_PORT = "common"
+"""Name of a rotary valve's fixed port, unless its `config.common_port` says otherwise."""
+
+_ROLES: Mapping[str, Role] = {
+    "rotary_valve": Role.VALVE,
+    "solenoid_valve": Role.SOLENOID,
+    "syringe_pump": Role.PUMP,
+    "cartridge": Role.CARTRIDGE,
+}
+
+
+def is_lab(value: object) -> bool:
+    """Tell whether a decoded file is a `lab.json`."""
+    return isinstance(value, Mapping) and "schema" in value and "nodes" not in value
+
+
+def rig_of_lab(raw: bytes) -> Rig:
+    """Read a `lab.json` as a rig.
+
+    Raises:
+        LabFileError: As `read_lab`.
+    """
+    lab = read_lab(raw)
+    selecting = {
+        device.nodes["valve"]
+        for device in lab.devices
+        if "valve" in device.nodes and device.nodes["valve"] == device.nodes.get("pump")
+    }
+    keys = {resource.id: resource.key for resource in lab.resources}
+    elements = tuple(
+        element_of_resource(resource, selects=resource.id in selecting)
+        for resource in lab.resources
+    )
+    tubes = tuple(tube_of_connection(connection, keys) for connection in lab.connections)
+    defects = find_defects(elements, tubes)
+    return Rig(RigFormat.LABWEB, elements, tubes, defects, {}, raw.decode("utf-8-sig"))
+
+
+def element_of_resource(resource: Resource, *, selects: bool = False) -> Element:
+    """Return what a resource does with liquid; `selects`: the pump turns a valve of its own."""
+    role = _ROLES.get(resource.kind)
+    if role is None:
+        role = Role.VESSEL if is_vessel(resource.kind) else Role.OTHER
+    capacity_ul = resource.config.get("capacity_ul")
+    capacity_nl = None
+    if role is Role.PUMP and isinstance(capacity_ul, int | float) and capacity_ul > 0:
+        capacity_nl = round(capacity_ul * 1000)
+    return Element(
+        key=resource.key,
+        role=role,
+        kind=resource.kind,
+        common_port=str(resource.config.get("common_port", COMMON_PORT))
+        if role is Role.VALVE
+        else None,
+        numbered=role is Role.VALVE,
+        selects=selects,
+        capacity_nl=capacity_nl,
+    )
+
+
+def tube_of_connection(connection: Connection, keys: Mapping[UUID, str]) -> Tube:
+    """Return a connection as a tube between keys."""
+    return Tube(
+        key=connection.key,
+        source=keys[connection.source.resource_id],
+        source_port=connection.source.port,
+        target=keys[connection.target.resource_id],
+        target_port=connection.target.port,
+        medium=connection.medium,
+        is_two_way=connection.is_two_way,
+        dead_volume_nl=connection.dead_volume_nl,
+    )

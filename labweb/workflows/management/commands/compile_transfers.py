@@ -1,0 +1,107 @@
+"""Compile transfers against a physical graph in a file. No database is asked."""
+
+from __future__ import annotations
+
+import gzip
+import json
+import sys
+import zlib
+from argparse import ArgumentParser
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, BinaryIO
+
+from django.core.management.base import BaseCommand, CommandError
+
+from labweb.domain.errors import Finding, LabFileError
+from labweb.domain.graph.lab_file.guard import MAX_BYTES
+from labweb.domain.graph.rig.model import Rig
+from labweb.domain.graph.rig.read import read_rig
+from labweb.domain.workflows.rig_transfers import MOST_LINE_BYTES, compile_line
+
+_GZIP = b"\x1f\x8b"
+REFUSED = 2
+"""Exit code when at least one line was refused."""
+
+
+class Command(BaseCommand):
+    """`manage.py compile_transfers`."""
+
+    help = (
+        "Compile each line of REQUESTS, a JSON object {from, to, volume}, against GRAPH, and write "
+        "one JSON line for each, in order. Exit code: 0 all compiled, 2 some refused, 1 GRAPH or "
+        "REQUESTS cannot be read."
+    )
+    requires_system_checks = ()
+
+    def add_arguments(self, parser: ArgumentParser) -> None:
+        """Declare the options."""
+        parser.add_argument(
+            "graph", type=Path, help="JSON or GraphML of a Chemputer or Uni-Lab-OS, or a lab.json"
+        )
+        parser.add_argument("requests", help="file with one request on each line, or - for stdin")
+
+    def handle(self, *_args: object, **options: Any) -> None:  # noqa: ANN401 - parsed options
+        """Compile every line.
+
+        Raises:
+            CommandError: A file cannot be read (exit code 1), or the graph is refused, in which
+                case every line is still answered with the findings about the graph.
+            SystemExit: Code 2, when at least one line was refused.
+        """
+        rig: Rig | list[Finding]
+        problem = ""
+        try:
+            rig = read_rig(_read_graph(options["graph"]))
+        except OSError as error:
+            raise CommandError(f"cannot read {options['graph']}: {error.strerror}") from error
+        except LabFileError as error:
+            problem = f"{error.code}: {error.message}"
+            rig = list(error.findings) or [Finding(error.code, error.message)]
+        is_refused = False
+        try:
+            with _open(options["requests"]) as stream:
+                for line in _lines(stream):
+                    answer = compile_line(rig, line)
+                    is_refused |= not answer["ok"]
+                    text = json.dumps(answer, separators=(",", ":"))
+                    self.stdout.write(text)
+        except OSError as error:
+            raise CommandError(f"cannot read {options['requests']}: {error.strerror}") from error
+        if problem:
+            raise CommandError(problem)
+        if is_refused:
+            sys.exit(REFUSED)
+
+
+def _read_graph(path: Path) -> bytes:
+    """Read a graph, unpacked when it is packed; one byte too many shows that it is too large."""
+    with path.open("rb") as stream:
+        raw = stream.read(MAX_BYTES + 1)
+    if not raw.startswith(_GZIP):
+        return raw
+    try:
+        with gzip.open(path) as packed:
+            return packed.read(MAX_BYTES + 1)
+    except (zlib.error, EOFError, gzip.BadGzipFile) as error:
+        message = "the file is no whole gzip file"
+        raise LabFileError(message, findings=[Finding("lab_file.gzip", message)]) from error
+
+
+@contextmanager
+def _open(name: str) -> Iterator[BinaryIO]:
+    if name == "-":
+        yield sys.stdin.buffer
+    else:
+        with Path(name).open("rb") as stream:
+            yield stream
+
+
+def _lines(stream: BinaryIO) -> Iterator[bytes]:
+    """Yield each line; of one that is too long, just enough to see that it is."""
+    while line := stream.readline(MOST_LINE_BYTES + 2):
+        whole = line
+        while not whole.endswith(b"\n") and (whole := stream.readline(MOST_LINE_BYTES)):
+            pass
+        yield line.rstrip(b"\r\n")
