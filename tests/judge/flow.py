@@ -57,6 +57,8 @@ class Walk:
         self._rig, self._positions, self._opened, self._sense = rig, positions, opened, sense
         self._left: set[End] = set()
         self.joined = Joined()
+        self.hoses: set[Hose] = set()
+        """The hoses that are walked."""
 
     def start(self, pump: str) -> Joined:
         """Walk from the barrel of this pump."""
@@ -91,6 +93,7 @@ class Walk:
             far = hose.other(end)
             is_open = hose.carries(end if self._sense is Sense.PUSH else far)
             if hose is not came_by and is_open:
+                self.hoses.add(hose)
                 self._arrive(far, hose)
 
     def _no_hose(self, end: End) -> None:
