@@ -65,6 +65,7 @@ _PARAMETERS = {
     "close": set(),
     "wait": {"duration_s"},
 }
+_MOST_DIGITS = 30
 _QUANTITIES = ("volume", "rate", "duration", "speed", "time", "flow")
 
 
@@ -99,7 +100,7 @@ def _parse(rig: Rig, action: object) -> Act:
     if not isinstance(name, str) or name not in _PARAMETERS:
         raise WrongError("unknown-action", f"no action is called {name!r}")
     device = action.get("device")
-    if name != "wait" or device not in {None, ""}:
+    if name != "wait" or (device is not None and device != ""):
         _check_device(rig, device, name)
     _check_parameters(name, parameters)
     if name == "wait":
@@ -153,8 +154,8 @@ def _number(
     if isinstance(value, bool) or not isinstance(value, int | float | Decimal):
         raise WrongError("unit-misuse", f"{name} is no number")
     exact = Decimal(str(value))
-    if not exact.is_finite():
-        raise WrongError("unit-misuse", f"{name} is not finite")
+    if not exact.is_finite() or abs(exact.adjusted()) > _MOST_DIGITS:
+        raise WrongError("unit-misuse", f"{name} is not finite, or beyond all measure")
     number = Fraction(exact)
     if number < 0 or (least is None and number == 0):
         raise WrongError("unit-misuse", f"{name} is not above nought")

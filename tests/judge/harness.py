@@ -76,7 +76,8 @@ def judge_all(rig: Rig, where: str, lines: Sequence[Line], answers: Sequence[obj
 def parse_lines(text: str) -> list[object]:
     """Return the JSON value of each line, numbers exact; a line that is no JSON is None."""
     found: list[object] = []
-    for line in text.splitlines():
+    lines = text.split("\n")  # splitlines would also cut at U+2028 inside a string
+    for line in lines[:-1] if not lines[-1] else lines:
         try:
             found.append(json.loads(line, parse_float=Decimal))
         except json.JSONDecodeError:

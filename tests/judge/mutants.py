@@ -204,6 +204,17 @@ def solenoid_never_opens(steps: Plan) -> None:
     del steps[0]
 
 
+@_mutant("a_to_d", "no-path")
+def passes_over_the_serial_bus(steps: Plan) -> None:
+    steps[2] = [set_port("V1", "8"), set_port("V2", "3"), set_port("PV", "2")]
+    steps[3][1]["device"] = "PV"
+
+
+@_mutant("a_to_d", "simultaneous")
+def waits_on_the_pump_that_moves(steps: Plan) -> None:
+    steps[3].append(action("P1", "wait", duration_s=1))
+
+
 @_mutant("a_to_b", "unknown-device")
 def device_that_is_not_there(steps: Plan) -> None:
     steps[1][0]["device"] = "P9"

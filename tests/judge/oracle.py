@@ -38,7 +38,7 @@ needs a one-way edge to shut one.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from functools import cached_property
 
@@ -86,6 +86,12 @@ class Oracle:
 
     def __init__(self, rig: Rig) -> None:
         self.rig = rig
+
+    @cached_property
+    def tubes(self) -> Rig:
+        """The same rig, every hose carrying liquid both ways."""
+        hoses = (replace(hose, is_forward=True, is_backward=True) for hose in self.rig.hoses)
+        return Rig(self.rig.devices, tuple(hoses), self.rig.dry, self.rig.faults)
 
     @cached_property
     def draws(self) -> dict[str, list[Leg]]:

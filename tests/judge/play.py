@@ -72,7 +72,7 @@ class _Player:
         self.state.vessels[request.source] = {request.source: Fraction(2 * request.volume_nl)}
 
     def step(self, acts: list[Act]) -> None:
-        turns = [act for act in acts if isinstance(act, Turn)]
+        turns = [act for act in acts if isinstance(act, Turn) and not self._stands(act)]
         moves = {act.device: act for act in acts if isinstance(act, Move)}
         before = {name: self._joined(move) for name, move in moves.items()}
         for turn in turns:
@@ -85,6 +85,12 @@ class _Player:
     def _joined(self, move: Move) -> Joined:
         sense = move.sense
         return joined_to(self.rig, move.device, sense, self.state.positions, self.state.opened)
+
+    def _stands(self, turn: Turn) -> bool:
+        """Tell whether nothing turns: a thing may be told twice what it does already."""
+        if turn.port is not None:
+            return self.state.positions.get(turn.device) == turn.port
+        return turn.is_open == (turn.device in self.state.opened)
 
     def _turn(self, turn: Turn) -> None:
         if turn.port is not None:

@@ -34,6 +34,10 @@ _YWORKS = "{http://www.yworks.com/xml/graphml}"
 _WET = {"fluid", "physical"}
 
 
+CHEMPUTER_EDGES_ARE_TUBES = False
+"""The other reading of the Chemputer's graphs: every edge carries liquid both ways."""
+
+
 class NoGraphError(ValueError):
     """The file is no graph with nodes."""
 
@@ -51,7 +55,7 @@ class RawLink:
     """A single port, not said of which end."""
 
 
-def read_rig(path: Path, *, are_tubes: bool = False) -> Rig:
+def read_rig(path: Path, *, are_tubes: bool = CHEMPUTER_EDGES_ARE_TUBES) -> Rig:
     """Return the rig in a file; `.gz` is unpacked.
 
     `are_tubes` takes every edge of a Chemputer graph as a tube that carries liquid both ways: the
@@ -66,7 +70,7 @@ def read_rig(path: Path, *, are_tubes: bool = False) -> Rig:
     return read_json(json.loads(text), are_tubes=are_tubes)
 
 
-def read_json(document: object, *, are_tubes: bool = False) -> Rig:
+def read_json(document: object, *, are_tubes: bool = CHEMPUTER_EDGES_ARE_TUBES) -> Rig:
     """Return the rig in a node-link document."""
     if not isinstance(document, Mapping) or not isinstance(document.get("nodes"), list):
         raise NoGraphError("no list of nodes")

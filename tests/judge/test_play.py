@@ -120,6 +120,18 @@ def test_two_pumps_may_work_at_the_same_time_on_paths_that_do_not_meet() -> None
     assert play(bench(), Request("A", "D", 20_000_000), plan).is_right
 
 
+def test_telling_a_valve_where_it_stands_is_no_turn() -> None:
+    request, steps = RIGHT["a_to_b"]()
+    steps[1].append(set_port("V1", "1"))
+    assert play(bench(), request, steps).is_right
+
+
+def test_a_number_beyond_all_measure_is_refused_at_once() -> None:
+    text = '[[{"device": "P1", "action": "aspirate", "parameters": {"volume_ul": 1e999999999,'
+    steps = parse_lines(text + ' "rate_ul_s": 1}}]]')[0]
+    assert play(bench(), RIGHT["a_to_b"]()[0], steps).code == "unit-misuse"
+
+
 def test_the_text_of_a_number_counts_and_not_its_nearest_float() -> None:
     text = '[[{"device": "", "action": "wait", "parameters": {"duration_s": 0.1}}]]'
     parsed = parse_steps(bench(), parse_lines(text)[0])

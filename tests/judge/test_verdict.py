@@ -8,13 +8,16 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from tests.judge.__main__ import main
 from tests.judge.bench import RIGHT, bench, document
 from tests.judge.harness import Tally, ask_compiler, judge_all, pairs
 from tests.judge.oracle import Oracle
+from tests.judge.reading import read_json
 from tests.judge.verdict import Mark, Verdict, judge
-from tests.judge.witness import move
+from tests.judge.witness import move, set_port
 
 ASKED: dict[str, object] = {"from": "A", "to": "B", "volume": "15 mL"}
 APART: dict[str, object] = {"from": "A", "to": "H", "volume": "15 mL"}
@@ -52,6 +55,23 @@ def test_a_plan_for_what_cannot_be_done_is_wrong() -> None:
     found = verdict(APART, answer)
     assert (found.mark, found.code) == (Mark.WRONG, "claims-infeasible")
     assert verdict(APART, {"ok": True, "steps": []}).code == "claims-infeasible"
+
+
+def test_a_plan_that_runs_against_the_edges_is_told_from_other_wrong_ones() -> None:
+    """f1 gives only, f2 takes only; the plan goes the other way."""
+    nodes = [{"id": "v", "class": "ChemputerValve"}]
+    nodes += [{"id": name, "class": "ChemputerFlask"} for name in ("f1", "f2")]
+    pump = {"id": "p", "class": "ChemputerPump", "max_volume": 5}
+    edges = [("f1", "v", "(0,1)"), ("v", "f2", "(2,0)"), ("v", "p", "(-1,0)"), ("p", "v", "(0,-1)")]
+    links = [{"source": a, "target": b, "port": port} for a, b, port in edges]
+    oracle = Oracle(read_json({"nodes": [*nodes, pump], "links": links}))
+    plan = [[set_port("v", "1")], [move("p", "aspirate", 1000.0)]]
+    plan += [[set_port("v", "2")], [move("p", "dispense", 1000.0)]]
+    there: dict[str, object] = {"from": "f1", "to": "f2", "volume": "1 mL"}
+    back: dict[str, object] = {"from": "f2", "to": "f1", "volume": "1 mL"}
+    assert judge(oracle, there, {"ok": True, "steps": plan}).mark is Mark.RIGHT_PLAN
+    plan[0], plan[2] = plan[2], plan[0]
+    assert judge(oracle, back, {"ok": True, "steps": plan}).code == "against-direction"
 
 
 @pytest.mark.parametrize("subject", ["S2", "P3", "I", "V1", "V3", "A", "H", "G"])
@@ -95,6 +115,26 @@ def test_a_request_that_nobody_can_do_has_to_be_refused(line: dict[str, object])
     assert verdict(line, answer).code == "claims-infeasible"
     named = a_refusal(subject=f"{line['from']} {line.get('to')} V1")
     assert verdict(line, named).mark is Mark.RIGHT_REFUSAL
+
+
+_WORDS = st.sampled_from(
+    "ok steps findings device action parameters P1 V1 aspirate wait open code "
+    "set_port port volume_ul rate_ul_s duration_s 1".split(" ")
+)
+_LEAVES = st.none() | st.booleans() | st.integers() | st.floats() | st.decimals() | _WORDS
+_JSON = st.recursive(
+    _LEAVES, lambda inner: st.lists(inner) | st.dictionaries(_WORDS, inner), max_leaves=20
+)
+_ACTS = st.fixed_dictionaries(
+    {}, optional={"device": _LEAVES, "action": _WORDS, "parameters": _JSON}
+)
+
+
+@given(st.lists(st.lists(_ACTS | _JSON)) | _JSON, _JSON)
+def test_nothing_that_a_compiler_says_breaks_the_judge(steps: object, findings: object) -> None:
+    for answer in ({"ok": True, "steps": steps}, {"ok": False, "findings": findings}, steps):
+        for line in (ASKED, APART):
+            assert verdict(line, answer).mark in {Mark.WRONG, Mark.RIGHT_REFUSAL}
 
 
 def test_a_missing_and_a_superfluous_answer_are_wrong() -> None:

@@ -71,6 +71,8 @@ def _judge_claim(
     played = play(oracle.rig, request, answer.get("steps"))
     if played.is_right:
         return _wrong("judge-in-doubt", "the plan plays well although no way was found")
+    if play(oracle.tubes, request, answer.get("steps")).is_right:
+        return _wrong("against-direction", f"right only if every edge is a tube: {played.message}")
     return _wrong("claims-infeasible", f"{finding.why}; {played.code}: {played.message}")
 
 
