@@ -118,8 +118,26 @@ def test_a_request_that_nobody_can_do_has_to_be_refused(line: dict[str, object])
 
 
 _WORDS = st.sampled_from(
-    "ok steps findings device action parameters P1 V1 aspirate wait open code "
-    "set_port port volume_ul rate_ul_s duration_s 1".split(" ")
+    [
+        "ok",
+        "steps",
+        "findings",
+        "device",
+        "action",
+        "parameters",
+        "P1",
+        "V1",
+        "aspirate",
+        "wait",
+        "open",
+        "code",
+        "set_port",
+        "port",
+        "volume_ul",
+        "rate_ul_s",
+        "duration_s",
+        "1",
+    ]
 )
 _LEAVES = st.none() | st.booleans() | st.integers() | st.floats() | st.decimals() | _WORDS
 _JSON = st.recursive(
