@@ -86,6 +86,7 @@ class Oracle:
 
     def __init__(self, rig: Rig) -> None:
         self.rig = rig
+        self._known: dict[Request, Finding] = {}
 
     @cached_property
     def tubes(self) -> Rig:
@@ -139,7 +140,13 @@ class Oracle:
         return next((one for one in fits if one.is_sure), fits[0] if fits else None)
 
     def ask(self, request: Request) -> Finding:
-        """Answer for a request."""
+        """Answer for a request; the volume makes no difference."""
+        ends = replace(request, volume_nl=1)
+        if ends not in self._known:
+            self._known[ends] = self._answer(ends)
+        return self._known[ends]
+
+    def _answer(self, request: Request) -> Finding:
         wrong = self._wrong_ends(request)
         if wrong is not None:
             return wrong

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from tests.corpus import NO_GRAPHS
-from tests.judge.corpora import FOLDERS, INVENTED, LABS, PER_GRAPH, RIGS, SAMPLED, label
+from tests.judge.corpora import FOLDERS, INVENTED, IS_SOAK, LABS, PER_GRAPH, RIGS, SAMPLED, label
 from tests.judge.harness import Line, Tally, judge_all, pairs, sample, wet_graphs
 from tests.judge.invent import invent
 from tests.judge.oracle import Answer, Oracle
@@ -19,7 +19,7 @@ from tests.judge.verdict import Mark
 from tests.judge.witness import answer_plainly
 
 needs_graphs = pytest.mark.skipif(not LABS.is_dir() or not RIGS.is_dir(), reason=NO_GRAPHS)
-pytestmark = pytest.mark.timeout(600)
+pytestmark = pytest.mark.timeout(0 if IS_SOAK else 600)
 
 
 def judged(rig: Rig, where: str, lines: list[Line]) -> Tally:
