@@ -171,7 +171,7 @@ def _syringe(network: Network, index: int, entered: str, arc: Arc) -> Iterator[F
             element.key,
         )
     drawn = network.divides(index, entered, drawn=True)
-    pushed = network.divides(index, arc.own_port, drawn=False)
+    pushed = network.divides(index, arc.own_port, (arc.far, arc.far_port), drawn=False)
     if element.selects and not (entered and arc.own_port):
         yield _flaw(
             "plan.port_unnamed",

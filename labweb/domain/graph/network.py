@@ -143,10 +143,30 @@ class Network:
         """Two ports of one vessel are one place to be: its liquid is drawn or added to."""
         return (index, _ANY if self.elements[index].role is Role.VESSEL else port)
 
-    def divides(self, index: int, port: str, *, drawn: bool) -> bool:
-        """Tell whether liquid drawn in (or pushed out) at a port has more than one way."""
-        found = self._into if drawn else self._out_of
-        return len(found.get(self._joint(index, port), ())) > 1
+    def divides(
+        self, index: int, port: str, taken: tuple[int, str] | None = None, *, drawn: bool
+    ) -> bool:
+        """Tell whether liquid drawn in (or pushed out) at a port has more than one way.
+
+        A solenoid ends a way, for it is closed wherever the liquid does not pass it.
+
+        Args:
+            index: The element.
+            port: Port of it where tubes meet.
+            taken: Element and port at the far end of the tube that the liquid passes; None
+                asks for any of them.
+            drawn: Liquid is drawn, not pushed.
+        """
+        found = (self._into if drawn else self._out_of).get(self._joint(index, port), set())
+        if len(found) <= 1:
+            return False
+        others = found if taken is None else found - {self._far(*taken)}
+        return any(not self.closes(far) for far, _ in others)
+
+    def closes(self, index: int) -> bool:
+        """Tell whether an element is a solenoid that joins two tubes and no more."""
+        is_solenoid = self.elements[index].role is Role.SOLENOID
+        return is_solenoid and len(self.joined[index]) <= _SOLENOID_TUBES
 
 
 def explore(
@@ -240,7 +260,8 @@ class Search:
         for arc in network.arcs[self._start]:
             if bounds.start_port not in (None, arc.own_port) or arc.far in bounds.blocked:
                 continue
-            if bounds.drawn or not network.divides(self._start, arc.own_port, drawn=False):
+            far = (arc.far, arc.far_port)
+            if bounds.drawn or not network.divides(self._start, arc.own_port, far, drawn=False):
                 self._push(arc.dead_nl, 1, Step(arc.far, arc.far_port, arc, None, None))
 
     def _go_on(self, step: Step, dead_nl: int, length: int) -> None:
@@ -268,9 +289,11 @@ def _passes(network: Network, step: Step, arc: Arc, *, drawn: bool) -> str | Non
     position = conducts(network, step.element, step.port, arc)
     if position is None:
         return None
-    ports = (step.port, arc.own_port)
+    tube = step.arc.tube
+    came_from = network.index[tube.target if step.arc.backwards else tube.source]
+    ends = ((step.port, (came_from, step.arc.own_port)), (arc.own_port, (arc.far, arc.far_port)))
     if element.role is not Role.MANIFOLD and any(
-        network.divides(step.element, port, drawn=drawn) for port in ports
+        network.divides(step.element, port, far, drawn=drawn) for port, far in ends
     ):
         return None
     if step.arc.tube is arc.tube:
@@ -284,7 +307,7 @@ def conducts(network: Network, index: int, entered: str, arc: Arc) -> str | None
     if element.role is Role.VALVE:
         return element.position(entered, arc.own_port)
     if element.role is Role.SOLENOID:
-        return "open" if len(network.joined[index]) <= _SOLENOID_TUBES else None
+        return "open" if network.closes(index) else None
     if element.role in _PASSIVE:
         return "" if entered != arc.own_port or element.role is Role.MANIFOLD else None
     return None
@@ -311,7 +334,7 @@ def make_hop(network: Network, start: int, step: Step, dead_nl: int) -> Hop | No
     for each in steps:
         ports += [(here, each.arc.own_port), (each.element, each.port)]
         here = each.element
-    if network.elements[here].role is Role.PUMP and _draws_elsewhere(network, ports[1:]):
+    if network.elements[here].role is Role.PUMP and _draws_elsewhere(network, ports):
         return None
     inner = [
         (before.element, after.position)
@@ -332,9 +355,12 @@ def make_hop(network: Network, start: int, step: Step, dead_nl: int) -> Hop | No
 
 
 def _draws_elsewhere(network: Network, ports: Sequence[tuple[int, str]]) -> bool:
-    """Tell whether the syringe at the end would draw from more than this one way."""
+    """Tell whether the syringe at the end would draw from more than this one way.
+
+    Both ends of every tube stand in `ports`, one beside the other.
+    """
     return any(
-        network.divides(index, port, drawn=True)
-        for index, port in ports
-        if network.elements[index].role is not Role.MANIFOLD
+        network.divides(index, port, ports[place ^ 1], drawn=True)
+        for place, (index, port) in enumerate(ports)
+        if place and network.elements[index].role is not Role.MANIFOLD
     )

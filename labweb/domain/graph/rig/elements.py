@@ -132,7 +132,8 @@ def find_common_ports(elements: Iterable[Element], tubes: Iterable[Tube]) -> lis
     """Give each rotary valve its common port where the class does not say it.
 
     It is the port with one of the names that such a port goes by, or else the only port
-    that a pump is joined to. When neither tells, the valve has none and is never turned.
+    that a pump without a valve of its own is joined to: such a pump serves nothing on another
+    port. When neither tells, the valve has none and is never turned.
     """
     known = {element.key: element for element in elements}
     joined: dict[str, list[tuple[str, Element | None]]] = {}
@@ -150,7 +151,7 @@ def find_common_ports(elements: Iterable[Element], tubes: Iterable[Tube]) -> lis
 
 def _common(joined: list[tuple[str, Element | None]]) -> str | None:
     named = {port for port, _ in joined if port.lower() in COMMON_NAMES}
-    pumps = {port for port, far in joined if far is not None and far.role is Role.PUMP}
+    pumps = {port for port, far in joined if far and far.role is Role.PUMP and not far.selects}
     for found in (named, pumps):
         if len(found) == 1:
             return found.pop()

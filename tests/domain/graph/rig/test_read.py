@@ -97,6 +97,8 @@ def test_a_uni_lab_os_link_carries_what_its_type_says_and_conducts_both_ways() -
         ([("p", "x", "0"), ("a", "top", "1")], "0"),
         ([("p", "x", "4"), ("a", "top", "common")], "common"),
         ([("p", "x", "1"), ("p", "y", "2")], None),
+        ([("q", "3", "4"), ("a", "top", "1")], None),
+        ([("q", "3", "4"), ("p", "x", "2")], "2"),
         ([("a", "top", "1")], None),
     ],
 )
@@ -106,6 +108,7 @@ def test_the_common_port_is_named_or_joined_to_the_pump(
     nodes = [
         {"id": "v", "class": "virtual_multiway_valve"},
         {"id": "p", "class": "virtual_transfer_pump", "config": {"max_volume": 25.0}},
+        {"id": "q", "class": "syringe_pump_with_valve.runze.SY03B-T08"},
         {"id": "a", "type": "container", "class": None},
     ]
     drawn = [
