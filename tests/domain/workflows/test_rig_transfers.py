@@ -169,6 +169,7 @@ def test_one_port_may_draw_from_one_vessel_and_push_to_another() -> None:
 def test_a_port_that_the_class_does_not_have_is_a_finding() -> None:
     graph = chemputer("flask_a:0 > valve_1:6", "pump_1:0 = valve_1:-1", "valve_1:3 > waste_b:0")
     assert "graph.bad_port" in codes_of(graph, "flask_a", "waste_b")
+    assert codes_of(graph, "flask_a", "valve_1") == ["plan.not_a_vessel", "graph.bad_port"]
 
 
 def test_a_syringe_of_unknown_size_is_not_used() -> None:
