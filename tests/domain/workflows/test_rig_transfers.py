@@ -2,12 +2,14 @@ from __future__ import annotations
 
 import json
 import random
+from pathlib import Path
 from typing import Any
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from labweb.domain.graph.rig.read import read_rig
 from labweb.domain.workflows.rig_transfers import compile_line
 from tests.domain.workflows.interpreter import Plumbing, WrongError, check
 from tests.domain.workflows.rigs import ask, chemputer, codes_of, rig_of, steps_of, told
@@ -189,6 +191,14 @@ def test_the_usual_port_of_a_vessel_comes_first_and_another_only_when_asked() ->
     assert told(asked)[0] == ["valve_1 0"]
     assert codes_of(graph, "separator_s", "waste_b", from_port="left") == ["plan.unknown_port"]
     assert codes_of(graph, "separator_s", "waste_b", to_port="1") == ["plan.unknown_port"]
+
+
+def test_a_lab_of_ours_is_a_rig_too() -> None:
+    raw = (Path(__file__).parents[3] / "fixtures/labs/starter/lab.json").read_bytes()
+    line = b'{"from": "acid", "to": "flask_1", "volume": "10 mL"}'
+    answer = compile_line(read_rig(raw), line)
+    stroke = [["valve_1 2"], ["pump_1 +5000"], ["valve_1 4"], ["pump_1 -5000"]]
+    assert told(answer["steps"]) == 2 * stroke
 
 
 def uni_lab(*links: tuple[str, str, dict[str, str]], **classes: str) -> dict[str, Any]:
