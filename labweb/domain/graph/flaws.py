@@ -123,7 +123,7 @@ def _valve(network: Network, index: int, entered: str, arc: Arc) -> Iterator[Fla
             lambda: (
                 f"liquid reaches port {entered!r} of {element.key}, which never joins it to port "
                 f"{arc.own_port!r} towards {network.elements[arc.far].key}: "
-                f"{_why_not(network, index)}"
+                f"{_why_not(network, index, is_same=entered == arc.own_port)}"
             ),
             element.key,
         )
@@ -133,8 +133,10 @@ def _valve(network: Network, index: int, entered: str, arc: Arc) -> Iterator[Fla
                 yield _tee(network, index, port)
 
 
-def _why_not(network: Network, index: int) -> str:
+def _why_not(network: Network, index: int, *, is_same: bool) -> str:
     element = network.elements[index]
+    if is_same:
+        return "the tubes that liquid comes by and goes on by are joined to one port"
     if element.positions:
         return "none of its positions does"
     if element.common_port is None:

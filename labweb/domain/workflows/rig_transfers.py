@@ -28,6 +28,8 @@ FULL_STROKE_S = 20.0
 MOST_COMMANDS = 100_000
 """Most commands that one transfer is planned with."""
 
+_MOST_DEFECTS = 8
+
 MOST_LINE_BYTES = 64 * 1024
 """Longest line of requests."""
 
@@ -141,7 +143,7 @@ def plan_on_rig(rig: Rig, request: TransferRequest) -> tuple[list[Group], list[F
     """
     wanted = _find_ends(rig, request)
     if isinstance(wanted, list):
-        return [], wanted
+        return [], [*wanted, *rig.defects[:_MOST_DEFECTS]]
     chain = find_chain(rig.network, wanted)
     if chain is None:
         return [], find_breaks(rig.network, wanted, rig.defects)

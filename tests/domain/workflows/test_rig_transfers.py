@@ -2,12 +2,14 @@ from __future__ import annotations
 
 import json
 import random
+from pathlib import Path
 from typing import Any
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from labweb.domain.graph.rig.read import read_rig
 from labweb.domain.workflows.rig_transfers import compile_line
 from tests.domain.workflows.interpreter import Plumbing, WrongError, check
 from tests.domain.workflows.rigs import ask, chemputer, codes_of, rig_of, steps_of, told
@@ -169,6 +171,7 @@ def test_one_port_may_draw_from_one_vessel_and_push_to_another() -> None:
 def test_a_port_that_the_class_does_not_have_is_a_finding() -> None:
     graph = chemputer("flask_a:0 > valve_1:6", "pump_1:0 = valve_1:-1", "valve_1:3 > waste_b:0")
     assert "graph.bad_port" in codes_of(graph, "flask_a", "waste_b")
+    assert codes_of(graph, "flask_a", "valve_1") == ["plan.not_a_vessel", "graph.bad_port"]
 
 
 def test_a_syringe_of_unknown_size_is_not_used() -> None:
@@ -188,6 +191,14 @@ def test_the_usual_port_of_a_vessel_comes_first_and_another_only_when_asked() ->
     assert told(asked)[0] == ["valve_1 0"]
     assert codes_of(graph, "separator_s", "waste_b", from_port="left") == ["plan.unknown_port"]
     assert codes_of(graph, "separator_s", "waste_b", to_port="1") == ["plan.unknown_port"]
+
+
+def test_a_lab_of_ours_is_a_rig_too() -> None:
+    raw = (Path(__file__).parents[3] / "fixtures/labs/starter/lab.json").read_bytes()
+    line = b'{"from": "acid", "to": "flask_1", "volume": "10 mL"}'
+    answer = compile_line(read_rig(raw), line)
+    stroke = [["valve_1 2"], ["pump_1 +5000"], ["valve_1 4"], ["pump_1 -5000"]]
+    assert told(answer["steps"]) == 2 * stroke
 
 
 def uni_lab(*links: tuple[str, str, dict[str, str]], **classes: str) -> dict[str, Any]:
@@ -213,10 +224,11 @@ def test_a_solenoid_is_opened_for_its_stroke_and_closed_after_it() -> None:
     )  # fmt: skip
     steps = steps_of(graph, "a", "b", "1 mL")
     assert told(steps) == [
-        ["v 1"], ["p +1000"], ["s open", "v 2"], ["p -1000"], ["s close"],
+        ["v 1"], ["p +1000"], ["v 2"], ["s open"], ["p -1000"], ["s close"],
     ]  # fmt: skip
     check(Plumbing(graph), steps, "a", "b", 1000.0)
-    assert told(steps_of(graph, "b", "a", "1 mL"))[0] == ["s open", "v 2"]
+    back = told(steps_of(graph, "b", "a", "1 mL"))
+    assert back == [["v 2"], ["s open"], ["p +1000"], ["s close"], ["v 1"], ["p -1000"]]
 
 
 def test_a_pump_with_a_valve_of_its_own_is_turned_itself() -> None:

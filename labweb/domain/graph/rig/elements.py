@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from decimal import Decimal, InvalidOperation
+from functools import lru_cache
 from typing import Any
 
 from labweb.domain.errors import Finding
@@ -36,7 +37,11 @@ _ENDS = 2
 
 def sort_of(node: Mapping[str, Any]) -> Sort:
     """Return what a node is, by its class and type and never by its name."""
-    name, type_ = str(node.get("class") or ""), str(node.get("type") or "")
+    return _sort(str(node.get("class") or ""), str(node.get("type") or ""))
+
+
+@lru_cache(maxsize=1024)
+def _sort(name: str, type_: str) -> Sort:
     found = chemputer_sort(name)
     if found is not None:
         return found

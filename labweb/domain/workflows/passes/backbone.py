@@ -53,8 +53,9 @@ def make_groups(
     """Yield the groups of commands that move an amount along a chain.
 
     `rates_ul_s` has one rate for each hop. Valves are turned while no plunger moves on
-    their way, each only when this plan has not turned it there already. A solenoid is open
-    for the hops that need it and closed after them. Every syringe is empty before and after.
+    their way, each only when this plan has not turned it there already. A solenoid is opened
+    after the valves are turned, for the hops that need it, and closed before they turn
+    again. Every syringe is empty before and after.
     """
     parts = split_strokes(amount_nl, syringe_nl)
     interval = find_interval(chain.hops)
@@ -65,9 +66,8 @@ def make_groups(
         newest = min(slot // interval, len(parts) - 1)
         oldest = max(0, -(-(slot - len(chain.hops) + 1) // interval))
         active = [(slot - stroke * interval, parts[stroke]) for stroke in range(oldest, newest + 1)]
-        turns = list(_turn(network, [chain.hops[place] for place, _ in active], standing, opened))
-        if turns:
-            yield turns
+        hops = [chain.hops[place] for place, _ in active]
+        yield from _set(network, hops, standing, opened)
         yield [
             command
             for place, nl in active
@@ -77,25 +77,33 @@ def make_groups(
         yield [_say(network, index, "close") for index in sorted(opened)]
 
 
-def _turn(
+def _set(
     network: Network, hops: Sequence[Hop], standing: dict[int, str], opened: set[int]
-) -> Iterator[Command]:
+) -> Iterator[Group]:
+    """Yield what is closed, then what is turned, then what is opened, each when there is any."""
     wanted = {index: position for hop in hops for index, position in hop.settings}
-    for index in sorted(opened - wanted.keys()):
-        opened.discard(index)
-        yield _say(network, index, "close")
-    for index, position in wanted.items():
-        if network.elements[index].role is Role.SOLENOID:
-            if index not in opened:
-                opened.add(index)
-                yield _say(network, index, "open")
-        elif standing.get(index) != position:
-            standing[index] = position
-            yield Command(
+    solenoids = {i for i in wanted if network.elements[i].role is Role.SOLENOID}
+    turned = {
+        index: position
+        for index, position in wanted.items()
+        if index not in solenoids and standing.get(index) != position
+    }
+    if opened - solenoids:
+        yield [_say(network, index, "close") for index in sorted(opened - solenoids)]
+    if turned:
+        yield [
+            Command(
                 device=network.elements[index].key,
                 action="set_port",
                 parameters={"port": position},
             )
+            for index, position in turned.items()
+        ]
+    if solenoids - opened:
+        yield [_say(network, index, "open") for index in sorted(solenoids - opened)]
+    standing |= turned
+    opened.clear()
+    opened |= solenoids
 
 
 def _say(network: Network, index: int, action: str) -> Command:
