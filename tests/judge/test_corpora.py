@@ -79,17 +79,18 @@ def test_stations_whose_pump_has_many_bare_hoses_can_do_nothing() -> None:
         assert answers == {Answer.INFEASIBLE}, name
 
 
-def test_a_backbone_of_a_thousand_valves_is_answered() -> None:
-    """flask ─ 0 V0 1 ─ 2 V1 1 ─ … ─ 2 V999 0 ─ flask, a pump on every valve."""
+def test_a_long_backbone_is_answered() -> None:
+    """flask ─ 0 V0 1 ─ 2 V1 1 ─ … ─ 2 V199 0 ─ flask, a pump on every valve; 1000 in a soak."""
+    count = 1000 if IS_SOAK else 200
     nodes: list[dict[str, object]] = []
     links: list[tuple[str, str, str, str]] = []
-    for number in range(1000):
+    for number in range(count):
         nodes.append({"id": f"v{number}", "class": "ChemputerValve"})
         nodes.append({"id": f"p{number}", "class": "ChemputerPump", "max_volume": 10})
         links.append((f"v{number}", f"p{number}", "-1", "0"))
         if number:
             links.append((f"v{number - 1}", f"v{number}", "1", "2"))
-    for name, number in (("a", 0), ("b", 999)):
+    for name, number in (("a", 0), ("b", count - 1)):
         nodes.append({"id": name, "class": "ChemputerFlask"})
         links.append((f"v{number}", name, "0", "0"))
     both = [*links, *((b, a, pb, pa) for a, b, pa, pb in links)]
