@@ -191,10 +191,22 @@ class Oracle:
         return None
 
     def _breaks(self, request: Request) -> frozenset[str]:
-        """Name both sides of every gap: what is reached, and what lies next to it unreached."""
+        """Name both sides of every gap: what is reached, and what lies next to it unreached.
+
+        A vessel without the port that was asked for is a gap by itself.
+        """
         ahead = self._region(request.source, self.draws, self.pushes, forward=True)
         behind = self._region(request.target, self.pushes, self.draws, forward=False)
-        return frozenset(self._edge(ahead, request.source) | self._edge(behind, request.target))
+        portless = {
+            vessel
+            for vessel, port in (
+                (request.source, request.from_port),
+                (request.target, request.to_port),
+            )
+            if port is not None and (vessel, port) not in self.rig.ends_of(vessel)
+        }
+        edges = self._edge(ahead, request.source) | self._edge(behind, request.target)
+        return frozenset(portless | edges)
 
     def _edge(self, region: set[str], vessel: str) -> set[str]:
         """Name the devices on both sides of a region's border; of an island, all but the vessel."""
