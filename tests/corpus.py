@@ -29,3 +29,9 @@ INSTRUMENTS = _DATA / "5_instruments"
 
 NO_INSTRUMENTS = "the recorded answers of instruments lie beside the repository, not in it"
 """Why tests skip without them."""
+
+XDL = _DATA / "1_xdl"
+"""Published recipes in XDL, with what the reference software makes of them."""
+
+NO_XDL = "the published recipes lie beside the repository, not in it"
+"""Why tests skip without them."""
