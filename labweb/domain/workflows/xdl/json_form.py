@@ -161,7 +161,7 @@ class _Reader:
             read = tuple(
                 self.entry(item, _ENTRY[key], f"{at}[{i}]") for i, item in enumerate(entries)
             )
-            if read or (key in value and tag == "Synthesis" and key != "parameters"):
+            if value.get(key) is not None:
                 children.append(Element(section, (), read, Place(path=at)))
         at = f"{prefix}steps"
         steps = self.steps(self.list_of(value.get("steps"), at), at)

@@ -15,7 +15,9 @@ from dataclasses import dataclass, field
 from decimal import Decimal
 
 from labweb.domain.workflows.xdl.acts import Act
+from labweb.domain.workflows.xdl.markup import refuse
 from labweb.domain.workflows.xdl.spec import STEPS
+from labweb.domain.workflows.xdl.unfold import MOST_ACTS
 from labweb.domain.workflows.xdl.values import Quantity
 
 _ZERO = Decimal(0)
@@ -45,6 +47,9 @@ def plan_queues(
 
     Returns:
         Acts that hold no steps themselves, by the time they end; equals in order of the recipe.
+
+    Raises:
+        ProtocolError: `xdl.too_many`: counted loops go round more often than can be laid out.
     """
     planner = _Planner(lasts_s)
     planner.lay(acts, _ZERO)
@@ -89,6 +94,9 @@ class _Planner:
         vessels = vessels_of(act)
         begin = max([ready, *(self.busy_until.get(v, _ZERO) for v in vessels)])
         end = begin + self.lasts_s(act)
+        if len(self.slots) >= MOST_ACTS:
+            message = f"the recipe goes on for more than {MOST_ACTS} acts"
+            raise refuse("xdl.too_many", message, act.place)
         self.busy_until.update(dict.fromkeys(vessels, end))
         self.slots.append(Slot(act, begin, end))
         return end

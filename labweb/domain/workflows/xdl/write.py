@@ -91,7 +91,7 @@ class _Rewriter:
 
     def document(self, document: Document) -> Document:
         told = Findings()
-        root = self._element(document.root, told)
+        root = self._element(document.root, told, is_role=False)
         if self._is_early and root.tag == "XDL":
             tops = root.elements
             if len(tops) == 1 and len(root.children) == 1:
@@ -104,38 +104,44 @@ class _Rewriter:
         mark = Instruction("xdl", f'version="{_full(self.version)}"')
         return Document(root, (mark, *kept), document.after)
 
-    def _element(self, element: Element, told: Findings) -> Element:
+    def _element(self, element: Element, told: Findings, *, is_role: bool) -> Element:
         tag, attributes = element.tag, element.attributes
         for reason in self._newer(element):
             message = f"XDL {self.version} has no {reason}"
             told.tell("xdl.not_in_version", message, element.place)
         if tag == "Reagent":
-            attributes = self._reagent(element)
+            attributes = self._reagent(element, is_role=is_role)
         elif tag in EARLY_COMPONENTS and STEPS.spec(tag) is None:
             attributes = (*attributes, Attribute("type", EARLY_COMPONENTS[tag]))
             tag = "Component"
         elif (spec := STEPS.spec(tag)) is not None:
             attributes = tuple(_renamed(a, spec.renamed, set(spec.properties)) for a in attributes)
+        is_role = is_role or tag == "Blueprint"
         children = tuple(
-            self._early_filter(element, child, told) if isinstance(child, Element) else child
+            self._child(element, child, told, is_role=is_role)
+            if isinstance(child, Element)
+            else child
             for child in element.children
         )
         return Element(tag, attributes, children, element.place)
 
-    def _early_filter(self, parent: Element, child: Element, told: Findings) -> Element:
+    def _child(self, parent: Element, child: Element, told: Findings, *, is_role: bool) -> Element:
         # In 2019 <Filter> named hardware, and since then it is a step.
         if parent.tag == "Hardware" and child.tag in EARLY_COMPONENTS:
             mark = Attribute("type", EARLY_COMPONENTS[child.tag])
             return Element("Component", (*child.attributes, mark), (), child.place)
-        return self._element(child, told)
+        return self._element(child, told, is_role=is_role)
 
-    def _reagent(self, element: Element) -> tuple[Attribute, ...]:
+    def _reagent(self, element: Element, *, is_role: bool) -> tuple[Attribute, ...]:
         name, own_id = element.text_of("name"), element.text_of("id")
         rest = tuple(a for a in element.attributes if a.name not in {"id", "name"})
         if self.version in {"0.3", "0.4"}:
             return (Attribute("id", own_id or name), *rest)
         if self.version == "0.5":
             return (Attribute("name", own_id or name), *rest)
+        if not name and not is_role:
+            # Before 0.4 the id named the substance; since then a name does.
+            return (Attribute("name", own_id), *element.attributes)
         return element.attributes
 
     def _newer(self, element: Element) -> Iterator[str]:
