@@ -36,12 +36,15 @@ DEFAULTS: Mapping[str, Default] = {
     "wash_solid.time": Default("30 s", _CHEMPUTER),
     "wash_solid.vacuum_time": Default("10 s", _CHEMPUTER),
     "dry.time": Default("1 h", _CHEMPUTER),
+    "dry.pressure": Default("400 mbar", _CHEMPUTER),
     "dissolve.time": Default("20 min", _CHEMPUTER),
     "evacuate.repeats": Default("3", _CHEMPUTER),
+    "evacuate.pressure": Default("50 mbar", _CHEMPUTER),
     "evacuate.vacuum_time": Default("1 min", _CHEMPUTER),
     "evacuate.gas_time": Default("1 min", _CHEMPUTER),
     "purge.time": Default("5 min", _CHEMPUTER),
     "rotavap.rotation_speed": Default("250 RPM", _CHEMPUTER),
+    "rotavap.temperature": Default("25 °C", _CHEMPUTER),
     "clean_vessel.repeats": Default("2", _CHEMPUTER),
     "clean_vessel.time": Default("1 min", _CHEMPUTER),
     "room_temperature": Default("25 °C", _LABWEB + ": middle of what a laboratory is kept at"),
@@ -49,6 +52,3 @@ DEFAULTS: Mapping[str, Default] = {
     "temperature_tolerance": Default("1 °C", _LABWEB + ": resolution of common thermostats"),
 }
 """Value by what it stands for."""
-
-ACCEPTED_AFTER_ADD_S = 10
-"""Seconds to wait after an Add before the next act (Chemputer)."""

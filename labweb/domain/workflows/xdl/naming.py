@@ -46,6 +46,7 @@ def mapped_vessels(
         called = mapping.get(component.id, component.id)
         # A body may also say what its use maps, as if it stood in the synthesis.
         found.setdefault(called, found[component.id])
+        found.setdefault(found[component.id], found[component.id])
     return found
 
 
@@ -65,6 +66,8 @@ def mapped_reagents(
         called = mapping.get(reagent.id, mapping.get(reagent.name, ""))
         if called:
             found.setdefault(called, found[reagent.id])
+            # The same reagent by the name that a use further out gives it.
+            found.setdefault(found[reagent.id].name, found[reagent.id])
     return found
 
 
