@@ -64,7 +64,7 @@ def properties_of(line: str, means: Mapping[str, str] | None = None) -> dict[str
     for entry in line.split():
         name, _, rest = entry.partition(":")
         sort, _, default = rest.partition("=")
-        choices = tuple(sort.rstrip("!").split("|")) if "|" in sort else ()
+        choices = tuple(c for c in sort.rstrip("!").split("|") if c) if "|" in sort else ()
         found[name] = Property(
             name=name,
             sort="choice" if choices else sort.rstrip("!"),

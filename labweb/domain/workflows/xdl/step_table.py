@@ -1,8 +1,8 @@
 """Every step of XDL and its properties, and those that published recipes add to it.
 
 One line per step: `name:sort`, then `!` for required and `=text` for the default that XDL
-states. `a|b` is a choice. A default that XDL leaves to the platform is not written here: it
-stands in the table of defaults.
+states. `a|b` is a choice, `a|` one of a single value. A default that XDL leaves to the platform is
+not written here: it stands in the table of defaults.
 
 Source:
     XDL standard 0.5, 1 and 2.0; step templates of the reference compiler (XDL 0.5.0); attributes
@@ -53,9 +53,9 @@ STANDARD: Mapping[str, str] = {
     f" continue_heatchill:bool=True {_STIR.format(stir=True)} {_PURPOSE_HEAT}",
     "StartHeatChill": f"vessel:vessel! temp:temperature! {_PURPOSE_HEAT}",
     "StopHeatChill": "vessel:vessel!",
-    "Stir": "vessel:vessel! time:time! stir_speed:rotation purpose:dissolve"
+    "Stir": "vessel:vessel! time:time! stir_speed:rotation purpose:dissolve|"
     " continue_stirring:bool=False",
-    "StartStir": "vessel:vessel! stir_speed:rotation purpose:dissolve",
+    "StartStir": "vessel:vessel! stir_speed:rotation purpose:dissolve|",
     "StopStir": "vessel:vessel!",
     "EvacuateAndRefill": "vessel:vessel! gas:gas repeats:count",
     "Purge": "vessel:vessel! time:time gas:gas pressure:pressure flow_rate:flow",

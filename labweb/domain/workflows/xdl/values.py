@@ -142,7 +142,13 @@ def _formula(text: str) -> str:
 
 
 def _masses(text: str) -> tuple[Value, ...]:
-    return tuple(Quantity("mass", read_quantity(part, MASS)) for part in text.split())
+    return tuple(Quantity("mass", read_quantity(part, MASS)) for part in _parts(text))
+
+
+def _parts(text: str) -> tuple[str, ...]:
+    if not text.strip():
+        raise UnitError("a list is empty", code="xdl.empty_value")
+    return tuple(text.split())
 
 
 _READERS: Mapping[str, Callable[[str], Value]] = {
@@ -155,5 +161,5 @@ _READERS: Mapping[str, Callable[[str], Value]] = {
     "number": _number,
     "formula": _formula,
     "masses": _masses,
-    "reagents": lambda text: tuple(text.split()),
+    "reagents": _parts,
 }

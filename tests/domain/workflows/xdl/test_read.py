@@ -8,12 +8,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from labweb.domain.errors import ProtocolError
+from labweb.domain.errors import ProtocolError, UnitError
 from labweb.domain.workflows.xdl import step_table as table
 from labweb.domain.workflows.xdl.markup import parse_markup
 from labweb.domain.workflows.xdl.read import check_available, check_document, read_xdl
 from labweb.domain.workflows.xdl.spec import STEPS
-from labweb.domain.workflows.xdl.values import Quantity
+from labweb.domain.workflows.xdl.values import Quantity, read_value
 from tests.domain.workflows.xdl.asking import codes, recipe, refused, text
 
 ADD = '<Add vessel="reactor" reagent="water" volume="5 mL"/>'
@@ -181,6 +181,13 @@ def test_names_before_the_renaming_mean_what_they_are_called_now() -> None:
     ).synthesis.steps
     assert (step.values["product_phase"], step.values["repeats"]) == ("bottom", 2)
     assert "solvent" not in step.values
+
+
+def test_every_property_of_every_step_is_of_a_sort_that_is_read() -> None:
+    for spec in STEPS.steps.values():
+        for wanted in spec.properties.values():
+            with pytest.raises(UnitError):
+                read_value("\x01" if wanted.choices else "", wanted)
 
 
 def test_each_property_beside_the_standard_says_what_it_means() -> None:

@@ -57,7 +57,7 @@ def texts_of(wanted: Property) -> list[str]:
     return [
         *bare,
         *notation.words,
-        *(f"0.5 {unit}" for unit in notation.units),
+        *(f"0.000001 {unit}" for unit in notation.units),
         "1e-3 " + next(iter(notation.units), ""),
     ]
 
