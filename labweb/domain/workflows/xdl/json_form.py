@@ -13,6 +13,7 @@ not kept.
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Mapping
 from typing import Any
 
@@ -47,6 +48,7 @@ _KEYS = {
     "attributes",
     *_LISTS,
 }
+_NOT_XML = re.compile(r"[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 _STEP_KEYS = {"name", "properties", "children", "uuid", "section", "comment"}
 
 
@@ -87,6 +89,8 @@ def _decoded(raw: bytes) -> object:
         raise refuse("xdl.json", f"not JSON: {error.msg} at {place}", place) from error
     except RecursionError as error:
         raise refuse("xdl.too_deep", "the JSON is nested too deep") from error
+    except ValueError as error:
+        raise refuse("xdl.json", "the file holds a number that is too long to be read") from error
     _check_bounds(value)
     return value
 
@@ -136,9 +140,22 @@ class _Reader:
     def text(self, value: object, path: str) -> str:
         if isinstance(value, bool):
             return str(value)
-        if isinstance(value, int | float) or (isinstance(value, str) and "\0" not in value):
+        if isinstance(value, int | float):
             return str(value)
-        raise refuse("xdl.json_layout", f"{path} is no text or number", Place(path=path))
+        if isinstance(value, str) and not _NOT_XML.search(value):
+            return value
+        raise refuse(
+            "xdl.json_layout",
+            f"{path} is no text that XML can hold, and no number",
+            Place(path=path),
+        )
+
+    def note(self, value: object, path: str) -> Comment:
+        text = self.text(value, path)
+        if "--" in text or text.endswith("-"):
+            message = f"the comment at {path} holds two hyphens, which XML cannot"
+            raise refuse("xdl.json_layout", message, Place(path=path))
+        return Comment(text)
 
     def keys(self, value: Mapping[str, object], known: set[str], path: str) -> None:
         for key in value:
@@ -151,7 +168,7 @@ class _Reader:
         self.keys(value, _KEYS, path)
         prefix = f"{path}." if path else ""
         notes = self.list_of(value.get("comments"), f"{prefix}comments")
-        children: list[Node] = [Comment(self.text(note, f"{prefix}comments")) for note in notes]
+        children: list[Node] = [self.note(note, f"{prefix}comments") for note in notes]
         metadata = self.attributes(value.get("metadata") or {}, f"{prefix}metadata")
         if metadata:
             children.append(Element("Metadata", metadata, (), Place(path=f"{prefix}metadata")))
@@ -195,7 +212,7 @@ class _Reader:
     def entry(self, value: object, tag: str, path: str) -> Node:
         item = self.object_of(value, path)
         if set(item) == {"comment"}:
-            return Comment(self.text(item["comment"], path))
+            return self.note(item["comment"], path)
         self.keys(item, {"name", "properties", "element"}, path)
         properties = self.attributes(item.get("properties") or {}, f"{path}.properties")
         named = self.text(item.get("element", tag), path)
@@ -218,7 +235,7 @@ class _Reader:
 
     def step(self, item: dict[str, Any], path: str) -> Node:
         if set(item) <= {"comment", "section"} and "comment" in item:
-            return Comment(self.text(item["comment"], path))
+            return self.note(item["comment"], path)
         self.keys(item, _STEP_KEYS, path)
         name = self.text(item.get("name", ""), f"{path}.name")
         children = self.steps(self.list_of(item.get("children"), path), f"{path}.children")

@@ -24,7 +24,14 @@ from labweb.domain.workflows.xdl.naming import (
     matching,
 )
 from labweb.domain.workflows.xdl.read import refusal
-from labweb.domain.workflows.xdl.recipe import Component, Parameter, Procedure, Recipe, Step
+from labweb.domain.workflows.xdl.recipe import (
+    Component,
+    Parameter,
+    Procedure,
+    Reagent,
+    Recipe,
+    Step,
+)
 from labweb.domain.workflows.xdl.spec import STEPS, Property, StepTable
 from labweb.domain.workflows.xdl.values import (
     ParameterName,
@@ -196,7 +203,8 @@ class _Unfolder:
 
     def _measured(self, step: Step, values: dict[str, Value], context: Context) -> dict[str, Value]:
         of = _MEASURED.get(step.name)
-        given = [n for n in ("amount", "volume", "mol") if isinstance(values.get(n), Quantity)]
+        names = ("amount", "volume", "mass", "mol")
+        given = [name for name in names if isinstance(values.get(name), Quantity)]
         if of is None or not given:
             return values
         amount = values[given[0]]
@@ -204,10 +212,11 @@ class _Unfolder:
         named = context.reagents.get(raw) if isinstance(raw, str) else None
         if not isinstance(amount, Quantity) or (of and named is None):
             return values
-        if given[0] == "volume" and amount.sort == "volume":
-            # A volume is what is dispensed, whatever else is known.
-            return values
         facts = named.facts if named else None
+        if given[0] == "volume" or (given[0] == "mass" and not _is_dense_liquid(step, facts)):
+            # A volume is what is dispensed, whatever else is known; a mass is weighed in, unless
+            # it is that of a liquid of known density.
+            return values
         if facts is not None and step.name == "AddSolid":
             facts = replace(facts, values={**facts.values, "solid": True})
         try:
@@ -294,6 +303,11 @@ class _Unfolder:
                 self._told.tell(error.code, error.message, step.place)
                 return None
         return self._limited(parameter, value, step.place)
+
+
+def _is_dense_liquid(step: Step, facts: Reagent | None) -> bool:
+    known = facts is not None and not facts.is_solid and "density" in facts.values
+    return known and step.name == "Add"
 
 
 def _property_of(parameter: Parameter) -> Property:

@@ -272,6 +272,28 @@ def test_what_is_left_open_is_refused(steps: str, args: dict[str, Any], code: st
     assert code in {finding.code for finding in caught.value.findings}
 
 
+@pytest.mark.parametrize(
+    ("step", "wanted"),
+    [
+        ('<Add vessel="reactor" reagent="water" mass="3 g"/>', {"volume": 3, "mass": 3}),
+        ('<Add vessel="reactor" reagent="salt" mass="3 g"/>', {"mass": 3}),
+        (
+            '<Add vessel="reactor" reagent="water" volume="5 mL" mass="3 g"/>',
+            {"volume": 5, "mass": 3},
+        ),
+        ('<AddSolid vessel="reactor" reagent="salt" mass="3 g" mol="1 mol"/>', {"mass": 3}),
+        ('<AddSolid vessel="reactor" reagent="salt" mol="1 mol"/>', {"mass": 58.443}),
+        ('<Add vessel="reactor" reagent="water" amount="1 mol"/>', {"volume": 18}),
+    ],
+)
+def test_a_liquid_is_measured_by_volume_and_a_solid_by_mass(
+    step: str, wanted: dict[str, float]
+) -> None:
+    (act,) = unfold(recipe(step))
+    measured = {name: number(act, name) for name in ("volume", "mass")}
+    assert {k: float(v) for k, v in measured.items() if v is not None} == wanted
+
+
 def test_a_parameter_keeps_its_limits_and_gives_way_to_what_is_given() -> None:
     declared = '<Parameter id="t" type="time" value="1 h" min="10 min" max="2 h"/>'
     extra = f"<Parameters>{declared}</Parameters>"

@@ -57,7 +57,8 @@ class Kind(StrEnum):
 
     STOP_GAS = "stop_gas"
     SEPARATE_PHASES = "separate_phases"
-    """`vessel`, `lower_to`, `upper_to`, `lower_through`, `upper_through`."""
+    """`vessel`, `lower_to`, `upper_to`, `lower_through`, `upper_through`. A phase that goes to the
+    vessel itself is in it afterwards, alone."""
 
     DRAW_FILTRATE = "draw_filtrate"
     """`vessel`, `target`, `volume_ml` (or all of it)."""
