@@ -6,8 +6,8 @@
 ```
 
 Comments are kept as `{"comment": text}` among the entries of a list, those that stand in no
-list under `comments`. `uuid` of the reference is the identity of one object in its memory and is
-not kept.
+list under `comments`; text that means nothing is `{"text": text}`. `uuid` of the reference is the
+identity of one object in its memory and is not kept.
 """
 
 from __future__ import annotations
@@ -150,7 +150,9 @@ class _Reader:
             Place(path=path),
         )
 
-    def note(self, value: object, path: str) -> Comment:
+    def note(self, value: object, path: str) -> Comment | Text:
+        if isinstance(value, dict) and set(value) == {"text"}:
+            return Text(self.text(value["text"], path))
         text = self.text(value, path)
         if "--" in text or text.endswith("-"):
             message = f"the comment at {path} holds two hyphens, which XML cannot"
@@ -211,8 +213,8 @@ class _Reader:
 
     def entry(self, value: object, tag: str, path: str) -> Node:
         item = self.object_of(value, path)
-        if set(item) == {"comment"}:
-            return self.note(item["comment"], path)
+        if set(item) in ({"comment"}, {"text"}):
+            return self.note(item.get("comment", item), path)
         self.keys(item, {"name", "properties", "element"}, path)
         properties = self.attributes(item.get("properties") or {}, f"{path}.properties")
         named = self.text(item.get("element", tag), path)
@@ -234,8 +236,9 @@ class _Reader:
         return tuple(found)
 
     def step(self, item: dict[str, Any], path: str) -> Node:
-        if set(item) <= {"comment", "section"} and "comment" in item:
-            return self.note(item["comment"], path)
+        if len(set(item) - {"section"}) == 1 and ("comment" in item or "text" in item):
+            plain = {key: content for key, content in item.items() if key != "section"}
+            return self.note(plain.get("comment", plain), path)
         self.keys(item, _STEP_KEYS, path)
         name = self.text(item.get("name", ""), f"{path}.name")
         children = self.steps(self.list_of(item.get("children"), path), f"{path}.children")
@@ -275,7 +278,7 @@ def render_json(document: Document) -> str:
 
 
 def _procedure(element: Element, outside: tuple[Node, ...] = ()) -> dict[str, Any]:
-    loose = [n.text for n in (*outside, *element.children) if isinstance(n, Comment | Text)]
+    loose = [_noted(n) for n in (*outside, *element.children) if isinstance(n, Comment | Text)]
     plain: dict[str, Any] = {"comments": loose} if loose else {}
     marks = {a.name: a.value for a in element.attributes}
     if "id" in marks:
@@ -297,7 +300,7 @@ def _procedure(element: Element, outside: tuple[Node, ...] = ()) -> dict[str, An
 
 def _entry(node: Node, key: str) -> dict[str, Any]:
     if not isinstance(node, Element):
-        return {"comment": _comment_text(node)}
+        return _note(node)
     entry: dict[str, Any] = {
         "name": node.text_of("name") or node.text_of("id"),
         "properties": {a.name: a.value for a in node.attributes},
@@ -310,7 +313,7 @@ def _steps(nodes: tuple[Node, ...], section: str) -> list[dict[str, Any]]:
     mark = {"section": section} if section else {}
     for node in nodes:
         if not isinstance(node, Element):
-            found.append({"comment": _comment_text(node), **mark})
+            found.append({**_note(node), **mark})
         elif node.tag in SECTIONS:
             found += _steps(node.children, node.tag)
         else:
@@ -324,5 +327,12 @@ def _steps(nodes: tuple[Node, ...], section: str) -> list[dict[str, Any]]:
     return found
 
 
-def _comment_text(node: Node) -> str:
-    return node.text if isinstance(node, Comment | Text | Instruction) else ""
+def _note(node: Node) -> dict[str, Any]:
+    noted = _noted(node)
+    return noted if isinstance(noted, dict) else {"comment": noted}
+
+
+def _noted(node: Node) -> str | dict[str, str]:
+    if isinstance(node, Text):
+        return {"text": node.text}
+    return node.text if isinstance(node, Comment | Instruction) else ""

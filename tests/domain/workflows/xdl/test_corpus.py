@@ -22,7 +22,7 @@ pytestmark = pytest.mark.skipif(not XDL.exists(), reason=NO_XDL)
 
 DOCS = Path(__file__).parents[4] / "docs/xdl.md"
 
-CLAIRIFY = {
+VERIFIED = {
     "test02.xml": ["xdl.markup"],
     "test03.xml": ["xdl.unknown_step"],
     "test04.xml": ["xdl.missing_property", "xdl.unknown_property"],
@@ -104,10 +104,10 @@ def test_every_recipe_of_2019_that_must_be_read_is_read() -> None:
     assert all(not reasons(path) for path in paths if path.name not in SYNTAX_2019)
 
 
-@pytest.mark.parametrize("name", CLAIRIFY)
-def test_a_recipe_that_clairify_refuses_is_refused(name: str) -> None:
+@pytest.mark.parametrize("name", VERIFIED)
+def test_a_recipe_that_its_verifier_refuses_is_refused(name: str) -> None:
     found = refused((XDL / "negative/clairify" / name).read_bytes())
-    assert [finding.code for finding in found] == CLAIRIFY[name]
+    assert [finding.code for finding in found] == VERIFIED[name]
     assert all(finding.context["line"] for finding in found)
 
 
