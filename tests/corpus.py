@@ -33,5 +33,5 @@ NO_INSTRUMENTS = "the recorded answers of instruments lie beside the repository,
 XDL = _DATA / "1_xdl"
 """Recipes, Chemputer rigs, and what the published compiler makes of them."""
 
-NO_XDL = "the published rigs lie beside the repository, not in it"
+NO_XDL = "the published recipes and rigs lie beside the repository, not in it"
 """Why tests skip without them."""

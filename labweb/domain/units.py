@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from decimal import Decimal
 from functools import cache
 from typing import Any
@@ -206,6 +206,176 @@ def _split(text: object, wanted: Dimension) -> tuple[Decimal, str]:
     if abs(number.adjusted()) > 15:
         raise UnitError(f"{text!r} is out of any laboratory's range", code="unit.not_finite")
     return number, match.group(2).strip()
+
+
+@dataclass(frozen=True, slots=True)
+class Notation:
+    """How one language writes one kind of quantity, beside a person's own way in `DIMENSIONS`."""
+
+    name: str
+    """What is measured, in words: `volume`, `molar mass`."""
+
+    standard: str
+    """pint unit of the number that is read."""
+
+    units: Mapping[str, str]
+    """Accepted spelling, with `u` for micro → pint unit; the first one is shown in examples."""
+
+    words: Mapping[str, str] = field(default_factory=dict)
+    """Words that stand for a value that no number gives, in small letters → their one name."""
+
+    has_bare_numbers: bool = False
+    """A number without a unit is in the standard unit."""
+
+    most: Decimal = Decimal(10) ** 9
+    """Largest number that is read, in the standard unit."""
+
+    least: Decimal = Decimal(0)
+    """Smallest number that is read, in the standard unit."""
+
+
+@dataclass(frozen=True, slots=True)
+class Reading:
+    """A quantity as a text gives it: one number, a range, or a word."""
+
+    low: Decimal | None = None
+    """Lower end, or the number itself, in the standard unit of the notation."""
+
+    high: Decimal | None = None
+    """Upper end; equal to `low` unless the text gives a range."""
+
+    word: str = ""
+    """Name of a word such as `all` or `reflux`; then there is no number."""
+
+    @property
+    def is_range(self) -> bool:
+        """Tell whether the text leaves open which value it means."""
+        return self.low != self.high
+
+    @property
+    def exact(self) -> Decimal | None:
+        """Return the one number the text gives; None for a range and for a word."""
+        return None if self.is_range else self.low
+
+
+def read_quantity(text: object, notation: Notation) -> Reading:
+    """Read a quantity as a language writes it. Nothing is guessed, rounded or clamped.
+
+    Args:
+        text: Number and unit, a range of two numbers, or one of the notation's words.
+            Micro, minus and degree are read in every way in which Unicode writes them.
+        notation: What the language allows.
+
+    Raises:
+        UnitError: As `parse_exact`, and a number without its unit, an amount that is none
+            (`two drops`, `ca. 5 mL`), a number below the least or above the most, or a
+            range whose ends stand in the wrong order.
+
+    Example:
+        >>> time = Notation("time", "second", {"h": "hour", "min": "minute"})
+        >>> read_quantity("1.5 h", time).exact
+        Decimal('5400')
+    """
+    if not isinstance(text, str) or not text.strip() or len(text) > _LONGEST_TEXT:
+        raise _unreadable(text, notation, "unit.not_text")
+    plain = _plain_text(text)
+    if plain.lower() in notation.words:
+        return Reading(word=notation.words[plain.lower()])
+    if _COMMA.search(plain):
+        raise UnitError(f"{text!r}: write a decimal point, not a comma", code="unit.comma")
+    if _VAGUE.search(plain.lower()):
+        raise UnitError(
+            f"{text!r} says no amount that can be measured: {_example(notation)}",
+            code="unit.vague",
+        )
+    one, ends = _SIGNED.match(plain), _RANGE.match(plain)
+    if ends is None or (one is not None and (not one["unit"] or one["unit"] in notation.units)):
+        value = _value_of(plain, text, notation, "")
+        return Reading(low=value, high=value)
+    unit = (ends["unit"] or "").strip()
+    low = _value_of(ends["low"], text, notation, unit)
+    high = _value_of(f"{ends['high']} {unit}", text, notation, "")
+    if low >= high:
+        raise UnitError(f"{text!r}: a range goes from low to high", code="unit.range_order")
+    return Reading(low=low, high=high)
+
+
+_MINUS = "\u2212\u2013\ufe63\uff0d"
+_COMMA = re.compile(r"[0-9],[0-9]")
+_VAGUE = re.compile(
+    r"\b(?:drops?|drop-?wise|pinch(?:es)?|few|some|several|spatula\w*|portions?|trace|excess|catalytic"
+    r"|ca|circa|about|approx\w*|minimal|little)\b|[~\u2248\u00b1<>\u2264\u2265]|\+/-"
+)
+_SIGNED = re.compile(
+    r"^(?P<number>[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?)\s*(?P<unit>.*)$"
+)
+_RANGE = re.compile(
+    r"^(?P<low>[+-]?[0-9]*\.?[0-9]+[^0-9]*?)\s*(?:-|\bto\b)\s*"
+    r"(?P<high>[+-]?[0-9]*\.?[0-9]+)\s*(?P<unit>[^0-9].*)?$"
+)
+_SAME_SIGN = str.maketrans(
+    dict.fromkeys(_MINUS, "-")
+    | dict.fromkeys("\u00b5\u03bc", "u")
+    | dict.fromkeys("\u2009\u202f\u00a0\u2007", " ")
+    | dict.fromkeys("\u00ba\u02da", "°")
+    | {"\u2103": "°C", "\u2109": "°F", "\u212a": "K", "\u00b7": " ", "\u22c5": " "}
+    | {"\u207b": "-", "\u00b9": "1", "\u00b3": "3", "\u00b2": "2"}
+)
+_DIGITS = 24
+"""Significant digits that a conversion keeps; pint works with 28."""
+
+
+def _plain_text(text: str) -> str:
+    return " ".join(text.translate(_SAME_SIGN).split())
+
+
+def _value_of(plain: str, text: str, notation: Notation, default_unit: str) -> Decimal:
+    match = _SIGNED.match(plain.strip())
+    if match is None:
+        raise _unreadable(text, notation, "unit.unreadable")
+    number = Decimal(match["number"])
+    if abs(number.adjusted()) > 15:
+        raise UnitError(f"{text!r} is out of any laboratory's range", code="unit.not_finite")
+    unit = _unit_of(match["unit"].strip() or default_unit, text, notation)
+    factor, offset = _scale(unit, notation.standard)
+    value = _rounded(number * factor + offset)
+    if value < notation.least:
+        raise UnitError(
+            f"{text!r} is below {notation.least} {notation.standard}", code="unit.out_of_range"
+        )
+    if value > notation.most:
+        raise UnitError(f"{text!r} is more than any laboratory handles", code="unit.too_large")
+    return value
+
+
+def _unit_of(spelling: str, text: str, notation: Notation) -> str:
+    if not spelling:
+        if notation.has_bare_numbers:
+            return notation.standard
+        raise UnitError(f"{text!r} has no unit: {_example(notation)}", code="unit.missing")
+    if spelling not in notation.units:
+        known = ", ".join(list(notation.units)[:8]) or "no unit"
+        raise UnitError(
+            f"{text!r} is not a {notation.name}: it is written in {known}", code="unit.unknown"
+        )
+    return notation.units[spelling]
+
+
+def _rounded(value: Decimal) -> Decimal:
+    """Drop what the limited precision of a conversion left behind, such as 25.0000…01."""
+    if not value:
+        return Decimal(0)
+    digits = value.adjusted() - _DIGITS + 1
+    whole = value.quantize(Decimal(1).scaleb(digits)).normalize()
+    return whole.quantize(Decimal(1)) if whole == whole.to_integral_value() else whole
+
+
+def _example(notation: Notation) -> str:
+    return f"write number and unit, such as '5 {next(iter(notation.units), '')}'"
+
+
+def _unreadable(text: object, notation: Notation, code: str) -> UnitError:
+    return UnitError(f"{text!r:.80} is no {notation.name}: {_example(notation)}", code=code)
 
 
 def render_volume(amount_nl: int) -> str:

@@ -1,0 +1,1 @@
+"""XDL, the chemical description language: read, checked, written, unfolded."""

@@ -1,0 +1,232 @@
+"""A recipe as a workflow of labweb, when every step of it is one that a workflow has.
+
+A step that a workflow cannot say in full is a finding, not an approximation. Vessels and reagents
+become references by key, `@reactor`; whoever opens the workflow in a lab sees what each is bound
+to.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from decimal import Decimal
+from typing import Any
+
+from labweb.domain.workflows.protocol import MOST_STEPS, SCHEMA, check_workflow
+from labweb.domain.workflows.xdl.acts import Act
+from labweb.domain.workflows.xdl.defaults_table import DEFAULTS
+from labweb.domain.workflows.xdl.findings import Findings
+from labweb.domain.workflows.xdl.read import refusal
+from labweb.domain.workflows.xdl.spec import STEPS
+from labweb.domain.workflows.xdl.values import Quantity, Value
+
+_KEY = re.compile(r"[^\s@]{1,79}")
+_ALWAYS = {"comment", "queue"}
+_SAID: Mapping[str, frozenset[str]] = {
+    "Add": frozenset({"vessel", "reagent", "volume", "amount", "speed"}),
+    "Transfer": frozenset({"from_vessel", "to_vessel", "volume", "amount"}),
+    "HeatChill": frozenset({"vessel", "temp", "time", "stir", "stir_speed", "purpose"}),
+    "HeatChillToTemp": frozenset({"vessel", "temp", "stir", "stir_speed", "purpose"}),
+    "Stir": frozenset({"vessel", "time", "stir_speed", "purpose"}),
+    "Wait": frozenset({"time"}),
+}
+"""Step → properties that a workflow can say, or that change nothing in what is done."""
+
+
+def to_workflow(
+    acts: tuple[Act, ...], *, name: str, keys: Mapping[str, str] | None = None
+) -> dict[str, Any]:
+    """Turn unfolded acts into the plain data of a workflow.
+
+    Args:
+        acts: As `unfold` gives them.
+        name: What the workflow is called.
+        keys: Vessel or reagent → key of the resource in the lab, where the name is no key.
+
+    Raises:
+        ProtocolError: `xdl.not_in_workflow`, `xdl.not_a_key`, `xdl.range_not_exact` and what a
+            workflow refuses; `findings` list all. No workflow comes of it.
+    """
+    writer = _Writer(dict(keys or {}))
+    writer.lay(acts)
+    plain = {
+        "schema": SCHEMA,
+        "name": name,
+        "steps": writer.steps,
+        "edges": writer.edges,
+    }
+    if not writer.told.all:
+        writer.told.all += check_workflow(plain)
+    if writer.told.all:
+        raise refusal(writer.told.all, "recipe as a workflow")
+    return plain
+
+
+@dataclass(slots=True)
+class _Writer:
+    keys: dict[str, str]
+    told: Findings = field(default_factory=Findings)
+    steps: list[dict[str, Any]] = field(default_factory=list)
+    edges: list[dict[str, str]] = field(default_factory=list)
+
+    def lay(self, acts: tuple[Act, ...], after: tuple[str, ...] = ()) -> tuple[str, ...]:
+        """Write acts behind some steps; return the steps that nothing follows yet."""
+        barrier: tuple[str, ...] = after
+        queues: dict[str, tuple[str, ...]] = {}
+        for act in acts:
+            if act.queue:
+                queues[act.queue] = self._one(act, queues.get(act.queue, barrier))
+            else:
+                ends = tuple(dict.fromkeys(e for tail in queues.values() for e in tail))
+                barrier = self._one(act, ends or barrier)
+                queues = {}
+        open_ends = tuple(dict.fromkeys(e for tail in queues.values() for e in tail))
+        return open_ends or barrier
+
+    def _one(self, act: Act, after: tuple[str, ...]) -> tuple[str, ...]:
+        if act.is_blueprint:
+            return self.lay(act.children, after)
+        if act.name == "Repeat" and act.repeats is not None:
+            for _ in range(act.repeats):
+                before = len(self.steps)
+                after = self.lay(act.children, after)
+                if len(self.steps) == before or len(self.steps) > MOST_STEPS:
+                    # Nothing comes of further rounds, or already too much: that is told.
+                    break
+            return after
+        params = self._params(act)
+        if params is None:
+            return after
+        kind, values, notes = params
+        step_id = f"s{len(self.steps) + 1}"
+        self.steps.append(
+            {
+                "id": step_id,
+                "kind": kind,
+                "params": values,
+                "position": {"x": 80.0, "y": 80.0 + 120.0 * len(self.steps)},
+                "note": "; ".join(notes)[:4000],
+            }
+        )
+        for source in after:
+            self.edges.append(
+                {
+                    "id": f"e{len(self.edges) + 1}",
+                    "source": source,
+                    "source_port": "done",
+                    "target": step_id,
+                    "target_port": "start",
+                }
+            )
+        return (step_id,)
+
+    def _params(self, act: Act) -> tuple[str, dict[str, str], list[str]] | None:
+        said = _SAID.get(act.name)
+        if said is None:
+            message = f"a workflow of labweb has no step that does what {act.name} does"
+            self.told.tell("xdl.not_in_workflow", message, act.place)
+            return None
+        unsaid = [n for n, value in act.values.items() if self._is_more(act.name, n, value)]
+        for name in unsaid:
+            message = f"a workflow of labweb cannot say {name} of {act.name}"
+            self.told.tell("xdl.not_in_workflow", message, act.place)
+        comment = act.values.get("comment")
+        notes = [comment] if isinstance(comment, str) and comment else []
+        match act.name:
+            case "Add":
+                return "transfer", self._add(act), notes
+            case "Transfer":
+                return "transfer", self._transfer(act), notes
+            case "Wait":
+                return "wait", {"duration": self._number(act, "time", "s")}, notes
+            case "Stir":
+                values = {
+                    "vessel": self._key(act, "vessel"),
+                    "stir_speed": self._stir_speed(act, notes),
+                    "duration": self._number(act, "time", "s"),
+                }
+                return "stir", values, notes
+        return "heat_chill", self._heat(act, notes), notes
+
+    def _is_more(self, step: str, name: str, value: Value) -> bool:
+        if name in _SAID[step] or name in _ALWAYS:
+            return False
+        # What is said as the standard has it anyway changes nothing.
+        spec = STEPS.steps[step].properties.get(name)
+        return spec is None or spec.default is None or spec.default != str(value)
+
+    def _add(self, act: Act) -> dict[str, str]:
+        if isinstance(act.values.get("mass"), Quantity) and "volume" not in act.values:
+            message = "a workflow of labweb has no step that adds a solid"
+            self.told.tell("xdl.not_in_workflow", message, act.place)
+        values = {
+            "source": self._key(act, "reagent"),
+            "target": self._key(act, "vessel"),
+            "volume": self._number(act, "volume", "mL"),
+        }
+        if "speed" in act.values:
+            values["flow_rate"] = self._number(act, "speed", "mL/min")
+        return values
+
+    def _transfer(self, act: Act) -> dict[str, str]:
+        return {
+            "source": self._key(act, "from_vessel"),
+            "target": self._key(act, "to_vessel"),
+            "volume": self._number(act, "volume", "mL"),
+        }
+
+    def _heat(self, act: Act, notes: list[str]) -> dict[str, str]:
+        values = {
+            "vessel": self._key(act, "vessel"),
+            "temperature": self._number(act, "temp", "°C"),
+        }
+        if act.values.get("stir", True) is True:
+            values["stir_speed"] = self._stir_speed(act, notes)
+        if act.name == "HeatChill":
+            values["hold_for"] = self._number(act, "time", "s")
+        return values
+
+    def _stir_speed(self, act: Act, notes: list[str]) -> str:
+        if "stir_speed" in act.values:
+            return self._number(act, "stir_speed", "rpm")
+        default = DEFAULTS["stir_speed"]
+        notes.append(f"stirring speed {default.value}: {default.source}")
+        return default.value.replace("RPM", "rpm")
+
+    def _key(self, act: Act, name: str) -> str:
+        called = str(act.values.get(name, ""))
+        key = self.keys.get(called, called)
+        if not _KEY.fullmatch(key):
+            message = f"{called!r} is no key of a resource: say which key it has in the lab"
+            self.told.tell("xdl.not_a_key", message, act.place)
+        return f"@{key}"
+
+    def _number(self, act: Act, name: str, unit: str) -> str:
+        value = act.values.get(name)
+        if isinstance(value, Quantity) and value.exact is not None:
+            return f"{_plain(value.exact)} {unit}"
+        told = value.word.replace("_", " ") if isinstance(value, Quantity) else ""
+        what = f"{told!r} is no number" if told else "one value is needed"
+        message = f"{name} of {act.name}: {what}; a workflow of labweb wants one"
+        self.told.tell("xdl.range_not_exact", message, act.place)
+        return ""
+
+
+def _plain(value: Decimal) -> str:
+    return f"{value:f}"
+
+
+def parse_pairs(texts: Iterable[str]) -> dict[str, str]:
+    """Read `NAME=VALUE` pairs as a command line gives them.
+
+    Raises:
+        ValueError: A text has no `=`, or a name is given twice.
+    """
+    found: dict[str, str] = {}
+    for text in texts:
+        name, mark, value = text.partition("=")
+        if not mark or not name or not value or name in found:
+            raise ValueError(f"{text!r} is not NAME=VALUE, or {name!r} is given twice")
+        found[name] = value
+    return found

@@ -1,0 +1,133 @@
+"""Convert a recipe between versions of XDL, its JSON form and a workflow of labweb."""
+
+from __future__ import annotations
+
+import json
+from argparse import ArgumentParser
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from django.core.management.base import BaseCommand, CommandError
+
+from labweb.domain.errors import Finding, LabError
+from labweb.domain.workflows.xdl.json_form import parse_json
+from labweb.domain.workflows.xdl.markup import MAX_BYTES, Document, parse_markup
+from labweb.domain.workflows.xdl.read import check_document, refusal
+from labweb.domain.workflows.xdl.recipe import Recipe
+from labweb.domain.workflows.xdl.to_workflow import parse_pairs, to_workflow
+from labweb.domain.workflows.xdl.unfold import unfold
+from labweb.domain.workflows.xdl.write import VERSIONS, render_as
+
+_XDL = {f"xdl-{version}": version for version in VERSIONS} | {"xdl-1": "1.0", "xdl-2": "2.0"}
+_FORMS = (*_XDL, "json", "workflow")
+
+
+class Command(BaseCommand):
+    """`manage.py convert_protocol`."""
+
+    help = (
+        "Convert a recipe in XDL (XML or JSON) to another version of XDL, to its JSON form or to a "
+        "workflow of labweb. Nothing is lost or guessed: a recipe that cannot be said there is "
+        "refused with every reason. Needs no database."
+    )
+    requires_system_checks = ()
+
+    def add_arguments(self, parser: ArgumentParser) -> None:
+        """Declare the options."""
+        parser.add_argument("source", type=Path, metavar="IN", help="recipe to read")
+        parser.add_argument("target", type=Path, metavar="OUT", help="file that is not there yet")
+        parser.add_argument("--to", choices=_FORMS, default="xdl-2.0", help="form to write")
+        parser.add_argument(
+            "--blueprints", type=Path, nargs="+", default=[], help="files with blueprints it uses"
+        )
+        parser.add_argument(
+            "--bind", nargs="+", default=[], metavar="NAME=KEY", help="key of a vessel or reagent"
+        )
+        parser.add_argument(
+            "--parameter", nargs="+", default=[], metavar="ID=VALUE", help="value of a Parameter"
+        )
+        parser.add_argument("--equiv-reference", default="", help="reagent that counts equivalents")
+        parser.add_argument("--equiv-amount", default="", help="how much of it is one equivalent")
+        parser.add_argument("--json", action="store_true", help="print findings as JSON")
+
+    def handle(self, *_args: object, **options: Any) -> None:  # noqa: ANN401 - parsed options
+        """Convert, or say why not.
+
+        Raises:
+            CommandError: Exit code 1: a file cannot be read or written. Exit code 2: the recipe
+                is refused. Nothing was written.
+        """
+        target: Path = options["target"]
+        if target.exists():
+            raise CommandError(f"{target} is there already")
+        try:
+            text = self._convert(options)
+        except LabError as error:
+            findings = error.findings or (Finding(error.code, error.message),)
+            self._print(findings, as_json=options["json"])
+            raise CommandError(f"{error.code}: {error.message}", returncode=2) from error
+        try:
+            with target.open("x", encoding="utf-8") as file:
+                file.write(text)
+        except OSError as error:
+            raise CommandError(f"cannot write {target}: {error.strerror}") from error
+        self.stdout.write(f"{target}: {options['to']}")
+
+    def _convert(self, options: dict[str, Any]) -> str:
+        library = [_document(path) for path in options["blueprints"]]
+        recipe, findings = check_document(_document(options["source"]), library=library)
+        if findings:
+            raise refusal(findings)
+        if options["to"] == "workflow":
+            return self._workflow(recipe, options)
+        version = _XDL.get(options["to"], recipe.version or "2.0")
+        if options["to"] == "json":
+            return render_as(recipe, _nearest(version), as_json=True)
+        return render_as(recipe, version)
+
+    def _workflow(self, recipe: Recipe, options: dict[str, Any]) -> str:
+        try:
+            keys, parameters = parse_pairs(options["bind"]), parse_pairs(options["parameter"])
+        except ValueError as error:
+            raise CommandError(str(error)) from error
+        if recipe.is_compiled or len(recipe.syntheses) != 1:
+            render_as(recipe, "2.0")
+            raise CommandError(f"the file holds {len(recipe.syntheses)} syntheses: keep one")
+        acts = unfold(
+            recipe,
+            parameters=parameters,
+            equiv_reference=options["equiv_reference"],
+            equiv_amount=options["equiv_amount"],
+        )
+        name = recipe.synthesis.id or options["source"].stem
+        plain = to_workflow(acts, name=name[:200], keys=keys)
+        return json.dumps(plain, indent=2, ensure_ascii=False) + "\n"
+
+    def _print(self, findings: Sequence[Finding], *, as_json: bool) -> None:
+        if as_json:
+            plain = {"ok": False, "findings": [finding.to_json() for finding in findings]}
+            self.stdout.write(json.dumps(plain, ensure_ascii=False))
+            return
+        for finding in findings:
+            self.stderr.write(f"{finding.subject or '-'}  {finding.code}  {finding.message}")
+
+
+def _document(path: Path) -> Document:
+    try:
+        with path.open("rb") as file:
+            raw = file.read(MAX_BYTES + 1)
+    except OSError as error:
+        raise CommandError(f"cannot read {path}: {error.strerror}") from error
+    is_json = raw.lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"{")
+    return parse_json(raw) if is_json else parse_markup(raw)
+
+
+def _nearest(version: str) -> str:
+    """Return the written version that says all that a read one can: the same, or a later one."""
+    later = [v for v in VERSIONS if _order(v) >= _order(version)]
+    return later[0] if later else VERSIONS[-1]
+
+
+def _order(version: str) -> tuple[int, ...]:
+    return tuple(int(part) for part in version.split(".")[:2])
