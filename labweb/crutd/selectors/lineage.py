@@ -10,7 +10,7 @@ from django.db import connection
 from django.db.models import Count
 
 from labweb.crutd.models import Entry, Transaction
-from labweb.domain.crutd.provenance.flows import Flow
+from labweb.domain.crutd.provenance.flows import REACTION, Flow, is_reaction
 from labweb.domain.crutd.provenance.lineage import (
     History,
     Limits,
@@ -51,8 +51,7 @@ ORDER BY id LIMIT %s
 """  # noqa: S608
 
 
-# The vessels that a lot came through to where it is: one query in place of one for each step of
-# the walk. It asks for no more than what the walk would, for a lot in a vessel it has seen.
+# Where the lots of a vessel came through: one query in place of one for each step of a walk.
 _CAME_THROUGH = """
 WITH RECURSIVE up(account, lot_id) AS (
     SELECT %s::varchar, lot_id FROM crutd_holding
@@ -64,33 +63,52 @@ WITH RECURSIVE up(account, lot_id) AS (
         OFFSET 0
     ) e
 )
-SELECT account FROM up LIMIT %s
+SELECT account, lot_id FROM up LIMIT %s
 """
 
 _MOST_AHEAD = 500
-"""Vessels that are read before a walk asks for them."""
+"""Lots in vessels that are read before a walk asks for them."""
+
+_AHEAD = f"""
+SELECT {", ".join(_FIELDS)} FROM crutd_entry
+WHERE state = 'posted' AND debit = ANY(%s) AND (lot_id = ANY(%s) OR debit = %s OR credit LIKE %s)
+UNION
+SELECT {", ".join(_FIELDS)} FROM crutd_entry
+WHERE state = 'posted' AND credit = ANY(%s) AND (lot_id = ANY(%s) OR credit = %s OR debit LIKE %s)
+ORDER BY id LIMIT %s
+"""  # noqa: S608
 
 
-def _read_ahead(start: UUID) -> History:
-    """Return a history that has read what a walk up from a vessel will ask for first.
+def _read_ahead(vessel: UUID) -> History:
+    """Return a history that has read what a walk up from a vessel will ask for.
 
-    What it has not read, or could not read in one page, is asked for as ever.
+    Of the vessels on the way only the lots that the walk follows are read; of the first one
+    all. A reaction makes one lot of others: where there is one, and for vessels and lots
+    beyond a bound, each step reads for itself.
     """
+    start = str(vessel)
     with connection.cursor() as cursor:
-        cursor.execute(_CAME_THROUGH, [str(start), start, "%-%", _MOST_AHEAD])
-        ahead = {row[0] for row in cursor.fetchall()}
-    page = history(ahead)
-    if page.unread:
+        cursor.execute(_CAME_THROUGH, [start, vessel, "%-%", _MOST_AHEAD + 1])
+        ahead = cursor.fetchall()
+        accounts = sorted({row[0] for row in ahead})
+        lots = sorted({row[1] for row in ahead})
+        side: list[Any] = [accounts, lots, start]
+        reaction = f"{REACTION}%"
+        cursor.execute(_AHEAD, [*side, reaction, *side, reaction, _MOST_ENTRIES + 1])
+        rows = cursor.fetchall()
+    flows = _flows(rows)
+    has_reaction = any(is_reaction(end) for flow in flows for end in (flow.source, flow.target))
+    if not ahead or has_reaction or len(ahead) > _MOST_AHEAD or len(rows) > _MOST_ENTRIES:
         return history
-    by_account: dict[str, list[Flow]] = {account: [] for account in ahead}
-    for flow in page.flows:
-        for account in {flow.source, flow.target} & ahead:
-            by_account[account].append(flow)
+    known: dict[str, list[Flow]] = {account: [] for account in accounts}
+    for flow in flows:
+        for account in {flow.source, flow.target} & known.keys():
+            known[account].append(flow)
 
-    def read(accounts: Collection[str]) -> Page:
-        if not ahead.issuperset(accounts):
-            return history(accounts)
-        found = {flow.key: flow for account in accounts for flow in by_account[account]}
+    def read(wanted: Collection[str]) -> Page:
+        if not known.keys() >= set(wanted):
+            return history(wanted)
+        found = {flow.key: flow for account in wanted for flow in known[account]}
         return Page(sorted(found.values(), key=lambda flow: flow.order))
 
     return read

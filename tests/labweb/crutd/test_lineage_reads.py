@@ -9,8 +9,10 @@ from django.db import connection
 from django.test.utils import CaptureQueriesContext
 
 from labweb.crutd import services
+from labweb.crutd.models import Holding
 from labweb.crutd.selectors import lineage
-from labweb.domain.crutd.operations import TransferLiquid
+from labweb.domain.crutd.ledger import Account
+from labweb.domain.crutd.operations import Correct, TransferLiquid
 from labweb.domain.crutd.provenance.lineage import Limits, trace_up
 from tests.builders import Bench
 
@@ -56,3 +58,21 @@ def test_what_is_read_ahead_is_what_each_step_would_read(bench: Bench) -> None:
         row = bench.node(key)
         [found] = lineage.traces(row, direction="up", limits=LIMITS)
         assert found == trace_up(str(row.id), lineage.history, LIMITS)
+
+
+def test_what_a_reaction_consumed_is_read_too(bench: Bench) -> None:
+    # water ──▶ flask_1, where it turns into dye ──▶ flask_2
+    pour(bench, 4, "water", "flask_1")
+    dye = Holding.objects.get(resource=bench.node("dye")).lot_id
+    reacted = Correct(
+        resource_id=bench.node("flask_1").id,
+        account=Account.REACTION,
+        reason="all of it reacted",
+        measured_nl={str(dye): 3_000_000},
+    )
+    services.carry_out(reacted, lab=bench.lab, actor_id=bench.people["chemist"].pk)
+    pour(bench, 2, "flask_1", "flask_2")
+    row = bench.node("flask_2")
+    [found] = lineage.traces(row, direction="up", limits=LIMITS)
+    assert found == trace_up(str(row.id), lineage.history, LIMITS)
+    assert str(bench.node("water").id) in {flow.source for flow in found.flows}
