@@ -45,7 +45,7 @@ def figures(options: Options) -> Iterator[Figure]:
     """Make a history of `size` events, then ask for samples at random."""
     events = options.size or EVENTS
     rounds = min(ROUNDS, max(2, events // PER_ROUND // 2))
-    count = max(1, events // (PER_ROUND * rounds))
+    count = -(-events // (PER_ROUND * rounds - 1))
     lab = a_lab(wells=2)
     lines = _lines(lab, count)
     made = make_history(lab, lines, rounds)
