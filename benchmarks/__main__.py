@@ -1,10 +1,70 @@
-"""`python -m benchmarks`: run every benchmark and print its figures beside their limits."""
+"""`python -m benchmarks [NAME]`: measure one thing, or all, and print it beside its limits.
+
+Exit code 1 when a limit is broken. The sizes of the limits are the defaults; smaller ones
+show only that a benchmark works.
+"""
 
 from __future__ import annotations
 
+import argparse
+import subprocess
 import sys
+from importlib import import_module
+from pathlib import Path
 
 from benchmarks import start, transfers
+from benchmarks.database import an_empty_database
+from benchmarks.figures import Options, report
+
+WITH_DATABASE = {
+    "transfer": "liquid transfers beside a bare transaction; --size transfers of each kind",
+    "tree": "subtree, ancestors, find by id, move; --size resources",
+    "import": "labs from files; --size nodes of the large one",
+    "lineage": "a sample 50 transfers deep; --size events",
+}
+WITHOUT = {
+    "start": ("how long `make run` takes", start.main),
+    "routes": ("compiled transfers beside a bare shortest path", transfers.speed),
+}
+NAMES = (*WITHOUT, *WITH_DATABASE)
+
+
+def main() -> int:
+    """Run what was asked for."""
+    parser = argparse.ArgumentParser(
+        prog="python -m benchmarks",
+        description=". ".join(
+            f"{name}: {text}"
+            for name, text in ({n: t for n, (t, _) in WITHOUT.items()} | WITH_DATABASE).items()
+        )
+        + ".",
+    )
+    parser.add_argument("name", nargs="?", choices=NAMES, help="which; all without it")
+    parser.add_argument("--size", type=_count, help="how many, in place of the limit's number")
+    parser.add_argument("--graph", type=Path, help="for import: a graph of Uni-Lab-OS")
+    options = parser.parse_args()
+    if options.name is None:
+        return max([_alone(name, options.graph) for name in NAMES])
+    if options.name in WITHOUT:
+        return WITHOUT[options.name][1]()
+    with an_empty_database():
+        # What it imports is there only after Django has been set up.
+        module = import_module(f"benchmarks.{options.name}_")
+        return report(options.name, module.figures(Options(size=options.size, graph=options.graph)))
+
+
+def _count(text: str) -> int:
+    if not text.isdecimal() or int(text) < 1:
+        raise argparse.ArgumentTypeError(f"{text!r} is no number above zero")
+    return int(text)
+
+
+def _alone(name: str, graph: Path | None) -> int:
+    """Run one in a process of its own, so that none finds the memory of another."""
+    given = [] if graph is None else ["--graph", str(graph)]
+    command = [sys.executable, "-m", "benchmarks", name, *given]
+    return subprocess.run(command, check=False).returncode
+
 
 if __name__ == "__main__":
-    sys.exit(max(start.main(), transfers.speed()))
+    sys.exit(main())

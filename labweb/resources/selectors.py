@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable
 from uuid import UUID
 
 from django.db import connection
@@ -36,16 +36,23 @@ WITH RECURSIVE up(start, id, parent_id, is_archived, depth) AS (
 SELECT start, id, is_archived FROM up WHERE depth > 0 ORDER BY start, depth
 """
 
-_ANCESTORS_HELD = """
+_HELD = """
 WITH RECURSIVE up(start, id, parent_id, depth) AS (
     SELECT id, id, parent_id, 0 FROM resources_resource WHERE id = ANY(%s)
     UNION ALL
     SELECT up.start, r.id, r.parent_id, up.depth + 1
     FROM resources_resource r JOIN up ON r.id = up.parent_id
+), target AS MATERIALIZED (
+    SELECT * FROM resources_resource WHERE id = ANY(%s) ORDER BY id FOR UPDATE NOWAIT
+), above AS MATERIALIZED (
+    SELECT up.start, up.depth, r.id, r.parent_id, r.is_archived
+    FROM resources_resource r JOIN up ON r.id = up.id
+    WHERE up.depth > 0 ORDER BY r.id FOR SHARE OF r NOWAIT
 )
-SELECT up.start, up.depth, r.id, r.parent_id, r.is_archived
-FROM resources_resource r JOIN up ON r.id = up.id
-WHERE up.depth > 0 ORDER BY r.id FOR SHARE OF r NOWAIT
+SELECT target.*, (
+    SELECT json_agg(json_build_array(a.id, a.parent_id, a.is_archived) ORDER BY a.depth)
+    FROM above a WHERE a.start = target.id
+) AS above FROM target ORDER BY target.id
 """
 """The rows as they are when the lock is there; the way up to them as it was when it was read."""
 
@@ -57,6 +64,21 @@ WITH RECURSIVE down(id) AS (
 )
 SELECT id FROM down
 """
+
+_FEW_DESCENDANTS = """
+WITH RECURSIVE down(id) AS (
+    SELECT id FROM resources_resource WHERE id = ANY(%s)
+    UNION ALL
+    SELECT r.id FROM down CROSS JOIN LATERAL (
+        SELECT id FROM resources_resource WHERE parent_id = down.id OFFSET 0
+    ) r
+)
+SELECT id FROM down LIMIT %s
+"""
+"""By the index alone. Left to itself the planner reads the whole table for each level below a
+plate, for it cannot know how few are there; for a whole lab that is the better way."""
+
+_FEW = 500
 
 _MOST_LABS = 1000
 
@@ -180,39 +202,48 @@ def _above(ids: Iterable[UUID]) -> dict[UUID, list[tuple[UUID, bool]]]:
     return found
 
 
-def held_ancestors(rows: Mapping[UUID, Resource]) -> Above | None:
-    """Lock all above some locked rows against change and against exclusive use; never waits.
+def hold(ids: Collection[UUID]) -> tuple[dict[UUID, Resource], Above] | None:
+    """Lock nodes for exclusive use, and all above them against it; one query, never waits.
 
     Whoever locks a plate and whoever locks a well of it then meet at the plate's row, so that
     one of them sees the other's lock.
 
     Returns:
-        As `ancestors_and_archived`, or None when something was moved in between: ask again.
+        The rows in id order, and as `ancestors_and_archived`; None when something was moved
+        in between: ask again.
 
     Raises:
-        django.db.OperationalError: Somebody holds one of them for itself right now.
+        django.db.OperationalError: Somebody holds one of them right now.
     """
-    with connection.cursor() as cursor:
-        cursor.execute(_ANCESTORS_HELD, [sorted(rows)])
-        found = sorted(cursor.fetchall(), key=lambda one: (one[0], one[1]))
-    above: dict[UUID, tuple[UUID, ...]] = dict.fromkeys(sorted(rows), ())
-    expected = {start: row.parent_id for start, row in rows.items()}
+    wanted = sorted(ids)
+    rows = {row.id: row for row in Resource.objects.raw(_HELD, [wanted, wanted])}
+    above: dict[UUID, tuple[UUID, ...]] = {}
     archived = set()
-    for start, _, node, parent_id, is_archived in found:
-        if expected[start] != node:
+    for row in rows.values():
+        expected, way = row.parent_id, []
+        for node, parent, is_archived in vars(row)["above"] or ():
+            if expected != UUID(node):
+                return None
+            way.append(expected)
+            expected = None if parent is None else UUID(parent)
+            if is_archived:
+                archived.add(row.id)
+        if expected is not None:
             return None
-        expected[start] = parent_id
-        above[start] = (*above[start], node)
-        if is_archived:
-            archived.add(start)
-    return None if any(expected.values()) else (above, archived)
+        above[row.id] = tuple(way)
+    return rows, (above, archived)
 
 
 def descendants(ids: Iterable[UUID]) -> set[UUID]:
-    """Return the ids and everything below them; one query."""
+    """Return the ids and everything below them; one query, or two when they are many."""
+    roots = sorted(set(ids))
     with connection.cursor() as cursor:
-        cursor.execute(_DESCENDANTS, [sorted(set(ids))])
-        return {row[0] for row in cursor.fetchall()}
+        cursor.execute(_FEW_DESCENDANTS, [roots, _FEW + 1])
+        found = cursor.fetchall()
+        if len(found) > _FEW:
+            cursor.execute(_DESCENDANTS, [roots])
+            found = cursor.fetchall()
+        return {row[0] for row in found}
 
 
 def to_domain(row: Resource) -> ResourceData:
@@ -258,12 +289,8 @@ def graph_of(lab: Lab) -> PhysicalGraph:
 
 
 def rows_for_update(ids: Collection[UUID]) -> dict[UUID, Resource]:
-    """Lock the rows in id order and return them; never waits.
-
-    Raises:
-        django.db.OperationalError: Somebody holds one of them right now.
-    """
-    return {row.id: row for row in rows(ids).select_for_update(nowait=True)}
+    """Lock the rows in id order, waiting for who has them, and return them."""
+    return {row.id: row for row in rows(ids).select_for_update()}
 
 
 def densities(lab: Lab) -> dict[LotId, float | None]:

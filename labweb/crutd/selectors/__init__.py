@@ -76,16 +76,43 @@ def _thousandfold(value: float | None) -> int | None:
     return None if value is None else round(value * 1000)
 
 
-def snapshot(rows: Iterable[Resource], known: Above | None = None) -> dict[UUID, ResourceState]:
-    """Return the frozen state of the rows for a decision; one query where `known`, or two."""
+def snapshot(rows: Iterable[Resource]) -> dict[UUID, ResourceState]:
+    """Return the frozen state of the rows for a decision; two queries."""
     nodes = list(rows)
-    held = amounts(row.id for row in nodes)
-    above, archived = known or resource_selectors.ancestors_and_archived(r.id for r in nodes)
+    above = resource_selectors.ancestors_and_archived(row.id for row in nodes)
+    return _states(nodes, amounts(row.id for row in nodes), above)
+
+
+def snapshot_and_lots(
+    rows: Collection[Resource], known: Above
+) -> tuple[dict[UUID, ResourceState], dict[LotId, Lot]]:
+    """Return the state of rows whose way up is known, and the lots they hold; one query."""
+    held: dict[UUID, dict[LotId, Amount]] = {}
+    lots: dict[LotId, Lot] = {}
+    found = Holding.objects.filter(resource_id__in=[row.id for row in rows])
+    for holding in found.select_related("lot__material"):
+        if holding.amount_nl or holding.amount_ug:
+            lot = LotId(str(holding.lot_id))
+            lots[lot] = holding.lot
+            amount = Amount(holding.amount_nl, holding.amount_ug)
+            held.setdefault(holding.resource_id, {})[lot] = amount
+    return _states(rows, held, known), lots
+
+
+def snapshot_to_settle(rows: Collection[Resource]) -> dict[UUID, ResourceState]:
+    """Return what is needed to settle, which where a thing stands is not; one query."""
+    return _states(rows, amounts(row.id for row in rows), ({}, set()))
+
+
+def _states(
+    rows: Iterable[Resource], held: Mapping[UUID, Mapping[LotId, Amount]], known: Above
+) -> dict[UUID, ResourceState]:
+    above, archived = known
     return {
         row.id: state_of(
-            row, held.get(row.id, _NOTHING), above[row.id], is_archived=row.id in archived
+            row, held.get(row.id, _NOTHING), above.get(row.id, ()), is_archived=row.id in archived
         )
-        for row in nodes
+        for row in rows
     }
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from datetime import date
+from types import MappingProxyType
 from uuid import UUID
 from zoneinfo import ZoneInfo
 
@@ -23,9 +24,12 @@ def today(lab: Lab) -> date:
 
 
 def facts_for(
-    operation: operations.Operation, lab: Lab, states: Mapping[UUID, ResourceState]
+    operation: operations.Operation,
+    lab: Lab,
+    states: Mapping[UUID, ResourceState],
+    known: Mapping[LotId, Lot] = MappingProxyType({}),
 ) -> Facts:
-    """Return what a check of the operation needs; one query, for a new thing two more."""
+    """Return what a check of the operation needs; a query for unknown lots, two for a new thing."""
     receive = operation if isinstance(operation, operations.Receive) else None
     create = operation if isinstance(operation, operations.Create) else None
     wanted = {lot for state in states.values() for lot in (*state.contents, *state.masses)}
@@ -34,7 +38,7 @@ def facts_for(
     material = None if receive is None else resource_selectors.find_material(receive.material_id)
     return Facts(
         on=today(lab),
-        lots=_lots({lot for lot in wanted if _is_id(lot)}),
+        lots=_lots({lot for lot in wanted if _is_id(lot)}, known),
         material=None if material is None or material.lab_id != lab.id else _material(material),
         is_known_delivery=receive is not None
         and resource_selectors.is_known_delivery(lab, receive),
@@ -65,10 +69,13 @@ def _is_id(text: str) -> bool:
         return False
 
 
-def _lots(ids: set[LotId]) -> dict[LotId, LotState]:
-    if not ids:
-        return {}
-    return {LotId(str(row.id)): _lot(row) for row in resource_selectors.find_lots(ids)}
+def _lots(ids: set[LotId], known: Mapping[LotId, Lot]) -> dict[LotId, LotState]:
+    found = {lot: _lot(known[lot]) for lot in ids if lot in known}
+    missing = ids - known.keys()
+    if missing:
+        rows = resource_selectors.find_lots(missing)
+        found |= {LotId(str(row.id)): _lot(row) for row in rows}
+    return found
 
 
 def _lot(row: Lot) -> LotState:

@@ -25,7 +25,7 @@ from labweb.domain.graph.lab_file.model import LabFile
 from labweb.domain.resources.node import Resource as ResourceData
 from labweb.resources import selectors as resource_selectors
 from labweb.resources import services as resource_services
-from labweb.resources.selectors import Connection, Lab, Lot, Material, Resource
+from labweb.resources.selectors import Connection, Lab, Lot, Material
 
 LONGEST_KEY = 50
 """Longest key of a lab, which stands in addresses of pages."""
@@ -54,8 +54,8 @@ def import_lab(lab_file: LabFile, *, actor: User | None, source: dict[str, str])
         source=source,
         extra=file_extra(lab_file),
     )
-    resource_services.create_rows(
-        list(_resources(lab, lab_file)),
+    resource_services.create_nodes(lab, _nodes(lab_file))
+    resource_services.create_links(
         list(_connections(lab, lab_file)),
         list(_materials(lab, lab_file)),
         list(_lots(lab, lab_file)),
@@ -86,24 +86,10 @@ def _free_key(lab_file: LabFile) -> str:
     return lab_file.id.hex if not key or is_taken else key
 
 
-def _resources(lab: Lab, lab_file: LabFile) -> Iterator[Resource]:
+def _nodes(lab_file: LabFile) -> Iterator[tuple[ResourceData, int]]:
     places = {node.id: place for place, node in enumerate(lab_file.resources)}
     for node in _parents_first(lab_file):
-        yield Resource(
-            id=node.id,
-            lab=lab,
-            parent_id=node.parent_id,
-            key=node.key,
-            name=node.name,
-            kind=node.kind,
-            nature=node.nature.value,
-            pose=None if node.pose is None else node.pose.to_json(),
-            size_mm=None if node.size_mm is None else list(node.size_mm),
-            config=dict(node.config),
-            data=dict(node.data),
-            extra=dict(node.extra),
-            position=places[node.id],
-        )
+        yield node, places[node.id]
 
 
 def _parents_first(lab_file: LabFile) -> Iterator[ResourceData]:

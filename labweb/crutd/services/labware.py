@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 from django.db.transaction import atomic
@@ -18,7 +19,7 @@ from labweb.domain.errors import DefinitionError, Finding, StateError
 from labweb.domain.resources.node import Resource as ResourceData
 from labweb.resources import selectors as resource_selectors
 from labweb.resources import services as resource_services
-from labweb.resources.selectors import Lab, Resource
+from labweb.resources.selectors import Lab
 
 
 @atomic
@@ -71,7 +72,8 @@ def import_labware(
         ),
     )
     resource_services.set_size(first.id, first.size_mm)
-    resource_services.create_rows(list(_rows(inside, lab)), (), (), ())
+    bare = (replace(node, data={}, extra={}) for node in inside)
+    resource_services.create_nodes(lab, ((node, place) for place, node in enumerate(bare, start=1)))
     account_services.write_audit("labware.import", str(first.id), actor=actor, detail=dict(source))
     return selectors.find_transaction(row.id)
 
@@ -95,20 +97,3 @@ def _check_keys(resources: Sequence[ResourceData], lab: Lab) -> None:
     if taken:
         findings = [Finding("labware.exists", f"{key!r} is there already", key) for key in taken]
         raise StateError(findings[0].message, code="labware.exists", findings=findings[:100])
-
-
-def _rows(resources: Sequence[ResourceData], lab: Lab) -> Iterator[Resource]:
-    for position, node in enumerate(resources, start=1):
-        yield Resource(
-            id=node.id,
-            lab=lab,
-            parent_id=node.parent_id,
-            key=node.key,
-            name=node.name,
-            kind=node.kind,
-            nature=node.nature.value,
-            pose=None if node.pose is None else node.pose.to_json(),
-            size_mm=None if node.size_mm is None else list(node.size_mm),
-            config=dict(node.config),
-            position=position,
-        )

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping, Sequence
 from functools import partial
 from typing import Any
 from uuid import UUID
 
+from django.db import connection
 from django.db.transaction import atomic, on_commit
 
 from labweb.accounts import services as account_services
@@ -14,7 +16,7 @@ from labweb.accounts.selectors import User
 from labweb.common import feed
 from labweb.common.clock import now
 from labweb.crutd import selectors
-from labweb.crutd.models import Event, EventHead, EventSubject, Ticket, Transaction
+from labweb.crutd.models import Event, Ticket, Transaction
 from labweb.crutd.selectors.chain import event_hash as event_hash
 from labweb.domain.approvals.roles import Permission
 from labweb.domain.crutd import operations
@@ -22,6 +24,26 @@ from labweb.domain.crutd.decide import Change
 from labweb.domain.errors import DefinitionError, StateError
 from labweb.resources import selectors as resource_selectors
 from labweb.resources.selectors import Lab
+
+# Written out: they are on the way of every operation of the lab.
+_END = "SELECT seq, hash FROM crutd_eventhead WHERE lab_id = %s FOR UPDATE"
+
+_COLUMNS = ("lab_id", "seq", "at", "transaction_id", "name", "state", "prev_hash", "hash")
+
+_APPEND = """
+WITH appended AS (
+    INSERT INTO crutd_event
+        (lab_id, seq, at, transaction_id, name, state, body, prev_hash, hash)
+    VALUES (%(lab_id)s, %(seq)s, %(at)s, %(transaction_id)s, %(name)s, %(state)s, %(body)s::jsonb,
+        %(prev_hash)s, %(hash)s)
+    RETURNING id
+), concerned AS (
+    INSERT INTO crutd_eventsubject (event_id, resource_id, role)
+    SELECT appended.id, subject.resource_id, subject.role
+    FROM appended, unnest(%(resources)s::uuid[], %(roles)s::text[]) AS subject(resource_id, role)
+)
+SELECT id FROM appended
+"""
 
 
 def record(
@@ -43,7 +65,7 @@ def record(
         reading: For a Read, what the device said.
         parts: For labware, what lies in it and was created with it, parents first.
     """
-    head = EventHead.objects.select_for_update().get(lab_id=row.lab_id)
+    seq, prev = _end_of_chain(row.lab_id)
     body: dict[str, Any] = {
         "operation": row.operation,
         "change": change.to_json(),
@@ -62,23 +84,40 @@ def record(
     if parts:
         body["parts"] = [dict(part) for part in parts]
     at = now()
-    event = Event.objects.create(
+    event = Event(
         lab_id=row.lab_id,
-        seq=head.seq + 1,
+        seq=seq + 1,
         at=at,
         transaction=row,
         name=row.name,
         state=row.state,
         body=body,
-        prev_hash=head.hash,
-        hash=event_hash(head.hash, head.seq + 1, at.isoformat(), str(row.id), body),
+        prev_hash=prev,
+        hash=event_hash(prev, seq + 1, at.isoformat(), str(row.id), body),
     )
-    EventSubject.objects.bulk_create(
-        EventSubject(event=event, resource_id=resource_id, role=role)
-        for resource_id, role in operations.subjects_of(operations.from_json(row.operation))
-    )
+    _append(event, operations.subjects_of(operations.from_json(row.operation)))
     on_commit(partial(feed.publish, "events", {"seq": event.seq, "job_id": body["job_id"]}))
     return event
+
+
+def _end_of_chain(lab_id: UUID) -> tuple[int, str]:
+    """Lock the end of a lab's chain until the next event is there, and return it."""
+    with connection.cursor() as cursor:
+        cursor.execute(_END, [lab_id])
+        seq, last_hash = cursor.fetchone()
+    return seq, last_hash
+
+
+def _append(event: Event, subjects: Sequence[tuple[UUID, str]]) -> None:
+    """Insert an event and what it concerns, in one statement."""
+    values: dict[str, Any] = {name: getattr(event, name) for name in _COLUMNS} | {
+        "body": json.dumps(event.body)
+    }
+    values["resources"] = [resource_id for resource_id, _ in subjects]
+    values["roles"] = [role for _, role in subjects]
+    with connection.cursor() as cursor:
+        cursor.execute(_APPEND, values)
+        (event.id,) = cursor.fetchone()
 
 
 def open_ticket(lab: Lab, code: str, message: str, detail: Mapping[str, Any]) -> Ticket:

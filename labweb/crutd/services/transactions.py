@@ -12,12 +12,12 @@ from django.db.transaction import atomic
 
 from labweb.common.clock import now
 from labweb.crutd import selectors
-from labweb.crutd.models import ResourceLock, Transaction
+from labweb.crutd.models import Transaction
 from labweb.crutd.selectors.facts import facts_for, holders
-from labweb.crutd.services.posting import post, reserve
+from labweb.crutd.services.posting import close_transaction, open_transaction, post
 from labweb.crutd.services.recording import open_ticket, record
 from labweb.domain.crutd import decide, lifecycle, operations
-from labweb.domain.crutd.decide import Change, Outcome, OutcomeKind
+from labweb.domain.crutd.decide import Change, Outcome, OutcomeKind, ResourceState
 from labweb.domain.crutd.ledger import vessels_of
 from labweb.domain.crutd.lifecycle import TransactionState
 from labweb.domain.errors import Finding, LockedError, PreconditionError, StateError
@@ -38,6 +38,8 @@ def lock_operation(
 ) -> Transaction:
     """Take the whole lock set of an operation at once, and write it down as LOCKED.
 
+    Four queries for a Transfer, however large the tree.
+
     Raises:
         LockedError: Somebody else uses a resource. Nothing was written.
         PreconditionError: The operation breaks a precondition now; findings list each.
@@ -45,13 +47,28 @@ def lock_operation(
     Effect:
         None on matter. Locks hold until the transaction is settled; they never expire.
     """
+    return _lock(operation, lab, targets, actor_id=actor_id, job_id=job_id)[0]
+
+
+def _lock(
+    operation: operations.Operation,
+    lab: Lab,
+    targets: Collection[UUID],
+    *,
+    actor_id: UUID | None,
+    job_id: UUID | None = None,
+) -> tuple[Transaction, Mapping[UUID, ResourceState]]:
+    """Lock as above, inside a block of the caller's; return the state under the locks too."""
     rows, above = _hold({*operations.touched_ids(operation), *targets})
     wanted = lock_set(rows, above[0])
     _check_free(rows, wanted)
-    findings = _check_operation(operation, lab, rows, above)
-    if findings:
-        raise PreconditionError(findings[0].message, code=findings[0].code, findings=findings)
-    row = Transaction.objects.create(
+    states: Mapping[UUID, ResourceState] = {}
+    if not isinstance(operation, operations.Read):
+        states, lots = selectors.snapshot_and_lots(list(rows.values()), above)
+        findings = decide.check(operation, states, facts_for(operation, lab, states, lots))
+        if findings:
+            raise PreconditionError(findings[0].message, code=findings[0].code, findings=findings)
+    row = Transaction(
         lab=lab,
         state=TransactionState.LOCKED.value,
         name=operations.name_of(operation).value,
@@ -60,23 +77,20 @@ def lock_operation(
         job_id=job_id,
         proposed_at=now(),
     )
-    _take_locks(row, wanted)
-    reserve(row, operations.reservations(operation))
-    return row
+    open_transaction(row, wanted, operations.reservations(operation))
+    return row, states
 
 
 def _hold(ids: Collection[UUID]) -> tuple[dict[UUID, Resource], Above]:
     """Lock the rows, and share those above them; never waits, so that nobody waits in a ring."""
     busy = LockedError("the resources are in use this moment", code="crutd.busy")
     try:
-        with atomic():
-            rows = resource_selectors.rows_for_update(ids)
-            above = resource_selectors.held_ancestors(rows)
+        held = resource_selectors.hold(ids)
     except OperationalError as error:
         raise busy from error
-    if above is None:
+    if held is None:
         raise busy
-    return rows, above
+    return held
 
 
 def _check_free(rows: Mapping[UUID, Resource], wanted: Sequence[Lock]) -> None:
@@ -92,30 +106,11 @@ def _check_free(rows: Mapping[UUID, Resource], wanted: Sequence[Lock]) -> None:
         )
 
 
-def _check_operation(
-    operation: operations.Operation, lab: Lab, rows: Mapping[UUID, Resource], above: Above
-) -> list[Finding]:
-    if isinstance(operation, operations.Read):
-        return []
-    states = selectors.snapshot(rows.values(), above)
-    return decide.check(operation, states, facts_for(operation, lab, states))
-
-
 def check_operation(operation: operations.Operation, *, lab: Lab) -> list[Finding]:
     """List all that speaks against an operation now, who uses its resources included."""
     states = selectors.snapshot(resource_selectors.rows(operations.touched_ids(operation)))
     facts = replace(facts_for(operation, lab, states), held=holders(operation))
     return decide.check(operation, states, facts)
-
-
-def _take_locks(row: Transaction, wanted: Sequence[Lock]) -> None:
-    at = now()
-    ResourceLock.objects.bulk_create(
-        ResourceLock(
-            resource_id=lock.resource_id, mode=lock.mode.value, transaction=row, taken_at=at
-        )
-        for lock in wanted
-    )
 
 
 @atomic
@@ -167,9 +162,19 @@ def settle(transaction_id: UUID, settlement: Settlement) -> Change:
     """
     row = selectors.transaction_for_update(transaction_id)
     operation = operations.from_json(row.operation)
-    ids = set(operations.touched_ids(operation))
-    rows = {r.id: r for r in resource_selectors.rows(ids).select_for_update()}
-    change = _decide(row, operation, rows, settlement)
+    rows = resource_selectors.rows_for_update(operations.touched_ids(operation))
+    states = selectors.snapshot_to_settle(list(rows.values()))
+    return _settle(row, operation, states, settlement)
+
+
+def _settle(
+    row: Transaction,
+    operation: operations.Operation,
+    states: Mapping[UUID, ResourceState],
+    settlement: Settlement,
+) -> Change:
+    """Settle as above, with everything locked."""
+    change = _decide(row, operation, states, settlement)
     lifecycle.check_step(TransactionState(row.state), change.state)
     change = _with_released(row, change, settlement)
     _apply(row, operation, change, settlement)
@@ -187,11 +192,11 @@ def settle(transaction_id: UUID, settlement: Settlement) -> Change:
 def _decide(
     row: Transaction,
     operation: operations.Operation,
-    rows: Mapping[UUID, Resource],
+    states: Mapping[UUID, ResourceState],
     settlement: Settlement,
 ) -> Change:
     try:
-        change = decide.settle(operation, selectors.snapshot(rows.values()), settlement.outcome)
+        change = decide.settle(operation, states, settlement.outcome)
     except StateError as error:
         open_ticket(row.lab, error.code, error.message, {"transaction_id": str(row.id)})
         return decide.settle(operation, {}, Outcome(kind=OutcomeKind.UNKNOWN))
@@ -207,7 +212,7 @@ def _decide(
                 "server": change.to_json(),
             },
         )
-        change = replace(change, quarantined=frozenset(rows))
+        change = replace(change, quarantined=frozenset(states))
     return change
 
 
@@ -262,10 +267,7 @@ def _close(row: Transaction, change: Change, settlement: Settlement) -> None:
     row.code, row.message = settlement.code, settlement.message
     if change.state in lifecycle.FINAL:
         row.settled_at = now()
-        ResourceLock.objects.filter(transaction=row, released_at__isnull=True).update(
-            released_at=row.settled_at
-        )
-    row.save()
+    close_transaction(row)
 
 
 @atomic
@@ -304,10 +306,10 @@ def carry_out(
     Effect:
         Records what the person did or will have done; moves nothing by itself.
     """
-    row = lock_operation(operation, lab=lab, targets=targets, actor_id=actor_id)
+    row, states = _lock(operation, lab, targets, actor_id=actor_id)
     outcome = Outcome(kind=OutcomeKind.DONE)
     settlement = Settlement(
         outcome=outcome, verification="assumed", actor_id=actor_id, message=note
     )
-    settle(row.id, settlement)
-    return selectors.find_transaction(row.id)
+    _settle(row, operation, states, settlement)
+    return row

@@ -13,11 +13,12 @@ from typing import Any
 import msgspec
 from django.core.management.base import BaseCommand, CommandError
 
+from labweb.common.bulk import without_collector
 from labweb.crutd.services import check_time_zone, import_lab
 from labweb.domain.errors import Finding, LabError
 from labweb.domain.graph.lab_file.bind import apply_binding
 from labweb.domain.graph.lab_file.bindings import read_binding
-from labweb.domain.graph.lab_file.detect import Format, detect, read_any
+from labweb.domain.graph.lab_file.detect import Document, Format
 from labweb.domain.graph.lab_file.model import LabFile
 from labweb.domain.graph.lab_file.uni_lab_os.report import report
 
@@ -52,15 +53,8 @@ class Command(BaseCommand):
         path: Path = options["file"]
         answer: dict[str, Any] = {"file": path.name, "verdict": "refused", "findings": []}
         try:
-            raw = path.read_bytes()
-            answer["format"] = detect(raw).value
-            lab_file = self._read(raw, path.stem, options["bind"])
-            answer |= _counted(lab_file)
-            check_time_zone(lab_file)
-            if not options["check"]:
-                source = {"file": path.name, "format": answer["format"]}
-                source["sha256"] = hashlib.sha256(raw).hexdigest()
-                import_lab(lab_file, actor=None, source=source)
+            with without_collector():
+                self._bring(path, options, answer)
         except OSError as error:
             raise CommandError(f"cannot read the file: {error}") from error
         except LabError as error:
@@ -70,9 +64,21 @@ class Command(BaseCommand):
         answer["verdict"] = "checked" if options["check"] else "imported"
         self._say(answer, is_json=options["json"])
 
-    def _read(self, raw: bytes, name: str, bind: Path | None) -> LabFile:
-        lab_file = read_any(raw, name)
-        if bind is None and detect(raw) is Format.LABWEB:
+    def _bring(self, path: Path, options: dict[str, Any], answer: dict[str, Any]) -> None:
+        raw = path.read_bytes()
+        document = Document(raw, path.stem)
+        answer["format"] = document.format.value
+        lab_file = self._read(document, options["bind"])
+        answer |= _counted(lab_file)
+        check_time_zone(lab_file)
+        if not options["check"]:
+            source = {"file": path.name, "format": answer["format"]}
+            source["sha256"] = hashlib.sha256(raw).hexdigest()
+            import_lab(lab_file, actor=None, source=source)
+
+    def _read(self, document: Document, bind: Path | None) -> LabFile:
+        lab_file = document.read()
+        if bind is None and document.format is Format.LABWEB:
             return lab_file
         return apply_binding(lab_file, read_binding((bind or DEFAULT_BINDING).read_bytes()))[0]
 

@@ -7,7 +7,7 @@ from enum import StrEnum
 
 from labweb.domain.graph.lab_file.guard import decode_json
 from labweb.domain.graph.lab_file.model import LabFile
-from labweb.domain.graph.lab_file.read import read_lab
+from labweb.domain.graph.lab_file.read import read_decoded
 from labweb.domain.graph.lab_file.uni_lab_os.reader import read_uni_lab_os
 
 
@@ -21,16 +21,39 @@ class Format(StrEnum):
     """Node-link graph of Uni-Lab-OS."""
 
 
+class Document:
+    """A lab file that was decoded once, and whose format is known."""
+
+    def __init__(self, raw: bytes, name: str) -> None:
+        """Decode a file; `name` is used where it has none.
+
+        Raises:
+            LabFileError: The file is no JSON that is read at all.
+        """
+        self._raw, self._name = raw, name
+        self._value = decode_json(raw)
+        value = self._value
+        is_ours = isinstance(value, Mapping) and "schema" in value and "nodes" not in value
+        self.format = Format.LABWEB if is_ours else Format.UNI_LAB_OS
+
+    def read(self) -> LabFile:
+        """Read it by the reader that should take it, or says best why it cannot.
+
+        Raises:
+            LabFileError: As the reader of its format.
+        """
+        if self.format is Format.LABWEB:
+            return read_decoded(self._value)
+        return read_uni_lab_os(self._raw, self._name)
+
+
 def detect(raw: bytes) -> Format:
     """Choose the format whose reader should take the file, or say best why it cannot.
 
     Raises:
         LabFileError: The file is no JSON that is read at all.
     """
-    value = decode_json(raw)
-    if isinstance(value, Mapping) and "schema" in value and "nodes" not in value:
-        return Format.LABWEB
-    return Format.UNI_LAB_OS
+    return Document(raw, "").format
 
 
 def read_any(raw: bytes, name: str) -> LabFile:
@@ -39,6 +62,4 @@ def read_any(raw: bytes, name: str) -> LabFile:
     Raises:
         LabFileError: As the reader of its format.
     """
-    if detect(raw) is Format.LABWEB:
-        return read_lab(raw)
-    return read_uni_lab_os(raw, name)
+    return Document(raw, name).read()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from collections.abc import Iterator
 
 from labweb.domain.errors import Finding, LabFileError
 
@@ -78,7 +79,8 @@ def decode_json(raw: bytes, max_depth: int = MAX_DEPTH) -> object:
         ) from error
     except RecursionError as error:
         raise _too_deep(max_depth) from error
-    _check_values(value, max_depth)
+    # Raw text holds neither NULs nor halves of pairs: only escapes bring them in.
+    _check_values(value, max_depth, may_hide_text="\\u" in text)
     return value
 
 
@@ -117,20 +119,26 @@ def _too_deep(max_depth: int) -> LabFileError:
     return refuse("lab_file.depth", f"the file is nested deeper than {max_depth} levels")
 
 
-def _check_values(value: object, max_depth: int) -> None:
-    stack: list[tuple[object, int]] = [(value, 1)]
-    while stack:
-        current, depth = stack.pop()
-        if isinstance(current, str):
-            _check_text(current)
-        elif isinstance(current, dict | list):
-            if depth > max_depth:
-                raise _too_deep(max_depth)
-            if isinstance(current, dict):
-                stack.extend((key, depth) for key in current)
-                stack.extend((part, depth + 1) for part in current.values())
-            else:
-                stack.extend((part, depth + 1) for part in current)
+def _check_values(value: object, max_depth: int, *, may_hide_text: bool) -> None:
+    level, depth = [value], 0
+    while level:
+        boxes = [part for part in level if isinstance(part, dict | list)]
+        depth += bool(boxes)
+        if depth > max_depth:
+            raise _too_deep(max_depth)
+        if may_hide_text:
+            for text in _texts(level):
+                _check_text(text)
+        level = [part for box in boxes for part in (box.values() if isinstance(box, dict) else box)]
+
+
+def _texts(values: list[object]) -> Iterator[str]:
+    """Yield the texts among the values, and the keys of the objects among them."""
+    for value in values:
+        if isinstance(value, str):
+            yield value
+        elif isinstance(value, dict):
+            yield from value
 
 
 def _check_text(text: str) -> None:

@@ -59,7 +59,11 @@ def read_lab(raw: bytes) -> LabFile:
         LabFileError: Its findings list everything that is wrong, by entry and field.
             Nothing of the file may be used.
     """
-    value = decode_json(raw)
+    return read_decoded(decode_json(raw))
+
+
+def read_decoded(value: object) -> LabFile:
+    """Read what `decode_json` made of a lab file, in the same way."""
     if not isinstance(value, Mapping) or value.get("schema") != SCHEMA:
         raise refuse(
             "lab_file.schema", f'the file does not begin with "schema": "{SCHEMA}"', "schema"

@@ -12,7 +12,7 @@ from django.core.management.base import BaseCommand, CommandError
 from labweb.domain.errors import LabError
 from labweb.domain.graph.lab_file.bind import apply_binding
 from labweb.domain.graph.lab_file.bindings import read_binding
-from labweb.domain.graph.lab_file.detect import Format, detect, read_any
+from labweb.domain.graph.lab_file.detect import Document, Format
 from labweb.domain.graph.lab_file.model import LabFile
 from labweb.runs.services.seed import seed
 
@@ -52,8 +52,9 @@ class Command(BaseCommand):
 
     def _read(self, path: Path, bind: Path | None) -> LabFile:
         raw = path.read_bytes()
-        lab_file = read_any(raw, path.stem)
-        if detect(raw) is Format.LABWEB:
+        document = Document(raw, path.stem)
+        lab_file = document.read()
+        if document.format is Format.LABWEB:
             return lab_file
         binding = read_binding((bind or DEFAULT_BINDING).read_bytes())
         bound, notes = apply_binding(lab_file, binding)

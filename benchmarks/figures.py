@@ -1,0 +1,91 @@
+"""What a benchmark says: figures beside their limits, and the machine they were taken on."""
+
+from __future__ import annotations
+
+import os
+import platform
+import sys
+import time
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Options:
+    """What may be chosen on the command line."""
+
+    size: int | None = None
+    """How many; None is the number of the limit."""
+
+    graph: Path | None = None
+    """A published graph to import; None: none is at hand."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Figure:
+    """One number; without a limit it is there to be compared with."""
+
+    name: str
+    value: float
+    unit: str
+    limit: float | None = None
+    is_floor: bool = False
+    """The limit is the least that will do, and not the most."""
+
+    @property
+    def is_kept(self) -> bool:
+        """Tell whether the limit holds."""
+        if self.limit is None:
+            return True
+        return self.value >= self.limit if self.is_floor else self.value <= self.limit
+
+    def render(self) -> str:
+        """Return one line of the report."""
+        line = f"  {self.name:<58}{_short(self.value):>10} {self.unit:<5}"
+        if self.limit is None:
+            return line.rstrip()
+        sign = "≥" if self.is_floor else "≤"
+        verdict = "" if self.is_kept else "   BROKEN"
+        return f"{line} {sign} {_short(self.limit)} {self.unit}{verdict}".rstrip()
+
+
+def _short(value: float) -> str:
+    if value == int(value) or value >= 1000:
+        return f"{value:,.0f}".replace(",", " ")
+    return f"{value:.2f}" if value < 100 else f"{value:.0f}"
+
+
+def report(name: str, figures: Iterable[Figure]) -> int:
+    """Print figures as they come; return 1 when a limit is broken."""
+    sys.stdout.write(f"{name}   {machine()}\n")
+    broken = 0
+    for figure in figures:
+        sys.stdout.write(f"{figure.render()}\n")
+        sys.stdout.flush()
+        broken += not figure.is_kept
+    sys.stdout.write(f"  load of the machine at the end: {os.getloadavg()[0]:.1f}\n")
+    return 1 if broken else 0
+
+
+def machine() -> str:
+    """Name the machine, and how busy others kept it in the last minute."""
+    memory = Path("/proc/meminfo").read_text(encoding="ascii").split()[1]
+    return (
+        f"{platform.system()} {platform.machine()}, {os.cpu_count()} cores, "
+        f"{int(memory) / 2**20:.0f} GiB, Python {platform.python_version()}, "
+        f"load {os.getloadavg()[0]:.1f}"
+    )
+
+
+def timed(act: Callable[[], object]) -> float:
+    """Return how long an act takes, s."""
+    begun_s = time.perf_counter()
+    act()
+    return time.perf_counter() - begun_s
+
+
+def p95_ms(times_s: Sequence[float]) -> float:
+    """Return what 95 of a hundred times do not exceed, ms."""
+    ordered = sorted(times_s)
+    return ordered[max(0, -(-len(ordered) * 95 // 100) - 1)] * 1e3
