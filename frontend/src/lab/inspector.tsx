@@ -47,6 +47,11 @@ function Details(props: { resource: Resource; isShort: boolean; ask: StockAsked 
             {words.tree.lineage}
           </Link>
         )}
+        {ask && (
+          <Link className="btn" to={`/files?resource=${resource.id}`} data-testid="files-link">
+            {words.nav.files}
+          </Link>
+        )}
         {ask && hasStock && <TakeStock key={resource.id} resource={resource} ask={ask} />}
       </header>
       {resource.is_quarantined && (

@@ -8,6 +8,7 @@ export const words = {
     approvals: "Approvals",
     twin: "Twin",
     devices: "Devices",
+    files: "Files",
     lab: "Lab",
     admin: "Admin",
     more: "More",

@@ -8,6 +8,7 @@ from labweb.domain.crutd.provenance.facts import (
     DecisionFact,
     FileFact,
     JobFact,
+    MeasurementFact,
     Record,
     RunFact,
     TransactionFact,
@@ -31,6 +32,8 @@ def governed(record: Record, known: Collection[str]) -> tuple[list[Node], list[R
         found.job(job)
     for transaction in record.transactions:
         found.borne(transaction)
+    for measurement in record.measurements:
+        found.measured(measurement)
     for file in record.files:
         found.file(file)
     return list(found.nodes.values()), found.relations
@@ -172,15 +175,27 @@ class _Governed:
         if reading in self._known:
             self._bind(Bond.ATTRIBUTED, reading, device)
 
+    def measured(self, fact: MeasurementFact) -> None:
+        """Bind a measurement to its job, its device, and the person who brought the file."""
+        name = f"measurement/{fact.id}"
+        if fact.job_id in self._jobs:
+            self._bind(Bond.INFORMED, name, f"job/{fact.job_id}")
+        device = self._device(fact.device_id)
+        self._bind(Bond.ASSOCIATED, name, device)
+        self._bind(Bond.ATTRIBUTED, f"file/{fact.id}", device)
+        self._bind(Bond.ASSOCIATED, name, self._person(fact.kept_by_id), role="keeper")
+
     def file(self, file: FileFact) -> None:
-        """Add a file that a run left."""
+        """Add a file that a run left; a kept one goes by where it lies."""
+        name = f"file/{file.id or file.sha256}"
+        is_known = name in self._known
         entity = self._entity(
-            f"file/{file.sha256}",
+            name,
             "file",
             file.name,
             media_type=file.media_type,
             size_bytes=file.size_bytes,
             sha256=file.sha256,
         )
-        if file.run_id in self._runs:
+        if file.run_id in self._runs and not is_known:
             self._bind(Bond.GENERATED, entity, f"run/{file.run_id}")
