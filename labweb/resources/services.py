@@ -10,7 +10,7 @@ from django.db import connection
 from django.db.models import F
 
 from labweb.common.clock import now
-from labweb.domain.crutd.operations import Create, Receive
+from labweb.domain.crutd.operations import Create, React, Receive
 from labweb.domain.errors import StateError
 from labweb.domain.resources.kinds import KINDS
 from labweb.resources.models import Connection, Lab, Lot, Material, Resource
@@ -85,6 +85,24 @@ def create_lot(receive: Receive, lab: Lab) -> None:
         purity=receive.purity,
         phase=receive.phase.value,
         position=Lot.objects.filter(lab=lab).count(),
+    )
+
+
+def create_products(react: React, lab: Lab) -> None:
+    """Write the lots that a reaction made."""
+    position = Lot.objects.filter(lab=lab).count()
+    Lot.objects.bulk_create(
+        Lot(
+            id=product.lot_id,
+            lab=lab,
+            key=product.key,
+            material_id=product.material_id,
+            number=product.number,
+            purity=product.purity,
+            phase=product.phase.value,
+            position=position + place,
+        )
+        for place, product in enumerate(react.products)
     )
 
 

@@ -54,6 +54,9 @@ class MaterialState:
     incompatible_with: frozenset[str] = frozenset()
     """Keys of materials and names of groups."""
 
+    density_mg_ul: float | None = None
+    """None: nobody stated it."""
+
     def is_incompatible_with(self, other: MaterialState) -> bool:
         """Tell whether one of the two lists the other, by its key or by a group of it."""
         return bool(
@@ -85,6 +88,12 @@ class Facts:
 
     material: MaterialState | None = None
     """The one that a delivery is of; None: there is none of that id."""
+
+    materials: Mapping[UUID, MaterialState] = field(default_factory=dict)
+    """Those that the products of a reaction are of."""
+
+    taken_lots: frozenset[UUID] = frozenset()
+    """Products whose id or key belongs to a lot already."""
 
     is_known_delivery: bool = False
     """A lot of this id or key, or of this material, supplier and number, was received."""

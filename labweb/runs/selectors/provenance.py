@@ -19,7 +19,7 @@ from labweb.domain.crutd.provenance.facts import (
     RunFact,
     TransactionFact,
 )
-from labweb.domain.crutd.provenance.flows import Flow, is_nominal
+from labweb.domain.crutd.provenance.flows import Flow, is_nominal, is_reaction
 from labweb.domain.crutd.provenance.graph import Graph
 from labweb.domain.crutd.provenance.lineage import Limits, Trace, trace_flows
 from labweb.domain.resources.kinds import is_vessel
@@ -105,13 +105,16 @@ def of_resource(resource: Resource, *, direction: str, depth: int) -> Provenance
 
 
 def of_lot(lot: Lot, *, direction: str, depth: int) -> Provenance:
-    """Return what was made from a lot; up, only how it came into the lab."""
+    """Return what was made from a lot; up, how it came into the lab, or what it was made of."""
     receipts = lineage.receipts_of(lot.id)
-    if direction == "up":
-        trace = Trace(flows=tuple(receipts))
-    else:
-        trace = trace_flows(receipts, lineage.history, _limits(depth), forward=True)
-    return _answer(_Seeds(root=f"lot/{lot.id}", lab=lot.lab, traces=[trace], lots=[str(lot.id)]))
+    traces = [Trace(flows=tuple(receipts))]
+    if direction != "down":
+        made = [UUID(flow.activity) for flow in receipts if is_reaction(flow.source)]
+        consumed = [flow for flow in lineage.flows_of(made) if is_reaction(flow.target)]
+        traces.append(trace_flows(consumed, lineage.history, _limits(depth), forward=False))
+    if direction != "up":
+        traces.append(trace_flows(receipts, lineage.history, _limits(depth), forward=True))
+    return _answer(_Seeds(root=f"lot/{lot.id}", lab=lot.lab, traces=traces, lots=[str(lot.id)]))
 
 
 def of_run(run: Run, *, direction: str, depth: int, files: Sequence[FileFact] = ()) -> Provenance:
@@ -155,7 +158,7 @@ def _file_seeds(row: File, root: str, *, direction: str, depth: int) -> _Seeds:
     if direction == "down":
         named = [] if resource is None else [str(resource)]
         return _Seeds(root=root, lab=row.lab, traces=[], resources=named, measured=[row.pk])
-    jobs = list(Job.objects.filter(pk=row.job_id))
+    jobs = [] if row.job_id is None else list(Job.objects.filter(pk=row.job_id))
     held = {UUID(node) for job in jobs for node in job.locks} if resource is None else {resource}
     kinds = dict(resource_selectors.rows(held).values_list("id", "kind"))
     vessels = sorted(node for node, kind in kinds.items() if is_vessel(kind))

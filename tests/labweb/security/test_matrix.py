@@ -68,6 +68,7 @@ API: dict[tuple[str, str], tuple[tuple[str, ...], Any]] = {
     ("GET", "resources/<resource>/lineage"): (MEMBERS, None),
     ("GET", "resources/<resource>/provenance"): (MEMBERS, None),
     ("GET", "resources/<resource>/stock"): (MEMBERS, None),
+    ("GET", "resources/<resource>/reaction"): (MEMBERS, None),
     ("GET", "tickets/<ticket>"): (MEMBERS, None),
     ("POST", "tickets/<ticket>/close"): (WORKERS, {"reason": "looked"}),
     ("GET", "resources/<resource>/conditions?device=<device>"): (MEMBERS, None),

@@ -163,7 +163,9 @@ class _Builder:
         if is_reaction(flow.source):
             for lot in lots:
                 self._bind(Bond.GENERATED, lot, name, role="product", at=fact.ended_at)
-            return []
+                for reactant in self._reactants(fact.id):
+                    self._bind(Bond.DERIVED, lot, reactant)
+            return lots
         if is_nominal(flow.source):
             for lot in lots:
                 self._bind(Bond.USED, name, lot, role="received", at=fact.started_at)
@@ -175,6 +177,11 @@ class _Builder:
         state = self._state(fact, flow.source, after)
         self._bind(Bond.GENERATED, state, name, role="source", at=fact.ended_at)
         return [used]
+
+    def _reactants(self, activity: str) -> list[str]:
+        flows = (flow for flow in self._flows[activity] if is_reaction(flow.target))
+        lots = {f"lot/{lot}" for flow in flows for lot in flow.lots}
+        return sorted(lots & self.nodes.keys())
 
     def _state(self, fact: TransactionFact, resource: str, after: dict[str, str]) -> str:
         """Add the state that a transaction leaves a resource in; once per transaction."""
@@ -267,8 +274,8 @@ def _named(operation: Mapping[str, Any]) -> list[str]:
 
 
 def _created(fact: TransactionFact) -> list[str]:
-    created = fact.change.get("created") or [fact.operation]
-    return [str(entry.get("resource_id", "")) for entry in created]
+    told = fact.change.get("created") or [fact.operation.get("resource_id", "")]
+    return [str(resource) for resource in told]
 
 
 def reported(job: JobFact) -> dict[str, Fact]:
