@@ -217,9 +217,8 @@ def _settle_reacted(operation: React, snapshot: Snapshot, outcome: Outcome) -> C
     state = snapshot[operation.resource_id]
     for share in operation.reactants:
         lot = LotId(str(share.lot_id))
-        if share.amount_nl > state.contents.get(lot, 0) or share.amount_ug > state.masses.get(
-            lot, 0
-        ):
+        is_less = share.amount_ug > state.masses.get(lot, 0) and state.knows_masses
+        if share.amount_nl > state.contents.get(lot, 0) or is_less:
             raise StateError(
                 f"more of lot {lot} reacted than {state.name} held", code="crutd.contradiction"
             )

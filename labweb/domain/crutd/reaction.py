@@ -59,6 +59,8 @@ def _check_share(share: Share, state: ResourceState, facts: Facts | None) -> Ite
     lot = LotId(str(share.lot_id))
     context = {"lot_id": lot, "resource_id": str(state.id)}
     is_liquid = lot in state.contents
+    if not is_liquid and share.amount_ug and not state.knows_masses:
+        return
     if not is_liquid and lot not in state.masses:
         text = f"{state.name} holds nothing of lot {_name(lot, facts)}"
         yield Finding("crutd.no_lot", text, state.name, context)
@@ -116,7 +118,7 @@ def _check_products_fit(operation: React, state: ResourceState) -> Iterator[Find
     mass = sum(p.amount_ug for p in operation.products if p.phase is not Phase.LIQUID)
     if liquid:
         yield from check_room(left, liquid, Phase.LIQUID)
-    if mass:
+    if mass and state.knows_masses:
         yield from check_room(left, mass, Phase.SOLID)
 
 

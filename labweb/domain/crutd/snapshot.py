@@ -25,6 +25,9 @@ class ResourceState:
     masses: Contents = field(default_factory=dict)
     """Micrograms by lot: solids and gases."""
 
+    knows_masses: bool = True
+    """False for an edge host, which keeps no record of solids and gases."""
+
     capacity_nl: int | None = None
     """None: nobody stated it, so nothing may be poured in."""
 

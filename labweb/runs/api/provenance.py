@@ -130,6 +130,7 @@ class Conditions(APIView):
         )
         _hide_acts(request, found)
         _hide_files(device.lab, seen, found)
+        _hide_surroundings(device.lab, seen, found)
         return Response(found)
 
 
@@ -140,6 +141,19 @@ def _hide_acts(request: Request, found: dict[str, Any]) -> None:
         known = shown.shown_runs(runs, user_of(request))
         for stay in found["stays"]:
             stay["acts"] = [act for act in stay["acts"] if act["run_id"] in known]
+
+
+def _hide_surroundings(lab: Lab, seen: set[UUID], found: dict[str, Any]) -> None:
+    """Leave out the readings of devices that the caller may not know of."""
+    known = {str(row.pk) for row in enrollment_selectors.visible_devices(lab, seen)}
+    for act in (act for stay in found["stays"] for act in stay["acts"]):
+        act["contexts"] = {
+            moment: {
+                **context,
+                "environment": [r for r in context["environment"] if r["device_id"] in known],
+            }
+            for moment, context in act["contexts"].items()
+        }
 
 
 def _hide_files(lab: Lab, seen: set[UUID], found: dict[str, Any]) -> None:

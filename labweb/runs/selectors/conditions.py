@@ -72,6 +72,7 @@ def _stay(
                 "ended_at": job.ended_at or None,
                 "driver_digest": job.driver_digest,
                 "reported": reported(job),
+                "contexts": dict(job.contexts),
             }
             for job in governed.job_facts(jobs[:MOST_JOBS])
         ],

@@ -38,6 +38,11 @@ def seen_by(found: Provenance, seen: Collection[UUID]) -> Graph:
     hidden |= {f"decision/{fact.id}" for fact in record.decisions if fact.run_id not in runs}
     devices = enrollment_selectors.visible_devices(found.lab, seen)
     known = {str(device.pk) for device in devices}
+    for job in record.jobs:
+        for moment, context in job.contexts.items():
+            told = {reading["device_id"] for reading in context["environment"]}
+            if job.id in jobs or not told <= known:
+                hidden.add(f"surroundings/{job.id}/{moment}")
     for measurement in record.measurements:
         if not _is_about(measurement, shown, known):
             hidden |= {f"measurement/{measurement.id}", f"file/{measurement.id}"}

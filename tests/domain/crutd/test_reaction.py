@@ -203,3 +203,11 @@ def test_what_is_declared_whole_is_accepted_and_one_milligram_off_is_not(
     assert codes(right) == []
     wrong = msgspec.structs.replace(right, residue_ug=right.residue_ug + 1_000)
     assert codes(wrong) == ["crutd.mass_not_conserved"]
+
+
+def test_an_edge_host_that_keeps_no_solids_settles_the_same() -> None:
+    known = {FLASK: replace(FLASK_STATE, masses={}, capacity_ug=None, knows_masses=False)}
+    assert check(REACTION, known, None) == []
+    here = settle(REACTION, known, Outcome(kind=OutcomeKind.DONE))
+    there = settle(REACTION, {FLASK: FLASK_STATE}, Outcome(kind=OutcomeKind.DONE))
+    assert here.to_json() == there.to_json()

@@ -49,6 +49,9 @@ class JobFact:
     ended_at: str = ""
     worker_pid: int | None = None
     report: Mapping[str, Any] = field(default_factory=dict)
+    contexts: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    """By `started` and `actuated`: versions and readings of that moment."""
+
     resolved_by: str = ""
     """Person who said what had happened."""
 
