@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import zoneinfo
 from collections.abc import Iterator
+from dataclasses import dataclass
 
 from django.db.transaction import atomic
 from django.utils.text import slugify
@@ -54,15 +55,31 @@ def import_lab(lab_file: LabFile, *, actor: User | None, source: dict[str, str])
         source=source,
         extra=file_extra(lab_file),
     )
-    resource_services.create_rows(
+    rows = rows_of(lab, lab_file)
+    resource_services.create_rows(rows.resources, rows.connections, rows.materials, rows.lots)
+    _receive(lab, lab_file, actor)
+    account_services.write_audit("lab.import", str(lab.id), actor=actor, detail=source)
+    return lab
+
+
+@dataclass(frozen=True, slots=True)
+class Rows:
+    """What a lab file becomes in the tables; not written yet."""
+
+    resources: list[Resource]
+    connections: list[Connection]
+    materials: list[Material]
+    lots: list[Lot]
+
+
+def rows_of(lab: Lab, lab_file: LabFile) -> Rows:
+    """Return the rows of a lab file, each after what it refers to."""
+    return Rows(
         list(_resources(lab, lab_file)),
         list(_connections(lab, lab_file)),
         list(_materials(lab, lab_file)),
         list(_lots(lab, lab_file)),
     )
-    _receive(lab, lab_file, actor)
-    account_services.write_audit("lab.import", str(lab.id), actor=actor, detail=source)
-    return lab
 
 
 def check_time_zone(lab_file: LabFile) -> None:
