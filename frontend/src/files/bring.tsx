@@ -63,14 +63,7 @@ function BringForm({ about, onClose }: { about: About; onClose: () => void }) {
         <DeviceField value={device} onChange={setDevice} />
       )}
       <ResourceField value={resource} onChange={setResource} />
-      {send.isPending && (
-        <p className="sending" role="status" data-testid="upload-progress">
-          <Progress share={share} />
-          <span className="num">
-            {share < 1 ? `${Math.round(share * 100)} %` : words.form.reading}
-          </span>
-        </p>
-      )}
+      {send.isPending && <Sending share={share} />}
       <RefusedByRow error={send.error} />
       <div className="acts">
         <Button onClick={onClose} large>
@@ -88,6 +81,15 @@ function BringForm({ about, onClose }: { about: About; onClose: () => void }) {
         </Button>
       </div>
     </form>
+  );
+}
+
+function Sending({ share }: { share: number }) {
+  return (
+    <p className="sending" role="status" data-testid="upload-progress">
+      <Progress share={share} />
+      <span className="num">{share < 1 ? `${Math.round(share * 100)} %` : words.form.reading}</span>
+    </p>
   );
 }
 

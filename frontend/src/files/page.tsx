@@ -197,46 +197,7 @@ function AboutCard({ file }: { file: FileDetail }) {
   return (
     <Card title={words.detail.about}>
       <dl className="kv inset">
-        {file.resource && (
-          <>
-            <dt>Sample</dt>
-            <dd>
-              <Link className="link" to={`/lab?sel=${file.resource.id}`} data-testid="to-sample">
-                {file.resource.name}
-              </Link>
-            </dd>
-            <dt>Lineage</dt>
-            <dd>
-              <Link className="link" to={`/lineage/${file.resource.id}`}>
-                What led to it
-              </Link>
-            </dd>
-          </>
-        )}
-        {file.device && (
-          <>
-            <dt>Device</dt>
-            <dd>
-              <Link className="link" to={`/devices/${file.device.id}`}>
-                {file.device.name}
-              </Link>
-            </dd>
-          </>
-        )}
-        {file.job && (
-          <>
-            <dt>Run</dt>
-            <dd>
-              <Link
-                className="link"
-                to={`/runs/${file.job.run.id}?job=${file.job.id}`}
-                data-testid="to-run"
-              >
-                #{file.job.run.number}: {file.job.sentence}
-              </Link>
-            </dd>
-          </>
-        )}
+        <Links file={file} />
         <dt>Read as</dt>
         <dd>{formatLabel(file.format)}</dd>
         <dt>Size</dt>
@@ -254,6 +215,54 @@ function AboutCard({ file }: { file: FileDetail }) {
         ))}
       </dl>
     </Card>
+  );
+}
+
+/** Sample, device and run, as far as the reader may know of them. */
+function Links({ file }: { file: FileDetail }) {
+  return (
+    <>
+      {file.resource && (
+        <>
+          <dt>Sample</dt>
+          <dd>
+            <Link className="link" to={`/lab?sel=${file.resource.id}`} data-testid="to-sample">
+              {file.resource.name}
+            </Link>
+          </dd>
+          <dt>Lineage</dt>
+          <dd>
+            <Link className="link" to={`/lineage/${file.resource.id}`}>
+              What led to it
+            </Link>
+          </dd>
+        </>
+      )}
+      {file.device && (
+        <>
+          <dt>Device</dt>
+          <dd>
+            <Link className="link" to={`/devices/${file.device.id}`}>
+              {file.device.name}
+            </Link>
+          </dd>
+        </>
+      )}
+      {file.job && (
+        <>
+          <dt>Run</dt>
+          <dd>
+            <Link
+              className="link"
+              to={`/runs/${file.job.run.id}?job=${file.job.id}`}
+              data-testid="to-run"
+            >
+              #{file.job.run.number}: {file.job.sentence}
+            </Link>
+          </dd>
+        </>
+      )}
+    </>
   );
 }
 
