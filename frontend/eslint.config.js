@@ -15,7 +15,7 @@ const forbid = (folders, packages = []) => ({
   ],
 });
 
-const screens = ["lab", "runs", "approvals", "devices"];
+const screens = ["lab", "runs", "approvals", "devices", "files"];
 
 export default tseslint.config(
   { ignores: ["node_modules", "dist"] },
@@ -57,7 +57,7 @@ export default tseslint.config(
     files: [`src/${screen}/**`],
     rules: forbid(screens.filter((other) => other !== screen && other !== "lab")),
   })),
-  ...["runs", "approvals", "devices"].map((screen) => ({
+  ...["runs", "approvals", "devices", "files"].map((screen) => ({
     files: [`src/${screen}/**`],
     rules: forbid(screens.filter((other) => other !== screen)),
   })),

@@ -16,6 +16,7 @@ from labweb.domain.ports import Clock
 from labweb.domain.runs import acting, edge
 from labweb.domain.runs.acting import Started
 from labweb.domain.runs.bodies import plain, report_from
+from labweb.domain.runs.context import context_body
 from labweb.domain.runs.edge import ActionState, Answer, Report
 from labweb.domain.runs.journal import ActionRow, JournalError
 from workers import execute, faults
@@ -120,6 +121,7 @@ class Executor:
             driver_digest=unit.config.digest,
             prestate=plain(prestate_body(before)),
             judged=judged,
+            context=self._context(unit),
         )
         faults.point("execute.before_started")
         with self._journal.write() as tx:
@@ -174,7 +176,8 @@ class Executor:
                 raise HungDriverError(unit.config.key)
             unit.check_link()
             return
-        self._persist(lambda: self._write_actuated(row, acted.report))
+        context = self._context(unit)
+        self._persist(lambda: self._write_actuated(row, acted.report, context))
         faults.point("execute.after_actuated")
         self._confirm(row, do, acted.report, before)
 
@@ -182,9 +185,15 @@ class Executor:
         row = self._journal.action(action_id)
         return row is not None and row.is_cancel_wanted
 
-    def _write_actuated(self, row: ActionRow, report: Report) -> None:
+    def _write_actuated(self, row: ActionRow, report: Report, context: dict[str, Any]) -> None:
         with self._journal.write() as tx:
-            acting.write_actuated(tx, row, report)
+            acting.write_actuated(tx, row, report, context)
+
+    def _context(self, unit: Unit) -> dict[str, Any]:
+        """Return versions of what acts, and the latest readings of the host with their age."""
+        devices = [device.id for device in self._journal.devices()]
+        readings = self._reader.latest(devices)
+        return context_body(unit.config.digest, unit.config.config, readings)
 
     def _confirm(
         self,

@@ -71,6 +71,16 @@ class Reader:
                 return None
             self._clock.wait(POLL_S)
 
+    def latest(self, devices: Iterable[UUID]) -> list[tuple[str, str, Any, float]]:
+        """Return (device, status, value, age in seconds) of the last samples; asks no device."""
+        if self._store is None:
+            return []
+        now_s = self._clock.monotonic_s()
+        return [
+            (sample.device_id, sample.status, sample.value, now_s - sample.mono_s)
+            for sample in self._store.latest_of(devices)
+        ]
+
     def _value(self, device_id: UUID, status: str) -> Any:  # noqa: ANN401 - any JSON value
         unit = self._units.get(device_id)
         if unit is not None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any, cast
 from uuid import UUID
@@ -76,6 +76,17 @@ class Store:
         except RedisError:
             return None
         return None if found is None else msgspec.json.decode(cast("bytes", found), type=Sample)
+
+    def latest_of(self, device_ids: Iterable[UUID]) -> list[Sample]:
+        """Return the last value of every status of devices; one exchange."""
+        pipe = self._redis.pipeline(transaction=False)
+        for device_id in device_ids:
+            pipe.hvals(_latest(str(device_id)))
+        try:
+            found = cast("list[list[bytes]]", pipe.execute())
+        except RedisError:
+            return []
+        return [msgspec.json.decode(raw, type=Sample) for values in found for raw in values]
 
     def batches(self, after: str, *, wait_s: float) -> list[Batch]:
         """Return the batches after that key, waiting for the first; `$` means from here on."""

@@ -30,6 +30,8 @@ const pages: RouteObject[] = [
   page("twin", async () => ({ Component: (await import("@/lab/twin")).TwinPage })),
   page("devices", async () => ({ Component: (await import("@/devices/list")).DevicesPage })),
   page("devices/:id", async () => ({ Component: (await import("@/devices/page")).DevicePage })),
+  page("files", async () => ({ Component: (await import("@/files/list")).FilesPage })),
+  page("files/:id", async () => ({ Component: (await import("@/files/page")).FilePage })),
   page("lab", async () => ({ Component: (await import("@/lab/page")).LabPage })),
   page("lineage/:id", async () => ({ Component: (await import("@/lab/lineage")).LineagePage })),
   { path: "*", Component: NotFoundPage },

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Sequence
 from uuid import UUID
 
 from django.db import connection
@@ -11,7 +11,7 @@ from django.db.models import Q, QuerySet
 from labweb.accounts import selectors as account_selectors
 from labweb.accounts.selectors import User
 from labweb.domain.approvals.roles import Permission
-from labweb.domain.crutd.operations import Receive
+from labweb.domain.crutd.operations import Product, Receive
 from labweb.domain.errors import ForbiddenError, NotFoundError
 from labweb.domain.graph.topology import Connection as ConnectionData
 from labweb.domain.graph.topology import Medium, PhysicalGraph, PortRef
@@ -350,6 +350,18 @@ def is_known_delivery(lab: Lab, receive: Receive) -> bool:
     if receive.number:
         same |= Q(material_id=receive.material_id, supplier=receive.supplier, number=receive.number)
     return Lot.objects.filter(same).exists()
+
+
+def taken_lots(lab: Lab, products: Sequence[Product]) -> frozenset[UUID]:
+    """Return the ids of those products of which a lot has the id, or in the lab the key."""
+    ids, keys = [one.lot_id for one in products], [one.key for one in products]
+    rows = Lot.objects.filter(Q(pk__in=ids) | Q(lab=lab, key__in=keys)).values_list("pk", "key")
+    found = set(rows)
+    return frozenset(
+        one.lot_id
+        for one in products
+        if any(one.lot_id == pk or one.key == key for pk, key in found)
+    )
 
 
 def is_taken(lab: Lab, resource_id: UUID, key: str) -> bool:

@@ -8,9 +8,11 @@ from typing import Any
 from uuid import UUID
 
 from django.db import connection
+from django.db.models import CharField, Value
+from django.db.models.functions import Cast, Concat
 
 from labweb.common.clock import now
-from labweb.domain.crutd.operations import Create, Receive
+from labweb.domain.crutd.operations import Create, Operation, React, Receive
 from labweb.domain.errors import StateError
 from labweb.domain.resources.kinds import KINDS
 from labweb.domain.resources.node import Resource as ResourceData
@@ -132,6 +134,62 @@ def create_lot(receive: Receive, lab: Lab) -> None:
         purity=receive.purity,
         phase=receive.phase.value,
         position=Lot.objects.filter(lab=lab).count(),
+    )
+
+
+_REPLAYED = (
+    "parent", "key", "name", "kind", "nature", "position", "config", "data", "pose", "rev",
+    "quarantined_by", "is_archived",
+)  # fmt: skip
+"""Fields of a resource that events tell of."""
+
+
+def rewrite(
+    lab: Lab,
+    nodes: Sequence[Resource],
+    connections: Sequence[Connection],
+    materials: Sequence[Material],
+    lots: Sequence[Lot],
+) -> None:
+    """Write resources as they are told, parents first, and what is gone of the rest."""
+    missing = {row.pk for row in nodes} - set(
+        Resource.objects.filter(lab=lab).values_list("pk", flat=True)
+    )
+    # A key may have gone to another node since: what is there gives its own up first.
+    known = Resource.objects.filter(lab=lab)
+    known.update(key=Concat(Value("rebuild "), Cast("pk", CharField())))
+    Resource.objects.bulk_create([row for row in nodes if row.pk in missing])
+    Resource.objects.bulk_update([row for row in nodes if row.pk not in missing], _REPLAYED)
+    Material.objects.bulk_create(materials, ignore_conflicts=True)
+    Lot.objects.bulk_create(lots, ignore_conflicts=True)
+    Connection.objects.bulk_create(connections, ignore_conflicts=True)
+
+
+def rewrite_lots(operation: Operation, lab: Lab) -> None:
+    """Write the lots that a delivery or a reaction brought, where they are gone."""
+    if isinstance(operation, Receive) and not Lot.objects.filter(pk=operation.lot_id).exists():
+        create_lot(operation, lab)
+    if isinstance(operation, React):
+        ids = [product.lot_id for product in operation.products]
+        if Lot.objects.filter(pk__in=ids).count() < len(ids):
+            create_products(operation, lab)
+
+
+def create_products(react: React, lab: Lab) -> None:
+    """Write the lots that a reaction made."""
+    position = Lot.objects.filter(lab=lab).count()
+    Lot.objects.bulk_create(
+        Lot(
+            id=product.lot_id,
+            lab=lab,
+            key=product.key,
+            material_id=product.material_id,
+            number=product.number,
+            purity=product.purity,
+            phase=product.phase.value,
+            position=position + place,
+        )
+        for place, product in enumerate(react.products)
     )
 
 

@@ -53,6 +53,7 @@ def addresses(stack: Stack) -> dict[str, tuple[str, str]]:
         "twin": ("twin", LIVE_TWIN),
         "devices": ("devices", "[data-testid=device-row]"),
         "device": (f"devices/{device['id']}", "[data-testid=device]"),
+        "files": ("files", "[data-testid=files]"),
         "lab": (f"lab?sel={keys['reactor_1']}", "[data-testid=resource]"),
         "lineage": (f"lineage/{keys['reactor_1']}", "[data-testid=lineage]"),
         "missing": ("no/such/page", "[data-testid=not-found]"),

@@ -276,3 +276,72 @@ def test_a_row_whose_text_was_changed_in_the_journal_never_starts(
         executor.drain()
     assert host.last(do.action_id)["code"] == "edge.bad_signature"
     assert pump.moves == []
+
+
+def test_start_and_answer_keep_versions_and_readings_with_their_age(
+    host: Host, store: Store
+) -> None:
+    sample = Sample(str(DEVICE_ID), "volume_ul", 0.0, time.monotonic() - 2.0, 12.5)
+    store.put("line", [sample], 1)
+    action_id = run(host, store)
+    bodies = {one.kind: one.body for one in host.events() if one.action_id == action_id}
+    for kind in ("started", "actuated"):
+        context = bodies[kind]["context"]
+        assert context["driver_digest"] == host.device.digest
+        assert len(context["config_digest"]) == 64
+        (reading,) = context["environment"]
+        assert (reading["device_id"], reading["value"]) == (str(DEVICE_ID), 12.5)
+        assert 2.0 <= reading["age_s"] < 60.0
+
+
+def test_a_lost_store_stops_no_action(host: Host) -> None:
+    action_id = run(host, Store("unix:///nowhere/valkey.sock"))
+    assert host.state(action_id) == "complete"
+    started = next(one for one in host.events() if one.kind == "started")
+    assert started.body["context"]["environment"] == []
+
+
+CAMERA = uuid4()
+IMAGE = "ab" * 32
+
+
+def seen(store: Store, *, tag: str, confidence: float) -> None:
+    """Have a camera of another line tell what it sees."""
+    now_s = time.monotonic()
+    values = {"tag_text": tag, "confidence_ratio": confidence, "image_sha256": IMAGE}
+    store.put("camera", [Sample(str(CAMERA), name, 0.0, now_s, v) for name, v in values.items()], 1)
+
+
+VISION = a_condition(
+    name="camera.tag",
+    device_id=CAMERA,
+    status="tag_text",
+    equals="VIAL-7",
+    confidence_status="confidence_ratio",
+    min_confidence=0.9,
+    image_status="image_sha256",
+    is_sensor=True,
+)
+
+
+def test_a_camera_that_sees_the_tag_lets_a_transfer_start_and_keeps_its_image(
+    host: Host, store: Store, pump: PumpProcess
+) -> None:
+    seen(store, tag="VIAL-7", confidence=0.97)
+    action_id = run(host, store, pre=[VISION], post=[VISION])
+    assert host.state(action_id) == "complete"
+    assert pump.moves == ["A300"]
+    body = host.last(action_id)
+    assert body["verification"] == "sensed"
+    assert body["post"][0]["evidence"]["image_sha256"] == IMAGE
+    assert body["post"][0]["evidence"]["confidence"] == 0.97
+
+
+@pytest.mark.parametrize(("tag", "confidence"), [("VIAL-8", 0.97), ("VIAL-7", 0.6)])
+def test_a_camera_that_sees_another_tag_or_is_not_sure_guards_a_transfer(
+    host: Host, store: Store, pump: PumpProcess, tag: str, confidence: float
+) -> None:
+    seen(store, tag=tag, confidence=confidence)
+    action_id = run(host, store, pre=[VISION])
+    assert host.state(action_id) == "rejected"
+    assert pump.moves == []

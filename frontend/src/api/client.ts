@@ -39,7 +39,7 @@ export function whenSignedOut(callback: () => void): void {
   onSignedOut = callback;
 }
 
-function csrfToken(): string {
+export function csrfToken(): string {
   return /(?:^|;\s*)csrftoken=([^;]+)/.exec(document.cookie)?.[1] ?? "";
 }
 
@@ -49,11 +49,11 @@ export const spoken = (finding: Finding): Finding => ({
   message: sentence(finding.message),
 });
 
-function refusal(code: string, message: string): Refusal {
+export function refusal(code: string, message: string): Refusal {
   return { code, message, effect: "none", context: {}, findings: [] };
 }
 
-async function readRefusal(response: Response): Promise<Refusal> {
+export async function readRefusal(response: Response): Promise<Refusal> {
   const fallback = refusal(`http.${response.status}`, `The server answered ${response.status}.`);
   try {
     const body = (await response.json()) as Partial<Refusal>;

@@ -176,6 +176,16 @@ export function useTakeStock(): UseMutationResult<LabEvent, Error, Correction> {
   });
 }
 
+export function useReact(): UseMutationResult<LabEvent, Error, Record<string, unknown>> {
+  return useMutation({
+    mutationFn: (operation) => call<LabEvent>("POST", "/operations", { operation }),
+    onSuccess: () => {
+      void client.invalidateQueries({ queryKey: keys.resources });
+      refreshNeeds();
+    },
+  });
+}
+
 export function useCloseTicket(id: string): UseMutationResult<Ticket, Error, string> {
   return useMutation({
     mutationFn: (reason) => call<Ticket>("POST", `/tickets/${id}/close`, { reason }),

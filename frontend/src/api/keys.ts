@@ -25,6 +25,10 @@ export const keys = {
   device: (id: string) => ["devices", id] as const,
   telemetry: (id: string) => ["telemetry", id] as const,
   hosts: ["hosts"] as const,
+  files: ["files"] as const,
+  fileList: (query: string) => ["files", "list", query] as const,
+  file: (id: string) => ["files", "one", id] as const,
+  points: (id: string, scan: number | null) => ["points", id, scan] as const,
   twin: ["twin"] as const,
   search: (text: string) => ["search", text] as const,
 };

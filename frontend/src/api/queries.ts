@@ -10,6 +10,7 @@ import type {
   HostRow,
   LabEvent,
   Lineage,
+  ReactionStock,
   LogLine,
   Resource,
   ResourceRow,
@@ -165,6 +166,13 @@ export function useResource(id: string | null): UseQueryResult<Resource> {
 
 export function useStock(id: string): UseQueryResult<Stock> {
   return useQuery({ queryKey: keys.stock(id), queryFn: get<Stock>(`/resources/${id}/stock`) });
+}
+
+export function useReaction(id: string): UseQueryResult<ReactionStock> {
+  return useQuery({
+    queryKey: [...keys.resource(id), "reaction"],
+    queryFn: get<ReactionStock>(`/resources/${id}/reaction`),
+  });
 }
 
 export function useTicket(id: string): UseQueryResult<Ticket> {

@@ -3,13 +3,14 @@ import { screen, waitFor, within } from "@testing-library/react";
 import userEvent from "@testing-library/user-event";
 import { expect, test } from "vitest";
 import { aRow } from "@/model/samples";
-import type { Resource, Stock, Ticket } from "@/model/wire";
+import type { ReactionStock, Resource, Stock, Ticket } from "@/model/wire";
 import { serve, show, type Sent } from "@/testpage";
 import { LabPage } from "./page";
 
 const water = { lot_id: "w", lot: "W-1", material: "Water", unit: "nl" } as const;
 const salt = { lot_id: "s", lot: "S-1", material: "Salt", unit: "ug" } as const;
 const allowed: Stock = { is_allowed: true, why_not: null, lots: [water, salt] };
+const noReaction: ReactionStock = { is_allowed: false, lots: [], materials: [] };
 const flask: Resource = {
   ...aRow("flask_2", null, {
     name: "Flask 2",
@@ -45,12 +46,19 @@ type Answer = [status: number, body: unknown];
 
 function lab(
   at: string,
-  told: { stock?: Stock; resource?: Resource; ticket?: Ticket; post?: Answer } = {},
+  told: {
+    stock?: Stock;
+    reaction?: ReactionStock;
+    resource?: Resource;
+    ticket?: Ticket;
+    post?: Answer;
+  } = {},
 ): Sent[] {
   const resource = told.resource ?? flask;
   const sent = serve((path, method) => {
     if (method === "POST") return told.post ?? [201, {}];
     if (path === "/resources") return [200, { resources: [resource] }];
+    if (path.endsWith("/reaction")) return [200, told.reaction ?? noReaction];
     if (path.endsWith("/stock")) return [200, told.stock ?? allowed];
     if (path.startsWith("/tickets/")) return [200, told.ticket ?? ticket];
     return [200, resource];
@@ -196,4 +204,39 @@ test("a ticket that was closed in between says so where it was asked", async () 
 test("who may not close a ticket reads it all the same", async () => {
   lab("/lab?ticket=t", { ticket: { ...ticket, can_close: false } });
   expect(await screen.findByTestId("ticket-close")).toBeDisabled();
+});
+
+const reaction: ReactionStock = {
+  is_allowed: true,
+  lots: [{ ...salt, amount: 50_000, density_mg_ul: null }],
+  materials: [{ id: "m", name: "Oxide", density_mg_ul: null }],
+};
+
+test("a reaction is sent with its residue, once the masses agree", async () => {
+  const sent = lab("/lab?sel=flask_2", { reaction });
+  await waitFor(() => expect(screen.getByTestId("record-reaction")).toBeEnabled());
+  await userEvent.click(screen.getByTestId("record-reaction"));
+  await userEvent.type(await screen.findByTestId("consumed-s"), "48");
+  await userEvent.click(screen.getByTestId("reaction-material"));
+  await userEvent.click(await screen.findByText("Oxide"));
+  await userEvent.type(screen.getByTestId("reaction-key"), "oxide-1");
+  await userEvent.type(screen.getByTestId("reaction-amount"), "40");
+  expect(screen.getByTestId("mass-balance")).toHaveTextContent(/stays in REACTION8.*mg/);
+  expect(screen.getByTestId("reaction-send")).toBeDisabled();
+  await userEvent.type(screen.getByTestId("reaction-reason"), "weighed");
+  await userEvent.click(screen.getByTestId("reaction-send"));
+  await waitFor(() => expect(posted(sent)).toHaveLength(1));
+  expect(posted(sent)[0]?.body).toMatchObject({
+    operation: {
+      op: "react",
+      reactants: [{ lot_id: "s", amount_ug: 48_000 }],
+      products: [{ material_id: "m", key: "oxide-1", amount_ug: 40_000 }],
+      residue_ug: 8_000,
+    },
+  });
+}, 30_000);
+
+test("who may not record what happened sees why", async () => {
+  lab("/lab?sel=flask_2");
+  await waitFor(() => expect(screen.getByTestId("record-reaction")).toBeDisabled());
 });

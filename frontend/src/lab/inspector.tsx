@@ -10,6 +10,7 @@ import { Empty, Failed } from "@/ui/card";
 import { EventTable } from "@/ui/events";
 import { Glyph } from "@/ui/glyph";
 import { Amount, FillBar } from "@/ui/number";
+import { RecordReaction } from "./reaction";
 import { TakeStock, type StockAsked } from "./stock";
 import { WellGrid } from "./wellmap";
 import { words } from "./words";
@@ -46,6 +47,14 @@ function Details(props: { resource: Resource; isShort: boolean; ask: StockAsked 
           <Link className="btn" to={`/lineage/${resource.id}`} data-testid="lineage-link">
             {words.tree.lineage}
           </Link>
+        )}
+        {ask && (
+          <Link className="btn" to={`/files?resource=${resource.id}`} data-testid="files-link">
+            {words.nav.files}
+          </Link>
+        )}
+        {ask && resource.holds_liquid && (
+          <RecordReaction key={`reaction ${resource.id}`} resource={resource} />
         )}
         {ask && hasStock && <TakeStock key={resource.id} resource={resource} ask={ask} />}
       </header>

@@ -31,6 +31,7 @@ const PAGES: Page[] = [
   { to: "/approvals", label: words.nav.approvals, icon: "approvals", key: "a" },
   { to: "/twin", label: words.nav.twin, icon: "twin", key: "t" },
   { to: "/devices", label: words.nav.devices, icon: "devices", key: "d" },
+  { to: "/files", label: words.nav.files, icon: "file", key: "f" },
   { to: "/lab", label: words.nav.lab, icon: "tree", key: "l" },
 ];
 const ON_PHONE = ["/", "/runs", "/approvals", "/twin"];

@@ -106,6 +106,24 @@ export interface Stock {
   lots: StockLot[];
 }
 
+export interface ReactionLot extends StockLot {
+  amount: number;
+  density_mg_ul: number | null;
+}
+
+export interface ReactionMaterial {
+  id: Id;
+  name: string;
+  density_mg_ul: number | null;
+}
+
+/** What a vessel holds, and of which materials a product may be. */
+export interface ReactionStock {
+  is_allowed: boolean;
+  lots: ReactionLot[];
+  materials: ReactionMaterial[];
+}
+
 export interface Ticket {
   id: Id;
   code: string;

@@ -1,10 +1,12 @@
 /** One action of a run: what was asked, what came of it. */
 
+import { Link } from "react-router";
 import { jobState } from "@/model/states";
 import type { Job } from "@/model/wire";
 import { Card } from "@/ui/card";
 import { StateChip } from "@/ui/state";
 import { Evidence } from "./doubt";
+import { words } from "./words";
 
 export function JobFacts({ job }: { job: Job }) {
   return (
@@ -15,6 +17,11 @@ export function JobFacts({ job }: { job: Job }) {
     >
       <div className="pb">
         <h2>{job.sentence}</h2>
+        <p>
+          <Link className="link" to={`/files?job=${job.id}`} data-testid="job-files">
+            {words.files}
+          </Link>
+        </p>
         <Evidence job={job} />
         {job.verification && (
           <p className="help">Known by: {job.verification.replaceAll("_", " ")}</p>

@@ -4,6 +4,7 @@ export const words = {
   title: "Runs",
   none: "No run fits.",
   clear: "Clear filter",
+  files: "Files of this action",
   pause: "Pause",
   pausing: "Pausing – after the actions that are under way",
   resume: "Resume",

@@ -9,7 +9,7 @@ import { useIsDark } from "./theme";
 import { useLabTime } from "./time";
 
 /** Colours as the browser computes them: a token may be light-dark(…). */
-function resolve(token: string): string {
+export function resolve(token: string): string {
   const probe = document.createElement("i");
   probe.style.color = `var(${token})`;
   document.body.append(probe);

@@ -313,15 +313,25 @@ def _summary(
             return f"{names.get('subject')}: {facts}"
         case "create":
             return f"{names.get('subject')}: received {text} in all"
+        case _:
+            return _booked(operation, names, text)
+
+
+def _booked(operation: Mapping[str, Any], names: Mapping[str, str], text: str) -> str:
+    """Say what entered the lab, left it, or became something else."""
+    subject = names.get("subject", "")
+    match operation.get("op"):
         case "receive":
             return f"{operation.get('number') or operation.get('key')}: received {text}"
         case "correct":
-            where = f"{operation['account']}: {operation['reason']}"
-            return f"{names.get('subject')}: {text}, {where}"
+            return f"{subject}: {text}, {operation['account']}: {operation['reason']}"
+        case "react":
+            made = ", ".join(product["key"] for product in operation["products"])
+            return f"{subject}: made {made}; {operation['reason']}"
         case "dispose":
             return f"{names.get('source')}: {text} to waste"
         case _:
-            return names.get("subject", "")
+            return subject
 
 
 def _amounts(amount_nl: int, amount_ug: int) -> str:

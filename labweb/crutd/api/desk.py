@@ -21,6 +21,7 @@ from labweb.domain.crutd import operations
 from labweb.domain.crutd.ledger import Account
 from labweb.domain.errors import NotFoundError
 from labweb.domain.resources.contents import Phase
+from labweb.domain.resources.kinds import is_vessel
 from labweb.enrollment import selectors as enrollment_selectors
 from labweb.resources import selectors as resource_selectors
 from labweb.resources.selectors import Lot
@@ -51,6 +52,42 @@ def _lot(lot: Lot) -> dict[str, Any]:
         "material": lot.material.name,
         "unit": Phase(lot.phase).unit,
     }
+
+
+class Reaction(APIView):
+    """What a person needs to tell of a reaction in a vessel."""
+
+    def get(self, request: Request, resource_id: UUID) -> Response:
+        """Tell whether the caller may, which lots it holds, and of which materials products are."""
+        row = visible(request, resource_id)
+        user = user_of(request)
+        if not is_vessel(row.kind):
+            raise NotFoundError(f"{row.name} holds nothing", code="resource.not_found")
+        is_allowed = row.id in resource_selectors.allowed_ids(user, Permission.RUN)
+        held = selectors.amounts([row.id]).get(row.id, {})
+        lots = {str(lot.id): lot for lot in resource_selectors.find_lots(held)}
+        materials = resource_selectors.materials_of(row.lab) if is_allowed else ()
+        return Response(
+            {
+                "is_allowed": is_allowed,
+                "lots": [
+                    {
+                        **_lot(lots[lot]),
+                        "amount": amount.nl or amount.ug,
+                        "density_mg_ul": lots[lot].material.density_mg_ul,
+                    }
+                    for lot, amount in sorted(held.items())
+                ],
+                "materials": [
+                    {
+                        "id": str(material.id),
+                        "name": material.name,
+                        "density_mg_ul": material.density_mg_ul,
+                    }
+                    for material in sorted(materials, key=lambda one: (one.name, one.key))
+                ],
+            }
+        )
 
 
 class Closing(msgspec.Struct, forbid_unknown_fields=True):

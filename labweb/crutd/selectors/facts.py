@@ -32,6 +32,7 @@ def facts_for(
     """Return what a check of the operation needs; a query for unknown lots, two for a new thing."""
     receive = operation if isinstance(operation, operations.Receive) else None
     create = operation if isinstance(operation, operations.Create) else None
+    react = operation if isinstance(operation, operations.React) else None
     wanted = {lot for state in states.values() for lot in (*state.contents, *state.masses)}
     if isinstance(operation, operations.Correct):
         wanted |= {LotId(lot) for lot in (*operation.measured_nl, *operation.measured_ug)}
@@ -40,6 +41,17 @@ def facts_for(
         on=today(lab),
         lots=_lots({lot for lot in wanted if _is_id(lot)}, known),
         material=None if material is None or material.lab_id != lab.id else _material(material),
+        materials={}
+        if react is None
+        else {
+            row.id: _material(row)
+            for row in resource_selectors.materials_of(lab).filter(
+                pk__in=[product.material_id for product in react.products]
+            )
+        },
+        taken_lots=frozenset()
+        if react is None
+        else resource_selectors.taken_lots(lab, react.products),
         is_known_delivery=receive is not None
         and resource_selectors.is_known_delivery(lab, receive),
         is_taken=create is not None
@@ -94,4 +106,5 @@ def _material(row: Material) -> MaterialState:
         name=row.name,
         groups=frozenset(row.groups),
         incompatible_with=frozenset(row.incompatible_with),
+        density_mg_ul=row.density_mg_ul,
     )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Sequence
+from datetime import datetime
 from typing import Any
 from uuid import UUID
 
@@ -191,6 +192,17 @@ def traces(resource: Resource, *, direction: str, limits: Limits) -> list[Trace]
     if direction in {"down", "both"}:
         found.append(trace_down(start, history, limits))
     return found
+
+
+def traces_until(vessels: Iterable[UUID], until: datetime, limits: Limits) -> list[Trace]:
+    """Follow what vessels held just after a moment up."""
+
+    def before(accounts: Collection[str]) -> Page:
+        page = history(accounts)
+        kept = [flow for flow in page.flows if datetime.fromisoformat(flow.at) <= until]
+        return Page(kept, page.unread)
+
+    return [trace_up(str(vessel), before, limits) for vessel in vessels]
 
 
 def lineage(resource: Resource, *, direction: str, depth: int) -> dict[str, Any]:

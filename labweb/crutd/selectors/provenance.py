@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping
+from datetime import datetime
 from typing import Any
 from uuid import UUID
 
@@ -35,6 +36,13 @@ LIMIT %s
 """Who pours is `source`, who is poured into `target`: those are left to the ledger. OFFSET 0
 keeps the planner from reading the whole table once instead of a few rows of each resource."""
 
+_LAST_AT = """
+SELECT moment.at, COALESCE(
+    (SELECT max(seq) FROM crutd_event e WHERE e.lab_id = %s AND e.at <= moment.at), 0
+)
+FROM unnest(%s::timestamptz[]) AS moment(at)
+"""
+
 FOREVER = 2**62
 """Later in the chain than every event."""
 
@@ -46,6 +54,20 @@ def seqs(transaction_ids: Iterable[UUID]) -> dict[UUID, int]:
     """Return the place in the chain of the last event of each transaction."""
     rows = Event.objects.filter(transaction_id__in=list(transaction_ids)).order_by("seq")
     return dict(rows.values_list("transaction_id", "seq"))
+
+
+def job_seqs(job_ids: Iterable[UUID]) -> dict[UUID, tuple[int, datetime]]:
+    """Return place in the chain and time of the last event of each job."""
+    rows = Event.objects.filter(transaction__job_id__in=list(job_ids)).order_by("seq")
+    found = rows.values_list("transaction__job_id", "seq", "at")
+    return {job_id: (seq, at) for job_id, seq, at in found if job_id is not None}
+
+
+def seqs_at(lab_id: UUID, moments: Iterable[datetime]) -> dict[datetime, int]:
+    """Return the place in the chain of the last event up to each moment; 0 before the first."""
+    with connection.cursor() as cursor:
+        cursor.execute(_LAST_AT, [lab_id, sorted(set(moments))])
+        return dict(cursor.fetchall())
 
 
 def acts_within(windows: Collection[Window], limit: int = MOST_ACTS) -> tuple[list[UUID], bool]:

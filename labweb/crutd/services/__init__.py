@@ -5,6 +5,7 @@ from __future__ import annotations
 from labweb.crutd.services.deliveries import receive_deliveries
 from labweb.crutd.services.importing import check_time_zone, import_lab
 from labweb.crutd.services.labware import import_labware
+from labweb.crutd.services.rebuilding import rebuild
 from labweb.crutd.services.recording import close_ticket, event_hash, open_ticket
 from labweb.crutd.services.transactions import (
     Settlement,
@@ -29,6 +30,7 @@ __all__ = [
     "import_labware",
     "lock_operation",
     "open_ticket",
+    "rebuild",
     "receive_deliveries",
     "settle",
 ]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import zoneinfo
 from collections.abc import Iterator
+from dataclasses import dataclass
 
 from django.db.transaction import atomic
 from django.utils.text import slugify
@@ -25,7 +26,7 @@ from labweb.domain.graph.lab_file.model import LabFile
 from labweb.domain.resources.node import Resource as ResourceData
 from labweb.resources import selectors as resource_selectors
 from labweb.resources import services as resource_services
-from labweb.resources.selectors import Connection, Lab, Lot, Material
+from labweb.resources.selectors import Connection, Lab, Lot, Material, Resource
 
 LONGEST_KEY = 50
 """Longest key of a lab, which stands in addresses of pages."""
@@ -65,6 +66,26 @@ def import_lab(lab_file: LabFile, *, actor: User | None, source: dict[str, str])
     return lab
 
 
+@dataclass(frozen=True, slots=True)
+class Rows:
+    """What a lab file becomes in the tables; not written yet."""
+
+    resources: list[Resource]
+    connections: list[Connection]
+    materials: list[Material]
+    lots: list[Lot]
+
+
+def rows_of(lab: Lab, lab_file: LabFile) -> Rows:
+    """Return the rows of a lab file, each after what it refers to."""
+    return Rows(
+        list(_resources(lab, lab_file)),
+        list(_connections(lab, lab_file)),
+        list(_materials(lab, lab_file)),
+        list(_lots(lab, lab_file)),
+    )
+
+
 def check_time_zone(lab_file: LabFile) -> None:
     """See to it that times can be shown in the lab's zone.
 
@@ -84,6 +105,25 @@ def _free_key(lab_file: LabFile) -> str:
     key = slugify(lab_file.name)[:LONGEST_KEY].strip("-")
     is_taken = resource_selectors.labs().filter(key=key).exists()
     return lab_file.id.hex if not key or is_taken else key
+
+
+def _resources(lab: Lab, lab_file: LabFile) -> Iterator[Resource]:
+    for node, position in _nodes(lab_file):
+        yield Resource(
+            id=node.id,
+            lab=lab,
+            parent_id=node.parent_id,
+            key=node.key,
+            name=node.name,
+            kind=node.kind,
+            nature=node.nature.value,
+            pose=None if node.pose is None else node.pose.to_json(),
+            size_mm=None if node.size_mm is None else list(node.size_mm),
+            config=dict(node.config),
+            data=dict(node.data),
+            extra=dict(node.extra),
+            position=position,
+        )
 
 
 def _nodes(lab_file: LabFile) -> Iterator[tuple[ResourceData, int]]:

@@ -228,8 +228,8 @@ def _with_released(row: Transaction, change: Change, settlement: Settlement) -> 
 def _apply(
     row: Transaction, operation: operations.Operation, change: Change, settlement: Settlement
 ) -> None:
-    if isinstance(operation, operations.Receive) and change.postings:
-        resource_services.create_lot(operation, row.lab)
+    if change.postings:
+        _create_lots(operation, row.lab)
     for create in change.created:
         resource_services.create_resource(create, row.lab)
     for resource_id, data in change.data.items():
@@ -250,6 +250,14 @@ def _apply(
         resource_services.set_revs(settlement.revs)
     else:
         resource_services.raise_revs(changed_ids(change))
+
+
+def _create_lots(operation: operations.Operation, lab: Lab) -> None:
+    """Write the lots that a delivery or a reaction brings."""
+    if isinstance(operation, operations.Receive):
+        resource_services.create_lot(operation, lab)
+    elif isinstance(operation, operations.React):
+        resource_services.create_products(operation, lab)
 
 
 def changed_ids(change: Change) -> set[UUID]:

@@ -14,6 +14,7 @@ from labweb.domain.crutd.operations import (
     Delete,
     Dispose,
     Operation,
+    React,
     Read,
     Receive,
     Restore,
@@ -23,6 +24,7 @@ from labweb.domain.crutd.operations import (
     Update,
     touched_ids,
 )
+from labweb.domain.crutd.reaction import check_react
 from labweb.domain.crutd.snapshot import Facts, ResourceState, Snapshot
 from labweb.domain.crutd.stock import (
     check_correct,
@@ -62,16 +64,26 @@ def _check_own(operation: Operation, snapshot: Snapshot, facts: Facts | None) ->
             return _check_delete(operation, snapshot)
         case Create():
             return _check_create(operation, snapshot, facts)
+        case Update():
+            return _check_update(operation, snapshot)
+        case Read():
+            return []
+        case _:
+            return _check_booked(operation, snapshot, facts)
+
+
+def _check_booked(
+    operation: Receive | Correct | Dispose | React, snapshot: Snapshot, facts: Facts | None
+) -> list[Finding]:
+    match operation:
         case Receive():
             return check_receive(operation, snapshot, facts)
         case Correct():
             return check_correct(operation, snapshot, facts)
         case Dispose():
             return check_dispose(operation, snapshot)
-        case Update():
-            return _check_update(operation, snapshot)
-        case _:
-            return []
+        case React():
+            return check_react(operation, snapshot, facts)
 
 
 def _check_update(operation: Update, snapshot: Snapshot) -> list[Finding]:

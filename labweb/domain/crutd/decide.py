@@ -22,6 +22,7 @@ from labweb.domain.crutd.operations import (
     Delete,
     Dispose,
     Operation,
+    React,
     Read,
     Receive,
     Restore,
@@ -31,6 +32,7 @@ from labweb.domain.crutd.operations import (
     Update,
     touched_ids,
 )
+from labweb.domain.crutd.reaction import react_postings
 from labweb.domain.crutd.snapshot import ResourceState as ResourceState
 from labweb.domain.crutd.snapshot import Snapshot as Snapshot
 from labweb.domain.errors import StateError
@@ -131,6 +133,8 @@ def settle(operation: Operation, snapshot: Snapshot, outcome: Outcome) -> Change
         if isinstance(operation, Read):
             return Change(state=TransactionState.ROLLED_BACK)
         return Change(state=TransactionState.QUARANTINED, quarantined=touched)
+    if isinstance(operation, React):
+        return _settle_reacted(operation, snapshot, outcome)
     if isinstance(operation, TransferLiquid | TransferMass):
         return _settle_poured(operation, snapshot, outcome)
     if outcome.kind is OutcomeKind.PARTIAL:
@@ -199,6 +203,26 @@ def _settle_poured(
     return Change(
         state=TransactionState.COMMITTED, postings=_postings(take(there, moved), phase, ends)
     )
+
+
+def _settle_reacted(operation: React, snapshot: Snapshot, outcome: Outcome) -> Change:
+    """Post a reaction that is known to have come to its end.
+
+    How far one went that was broken off, no device can tell: its vessel is quarantined, and a
+    person takes stock.
+    """
+    if outcome.kind is OutcomeKind.PARTIAL:
+        quarantined = frozenset({operation.resource_id})
+        return Change(state=TransactionState.QUARANTINED, quarantined=quarantined)
+    state = snapshot[operation.resource_id]
+    for share in operation.reactants:
+        lot = LotId(str(share.lot_id))
+        is_less = share.amount_ug > state.masses.get(lot, 0) and state.knows_masses
+        if share.amount_nl > state.contents.get(lot, 0) or is_less:
+            raise StateError(
+                f"more of lot {lot} reacted than {state.name} held", code="crutd.contradiction"
+            )
+    return Change(state=TransactionState.COMMITTED, postings=react_postings(operation))
 
 
 def _postings(parts: Contents, phase: Phase, ends: tuple[str, str]) -> tuple[Posting, ...]:

@@ -151,6 +151,44 @@ class Dispose(msgspec.Struct, frozen=True, tag="dispose", tag_field="op", kw_onl
     amount_ug: Amount | None = None
 
 
+class Share(msgspec.Struct, frozen=True, kw_only=True):
+    """What a reaction consumed of one lot: in the unit that the lot is counted in."""
+
+    lot_id: UUID
+    amount_nl: Amount = 0
+    amount_ug: Amount = 0
+    mass_ug: Amount | None = None
+    """What it weighs; needed for a liquid of which nobody stated the density."""
+
+
+class Product(msgspec.Struct, frozen=True, kw_only=True):
+    """A new lot that a reaction made, in the unit of its phase."""
+
+    lot_id: UUID
+    material_id: UUID
+    key: Name
+    phase: Phase
+    amount_nl: Amount = 0
+    amount_ug: Amount = 0
+    mass_ug: Amount | None = None
+    number: Text = ""
+    purity: Text = ""
+
+
+class React(msgspec.Struct, frozen=True, tag="react", tag_field="op", kw_only=True):
+    """Record a reaction in a vessel: reactants go into REACTION, products come out of it.
+
+    Masses on both sides are equal: `residue_ug` is what was made beside the products, which
+    stays in REACTION.
+    """
+
+    resource_id: UUID
+    reactants: Annotated[tuple[Share, ...], Meta(min_length=1, max_length=100)]
+    products: Annotated[tuple[Product, ...], Meta(min_length=1, max_length=100)]
+    reason: Text
+    residue_ug: Amount = 0
+
+
 Operation = (
     Create
     | Read
@@ -163,6 +201,7 @@ Operation = (
     | Receive
     | Correct
     | Dispose
+    | React
 )
 
 HandOperation = (
@@ -175,6 +214,7 @@ HandOperation = (
     | Receive
     | Correct
     | Dispose
+    | React
 )
 """What a person may do by hand and tell of."""
 
@@ -190,6 +230,7 @@ _NAMES: dict[type, OperationName] = {
     Receive: OperationName.CREATE,
     Correct: OperationName.UPDATE,
     Dispose: OperationName.TRANSFER,
+    React: OperationName.UPDATE,
 }
 
 
@@ -205,7 +246,7 @@ def touched_ids(operation: Operation) -> tuple[UUID, ...]:
             ids = {operation.parent_id}
         case Read():
             ids = {operation.device_id}
-        case Update() | Correct() | Dispose():
+        case Update() | Correct() | Dispose() | React():
             ids = {operation.resource_id}
         case TransferLiquid() | TransferMass():
             ids = {operation.source_id, operation.target_id}

@@ -25,6 +25,9 @@ class ResourceState:
     masses: Contents = field(default_factory=dict)
     """Micrograms by lot: solids and gases."""
 
+    knows_masses: bool = True
+    """False for an edge host, which keeps no record of solids and gases."""
+
     capacity_nl: int | None = None
     """None: nobody stated it, so nothing may be poured in."""
 
@@ -53,6 +56,9 @@ class MaterialState:
     groups: frozenset[str] = frozenset()
     incompatible_with: frozenset[str] = frozenset()
     """Keys of materials and names of groups."""
+
+    density_mg_ul: float | None = None
+    """None: nobody stated it."""
 
     def is_incompatible_with(self, other: MaterialState) -> bool:
         """Tell whether one of the two lists the other, by its key or by a group of it."""
@@ -85,6 +91,12 @@ class Facts:
 
     material: MaterialState | None = None
     """The one that a delivery is of; None: there is none of that id."""
+
+    materials: Mapping[UUID, MaterialState] = field(default_factory=dict)
+    """Those that the products of a reaction are of."""
+
+    taken_lots: frozenset[UUID] = frozenset()
+    """Products whose id or key belongs to a lot already."""
 
     is_known_delivery: bool = False
     """A lot of this id or key, or of this material, supplier and number, was received."""

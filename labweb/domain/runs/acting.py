@@ -6,7 +6,7 @@ is not part of a write. The order is: read, `start`, act, `write_actuated`, read
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 from uuid import UUID
@@ -34,6 +34,9 @@ class Scene:
     driver_digest: str
     prestate: dict[str, Any] = field(default_factory=dict)
     """Readings from just before."""
+
+    context: dict[str, Any] = field(default_factory=dict)
+    """Versions and readings of this moment, as `context_body` gives them."""
 
     judged: Sequence[tuple[Condition, Result]] = ()
     """Pre-conditions with their verdicts on readings from just before."""
@@ -110,6 +113,7 @@ def start(
         "dseq": row.dseq,
         "prestate": scene.prestate,
         "pre": results_body(scene.judged),
+        "context": scene.context,
     }
     tx.append("started", row.action_id, body)
     return Started(row, do)
@@ -135,12 +139,14 @@ def write_rejection(
     tx.append("rejected", row.action_id, body)
 
 
-def write_actuated(tx: JournalWrite, row: ActionRow, report: Report) -> None:
-    """Write down that the device has answered; what follows only reads."""
+def write_actuated(
+    tx: JournalWrite, row: ActionRow, report: Report, context: Mapping[str, Any] | None = None
+) -> None:
+    """Write down that the device has answered, and in which context; what follows only reads."""
     body = report_body(report)
     tx.move(row.action_id, ActionState.STARTED, ActionState.ACTUATED)
     tx.keep(row.action_id, "report", body)
-    tx.append("actuated", row.action_id, body)
+    tx.append("actuated", row.action_id, {**body, "context": dict(context or {})})
 
 
 def write_end(

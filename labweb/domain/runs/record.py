@@ -8,6 +8,7 @@ from uuid import UUID
 import msgspec
 
 from labweb.domain.crutd.decide import Change, ResourceState, Snapshot
+from labweb.domain.crutd.ledger import vessel_of
 from labweb.domain.crutd.operations import Create
 from labweb.domain.messages import ResourceView
 from labweb.domain.resources.contents import LotId, add, remove
@@ -76,14 +77,17 @@ def apply_change(tx: JournalWrite, change: Change, action_id: UUID) -> dict[str,
 
 
 def _pour(tx: JournalWrite, change: Change, held: dict[UUID, HeldResource]) -> None:
+    """Pour what is counted by volume; of solids and gases a host keeps no record."""
     for posting in change.postings:
         parts = {posting.lot: posting.amount_nl}
-        source_id, target_id = UUID(posting.debit), UUID(posting.credit)
-        source = _held(tx, held, source_id).view
-        left = remove(_contents(source), parts)
-        held[source_id] = HeldResource(view=_filled(source, left))
-        target = _held(tx, held, target_id).view
-        held[target_id] = HeldResource(view=_filled(target, add(_contents(target), parts)))
+        if not posting.amount_nl:
+            continue
+        for account, pour in ((posting.debit, remove), (posting.credit, add)):
+            vessel = vessel_of(account)
+            if vessel is not None:
+                view = _held(tx, held, vessel).view
+                filled = _filled(view, pour(_contents(view), parts))
+                held[vessel] = HeldResource(view=filled)
 
 
 def _held(tx: JournalWrite, held: dict[UUID, HeldResource], resource_id: UUID) -> HeldResource:
@@ -134,6 +138,7 @@ def _to_state(tx: JournalWrite, held: HeldResource) -> ResourceState:
         data=view.data,
         quarantined_by=held.quarantined_by,
         is_archived=view.is_archived,
+        knows_masses=False,
         ancestor_ids=_ancestors(tx, view.parent_id),
     )
 

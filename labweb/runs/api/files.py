@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, ClassVar, NoReturn, cast
 from uuid import UUID
 
@@ -23,6 +24,7 @@ from labweb.domain.errors import DefinitionError, NotFoundError
 from labweb.enrollment import selectors as enrollment_selectors
 from labweb.enrollment.selectors import Device
 from labweb.resources import selectors as resource_selectors
+from labweb.resources.selectors import Resource
 from labweb.runs import selectors
 from labweb.runs.api.crate import Blocks
 from labweb.runs.api.runs import visible
@@ -39,6 +41,7 @@ from labweb.telemetry.services.files import (
 )
 
 _MOST_ROWS = 500
+_MOST_POINTS = 10_000
 _FIELDS = {"format", "resource", "device", "job"}
 _ENVELOPE_BYTES = 64 * 1024
 """What the other fields and the boundaries of a form may take."""
@@ -93,7 +96,8 @@ class Files(APIView):
         rows = telemetry_selectors.visible_files(resource_selectors.the_lab(), _seen(request))
         rows = rows.filter(made_from__isnull=True, **_narrowed(request))
         limit = whole_number(request, "limit", default=100, low=1, high=_MOST_ROWS)
-        return Response({"files": [render_file(row) for row in rows[:limit]]})
+        found = list(rows[:limit])
+        return Response({"files": rendered(found, user_of(request))})
 
     def post(self, request: Request) -> Response:
         """Keep a file: a form with `file`, `format` and `resource`, `device` or `job`."""
@@ -112,7 +116,7 @@ class Files(APIView):
             job_id=None if job is None else job.pk,
         )
         row = telemetry_services.keep_file(upload, lab=resource_selectors.the_lab(), actor=user)
-        return Response(_detail(row), status=201)
+        return Response(_detail(row, user), status=201)
 
 
 class FileDetail(APIView):
@@ -120,7 +124,7 @@ class FileDetail(APIView):
 
     def get(self, request: Request, file_id: UUID) -> Response:
         """Return a file with its readings and the series made from it."""
-        return Response(_detail(_find(request, file_id)))
+        return Response(_detail(_find(request, file_id), user_of(request)))
 
 
 class FileContent(APIView):
@@ -138,6 +142,19 @@ class FileContent(APIView):
         answer["ETag"] = f'"{row.sha256}"'
         answer["Content-Security-Policy"] = "sandbox; default-src 'none'"
         return answer
+
+
+class ReadingPoints(APIView):
+    """The points of a series, for a plot."""
+
+    def get(self, request: Request, reading_id: UUID) -> Response:
+        """Return at most `points` points; `scan` says which of several spectra."""
+        lab = resource_selectors.the_lab()
+        row = telemetry_selectors.find_reading(lab, reading_id, _seen(request))
+        most = whole_number(request, "points", default=2000, low=2, high=_MOST_POINTS)
+        is_told = "scan" in request.query_params
+        scan = whole_number(request, "scan", default=0, low=0, high=2**31) if is_told else None
+        return Response(telemetry_services.drawn(row, scan=scan, most=most))
 
 
 class Readings(APIView):
@@ -239,13 +256,49 @@ def _attachment(name: str) -> str:
     return f'attachment; filename="{plain}"'
 
 
-def _detail(row: File) -> dict[str, Any]:
+def _detail(row: File, user: User) -> dict[str, Any]:
     return {
-        **render_file(row),
+        **rendered([row], user)[0],
         "facts": row.facts,
         "readings": [render_reading(reading) for reading in row.readings.all()[:_MOST_ROWS]],
         "series": [render_file(made) for made in row.made_files.order_by("id")],
+        "readings_count": row.readings.count(),
     }
+
+
+def rendered(rows: Sequence[File], user: User) -> list[dict[str, Any]]:
+    """Render files with the names of what they are about, as far as the user may know of it."""
+    lab = resource_selectors.the_lab()
+    seen = resource_selectors.allowed_ids(user, Permission.VIEW)
+    devices: dict[UUID | None, Device] = {
+        row.pk: row for row in enrollment_selectors.visible_devices(lab, seen)
+    }
+    ids = {row.resource_id for row in rows if row.resource_id is not None} & seen
+    resources: dict[UUID | None, Resource] = {row.pk: row for row in resource_selectors.rows(ids)}
+    wanted = {row.job_id for row in rows if row.job_id is not None}
+    jobs: dict[UUID | None, Job] = {
+        job.pk: job for job in selectors.jobs_with_runs(lab, seen, wanted)
+    }
+    return [
+        {
+            **render_file(row),
+            "resource": _named(resources.get(row.resource_id)),
+            "device": _named(devices.get(row.device_id)),
+            "job": _job_told(jobs.get(row.job_id)),
+        }
+        for row in rows
+    ]
+
+
+def _named(row: Resource | Device | None) -> dict[str, str] | None:
+    return None if row is None else {"id": str(row.pk), "name": row.name}
+
+
+def _job_told(job: Job | None) -> dict[str, Any] | None:
+    if job is None:
+        return None
+    run = {"id": str(job.run_id), "number": job.run.number}
+    return {"id": str(job.pk), "index": job.index, "sentence": job.sentence, "run": run}
 
 
 def render_file(row: File) -> dict[str, Any]:

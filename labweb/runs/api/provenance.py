@@ -22,10 +22,12 @@ from labweb.domain.crutd.provenance.views import to_json
 from labweb.domain.errors import DefinitionError, NotFoundError
 from labweb.enrollment import selectors as enrollment_selectors
 from labweb.resources import selectors as resource_selectors
+from labweb.resources.selectors import Lab
 from labweb.runs.api.runs import visible as visible_run
 from labweb.runs.selectors import conditions as condition_selectors
-from labweb.runs.selectors import provenance
+from labweb.runs.selectors import provenance, shown
 from labweb.runs.selectors.provenance import Provenance
+from labweb.telemetry import selectors as telemetry_selectors
 
 _FORMS = ("json", "prov")
 _DEPTH = 10
@@ -48,7 +50,7 @@ def _asked(request: Request) -> dict[str, Any]:
 
 def _told(request: Request, found: Provenance) -> Response:
     seen = resource_selectors.allowed_ids(user_of(request), Permission.VIEW)
-    graph = provenance.seen_by(found, seen)
+    graph = shown.seen_by(found, seen)
     if request.query_params.get("form") == "prov":
         return Response(render_prov(graph, str(found.lab.id)))
     return Response({**to_json(graph), "truncation": found.truncation()})
@@ -85,6 +87,29 @@ class RunProvenance(APIView):
         return _told(request, provenance.of_run(run, **_asked(request)))
 
 
+class FileProvenance(APIView):
+    """What a kept file is of."""
+
+    def get(self, request: Request, file_id: UUID) -> Response:
+        """Return the graph: `direction` up, down or both; `depth`; `form` json or prov."""
+        row = telemetry_selectors.find_file(*_place(file_id, request))
+        return _told(request, provenance.of_file(row.made_from or row, **_asked(request)))
+
+
+class ReadingProvenance(APIView):
+    """Where a reading comes from."""
+
+    def get(self, request: Request, reading_id: UUID) -> Response:
+        """Return the graph: `direction` up, down or both; `depth`; `form` json or prov."""
+        row = telemetry_selectors.find_reading(*_place(reading_id, request))
+        return _told(request, provenance.of_reading(row, **_asked(request)))
+
+
+def _place(row_id: UUID, request: Request) -> tuple[Lab, UUID, set[UUID]]:
+    seen = resource_selectors.allowed_ids(user_of(request), Permission.VIEW)
+    return resource_selectors.the_lab(), row_id, seen
+
+
 class Conditions(APIView):
     """What a device told while a resource was in it."""
 
@@ -104,6 +129,8 @@ class Conditions(APIView):
             until=datetime.fromtimestamp(until, UTC),
         )
         _hide_acts(request, found)
+        _hide_files(device.lab, seen, found)
+        _hide_surroundings(device.lab, seen, found)
         return Response(found)
 
 
@@ -111,9 +138,32 @@ def _hide_acts(request: Request, found: dict[str, Any]) -> None:
     """Leave out the acts of runs that the caller may not know of."""
     runs = {act["run_id"] for stay in found["stays"] for act in stay["acts"]}
     if runs:
-        shown = provenance.shown_runs(runs, user_of(request))
+        known = shown.shown_runs(runs, user_of(request))
         for stay in found["stays"]:
-            stay["acts"] = [act for act in stay["acts"] if act["run_id"] in shown]
+            stay["acts"] = [act for act in stay["acts"] if act["run_id"] in known]
+
+
+def _hide_surroundings(lab: Lab, seen: set[UUID], found: dict[str, Any]) -> None:
+    """Leave out the readings of devices that the caller may not know of."""
+    known = {str(row.pk) for row in enrollment_selectors.visible_devices(lab, seen)}
+    for act in (act for stay in found["stays"] for act in stay["acts"]):
+        act["contexts"] = {
+            moment: {
+                **context,
+                "environment": [r for r in context["environment"] if r["device_id"] in known],
+            }
+            for moment, context in act["contexts"].items()
+        }
+
+
+def _hide_files(lab: Lab, seen: set[UUID], found: dict[str, Any]) -> None:
+    """Leave out the files about what the caller may not know of."""
+    ids = {UUID(file["file_id"]) for stay in found["stays"] for file in stay["files"]}
+    if ids:
+        rows = telemetry_selectors.visible_files(lab, seen).filter(pk__in=ids)
+        shown_ids = {str(pk) for pk in rows.values_list("pk", flat=True)}
+        for stay in found["stays"]:
+            stay["files"] = [file for file in stay["files"] if file["file_id"] in shown_ids]
 
 
 def _uuid(request: Request, name: str) -> UUID:

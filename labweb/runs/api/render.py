@@ -181,13 +181,24 @@ def render_job(
         "verification": job.verification,
         "code": job.code,
         "message": job.message,
-        "evidence": job.evidence,
+        "evidence": without_surroundings(job.evidence),
         "after": job.after,
         "transaction": None
         if attempt is None
         else {"id": str(attempt.transaction_id), "state": attempt.transaction.state},
         "question": _question(job, names, answered=answered),
     }
+
+
+def without_surroundings(evidence: Mapping[str, Any]) -> dict[str, Any]:
+    """Leave out the readings of other devices: who may see a run may not know of them all."""
+    return {
+        key: {**value, "environment": []} if key in _CONTEXTS and isinstance(value, dict) else value
+        for key, value in evidence.items()
+    }
+
+
+_CONTEXTS = frozenset({"context", "started_context", "actuated_context"})
 
 
 def _question(job: Job, names: Mapping[str, str], *, answered: bool) -> dict[str, Any] | None:

@@ -132,6 +132,8 @@ class RunLog(APIView):
             for job in selectors.jobs_of(run).prefetch_related("attempts")
             for attempt_id in [attempt.id for attempt in job.attempts.all()]
         }
+        root = resource_selectors.root_of(run.lab).id
+        is_all_seen = root in resource_selectors.allowed_ids(user_of(request), Permission.VIEW)
         lines = [
             {
                 "at": iso(event.received_at),
@@ -139,7 +141,7 @@ class RunLog(APIView):
                 "job_index": jobs[event.action_id].index,
                 "kind": event.kind,
                 "text": _line(event.kind, event.body, jobs[event.action_id].sentence),
-                "body": event.body,
+                "body": event.body if is_all_seen else render.without_surroundings(event.body),
             }
             for event in selectors.host_events(list(jobs))
             if event.action_id is not None

@@ -144,6 +144,12 @@ def jobs_of(run: Run) -> QuerySet[Job]:
     return Job.objects.filter(run=run).select_related("device__host").order_by("index")
 
 
+def jobs_with_runs(lab: Lab, seen: Collection[UUID], ids: Iterable[UUID]) -> QuerySet[Job]:
+    """Return those of the jobs whose runs use none but the given resources."""
+    runs = visible_runs(lab, seen).values("pk")
+    return Job.objects.filter(pk__in=list(ids), run__in=runs).select_related("run")
+
+
 def find_job(job_id: UUID) -> Job:
     """Return a job with its run and device.
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from datetime import datetime
 from typing import Any
 
@@ -13,10 +14,13 @@ from labweb.enrollment.selectors import Device
 from labweb.resources.selectors import Resource
 from labweb.runs.models import Job
 from labweb.runs.selectors import governed
+from labweb.runs.selectors.measured import Moment, moments
 from labweb.telemetry import selectors as telemetry_selectors
+from labweb.telemetry.selectors import File
 
 MOST_STAYS = 20
 MOST_JOBS = 500
+MOST_FILES = 500
 
 
 def conditions(
@@ -30,16 +34,28 @@ def conditions(
     places = [str(node) for node in device.nodes.values()]
     stays = stays_at(str(resource.id), places, crutd.moves_of, crutd.parents_of)
     parts = clipped(stays, since, until)
-    told = [_stay(device, begin, end) for begin, end in parts[-MOST_STAYS:]]
+    measured = _files(device, parts[0][0]) if parts else {}
+    told = [_stay(device, begin, end, measured) for begin, end in parts[-MOST_STAYS:]]
     return {
         "resource": {"id": str(resource.id), "name": resource.name},
         "device": {"id": str(device.id), "name": device.name, "key": device.key},
         "stays": told,
-        "is_truncated": len(parts) > MOST_STAYS or any(stay["has_more_acts"] for stay in told),
+        "is_truncated": len(parts) > MOST_STAYS
+        or len(measured) > MOST_FILES
+        or any(stay["has_more_acts"] for stay in told),
     }
 
 
-def _stay(device: Device, begin: datetime, end: datetime) -> dict[str, Any]:
+def _files(device: Device, since: datetime) -> dict[File, Moment]:
+    """Return files that came from the device since a moment, each with when it was measured."""
+    rows = telemetry_selectors.files_of_device(device.id, since)[: MOST_FILES + 1]
+    when = moments(device.lab, rows)
+    return {row: when[row.pk] for row in rows}
+
+
+def _stay(
+    device: Device, begin: datetime, end: datetime, measured: Mapping[File, Moment]
+) -> dict[str, Any]:
     rows = Job.objects.filter(device=device, started_at__lt=end).exclude(ended_at__lt=begin)
     jobs = list(rows.order_by("started_at")[: MOST_JOBS + 1])
     return {
@@ -56,8 +72,22 @@ def _stay(device: Device, begin: datetime, end: datetime) -> dict[str, Any]:
                 "ended_at": job.ended_at or None,
                 "driver_digest": job.driver_digest,
                 "reported": reported(job),
+                "contexts": dict(job.contexts),
             }
             for job in governed.job_facts(jobs[:MOST_JOBS])
+        ],
+        "files": [
+            {
+                "file_id": str(file.pk),
+                "name": file.name,
+                "sha256": file.sha256,
+                "job_id": None if file.job_id is None else str(file.job_id),
+                "resource_id": None if file.resource_id is None else str(file.resource_id),
+                "at": iso(moment.at),
+                "moment_by": moment.clue.value,
+            }
+            for file, moment in measured.items()
+            if begin <= moment.at <= end
         ],
         "has_more_acts": len(jobs) > MOST_JOBS,
     }

@@ -48,6 +48,11 @@ def _job(job: Job, attempt: Attempt | None, digests: dict[UUID, str]) -> JobFact
         ended_at=iso(job.ended_at) or "",
         worker_pid=None if attempt is None else attempt.worker_pid,
         report=evidence.get("report") or {},
+        contexts={
+            moment: evidence[f"{moment}_context"]
+            for moment in ("started", "actuated")
+            if f"{moment}_context" in evidence
+        },
         resolved_by=str(resolution.get("by_id") or ""),
     )
 

@@ -7,11 +7,9 @@ from dataclasses import dataclass, replace
 from typing import Any
 from uuid import UUID
 
-from labweb.accounts.selectors import User
 from labweb.crutd.selectors import lineage
 from labweb.crutd.selectors import provenance as crutd
 from labweb.crutd.selectors.provenance import FOREVER, Window
-from labweb.domain.approvals.roles import Permission
 from labweb.domain.crutd.provenance.build import build_graph
 from labweb.domain.crutd.provenance.facts import (
     DecisionFact,
@@ -21,14 +19,16 @@ from labweb.domain.crutd.provenance.facts import (
     RunFact,
     TransactionFact,
 )
-from labweb.domain.crutd.provenance.flows import Flow, is_nominal
-from labweb.domain.crutd.provenance.graph import Graph, redacted
+from labweb.domain.crutd.provenance.flows import Flow, is_nominal, is_reaction
+from labweb.domain.crutd.provenance.graph import Graph
 from labweb.domain.crutd.provenance.lineage import Limits, Trace, trace_flows
-from labweb.enrollment import selectors as enrollment_selectors
+from labweb.domain.resources.kinds import is_vessel
 from labweb.resources import selectors as resource_selectors
 from labweb.resources.selectors import Lab, Lot, Resource
 from labweb.runs.models import Attempt, Job, Run
-from labweb.runs.selectors import governed, visible_runs
+from labweb.runs.selectors import governed, measured
+from labweb.runs.selectors.measured import Measured
+from labweb.telemetry.selectors import File, Reading
 
 DIRECTIONS = ("up", "down", "both")
 
@@ -70,12 +70,21 @@ class _Seeds:
     lab: Lab
     traces: Sequence[Trace]
     windows: Sequence[Window] = ()
+    watched: Sequence[Window] = ()
+    """When what was measured of a resource counts, beside the windows."""
+
     acts: Sequence[UUID] = ()
     jobs: Sequence[Job] = ()
     resources: Sequence[str] = ()
     lots: Sequence[str] = ()
     runs: Sequence[str] = ()
     files: Sequence[FileFact] = ()
+    measured: Sequence[UUID] = ()
+    """Kept files that belong to the answer whatever else does."""
+
+    until: int = FOREVER
+    """Place in the chain after which nothing counts."""
+
     has_more: bool = False
 
 
@@ -89,19 +98,23 @@ def of_resource(resource: Resource, *, direction: str, depth: int) -> Provenance
             lab=resource.lab,
             traces=traces,
             windows=own,
+            watched=[(resource.id, 0, FOREVER)],
             resources=[str(resource.id)],
         )
     )
 
 
 def of_lot(lot: Lot, *, direction: str, depth: int) -> Provenance:
-    """Return what was made from a lot; up, only how it came into the lab."""
+    """Return what was made from a lot; up, how it came into the lab, or what it was made of."""
     receipts = lineage.receipts_of(lot.id)
-    if direction == "up":
-        trace = Trace(flows=tuple(receipts))
-    else:
-        trace = trace_flows(receipts, lineage.history, _limits(depth), forward=True)
-    return _answer(_Seeds(root=f"lot/{lot.id}", lab=lot.lab, traces=[trace], lots=[str(lot.id)]))
+    traces = [Trace(flows=tuple(receipts))]
+    if direction != "down":
+        made = [UUID(flow.activity) for flow in receipts if is_reaction(flow.source)]
+        consumed = [flow for flow in lineage.flows_of(made) if is_reaction(flow.target)]
+        traces.append(trace_flows(consumed, lineage.history, _limits(depth), forward=False))
+    if direction != "up":
+        traces.append(trace_flows(receipts, lineage.history, _limits(depth), forward=True))
+    return _answer(_Seeds(root=f"lot/{lot.id}", lab=lot.lab, traces=traces, lots=[str(lot.id)]))
 
 
 def of_run(run: Run, *, direction: str, depth: int, files: Sequence[FileFact] = ()) -> Provenance:
@@ -128,13 +141,51 @@ def of_run(run: Run, *, direction: str, depth: int, files: Sequence[FileFact] = 
     )
 
 
+def of_file(row: File, *, direction: str, depth: int) -> Provenance:
+    """Return what a kept file is of, with all that had led to it; down, what was read from it."""
+    return _answer(_file_seeds(row, f"file/{row.pk}", direction=direction, depth=depth))
+
+
+def of_reading(row: Reading, *, direction: str, depth: int) -> Provenance:
+    """Return the file that a reading is from, and what the file is of with all that led to it."""
+    seeds = _file_seeds(row.file, f"reading/{row.pk}", direction=direction, depth=depth)
+    return _answer(seeds, reading=str(row.pk))
+
+
+def _file_seeds(row: File, root: str, *, direction: str, depth: int) -> _Seeds:
+    moment = measured.moments(row.lab, [row])[row.pk]
+    resource = row.resource_id
+    if direction == "down":
+        named = [] if resource is None else [str(resource)]
+        return _Seeds(root=root, lab=row.lab, traces=[], resources=named, measured=[row.pk])
+    jobs = [] if row.job_id is None else list(Job.objects.filter(pk=row.job_id))
+    held = {UUID(node) for job in jobs for node in job.locks} if resource is None else {resource}
+    kinds = dict(resource_selectors.rows(held).values_list("id", "kind"))
+    vessels = sorted(node for node, kind in kinds.items() if is_vessel(kind))
+    acts = Attempt.objects.filter(job__in=[job.pk for job in jobs])
+    return _Seeds(
+        root=root,
+        lab=row.lab,
+        traces=lineage.traces_until(vessels, moment.at, _limits(depth)),
+        windows=[] if resource is None else [(resource, 0, moment.seq)],
+        acts=list(acts.values_list("transaction_id", flat=True)),
+        jobs=jobs,
+        resources=[str(node) for node in sorted(held)],
+        measured=[row.pk],
+        until=moment.seq,
+    )
+
+
 def _limits(depth: int) -> Limits:
     return Limits(depth=depth, size=lineage.MOST_FLOWS)
 
 
-def _answer(seeds: _Seeds) -> Provenance:
+def _answer(seeds: _Seeds, *, reading: str = "") -> Provenance:
     flows = _joined(seeds.traces)
-    windows = [*_windows(seeds.traces), *seeds.windows]
+    windows = [
+        (node, first, min(last, seeds.until))
+        for node, first, last in [*_windows(seeds.traces), *seeds.windows]
+    ]
     acts, has_more = crutd.acts_within(windows)
     poured = {UUID(flow.activity) for flow in flows}
     transactions = crutd.transaction_facts({*poured, *acts, *seeds.acts})
@@ -143,16 +194,33 @@ def _answer(seeds: _Seeds) -> Provenance:
     known = {UUID(fact.id) for fact in transactions}
     transactions += crutd.transaction_facts(beside - known)
     jobs |= {job.pk: job for job in _jobs_of(transactions)}
-    record = _record(seeds, flows, transactions, list(jobs.values()))
+    found = _measured(seeds, windows, jobs, reading)
+    jobs |= _named_jobs(found, jobs)
+    record = _record(seeds, flows, transactions, list(jobs.values()), found)
     return Provenance(
         lab=seeds.lab,
         record=record,
         graph=build_graph(record),
         beyond=sum(trace.beyond for trace in seeds.traces),
         unread=frozenset().union(*(trace.unread for trace in seeds.traces)),
-        has_more_acts=has_more or has_more_beside or seeds.has_more,
+        has_more_acts=has_more or has_more_beside or seeds.has_more or found.has_more,
         locks={str(job.pk): frozenset(job.locks) for job in jobs.values()},
     )
+
+
+def _measured(
+    seeds: _Seeds, windows: Sequence[Window], jobs: Collection[UUID], reading: str
+) -> Measured:
+    """Return what was measured meanwhile; of a file alone, that file."""
+    if seeds.measured:
+        found = measured.within(seeds.lab, [], (), seeds.measured)
+        return found.only(reading) if reading else found
+    return measured.within(seeds.lab, [*windows, *seeds.watched], jobs)
+
+
+def _named_jobs(found: Measured, known: Collection[UUID]) -> dict[UUID, Job]:
+    ids = {UUID(fact.job_id) for fact in found.facts if fact.job_id} - set(known)
+    return {job.pk: job for job in Job.objects.filter(pk__in=ids)} if ids else {}
 
 
 def _joined(traces: Iterable[Trace]) -> list[Flow]:
@@ -221,14 +289,17 @@ def _record(
     flows: Sequence[Flow],
     transactions: Sequence[TransactionFact],
     rows: Sequence[Job],
+    found: Measured,
 ) -> Record:
     jobs = governed.job_facts(rows)
     run_ids = {job.run_id for job in jobs} | set(seeds.runs)
     runs = governed.run_facts(run_ids)
     decisions = governed.decision_facts(seeds.lab, run_ids)
-    devices = governed.device_facts(seeds.lab, {job.device_id for job in jobs})
+    told = {fact.device_id for fact in found.facts if fact.device_id}
+    devices = governed.device_facts(seeds.lab, {job.device_id for job in jobs} | told)
     nodes = {UUID(node) for device in devices for node in device.nodes}
-    named = {*_resources(flows, transactions), *nodes, *map(UUID, seeds.resources)}
+    subjects = {UUID(fact.resource_id) for fact in found.facts if fact.resource_id}
+    named = {*_resources(flows, transactions), *nodes, *map(UUID, seeds.resources), *subjects}
     lots = {lot for flow in flows for lot in flow.lots} | set(seeds.lots)
     return Record(
         root=seeds.root,
@@ -241,8 +312,11 @@ def _record(
         resources=crutd.resource_facts(named),
         lots=crutd.lot_facts(lots),
         files=seeds.files,
+        measurements=found.facts,
         hosts=governed.host_names(seeds.lab),
-        people=governed.people(_people(transactions, jobs, runs, decisions)),
+        people=governed.people(
+            [*_people(transactions, jobs, runs, decisions), *(f.kept_by_id for f in found.facts)]
+        ),
         drivers=governed.drivers(jobs),
     )
 
@@ -267,50 +341,3 @@ def _people(
     yield from (fact.actor_id for fact in decisions)
     for run in runs:
         yield from (run.created_by_id, run.version_author_id)
-
-
-def seen_by(found: Provenance, seen: Collection[UUID]) -> Graph:
-    """Return the graph as somebody may know it: what is outside keeps its form, not its words.
-
-    Args:
-        found: The whole.
-        seen: Resources that they may know of.
-    """
-    shown = {str(node) for node in seen}
-    runs = {str(pk) for pk in visible_runs(found.lab, seen).values_list("pk", flat=True)}
-    record = found.record
-    jobs = {job.id for job in record.jobs if not found.locks[job.id] <= shown}
-    hidden = {f"resource/{fact.id}" for fact in record.resources if fact.id not in shown}
-    hidden |= {
-        n for n in found.graph.nodes if n.startswith("state/") and n.split("/")[1] not in shown
-    }
-    hidden |= {f"job/{job}" for job in jobs}
-    hidden |= {f"reading/{fact.id}" for fact in record.transactions if fact.job_id in jobs}
-    for run in record.runs:
-        if run.id not in runs:
-            hidden |= {f"run/{run.id}", f"plan/{run.id}", f"version/{run.version_id}"}
-    hidden |= {f"decision/{fact.id}" for fact in record.decisions if fact.run_id not in runs}
-    devices = enrollment_selectors.visible_devices(found.lab, seen)
-    known = {str(device.pk) for device in devices}
-    hidden |= {f"device/{fact.id}" for fact in record.devices if fact.id not in known}
-    return redacted(found.graph, hidden | _only_with(found.graph, hidden))
-
-
-def shown_runs(ids: Collection[str], user: User) -> set[str]:
-    """Return which of the runs the user may see."""
-    seen = resource_selectors.allowed_ids(user, Permission.VIEW)
-    rows = visible_runs(resource_selectors.the_lab(), seen).filter(pk__in=list(ids))
-    return {str(pk) for pk in rows.values_list("pk", flat=True)}
-
-
-def _only_with(graph: Graph, hidden: Collection[str]) -> set[str]:
-    """Return the people and drivers of whom nothing but what is hidden tells."""
-    told: dict[str, bool] = {}
-    for relation in graph.relations:
-        for one, other in (
-            (relation.later, relation.third or relation.earlier),
-            (relation.earlier, relation.third or relation.later),
-        ):
-            if one.startswith(("user/", "driver/")):
-                told[one] = told.get(one, False) or other not in hidden
-    return {name for name, is_told in told.items() if not is_told}

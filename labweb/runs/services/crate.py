@@ -9,7 +9,7 @@ from __future__ import annotations
 import hashlib
 import json
 import tempfile
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, Any
@@ -33,7 +33,7 @@ from labweb.domain.errors import StateError
 from labweb.domain.runs.job import RunState
 from labweb.runs.models import Run
 from labweb.runs.selectors import crate as contents
-from labweb.runs.selectors import provenance
+from labweb.runs.selectors import provenance, shown
 from labweb.runs.services.crate_parts import (
     FILE_READINGS,
     PARTS,
@@ -42,6 +42,7 @@ from labweb.runs.services.crate_parts import (
     Part,
     write_json,
 )
+from labweb.telemetry.selectors import File as Kept
 from labweb.telemetry.selectors import path_of
 from labweb.telemetry.services.files import opened
 
@@ -124,7 +125,7 @@ def write_parts(run: Run, seen: Collection[UUID] | None, folder: Path) -> list[W
     files += _kept(run, seen, folder)
     facts = [file.fact for file in files]
     found = provenance.of_run(run, direction="up", depth=_DEPTH, files=facts)
-    graph = found.graph if seen is None else provenance.seen_by(found, seen)
+    graph = found.graph if seen is None else shown.seen_by(found, seen)
     write_json(folder / PROVENANCE.path, render_prov(graph, str(run.lab_id)))
     return [*files, _measured(run, PROVENANCE, folder)]
 
@@ -142,6 +143,7 @@ def _kept(run: Run, seen: Collection[UUID] | None, folder: Path) -> Iterator[Wri
         # Checked against its digest, and closed again: what is packed is what was kept.
         opened(row).close()
         fact = FileFact(
+            id=str(row.pk),
             name=contents.kept_name(row),
             run_id=str(run.pk),
             media_type=row.media_type,
@@ -154,7 +156,7 @@ def _kept(run: Run, seen: Collection[UUID] | None, folder: Path) -> Iterator[Wri
 
 def _packed(run: Run, seen: Collection[UUID] | None, folder: Path) -> Iterator[bytes]:
     files = write_parts(run, seen, folder)
-    yield from _described(run, files).stream_zip(chunk_size=_BLOCK)
+    yield from _described(run, seen, files).stream_zip(chunk_size=_BLOCK)
 
 
 def _measured(run: Run, part: Part, folder: Path) -> Written:
@@ -171,7 +173,7 @@ def _measured(run: Run, part: Part, folder: Path) -> Written:
     return Written(fact, part.about, path)
 
 
-def _described(run: Run, files: Iterable[Written]) -> ROCrate:
+def _described(run: Run, seen: Collection[UUID] | None, files: Iterable[Written]) -> ROCrate:
     """Return the crate with what each file is, who did the run, and on which devices."""
     crate = ROCrate(version="1.1")
     version = run.version
@@ -187,6 +189,8 @@ def _described(run: Run, files: Iterable[Written]) -> ROCrate:
     written = {file.fact.name: file for file in files}
     workflow = _workflow(crate, run, written.pop(WORKFLOW.path))
     entities = {name: add_file(crate, file) for name, file in written.items()}
+    for row in contents.kept_files(run, seen):
+        _tell_origin(crate, row, entities)
     crate.mainEntity = workflow
     _profiles(crate)
     crate.root_dataset["mentions"] = [
@@ -194,6 +198,28 @@ def _described(run: Run, files: Iterable[Written]) -> ROCrate:
         *_devices(crate, run),
     ]
     return crate
+
+
+def _tell_origin(crate: ROCrate, row: Kept, entities: Mapping[str, File]) -> None:
+    """Say of a kept file which resource it is about, or from which file it was made."""
+    entity = entities[contents.kept_name(row)]
+    if row.made_from is not None:
+        entity["isBasedOn"] = entities[contents.kept_name(row.made_from)]
+    elif row.resource is not None:
+        resource = row.resource
+        entity["about"] = crate.add(
+            ContextEntity(
+                crate,
+                f"#resource-{resource.pk}",
+                properties={
+                    "@type": "IndividualProduct",
+                    "name": resource.name,
+                    "identifier": resource.key,
+                },
+            )
+        )
+    if row.device_id is not None:
+        entity["mentions"] = {"@id": f"#device-{row.device_id}"}
 
 
 def _properties(file: Written) -> dict[str, Any]:

@@ -18,6 +18,7 @@ from labweb.crutd.services import Settlement
 from labweb.domain.crutd.decide import Outcome, OutcomeKind
 from labweb.domain.errors import LabError, StateError
 from labweb.domain.messages import EdgeEvent
+from labweb.domain.runs.context import read_context
 from labweb.domain.runs.intake import Meaning, read_event
 from labweb.domain.runs.job import JobState, Mover
 from labweb.domain.runs.session import SessionState, check_events
@@ -171,8 +172,8 @@ def _settle(attempt: Attempt, event: EdgeEvent, meaning: Meaning) -> None:
 def _fields(attempt: Attempt, event: EdgeEvent, meaning: Meaning) -> dict[str, Any]:
     """Return what else an event writes into the row of its job."""
     body, evidence = event.body, attempt.job.evidence
-    if event.kind == "actuated":
-        return {"evidence": {"report": body.get("report") or {}}}
+    if event.kind in {"started", "actuated"}:
+        return {"evidence": evidence | _moment(event)}
     if meaning.is_resolution:
         return {"evidence": {**evidence, "resolution": _resolution(body, meaning)}}
     if meaning.outcome is None:
@@ -184,10 +185,21 @@ def _fields(attempt: Attempt, event: EdgeEvent, meaning: Meaning) -> dict[str, A
         "evidence": {
             **evidence,
             "post": body.get("post", []),
-            "pre": body.get("pre", []),
+            "pre": body.get("pre") or evidence.get("pre", []),
             "report": body.get("report") or evidence.get("report", {}),
         },
     }
+
+
+def _moment(event: EdgeEvent) -> dict[str, Any]:
+    """Return what a host says of the start of an action or of its device's answer."""
+    found: dict[str, Any] = {}
+    context = read_context(event.body.get("context"))
+    if context is not None:
+        found[f"{event.kind}_context"] = context
+    if event.kind == "started":
+        return found | {"pre": event.body.get("pre", [])}
+    return found | {"report": event.body.get("report") or {}}
 
 
 def _resolution(body: Mapping[str, Any], meaning: Meaning) -> dict[str, Any]:

@@ -268,16 +268,22 @@ def opened(row: File) -> IO[bytes]:
     Raises:
         StateError: `file.damaged`: they are gone or not the same any more.
     """
+    # Returned open: whoever sends it closes it.
+    return checked(row).open("rb")
+
+
+def checked(row: File) -> Path:
+    """Return where the bytes of a file lie, once they are known to be the ones that were kept.
+
+    Raises:
+        StateError: `file.damaged`: they are gone or not the same any more.
+    """
     path = selectors.path_of(row.sha256)
     try:
-        is_whole = digest_of(path) == row.sha256
-        # Returned open: whoever sends it closes it.
-        return path.open("rb") if is_whole else _damaged(row)
+        if digest_of(path) == row.sha256:
+            return path
     except FileNotFoundError:
-        return _damaged(row)
-
-
-def _damaged(row: File) -> IO[bytes]:
+        pass
     raise StateError(
         f"the bytes of {row.name!r} are not those that were kept",
         code="file.damaged",

@@ -58,7 +58,7 @@ def test_a_delivery_of_no_known_material_is_refused(bench: Bench) -> None:
     refused(bench, delivery(bench, material_id=str(uuid4())), "crutd.no_material")
 
 
-def test_a_delivery_in_the_wrong_unit_is_refused(bench: Bench) -> None:
+def test_a_unit_mismatch_is_refused(bench: Bench) -> None:
     a_jar(bench, "jar")
     portions = [{"resource_id": node(bench, "jar"), "amount_nl": 5}]
     refused(bench, delivery(bench, phase="solid", portions=portions), "crutd.unit_mismatch")
@@ -104,7 +104,7 @@ def test_a_transfer_is_refused_when_the_source_is_short_by_its_dead_volume(bench
     refused(bench, pour(bench, "water", "flask_1", 1_001), "crutd.insufficient_volume")
 
 
-def test_a_solid_is_not_poured_with_a_liquid(bench: Bench) -> None:
+def test_a_transfer_of_the_wrong_phase_is_refused(bench: Bench) -> None:
     a_jar(bench, "jar")
     done(bench, solid(bench, "jar", 5_000))
     done(bench, pour(bench, "water", "jar", 1_000_000))
@@ -195,7 +195,7 @@ def test_a_vessel_that_is_held_elsewhere_is_not_used(bench: Bench) -> None:
     assert rows() == before
 
 
-def test_a_vial_is_never_in_neither_place(bench: Bench) -> None:
+def test_after_a_refused_transfer_a_vial_is_never_in_neither_place(bench: Bench) -> None:
     """A carry that is refused, and one that fails half way, leave the vial where it stood."""
     flask, home = bench.node("flask_1"), bench.node("flask_1").parent_id
     to_nowhere = {

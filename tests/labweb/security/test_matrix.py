@@ -68,6 +68,7 @@ API: dict[tuple[str, str], tuple[tuple[str, ...], Any]] = {
     ("GET", "resources/<resource>/lineage"): (MEMBERS, None),
     ("GET", "resources/<resource>/provenance"): (MEMBERS, None),
     ("GET", "resources/<resource>/stock"): (MEMBERS, None),
+    ("GET", "resources/<resource>/reaction"): (MEMBERS, None),
     ("GET", "tickets/<ticket>"): (MEMBERS, None),
     ("POST", "tickets/<ticket>/close"): (WORKERS, {"reason": "looked"}),
     ("GET", "resources/<resource>/conditions?device=<device>"): (MEMBERS, None),
@@ -97,7 +98,10 @@ API: dict[tuple[str, str], tuple[tuple[str, ...], Any]] = {
     ("POST", "files"): (WORKERS, Form({"resource": "<resource>", "format": "csv"})),
     ("GET", "files/<file>"): (MEMBERS, None),
     ("GET", "files/<file>/content"): (MEMBERS, None),
+    ("GET", "files/<file>/provenance"): (MEMBERS, None),
     ("GET", "readings"): (MEMBERS, None),
+    ("GET", "readings/<reading>/provenance"): (MEMBERS, None),
+    ("GET", "readings/<reading>/points"): (MEMBERS, None),
     ("POST", "runs/<run>/pause"): (WORKERS, {}),
     ("POST", "runs/<run>/resume"): (WORKERS, {}),
     ("POST", "runs/<run>/abort"): (WORKERS, {"reason": "enough"}),
@@ -130,7 +134,7 @@ def a_file(bench: Bench) -> File:
         stream=io.BytesIO(TRACE.encode()),
         name="a.csv",
         media_type="text/csv",
-        format="none",
+        format="csv",
         resource=bench.node("water"),
     )
     return keep_file(upload, lab=bench.lab, actor=bench.people["chemist"])
@@ -147,6 +151,7 @@ def ids(bench: Bench, settings: Settings, tmp_path: Path) -> dict[str, str]:
         bench.lab, name="Own", document=None, actor=bench.people["chemist"]
     )
     workflow_services.save_version(workflow.id, note="", actor=bench.people["chemist"])
+    file = a_file(bench)
     return {
         "device": str(bench.device("timer_1").id),
         "resource": str(bench.node("water").id),
@@ -157,7 +162,8 @@ def ids(bench: Bench, settings: Settings, tmp_path: Path) -> dict[str, str]:
         "number": "1",
         "run": str(run.id),
         "job": str(attempt.job_id),
-        "file": str(a_file(bench).pk),
+        "file": str(file.pk),
+        "reading": str(file.readings.all()[0].pk),
         "ticket": str(crutd_services.open_ticket(bench.lab, "host.gap", "a gap", {}).id),
         "request": str(ApprovalRequest.objects.get(run_id=request_run.id).id),
     }

@@ -21,7 +21,7 @@ from labweb.telemetry import selectors
 from labweb.telemetry.models import File, Reading
 from labweb.telemetry.services import files
 from tests.builders import Bench, a_started_run, a_user, an_edge, to_transfer
-from tests.labweb.instrument_files import SPECTRUM, TRACE
+from tests.labweb.instrument_files import SPECTRUM, TRACE, an_mzml
 from tests.labweb.web import call, code_of, read, signed_in
 
 API = "/api/v1"
@@ -263,3 +263,57 @@ def test_lists_are_narrowed_and_bounded(bench: Bench, chemist: Client) -> None:
     assert [row["index"] for row in rows] == [1]
     assert read(chemist, f"{API}/files?sha256={first['sha256']}")["files"][0]["id"] == first["id"]
     assert read(chemist, f"{API}/files?resource=x", status=422)["code"] == "http.query"
+
+
+def test_the_points_of_a_series_are_those_of_the_file(bench: Bench, chemist: Client) -> None:
+    told = send(chemist, TRACE, resource=bench.node("flask_1").pk)
+    by_name = {reading["name"]: reading["id"] for reading in told["readings"]}
+    drawn = read(chemist, f"{API}/readings/{by_name['temperature']}/points")
+    assert drawn["points"] == [[0.0, 25.0], [1.0, 25.1], [2.0, None]]
+    assert (drawn["x"]["unit"], drawn["y"]["unit"], drawn["is_thinned"]) == ("s", "degC", False)
+
+
+def test_a_long_series_is_thinned_and_keeps_its_peak(bench: Bench, chemist: Client) -> None:
+    rows = [f"{n},{1000 if n == 77_777 else n % 7}" for n in range(150_000)]
+    raw = "\n".join(["time (s),signal (1)", *rows, ""])
+    told = send(chemist, raw, resource=bench.node("flask_1").pk)
+    drawn = read(chemist, f"{API}/readings/{told['readings'][0]['id']}/points?points=400")
+    assert (drawn["rows_count"], drawn["is_thinned"]) == (150_000, True)
+    assert 200 <= len(drawn["points"]) <= 400
+    assert [77_777.0, 1000.0] in drawn["points"]
+    assert [x for x, _ in drawn["points"]] == sorted(x for x, _ in drawn["points"])
+
+
+def test_one_of_several_spectra_is_drawn(bench: Bench, chemist: Client, tmp_path: Path) -> None:
+    scans = [(0.1, [100.0, 101.0], [5.0, 7.0]), (0.2, [100.5, 102.0], [1.0, 9.0])]
+    raw = an_mzml(tmp_path / "a.mzML", scans)
+    told = send(chemist, raw, resource=bench.node("flask_1").pk, format="mzml", name="a.mzML")
+    spectra = next(r for r in told["readings"] if r["name"] == "mass spectra")["id"]
+    first = read(chemist, f"{API}/readings/{spectra}/points")
+    assert first["points"] == [[100.0, 5.0], [101.0, 7.0]]
+    number = first["scan"]["most"]
+    second = read(chemist, f"{API}/readings/{spectra}/points?scan={number}")
+    assert second["points"] == [[100.5, 1.0], [102.0, 9.0]]
+    assert read(chemist, f"{API}/readings/{spectra}/points?scan=x", status=422)
+
+
+def test_a_single_value_has_no_points(bench: Bench, chemist: Client, tmp_path: Path) -> None:
+    raw = an_mzml(tmp_path / "a.mzML", [(0.1, [100.0], [5.0])])
+    told = send(chemist, raw, resource=bench.node("flask_1").pk, format="mzml")
+    one = next(reading for reading in told["readings"] if reading["value"] is not None)
+    answer = read(chemist, f"{API}/readings/{one['id']}/points", status=422)
+    assert answer["code"] == "reading.no_series"
+
+
+def test_names_are_told_of_what_one_may_know(bench: Bench, chemist: Client) -> None:
+    run = a_started_run(bench)
+    job = run.jobs.order_by("index")[0]
+    flask = bench.node("flask_1")
+    send(chemist, TRACE, job=job.pk, resource=flask.pk)
+    row = read(chemist, f"{API}/files")["files"][0]
+    assert row["resource"] == {"id": str(flask.pk), "name": flask.name}
+    assert row["device"]["name"] == job.device.name
+    assert row["job"]["run"] == {"id": str(run.pk), "number": run.number}
+    guest = signed_in(a_user("observer", on=flask, name="guest"))
+    row = read(guest, f"{API}/files")["files"][0]
+    assert (row["resource"]["name"], row["device"], row["job"]) == (flask.name, None, None)

@@ -3,10 +3,11 @@
 | ours | PROV |
 |---|---|
 | Resource, Lot, Reading, WorkflowVersion, Plan, driver source, file | entity |
-| Transaction, Job, Run, Decision | activity |
+| Transaction, Job, Run, Decision, Measurement | activity |
 | User; EdgeHost; Device | agent: person; software; agent |
 | Create | `wasGeneratedBy` |
 | Read | `used`, and a reading that `wasGeneratedBy` it |
+| Measurement | `used` with role measured; a file it generated, readings derived from the file |
 | Update | a new state, revision of the one before, special case of the resource |
 | Transfer | `used` with role source, a new state with role target, derived; `atLocation` |
 | Delete | `wasInvalidatedBy`; the resource is kept in the Archive |
@@ -20,7 +21,13 @@ from dataclasses import replace
 from typing import Any
 
 from labweb.domain.crutd.lifecycle import TransactionState
-from labweb.domain.crutd.provenance.facts import JobFact, Record, ResourceFact, TransactionFact
+from labweb.domain.crutd.provenance.facts import (
+    JobFact,
+    MeasurementFact,
+    Record,
+    ResourceFact,
+    TransactionFact,
+)
 from labweb.domain.crutd.provenance.flows import Flow, is_nominal, is_reaction
 from labweb.domain.crutd.provenance.governed import governed
 from labweb.domain.crutd.provenance.graph import (
@@ -32,6 +39,7 @@ from labweb.domain.crutd.provenance.graph import (
     Relation,
     make_graph,
 )
+from labweb.domain.crutd.provenance.measured import measurement
 
 _LONGEST_FACT = 500
 
@@ -42,8 +50,13 @@ def build_graph(record: Record) -> Graph:
     Resources that the record names and does not describe are left out with what binds them.
     """
     builder = _Builder(record)
+    left = sorted(record.measurements, key=lambda m: (m.seq, m.id), reverse=True)
     for fact in sorted(record.transactions, key=lambda t: (t.seq, t.id)):
+        while left and left[-1].seq < fact.seq:
+            builder.measured(left.pop())
         builder.transaction(fact)
+    for later in reversed(left):
+        builder.measured(later)
     nodes, relations = governed(record, {node.id for node in builder.nodes.values()})
     builder.nodes.update({node.id: node for node in nodes})
     return make_graph(record.root, builder.nodes.values(), [*builder.relations, *relations])
@@ -84,6 +97,13 @@ class _Builder:
 
     def _bind(self, bond: Bond, later: str, earlier: str, **more: Any) -> None:  # noqa: ANN401
         self.relations.append(Relation(bond=bond, later=later, earlier=earlier, **more))
+
+    def measured(self, fact: MeasurementFact) -> None:
+        """Add a measurement of the state that a resource is in, with its files and readings."""
+        nodes, relations = measurement(fact)
+        self.nodes.update({node.id: node for node in nodes})
+        self.relations += relations
+        self._use(f"measurement/{fact.id}", fact.resource_id, "measured", "")
 
     def transaction(self, fact: TransactionFact) -> None:
         """Add one transaction with the states it took and left."""
@@ -143,7 +163,9 @@ class _Builder:
         if is_reaction(flow.source):
             for lot in lots:
                 self._bind(Bond.GENERATED, lot, name, role="product", at=fact.ended_at)
-            return []
+                for reactant in self._reactants(fact.id):
+                    self._bind(Bond.DERIVED, lot, reactant)
+            return lots
         if is_nominal(flow.source):
             for lot in lots:
                 self._bind(Bond.USED, name, lot, role="received", at=fact.started_at)
@@ -155,6 +177,11 @@ class _Builder:
         state = self._state(fact, flow.source, after)
         self._bind(Bond.GENERATED, state, name, role="source", at=fact.ended_at)
         return [used]
+
+    def _reactants(self, activity: str) -> list[str]:
+        flows = (flow for flow in self._flows[activity] if is_reaction(flow.target))
+        lots = {f"lot/{lot}" for flow in flows for lot in flow.lots}
+        return sorted(lots & self.nodes.keys())
 
     def _state(self, fact: TransactionFact, resource: str, after: dict[str, str]) -> str:
         """Add the state that a transaction leaves a resource in; once per transaction."""
@@ -247,8 +274,8 @@ def _named(operation: Mapping[str, Any]) -> list[str]:
 
 
 def _created(fact: TransactionFact) -> list[str]:
-    created = fact.change.get("created") or [fact.operation]
-    return [str(entry.get("resource_id", "")) for entry in created]
+    told = fact.change.get("created") or [fact.operation.get("resource_id", "")]
+    return [str(resource) for resource in told]
 
 
 def reported(job: JobFact) -> dict[str, Fact]:

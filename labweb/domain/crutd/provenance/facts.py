@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from enum import StrEnum
 from typing import Any
 
 from labweb.domain.crutd.provenance.flows import Flow
@@ -48,6 +49,9 @@ class JobFact:
     ended_at: str = ""
     worker_pid: int | None = None
     report: Mapping[str, Any] = field(default_factory=dict)
+    contexts: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    """By `started` and `actuated`: versions and readings of that moment."""
+
     resolved_by: str = ""
     """Person who said what had happened."""
 
@@ -125,6 +129,62 @@ class FileFact:
     media_type: str
     size_bytes: int
     sha256: str
+    id: str = ""
+    """Of a kept file: the row that keeps it. Else the file goes by its checksum."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ReadingFact:
+    """One thing that a kept file tells."""
+
+    id: str
+    name: str
+    quantity: str
+    unit: str = ""
+    value: float | str | None = None
+    """None: it is a series."""
+
+    series: Mapping[str, Any] | None = None
+    measured_at: str = ""
+
+
+class Clue(StrEnum):
+    """Who tells when something was measured."""
+
+    JOB = "job"
+    """The job that it belongs to."""
+
+    FILE = "file"
+    """The file, with its offset."""
+
+    KEPT = "kept"
+    """Nobody: it was measured before it was kept, and counts as of then."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MeasurementFact:
+    """A file as it came from an instrument or a person, and what was read from it."""
+
+    id: str
+    """Of the file."""
+
+    seq: int
+    """Place in the lab's chain of the last event before the measurement ended."""
+
+    at: str
+    clue: Clue
+    name: str
+    format: str
+    media_type: str
+    size_bytes: int
+    sha256: str
+    resource_id: str = ""
+    device_id: str = ""
+    job_id: str = ""
+    kept_by_id: str = ""
+    readings: Sequence[ReadingFact] = ()
+    made: Sequence[FileFact] = ()
+    """Series that were made from it; their `run_id` is empty."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -141,6 +201,7 @@ class Record:
     resources: Sequence[ResourceFact] = ()
     lots: Sequence[LotFact] = ()
     files: Sequence[FileFact] = ()
+    measurements: Sequence[MeasurementFact] = ()
     hosts: Mapping[str, str] = field(default_factory=dict)
     """Name by id."""
 

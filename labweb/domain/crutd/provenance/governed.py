@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
+from typing import Any
 
 from labweb.domain.crutd.provenance.facts import (
     DecisionFact,
     FileFact,
     JobFact,
+    MeasurementFact,
     Record,
     RunFact,
     TransactionFact,
@@ -31,9 +33,22 @@ def governed(record: Record, known: Collection[str]) -> tuple[list[Node], list[R
         found.job(job)
     for transaction in record.transactions:
         found.borne(transaction)
+    for measurement in record.measurements:
+        found.measured(measurement)
     for file in record.files:
         found.file(file)
     return list(found.nodes.values()), found.relations
+
+
+_MOMENTS = {"started": "started", "actuated": "was answered"}
+
+
+def _plain(value: Any) -> Fact:  # noqa: ANN401 - any JSON
+    return value if isinstance(value, bool | int | float | str) else ""
+
+
+def _aged(reading: Mapping[str, Any]) -> str:
+    return f"{reading['value']}, {reading['age_s']:g} s old"
 
 
 class _Governed:
@@ -157,6 +172,33 @@ class _Governed:
             driver = self._entity(entity, "driver_version", label, digest=job.driver_digest)
             self._bind(Bond.USED, name, driver, role="driver", at=job.started_at)
         self._bind(Bond.ASSOCIATED, name, self._person(job.resolved_by), role="resolver")
+        for moment, context in job.contexts.items():
+            self._context(name, moment, context)
+
+    def _context(self, job: str, moment: str, context: Mapping[str, Any]) -> None:
+        """Add the settings and the surroundings that a job met at its start or its answer."""
+        digest = str(context["config_digest"])
+        calibration = {f"calibration {k}": _plain(v) for k, v in context["calibration"].items()}
+        label = "Settings of the device"
+        config = self._entity(
+            f"config/{digest}", "device_settings", label, digest=digest, **calibration
+        )
+        self._bind(Bond.USED, job, config, role=f"settings_{moment}")
+        readings = context["environment"]
+        if not readings:
+            return
+        told = {}
+        for reading in readings:
+            device = self._devices.get(reading["device_id"])
+            name = reading["device_id"] if device is None else device.name
+            told[f"{name}: {reading['status']}"] = _aged(reading)
+        surroundings = self._entity(
+            f"surroundings/{job.removeprefix('job/')}/{moment}",
+            "surroundings",
+            f"Latest readings when it {_MOMENTS[moment]}",
+            **told,
+        )
+        self._bind(Bond.USED, job, surroundings, role=f"surroundings_{moment}")
 
     def borne(self, fact: TransactionFact) -> None:
         """Bind a transaction to its job, or to the person who did it by hand."""
@@ -172,15 +214,27 @@ class _Governed:
         if reading in self._known:
             self._bind(Bond.ATTRIBUTED, reading, device)
 
+    def measured(self, fact: MeasurementFact) -> None:
+        """Bind a measurement to its job, its device, and the person who brought the file."""
+        name = f"measurement/{fact.id}"
+        if fact.job_id in self._jobs:
+            self._bind(Bond.INFORMED, name, f"job/{fact.job_id}")
+        device = self._device(fact.device_id)
+        self._bind(Bond.ASSOCIATED, name, device)
+        self._bind(Bond.ATTRIBUTED, f"file/{fact.id}", device)
+        self._bind(Bond.ASSOCIATED, name, self._person(fact.kept_by_id), role="keeper")
+
     def file(self, file: FileFact) -> None:
-        """Add a file that a run left."""
+        """Add a file that a run left; a kept one goes by where it lies."""
+        name = f"file/{file.id or file.sha256}"
+        is_known = name in self._known
         entity = self._entity(
-            f"file/{file.sha256}",
+            name,
             "file",
             file.name,
             media_type=file.media_type,
             size_bytes=file.size_bytes,
             sha256=file.sha256,
         )
-        if file.run_id in self._runs:
+        if file.run_id in self._runs and not is_known:
             self._bind(Bond.GENERATED, entity, f"run/{file.run_id}")

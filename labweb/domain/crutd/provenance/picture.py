@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
-from labweb.domain.crutd.provenance.flows import Flow, is_nominal
+from labweb.domain.crutd.provenance.flows import Flow, is_nominal, is_reaction
 
 
 def to_graph(start: str, flows: Sequence[Flow]) -> dict[str, Any]:
@@ -20,7 +20,9 @@ def to_graph(start: str, flows: Sequence[Flow]) -> dict[str, Any]:
     ]
     nodes += [
         {"id": activity, "kind": "activity", "type": "job", "at": at}
-        for activity, at in sorted({(f.activity, f.at) for f in flows if not is_nominal(f.source)})
+        for activity, at in sorted(
+            {(f.activity, f.at) for f in flows if is_reaction(f.source) or not is_nominal(f.source)}
+        )
     ]
     edges: list[dict[str, Any]] = []
     for flow in flows:
@@ -32,6 +34,8 @@ def to_graph(start: str, flows: Sequence[Flow]) -> dict[str, Any]:
                 _edge(f"lot:{lot}", flow.target, replace(flow, lots={lot: amount}))
                 for lot, amount in flow.lots.items()
             ]
+            if is_reaction(flow.source):
+                edges += [_edge(flow.activity, f"lot:{lot}", flow) for lot in sorted(flow.lots)]
             continue
         edges.append(_edge(flow.source, flow.activity, flow))
         if not is_nominal(flow.target):

@@ -22,6 +22,7 @@ from labweb.resources.selectors import Lab
 from labweb.runs import selectors as run_selectors
 from labweb.runs.selectors import provenance
 from labweb.runs.selectors.provenance import Provenance
+from labweb.telemetry import selectors as telemetry_selectors
 
 FORMATS = ("table", "json", "prov", "dot")
 
@@ -31,7 +32,7 @@ _Ask = Callable[..., Provenance]
 class Command(BaseCommand):
     """`manage.py provenance`."""
 
-    help = "Tell what led to a resource, lot or run, and what it touched."
+    help = "Tell what led to a resource, lot, run, file or reading, and what it touched."
 
     def add_arguments(self, parser: ArgumentParser) -> None:
         """Declare the options."""
@@ -39,8 +40,8 @@ class Command(BaseCommand):
         what.add_argument(
             "subject",
             nargs="?",
-            help="id, or key of a resource or lot, or #number of a run; "
-            "resource:, lot: or run: before it says which",
+            help="id, or key of a resource or lot, or #number of a run, or checksum of a file; "
+            "resource:, lot:, run:, file: or reading: before it says which",
         )
         what.add_argument("--check", type=Path, help="judge a PROV-JSON document")
         parser.add_argument("--direction", choices=provenance.DIRECTIONS, default="both")
@@ -129,12 +130,14 @@ def _named(lab: Lab, text: str) -> _Ask:
         CommandError: It names nothing, or several things.
     """
     sort, colon, rest = text.partition(":")
-    known = {"resource": _resources, "lot": _lots, "run": _runs}
+    known = {
+        "resource": _resources, "lot": _lots, "run": _runs, "file": _files, "reading": _readings,
+    }  # fmt: skip
     finders = {sort: known[sort]} if colon and sort in known else known
     name = rest if colon and sort in known else text
     found = {kind: ask for kind, find in finders.items() for ask in find(lab, name)}
     if not found:
-        raise CommandError(f"no resource, lot or run is named {text!r}")
+        raise CommandError(f"no resource, lot, run, file or reading is named {text!r}")
     if len(found) > 1:
         choices = " or ".join(f"{kind}:{name}" for kind in found)
         raise CommandError(f"{text!r} names several things: say {choices}")
@@ -169,3 +172,18 @@ def _runs(lab: Lab, name: str) -> list[_Ask]:
     else:
         return []
     return [lambda row=row, **more: provenance.of_run(row, **more) for row in rows[:1]]
+
+
+def _files(lab: Lab, name: str) -> list[_Ask]:
+    key = {"sha256": name} if _id(name) is None else {"pk": name}
+    rows = telemetry_selectors.files_of(lab).filter(**key)[:2]
+    if len(rows) > 1:
+        raise CommandError("the same bytes were kept for several subjects: ask by the id of one")
+    return [lambda row=row, **more: provenance.of_file(row, **more) for row in rows]
+
+
+def _readings(lab: Lab, name: str) -> list[_Ask]:
+    if _id(name) is None:
+        return []
+    rows = telemetry_selectors.readings_of(lab).filter(pk=name)
+    return [lambda row=row, **more: provenance.of_reading(row, **more) for row in rows[:1]]

@@ -1,4 +1,4 @@
-"""Replay the events of every lab and compare what they tell with the rows."""
+"""Replay the events of every lab: compare what they tell with the rows, or write it anew."""
 
 from __future__ import annotations
 
@@ -8,31 +8,38 @@ from typing import Any
 
 from django.core.management.base import BaseCommand, CommandError
 
-from labweb.crutd.selectors.past import rebuild_differences
 from labweb.domain.errors import Finding, LabError
 from labweb.resources import selectors as resource_selectors
 from labweb.resources.selectors import Lab
+from labweb.runs.services import rebuilding
 
 
 class Command(BaseCommand):
-    """`manage.py rebuild --check`."""
+    """`manage.py rebuild [--check]`."""
 
-    help = "Rebuild every lab from its import and its events, and compare. Writes nothing."
+    help = (
+        "Write tree, lots, ledger, transactions and jobs of every lab anew from its import and "
+        "its events; with --check compare them only, and write nothing."
+    )
 
     def add_arguments(self, parser: ArgumentParser) -> None:
         """Declare the options."""
         parser.add_argument(
-            "--check", action="store_true", required=True, help="compare with the rows"
+            "--check", action="store_true", help="compare with the rows, write nothing"
         )
         parser.add_argument("--json", action="store_true", help="print JSON instead of lines")
 
     def handle(self, *_args: object, **options: Any) -> None:  # noqa: ANN401 - parsed options
-        """Rebuild and compare; changes nothing.
+        """Rebuild or compare.
 
         Raises:
-            CommandError: Something differs (exit code 1); each difference was printed.
+            CommandError: Something differs, or cannot be rebuilt (exit code 1); each difference
+                was printed. A lab that cannot be rebuilt is left as it was.
         """
         labs = list(resource_selectors.labs().order_by("key"))
+        if not options["check"]:
+            for lab in labs:
+                self._rebuild(lab)
         found = {lab.key: _compare(lab) for lab in labs}
         count = sum(map(len, found.values()))
         if options["json"]:
@@ -46,9 +53,19 @@ class Command(BaseCommand):
         if count:
             raise CommandError(f"rows and events differ: {count} differences", returncode=1)
 
+    def _rebuild(self, lab: Lab) -> None:
+        before = len(_compare(lab))
+        try:
+            rebuilding.rebuild(lab)
+        except LabError as error:
+            for finding in error.findings:
+                self.stdout.write(f"  {finding.code}: {finding.message}")
+            raise CommandError(f"{error.code}: {error.message}", returncode=1) from error
+        self.stderr.write(f"{lab.key}: rebuilt; {before} differences before")
+
 
 def _compare(lab: Lab) -> list[Finding]:
     try:
-        return rebuild_differences(lab)
+        return rebuilding.differences(lab)
     except LabError as error:
         return [Finding(error.code, error.message, str(lab.id), error.context)]

@@ -1,0 +1,175 @@
+// @vitest-environment jsdom
+import { screen, waitFor } from "@testing-library/react";
+import userEvent from "@testing-library/user-event";
+import { Route, Routes } from "react-router";
+import { beforeEach, expect, test, vi } from "vitest";
+import { aRow } from "@/model/samples";
+import type { FileDetail, FileRow } from "@/model/wirefiles";
+import { serve, show } from "@/testpage";
+import { FilesPage } from "./list";
+import { FilePage } from "./page";
+
+vi.mock("@/ui/seriesplot", () => ({
+  SeriesPlot: ({ drawn }: { drawn: { points: unknown[] } }) => (
+    <div data-testid="drawn">{drawn.points.length}</div>
+  ),
+}));
+
+const axis = { column: "time", unit: "s", points_count: 3, least: 0, most: 2 };
+const row: FileRow = {
+  id: "f",
+  name: "trace.csv",
+  media_type: "text/csv",
+  format: "csv",
+  size_bytes: 1500,
+  sha256: "ab".repeat(32),
+  kept_by: "Cleo Chemist",
+  kept_at: "2026-11-20T06:02:07Z",
+  resource: { id: "flask_1", name: "Flask 1" },
+  device: null,
+  job: { id: "j", index: 0, sentence: "Weigh it", run: { id: "r", number: 7 } },
+};
+const detail: FileDetail = {
+  ...row,
+  facts: { instrument: "Cary 60" },
+  readings: [
+    {
+      id: "one",
+      index: 1,
+      name: "absorbance",
+      quantity: "absorbance",
+      unit: "1",
+      value: null,
+      text: "",
+      series_file_id: "s",
+      series: { ...axis, axes: [axis] },
+      measured_at: null,
+    },
+  ],
+  readings_count: 1,
+  series: [],
+};
+const points = {
+  reading_id: "one",
+  x: axis,
+  y: axis,
+  scan: null,
+  points: [
+    [0, 1],
+    [1, 2],
+  ],
+  rows_count: 2,
+  is_thinned: false,
+  is_time: false,
+};
+
+function page(at: string, rows: FileRow[] = [row]) {
+  const sent = serve((path) => {
+    if (path.startsWith("/files?")) return [200, { files: rows }];
+    if (path.startsWith("/files/")) return [200, detail];
+    if (path.includes("/points")) return [200, points];
+    if (path === "/resources")
+      return [200, { resources: [aRow("flask_1", null, { name: "Flask 1" })] }];
+    return [200, { devices: [] }];
+  });
+  show(
+    <Routes>
+      <Route path="/files" element={<FilesPage />} />
+      <Route path="/files/:id" element={<FilePage />} />
+    </Routes>,
+    at,
+  );
+  return sent;
+}
+
+/** Stands for the request of the browser: tells progress, then answers. */
+class FakeRequest {
+  static answer: [status: number, body: unknown] = [201, detail];
+  static form: FormData | null = null;
+  upload: { onprogress?: (event: unknown) => void } = {};
+  status = 0;
+  responseText = "";
+  onload: () => void = () => undefined;
+  onerror: () => void = () => undefined;
+  open(): void {}
+  setRequestHeader(): void {}
+  send(form: FormData): void {
+    FakeRequest.form = form;
+    this.upload.onprogress?.({ lengthComputable: true, loaded: 1, total: 4 });
+    [this.status] = FakeRequest.answer;
+    this.responseText = JSON.stringify(FakeRequest.answer[1]);
+    setTimeout(() => this.onload(), 30);
+  }
+}
+
+beforeEach(() => {
+  vi.stubGlobal("XMLHttpRequest", FakeRequest);
+});
+
+test("a lab without files says how the first one comes", async () => {
+  page("/files", []);
+  expect(await screen.findByTestId("empty")).toHaveTextContent(/No file has been kept yet/);
+});
+
+test("a list narrowed to a sample asks for that sample alone, and all can be had again", async () => {
+  const sent = page("/files?resource=flask_1", []);
+  expect(await screen.findByTestId("empty")).toHaveTextContent(/about this/);
+  expect(sent[0]?.path).toContain("resource=flask_1");
+  await userEvent.click(screen.getByTestId("all-files"));
+  await waitFor(() => expect(sent.some((one) => !one.path.includes("resource"))).toBe(true));
+});
+
+test("a file shows its readings, draws its series, and leads to sample, run and bytes", async () => {
+  page("/files/f");
+  expect(await screen.findByTestId("drawn")).toHaveTextContent("2");
+  expect(screen.getByTestId("file-reading")).toHaveTextContent("3 points over time (s)");
+  expect(screen.getByTestId("to-sample")).toHaveAttribute("href", "/lab?sel=flask_1");
+  expect(screen.getByTestId("to-run")).toHaveAttribute("href", "/runs/r?job=j");
+  expect(screen.getByTestId("download")).toHaveAttribute("href", "/api/v1/files/f/content");
+  expect(screen.getByText("Cary 60")).toBeInTheDocument();
+});
+
+async function choose(name: string): Promise<void> {
+  await userEvent.click(await screen.findByTestId("bring-file"));
+  const file = new File(["time (s)\n"], name);
+  await userEvent.upload(await screen.findByTestId("bring-input"), file);
+}
+
+test("a file is sent with its subject, its progress told, and then opened", async () => {
+  FakeRequest.answer = [201, detail];
+  page("/files?resource=flask_1");
+  await choose("scan.jdx");
+  expect(screen.getByTestId("bring-format")).toHaveValue("jcamp");
+  await userEvent.click(screen.getByTestId("bring-send"));
+  expect(await screen.findByTestId("upload-progress")).toHaveTextContent("25 %");
+  expect(await screen.findByTestId("file")).toBeInTheDocument();
+  expect(FakeRequest.form?.get("resource")).toBe("flask_1");
+  expect(FakeRequest.form?.get("format")).toBe("jcamp");
+});
+
+test("a file without a subject cannot be sent", async () => {
+  page("/files");
+  await choose("a.csv");
+  expect(screen.getByTestId("bring-send")).toBeDisabled();
+});
+
+test("a refused file says what is wrong by row", async () => {
+  FakeRequest.answer = [
+    422,
+    {
+      code: "instrument.invalid",
+      message: "the file is wrong in 2 places",
+      findings: [
+        { code: "x", subject: "line 4, absorbance", message: "'much' is no number" },
+        { code: "x", subject: "line 9", message: "two values are missing" },
+      ],
+    },
+  ];
+  page("/files?resource=flask_1");
+  await choose("a.csv");
+  await userEvent.click(screen.getByTestId("bring-send"));
+  const refused = await screen.findByTestId("refused");
+  expect(refused).toHaveTextContent("line 4, absorbance");
+  expect(refused).toHaveTextContent("Two values are missing");
+  expect(refused).toHaveTextContent("instrument.invalid");
+});

@@ -1,0 +1,35 @@
+/** Words of the pages of files. */
+
+export const words = {
+  title: "Files",
+  none: "No file has been kept yet. Bring one that an instrument wrote, and its readings belong to the sample.",
+  noneHere: "No file is about this.",
+  all: "All files",
+  bring: "Bring a file…",
+  form: {
+    title: "Bring a file",
+    file: "File",
+    format: "How it is read",
+    resource: "What was measured",
+    resourceHint: "A vessel, a plate, a part",
+    device: "Which device measured it",
+    deviceHint: "Not told",
+    job: "Belongs to this action of a run",
+    send: "Keep it",
+    sending: "Sending…",
+    reading: "Reading it…",
+    help: "A file that cannot be read is refused whole, with what is wrong by row.",
+  },
+  detail: {
+    download: "Download",
+    readings: "Readings",
+    noReadings: "Nothing was read from it.",
+    noSeries: "No reading of it is a series.",
+    series: "Series",
+    about: "About",
+    tells: "What the file tells",
+    scan: "Spectrum",
+    thinned: "Each stretch shows its least and its largest value.",
+    more: "More readings than are shown here:",
+  },
+} as const;

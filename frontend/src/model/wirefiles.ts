@@ -1,0 +1,65 @@
+/** What crosses the border about kept files and readings. */
+
+import type { Id, Iso } from "./wire";
+
+interface Named {
+  id: Id;
+  name: string;
+}
+
+export interface KeptFile {
+  id: Id;
+  name: string;
+  media_type: string;
+  format: string;
+  size_bytes: number;
+  sha256: string;
+  kept_by: string;
+  kept_at: Iso;
+}
+
+export interface FileRow extends KeptFile {
+  resource: Named | null;
+  device: Named | null;
+  job: { id: Id; index: number; sentence: string; run: { id: Id; number: number } } | null;
+}
+
+export interface Axis {
+  column: string;
+  unit: string;
+  points_count: number;
+  least: number | string | null;
+  most: number | string | null;
+}
+
+export interface FileReading {
+  id: Id;
+  index: number;
+  name: string;
+  quantity: string;
+  unit: string;
+  value: number | null;
+  text: string;
+  series_file_id: Id | null;
+  series: (Axis & { axes: Axis[] }) | null;
+  measured_at: Iso | null;
+}
+
+export interface FileDetail extends FileRow {
+  facts: Record<string, unknown>;
+  readings: FileReading[];
+  readings_count: number;
+  series: KeptFile[];
+}
+
+export interface Drawn {
+  reading_id: Id;
+  x: Axis;
+  y: Pick<Axis, "column" | "unit" | "least" | "most">;
+  scan: (Axis & { value: number }) | null;
+  points: [x: number, y: number | null][];
+  rows_count: number;
+  is_thinned: boolean;
+  /** The axis counts seconds since 1970. */
+  is_time: boolean;
+}

@@ -1,0 +1,158 @@
+"""Amounts, trees and ids that no laboratory has: refused whole, and nothing half written."""
+
+from __future__ import annotations
+
+import json
+import threading
+from typing import Any
+from uuid import UUID
+
+import pytest
+from django.db import connections
+
+from labweb.crutd import services
+from labweb.domain.crutd import operations
+from labweb.domain.errors import LabError
+from labweb.domain.graph.lab_file.read import read_lab
+from labweb.resources.models import Lab, Resource
+from tests.builders import STARTER, Bench, a_lab
+from tests.labweb.crutd.hand import delivery, done, material, node, post, pour, refused, rows
+from tests.labweb.web import call, signed_in
+
+
+@pytest.mark.parametrize(
+    "amount",
+    [10**15, 2**63, -(2**63), 2**64, 10**40, 1e300, 0.5, "5", None, True, [1], {"nl": 1}],
+)
+@pytest.mark.parametrize("op", ["transfer_liquid", "receive"])
+def test_an_amount_that_overflows_or_is_none_is_refused(
+    bench: Bench,
+    op: str,
+    amount: Any,  # noqa: ANN401
+) -> None:
+    operation = pour(bench, "water", "flask_1", 1) | {"amount_nl": amount}
+    if op == "receive":
+        portions = [{"resource_id": node(bench, "flask_1"), "amount_nl": amount}]
+        operation = delivery(bench, portions=portions)
+    before = rows()
+    status, told = post(bench, operation)
+    assert status in (412, 422), told
+    assert rows() == before
+
+
+@pytest.mark.parametrize("number", ["NaN", "Infinity", "-Infinity", "1e400"])
+def test_an_amount_that_is_no_number_is_refused(bench: Bench, number: str) -> None:
+    plain = json.dumps({"operation": pour(bench, "water", "flask_1", 12345)})
+    before = rows()
+    answer = signed_in(bench.people["chemist"]).post(
+        "/api/v1/operations", plain.replace("12345", number), content_type="application/json"
+    )
+    assert answer.status_code in (400, 422), answer.content
+    assert rows() == before
+
+
+def test_amounts_that_overflow_together_are_refused(bench: Bench) -> None:
+    """Each is below the bound; their sum fits no vessel."""
+    most = 999_999_999_999_999
+    portions = [{"resource_id": node(bench, key), "amount_nl": most} for key in ("flask_1",) * 2]
+    status, told = post(bench, delivery(bench, portions=portions), at="/check")
+    assert status == 200
+    assert {one["code"] for one in told["findings"]} >= {"crutd.same_vessel"}
+    assert "crutd.capacity_exceeded" in {one["code"] for one in told["findings"]}
+
+
+@pytest.mark.parametrize(("deep", "code"), [(101, "tree.too_deep"), (100_000, "lab_file.too_many")])
+@pytest.mark.django_db
+def test_a_tree_a_hundred_thousand_deep_is_refused(deep: int, code: str) -> None:
+    plain = json.loads((STARTER / "lab.json").read_bytes())
+    below = plain["resources"][0]["key"]
+    for number in range(deep):
+        key = f"deep_{number}"
+        plain["resources"].append(
+            {
+                "key": key, "name": key, "kind": "bench", "parent": below, "pose": None,
+                "size_mm": None, "config": {},
+            }
+        )  # fmt: skip
+        below = key
+    with pytest.raises(LabError) as refusal:
+        services.import_lab(read_lab(json.dumps(plain).encode()), actor=None, source={})
+    assert code in {finding.code for finding in refusal.value.findings}
+    assert not Lab.objects.exists()
+
+
+def test_an_id_of_another_thing_makes_no_second_one(bench: Bench) -> None:
+    """A lot with the id of a lot, and a resource with the id of a resource."""
+    material(bench)
+    first = delivery(bench)
+    done(bench, first)
+    refused(bench, delivery(bench, lot_id=first["lot_id"]), "crutd.lot_received_twice")
+    taken = {
+        "op": "create", "resource_id": node(bench, "water"), "parent_id": node(bench, "bench_1"),
+        "key": "second", "name": "Second", "kind": "vial",
+    }  # fmt: skip
+    refused(bench, taken, "crutd.taken")
+
+
+def test_a_lab_whose_resources_share_a_key_and_so_an_id_is_not_imported() -> None:
+    plain = json.loads((STARTER / "lab.json").read_bytes())
+    plain["resources"][4]["key"] = plain["resources"][3]["key"]
+    with pytest.raises(LabError) as refusal:
+        read_lab(json.dumps(plain).encode())
+    assert refusal.value.code.startswith("lab_file.")
+
+
+@pytest.mark.django_db(transaction=True)
+def test_two_moves_at_the_same_time_make_no_ring() -> None:
+    """A into B and B into A, each alone right: one of them is refused, and the tree is a tree."""
+    lab = a_lab()
+    home, person = lab.node("bench_1"), lab.people["chemist"].pk
+    racks = [UUID(int=number, version=4) for number in (1, 2)]
+    for rack in racks:
+        create = operations.Create(
+            resource_id=rack, parent_id=home.id, key=f"r{rack.int % 97}", name="Rack", kind="deck"
+        )
+        services.carry_out(create, lab=lab.lab, actor_id=person)
+    for _ in range(5):
+        _race(lab, racks, home.id)
+        parents = dict(Resource.objects.filter(pk__in=racks).values_list("pk", "parent_id"))
+        assert home.id in parents.values(), "the two stand in each other"
+        for rack, parent in parents.items():
+            if parent != home.id:
+                back = operations.TransferResource(resource_id=rack, from_id=parent, to_id=home.id)
+                services.carry_out(back, lab=lab.lab, actor_id=person)
+
+
+def _race(lab: Bench, racks: list[UUID], home: UUID) -> None:
+    start = threading.Barrier(2)
+    strange: list[BaseException] = []
+
+    def move(one: UUID, into: UUID) -> None:
+        operation = operations.TransferResource(resource_id=one, from_id=home, to_id=into)
+        start.wait()
+        try:
+            services.carry_out(operation, lab=lab.lab, actor_id=lab.people["chemist"].pk)
+        except LabError:
+            pass
+        except BaseException as error:  # noqa: BLE001 - told to the test's own thread
+            strange.append(error)
+        finally:
+            connections.close_all()
+
+    threads = [threading.Thread(target=move, args=ends) for ends in (racks, list(reversed(racks)))]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert strange == []
+
+
+def test_a_body_nested_a_hundred_thousand_deep_is_refused(bench: Bench) -> None:
+    before = rows()
+    raw = '{"operation": ' + "[" * 100_000 + "]" * 100_000 + "}"
+    answer = signed_in(bench.people["chemist"]).post(
+        "/api/v1/operations", raw, content_type="application/json"
+    )
+    assert answer.status_code in (400, 413, 422), answer.content[:300]
+    assert rows() == before
+    assert call(signed_in(bench.people["chemist"]), "GET", "/api/v1/resources").status_code == 200
