@@ -68,6 +68,16 @@ def record_boot(journal: Journal) -> None:
         standing.write_boot(tx, journal.boot_id)
 
 
+def lose_link(journal: Journal) -> None:
+    """Remember that the server is away, and stop the batches that want it so.
+
+    Effect:
+        Actions of such a batch that act are halted by their lines, as for a cancel.
+    """
+    with journal.write() as tx:
+        standing.write_link_lost(tx, journal.moment())
+
+
 def latch_stop(journal: Journal, stop: StopLab) -> None:
     """Close the stop latch. Only a signed Reset opens it."""
     with journal.write() as tx:

@@ -45,7 +45,14 @@ from workers.config import HostConfig
 from workers.devices import lines_of
 from workers.journal import Journal
 from workers.keys import HostKey, load_key
-from workers.session import arm, latch_stop, make_hello, open_session, record_ack
+from workers.session import (
+    arm,
+    latch_stop,
+    lose_link,
+    make_hello,
+    open_session,
+    record_ack,
+)
 from workers.store import Store
 
 log = logging.getLogger(__name__)
@@ -91,6 +98,7 @@ class Uplink:
     async def run(self) -> None:
         """Stay connected; after each break, wait longer up to 8 s, with jitter."""
         pause_s = FIRST_RETRY_S
+        self._lose_link()
         while True:
             began_s = time.monotonic()
             try:
@@ -102,10 +110,17 @@ class Uplink:
                 log.warning("uplink to %s: %s", self._config.uplink_url, error)
             except LabError as error:
                 log.error("uplink stops until the cause is gone: %s", error)
+            self._lose_link()
             if time.monotonic() - began_s > LONGEST_RETRY_S:
                 pause_s = FIRST_RETRY_S
             await asyncio.sleep(pause_s * random.uniform(0.5, 1.0))  # noqa: S311 - spreads load
             pause_s = min(pause_s * 2, LONGEST_RETRY_S)
+
+    def _lose_link(self) -> None:
+        try:
+            lose_link(self._journal)
+        except LabError as error:
+            log.error("the journal does not take that the server is away: %s", error)
 
     async def _connect_once(self) -> None:
         async with connect(

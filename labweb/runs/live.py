@@ -82,6 +82,9 @@ class EdgeConsumer(AsyncWebsocketConsumer):
             await self.channel_layer.group_discard(
                 enrollment_services.host_group(self.host_id), self.channel_name
             )
+            await database_sync_to_async(enrollment_services.close_session)(
+                self.host_id, self.epoch
+            )
             logger.info("host %s closed its session (%s)", self.host_id, code)
 
     async def receive(self, text_data: str | None = None, bytes_data: bytes | None = None) -> None:
@@ -108,6 +111,8 @@ class EdgeConsumer(AsyncWebsocketConsumer):
                 hello, self.nonce
             )
         except LabError as error:
+            if error.code == "host.rival":
+                await database_sync_to_async(services.note_rival)(hello.host_id)
             await self._send(Refuse(code=error.code, message=error.message))
             await self.close(code=CLOSE_REFUSED)
             return

@@ -17,7 +17,9 @@ from labweb.domain.crutd.decide import Outcome, OutcomeKind
 from labweb.domain.errors import LabError
 from labweb.domain.messages import (
     Ack,
+    BatchPart,
     Cancel,
+    Command,
     Do,
     EdgeEvent,
     Events,
@@ -27,13 +29,36 @@ from labweb.domain.messages import (
     Signed,
     Welcome,
 )
-from labweb.domain.runs import edge, intake, isolation, job, locks, relay, scheduler, session
+from labweb.domain.runs import (
+    batch,
+    edge,
+    intake,
+    isolation,
+    job,
+    locks,
+    recovery,
+    relay,
+    scheduler,
+    session,
+)
 from labweb.domain.runs.job import JobState, Mover
 from labweb.domain.runs.session import SessionState
 from tests.simulation.host import Link
-from tests.simulation.lab import ACTION, BENCH, id_of
+from tests.simulation.lab import ACTION, BATCH, BENCH, id_of
 from tests.simulation.record import Record
 from tests.simulation.rows import Attempt, Host, Job, Row
+
+MOST_TRIES = 6
+"""Tries of one job in a schedule."""
+
+
+def _signed(made: Command | relay.BatchDraft, epoch: int) -> tuple[Signed, Command]:
+    if isinstance(made, relay.BatchDraft):
+        command: Command = relay.signed_batch(made, epoch, lambda one: _signed(one, epoch)[0])
+    else:
+        command = relay.stamped(made, epoch)
+    body = msgspec.json.encode(command).decode()
+    return Signed(body=body, key_id="k", signature=""), command
 
 
 class SimServer(Record):
@@ -46,7 +71,12 @@ class SimServer(Record):
         self.isolate()
         online = {i for i, host in self.hosts.items() if host.state is SessionState.ONLINE}
         for run in {one.run for one in self.jobs if one.state is JobState.QUEUED}:
-            views = [one.view for one in self.jobs if one.run == run]
+            members = [one for one in self.jobs if one.run == run]
+            views = [one.view for one in members]
+            if members[0].policy is not None:
+                for found in batch.find_batches(views, online):
+                    self.dispatch_batch([self.by_index[view.index] for view in found])
+                continue
             for view in scheduler.ready(views, online):
                 self.dispatch(self.by_index[view.index])
         for host in self.hosts.values():
@@ -75,6 +105,64 @@ class SimServer(Record):
 
     def dispatch(self, made: Job) -> None:
         """Lock, write the attempt and its command; publish later."""
+        wanted = self._free_locks([made])
+        if wanted is None:
+            return
+        findings = decide.check(made.operation, self.snapshot(made.operation))
+        if findings:
+            self.watch.say(f"job {made.index} is held: {findings[0].message}")
+            self.move(made, JobState.HELD, Mover.SERVER)
+            return
+        host = self.host(made.host)
+        attempt = self._attempt(made, wanted)
+        host.outbox.append(Row(self._command(host, attempt), attempt.id, "do"))
+        self.move(made, JobState.DISPATCHED, Mover.SCHEDULER)
+        self.watch.dispatched(attempt)
+
+    def dispatch_batch(self, members: list[Job]) -> None:
+        """Do the same for all that a host does of a run, or for none of it."""
+        wanted = self._free_locks(members)
+        if wanted is None:
+            return
+        indices = {made.index for made in members}
+        for made in members:
+            is_first = indices.isdisjoint(made.after)
+            if is_first and decide.check(made.operation, self.snapshot(made.operation)):
+                self.move(made, JobState.HELD, Mover.SERVER)
+                return
+        bench = (id_of(BENCH),)
+        claims = [locks.lock_set(m.targets, dict.fromkeys(m.targets, bench)) for m in members]
+        self.batch_count += 1
+        batch_id = id_of(BATCH, self.batch_count)
+        host = self.host(members[0].host)
+        made_here: dict[int, Attempt] = {}
+        commands = []
+        for made, claim, share in zip(members, claims, batch.shares(claims, wanted), strict=True):
+            attempt = self._attempt(made, tuple(share))
+            attempt.batch_id = batch_id
+            attempt.needed = frozenset(lock.resource_id for lock in claim)
+            made_here[made.index] = attempt
+            part = BatchPart(
+                batch_id=batch_id,
+                after=[made_here[i].id for i in made.after if i in made_here],
+                on_disconnect=made.policy.on_disconnect if made.policy else "",
+                max_offline_s=made.policy.max_offline_s if made.policy else 0.0,
+            )
+            command = self._command(host, attempt)
+            commands.append(msgspec.structs.replace(command, batch=part, resources=[]))
+        touched = {i for made in members for i in operations.touched_ids(made.operation)}
+        draft = relay.BatchDraft(
+            batch_id=batch_id,
+            members=commands,
+            resources=[self.vessels[vessel].view for vessel in sorted(touched)],
+        )
+        host.outbox.append(Row(draft, batch_id, "batch"))
+        for made in members:
+            self.move(made, JobState.DISPATCHED, Mover.SCHEDULER)
+            self.watch.dispatched(made.actions[-1])
+
+    def _free_locks(self, members: list[Job]) -> tuple[locks.Lock, ...] | None:
+        """Return the locks that jobs of one run need together; None: they are not free."""
         holders = scheduler.held_by_steps(
             scheduler.StepJob(
                 run_id=id_of(0, one.run),
@@ -84,35 +172,29 @@ class SimServer(Record):
                 locks=one.targets,
             )
             for one in self.jobs
-            if one.run != made.run
+            if one.run != members[0].run
         )
-        targets = made.targets
+        targets = frozenset().union(*(made.targets for made in members))
         if any(target in holders for target in targets):
-            return
+            return None
         bench = (id_of(BENCH),)
         wanted = locks.lock_set(targets, dict.fromkeys(targets, bench))
         held = [lock for one in self.attempts.values() for lock in one.locks]
-        if locks.conflicts(wanted, held):
-            return
-        findings = decide.check(made.operation, self.snapshot(made.operation))
-        if findings:
-            self.watch.say(f"job {made.index} is held: {findings[0].message}")
-            self.move(made, JobState.HELD, Mover.SERVER)
-            return
+        return None if locks.conflicts(wanted, held) else wanted
+
+    def _attempt(self, made: Job, share: tuple[locks.Lock, ...]) -> Attempt:
         host = self.host(made.host)
         host.record = replace(host.record, last_dseq=host.record.last_dseq + 1)
         attempt = Attempt(
             id=id_of(ACTION, made.index * 8 + len(made.actions) + 1),
             job=made,
             dseq=host.record.last_dseq,
-            targets=targets,
-            locks=wanted,
+            targets=made.targets,
+            locks=share,
         )
         made.actions.append(attempt)
         self.attempts[attempt.id] = attempt
-        host.outbox.append(Row(self._command(host, attempt), attempt.id, "do"))
-        self.move(made, JobState.DISPATCHED, Mover.SCHEDULER)
-        self.watch.dispatched(attempt)
+        return attempt
 
     def _command(self, host: Host, attempt: Attempt) -> Do:
         made = attempt.job
@@ -140,10 +222,7 @@ class SimServer(Record):
             ago_s = None if row.sent_at_s is None else self.watch.now_s - row.sent_at_s
             if not row.is_answered and relay.is_due(host.state, ago_s):
                 row.sent_at_s = self.watch.now_s
-                command = relay.stamped(row.command, host.record.epoch)
-                body = msgspec.json.encode(command).decode()
-                signed = Signed(body=body, key_id="k", signature="")
-                self.watch.ring(host.name, signed, command)
+                self.watch.ring(host.name, *_signed(row.command, host.record.epoch))
         if len(host.outbox) > 24:
             host.outbox = [row for row in host.outbox if not row.is_answered]
 
@@ -155,6 +234,23 @@ class SimServer(Record):
             self.move(made, JobState.STOPPED, Mover.SERVER)
         elif made.state in job.AT_EDGE:
             self._post(made.actions[-1], Cancel, "cancel", {})
+
+    def recall(self, run: int) -> None:
+        """Pause a run: ask for what its hosts have not begun."""
+        for made in self.jobs:
+            if made.run == run and made.state in {JobState.DISPATCHED, JobState.ACCEPTED}:
+                self._post(made.actions[-1], Cancel, "cancel", {"is_recall": True})
+
+    def resume(self, run: int) -> None:
+        """Queue what was given back."""
+        for made in self.jobs:
+            if made.run == run and made.state is JobState.HELD:
+                self.move(made, JobState.QUEUED, Mover.SERVER)
+
+    def retry(self, made: Job) -> None:
+        """Try a job anew that ended undone: another action of the same intent."""
+        if recovery.may_retry(made.state) and len(made.actions) < MOST_TRIES:
+            self.move(made, JobState.QUEUED, Mover.PERSON)
 
     def resolve(self, made: Job, answer: str, moved_nl: int | None) -> None:
         """Take a person's answer: to its host, or here where the host can never tell."""
@@ -204,6 +300,22 @@ class SimServer(Record):
         for row in host.outbox:
             row.is_answered = True
 
+    def sign_fence(self, name: str, actor: str) -> None:
+        """Sign that a host is lost; the second person's signature fences it."""
+        host = self.host(name)
+        if session.check_fence(host.state, host.first_signature, actor) is not None:
+            return
+        if host.first_signature is None:
+            host.first_signature = actor
+            return
+        self.watch.signed(host, {host.first_signature, actor})
+        was_quarantined = bool(host.record.quarantine)
+        host.record = session.fenced(host.record)
+        host.state = SessionState.FENCED
+        host.first_signature = None
+        if not was_quarantined:
+            self._fence(host, session.FENCED_CODE)
+
     # --- the uplink ---
 
     def hear(self, link: Link, frame: object) -> None:
@@ -215,7 +327,15 @@ class SimServer(Record):
 
     def open_session(self, link: Link, hello: Hello) -> None:
         host = self.hosts[hello.host_id]
-        answer = session.decide_hello(host.record, hello)
+        is_live = host.state in {SessionState.ONLINE, SessionState.SYNCING}
+        live = host.live_instance if is_live else ""
+        answer = session.decide_hello(host.record, hello, live_instance_id=live)
+        if answer.kind == "refuse":
+            self.tickets.append(answer.code)
+            link.is_closed_at_server = True
+            return
+        host.live_instance = hello.instance_id
+        host.first_signature = None
         opening = session.after_hello(host.record, hello, answer)
         was_quarantined = bool(host.record.quarantine)
         if host.record.journal_id != opening.record.journal_id:
@@ -253,6 +373,7 @@ class SimServer(Record):
             link.is_closed_at_server = True
             return
         host.beat_at_s = self.watch.now_s
+        host.record = session.heard(host.record)
         host.state = session.state_by_beat(host.state, is_resumed=link.is_resumed)
 
     def _take_events(self, host: Host, link: Link, frame: Events) -> None:
@@ -275,10 +396,7 @@ class SimServer(Record):
         if found.fresh:
             last = found.fresh[-1]
             host.record = replace(
-                host.record,
-                acked_seq=last.seq,
-                hash_at_acked=last.hash,
-                epoch_seen=host.record.epoch,
+                session.heard(host.record), acked_seq=last.seq, hash_at_acked=last.hash
             )
             host.log.extend(found.fresh)
             self.watch.ingested(host, found.fresh)
@@ -297,6 +415,17 @@ class SimServer(Record):
             states[attempt.id] = meaning.state or current
 
     def _apply(self, host: Host, event: EdgeEvent) -> None:
+        self._take_event(host, event)
+        attempt = self.attempts.get(event.action_id) if event.action_id else None
+        if attempt is not None and attempt.batch_id is not None:
+            # A batch is taken whole: what one member's event says is true of all.
+            members = [one for one in self.attempts.values() if one.batch_id == attempt.batch_id]
+            if all(one.job.state is not JobState.DISPATCHED for one in members):
+                for row in host.outbox:
+                    if row.action_id == attempt.batch_id:
+                        row.is_answered = True
+
+    def _take_event(self, host: Host, event: EdgeEvent) -> None:
         if event.action_id is None:
             return
         attempt = self.attempts.get(event.action_id)

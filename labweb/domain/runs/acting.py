@@ -16,7 +16,7 @@ from labweb.domain.crutd.conditions import Condition, Result, Verification
 from labweb.domain.crutd.decide import Change, Outcome, OutcomeKind
 from labweb.domain.errors import Effect, LabError
 from labweb.domain.messages import Do
-from labweb.domain.runs import edge
+from labweb.domain.runs import batch, edge, standing
 from labweb.domain.runs.bodies import change_body, report_body, results_body
 from labweb.domain.runs.edge import ActionState, Answer, Conclusion, Report
 from labweb.domain.runs.journal import ActionRow, JournalWrite
@@ -76,8 +76,10 @@ def decide_now(
         return Answer(edge.HOLD, "edge.taken", "the action was stopped meanwhile")
     operation = operations.from_json(do.operation)
     known = snapshot(tx, operations.touched_ids(operation))
+    host = tx.host_state(at.boot_id)
+    turn = batch.turn_of(tx, do.batch, standing.offline_s(host, at))
     return edge.decide_start(
-        tx.host_state(at.boot_id),
+        host,
         edge.Candidate(
             dseq=row.dseq,
             max_fence=tx.max_fence(row.device_id),
@@ -85,6 +87,7 @@ def decide_now(
             ttl_s=do.ttl_s,
             device_blocked_by=tx.blocked_by(row.device_id),
         ),
+        turn=None if turn is None else batch.decide_turn(turn),
         findings=decide.check(operation, known),
         results=results,
     )
@@ -131,7 +134,13 @@ def write_rejection(
     if answer.kind != edge.REJECT:
         return
     tx.move(row.action_id, ActionState.ACCEPTED, ActionState.REJECTED)
-    body = {"code": answer.code, "message": answer.message, "pre": results_body(judged)}
+    body: dict[str, Any] = {
+        "code": answer.code,
+        "message": answer.message,
+        "pre": results_body(judged),
+    }
+    if answer.code == "edge.predecessor":
+        body["is_given_back"] = True
     tx.append("rejected", row.action_id, body)
 
 

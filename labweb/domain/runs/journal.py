@@ -90,6 +90,9 @@ class JournalWrite(Protocol):
     def state_of(self, action_id: UUID) -> ActionState | None:
         """Return where an action stands as of this write, or None."""
 
+    def open_rows(self) -> list[ActionRow]:
+        """Return the actions that have not ended, in dispatch order."""
+
     def insert_action(self, row: ActionRow) -> None:
         """Keep a new action; one that is known is refused with a JournalError."""
 

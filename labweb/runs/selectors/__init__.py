@@ -7,6 +7,7 @@ from collections.abc import Collection, Iterable
 from typing import Any
 from uuid import UUID
 
+import msgspec
 from django.db.models import QuerySet
 
 from labweb.approvals import selectors as approval_selectors
@@ -15,6 +16,7 @@ from labweb.crutd import selectors as crutd_selectors
 from labweb.domain.errors import NotFoundError
 from labweb.domain.runs.job import AT_EDGE, JobState, RunState
 from labweb.domain.runs.scheduler import JobView, StepJob, held_by_steps
+from labweb.domain.workflows.plan import Execution
 from labweb.enrollment import selectors as enrollment_selectors
 from labweb.enrollment.selectors import EdgeHost
 from labweb.resources import selectors as resource_selectors
@@ -22,6 +24,10 @@ from labweb.resources.selectors import Lab
 from labweb.runs.models import Attempt, HostEvent, Outbox
 from labweb.runs.models import Job as Job
 from labweb.runs.models import Run as Run
+from labweb.runs.selectors.recovery import ended_job as ended_job
+from labweb.runs.selectors.recovery import later_jobs as later_jobs
+from labweb.runs.selectors.recovery import recovery_choices as recovery_choices
+from labweb.runs.selectors.recovery import recovery_of as recovery_of
 
 LIVE = [
     RunState.QUEUED.value,
@@ -166,11 +172,18 @@ def views(run_id: UUID) -> list[JobView]:
             state=JobState(state),
             after=tuple(after),
             host_id=host_id,
+            is_passed=bool(passed_by),
         )
-        for job_id, index, state, after, host_id in rows.values_list(
-            "id", "index", "state", "after", "device__host_id"
+        for job_id, index, state, after, host_id, passed_by in rows.values_list(
+            "id", "index", "state", "after", "device__host_id", "passed_by"
         )
     ]
+
+
+def execution_of(run: Run) -> Execution | None:
+    """Return what a run's workflow declares for the time its hosts cannot hear the server."""
+    found = run.plan.get("execution")
+    return None if found is None else msgspec.convert(found, Execution)
 
 
 def runs_to_schedule() -> QuerySet[Run]:
@@ -228,6 +241,11 @@ def jobs_at(host: EdgeHost) -> QuerySet[Job]:
     states = [state.value for state in AT_EDGE]
     rows = Job.objects.filter(device__host=host, state__in=states).order_by("id")
     return rows.select_related("run").select_for_update(of=("self",))
+
+
+def doubts_at(host: EdgeHost) -> QuerySet[Job]:
+    """Jobs of a host whose outcome nobody knows."""
+    return Job.objects.filter(device__host=host, state=JobState.IN_DOUBT.value)
 
 
 def host_events(action_ids: list[UUID]) -> QuerySet[HostEvent]:
