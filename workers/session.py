@@ -12,7 +12,7 @@ from workers.journal import Journal
 from workers.keys import HostKey
 
 
-def make_hello(journal: Journal, key: HostKey, nonce: str) -> Hello:
+def make_hello(journal: Journal, key: HostKey, nonce: str, instance_id: str = "") -> Hello:
     """Say who this host is and where its journal stands, and prove it."""
     host = journal.host_state()
     seq, digest = journal.head()
@@ -29,6 +29,7 @@ def make_hello(journal: Journal, key: HostKey, nonce: str) -> Hello:
         seal_seq=0 if seal is None else seal.seq,
         regression=journal.regression() or "",
         open_actions=journal.open_ids(),
+        instance_id=instance_id,
         software=f"labweb {version('labweb')}",
     )
     return msgspec.structs.replace(hello, signature=key.sign_hello(hello, nonce))

@@ -15,6 +15,7 @@ import signal
 import time
 from collections.abc import Callable
 from pathlib import Path
+from uuid import uuid4
 
 import msgspec
 from redis.exceptions import RedisError
@@ -91,6 +92,7 @@ class Uplink:
         self._key = key
         self._store = store
         self._ring = ring
+        self._instance_id = uuid4().hex
         self._epoch = 0
         self._sent_seq = 0
         self._acked = asyncio.Event()
@@ -140,7 +142,8 @@ class Uplink:
         challenge = await _receive(socket)
         if not isinstance(challenge, Challenge):
             raise RefusedError(f"the server began with {type(challenge).__name__}")
-        await _send(socket, make_hello(self._journal, self._key, challenge.nonce))
+        hello = make_hello(self._journal, self._key, challenge.nonce, self._instance_id)
+        await _send(socket, hello)
         answer = await _receive(socket)
         if isinstance(answer, Refuse):
             raise RefusedError(f"the server refuses this host: {answer.code}: {answer.message}")
@@ -245,6 +248,8 @@ class Uplink:
             stop_latched=self._journal.host_state().stop_latched,
             disk_free_bytes=shutil.disk_usage(self._config.folder).free,
             lines={line: now_s - at_s for line, at_s in self._store.alive().items()},
+            wall_s=time.time(),
+            open_count=len(self._journal.open_ids()),
         )
 
     async def _tell_samples(self, socket: ClientConnection) -> None:

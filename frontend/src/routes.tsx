@@ -30,6 +30,7 @@ const pages: RouteObject[] = [
   page("twin", async () => ({ Component: (await import("@/lab/twin")).TwinPage })),
   page("devices", async () => ({ Component: (await import("@/devices/list")).DevicesPage })),
   page("devices/:id", async () => ({ Component: (await import("@/devices/page")).DevicePage })),
+  page("hosts/:id", async () => ({ Component: (await import("@/devices/host")).HostPage })),
   page("lab", async () => ({ Component: (await import("@/lab/page")).LabPage })),
   page("lineage/:id", async () => ({ Component: (await import("@/lab/lineage")).LineagePage })),
   { path: "*", Component: NotFoundPage },

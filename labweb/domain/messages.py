@@ -127,6 +127,35 @@ class Reset(msgspec.Struct, frozen=True, tag="reset", tag_field="t", kw_only=Tru
     v: int = PROTOCOL_VERSION
 
 
+class Release(msgspec.Struct, frozen=True, tag="release", tag_field="t", kw_only=True):
+    """Let a resource go, for another host to take over."""
+
+    host_id: UUID
+    epoch: int
+    transfer_id: UUID
+    """Names the move for ever."""
+
+    resource_id: UUID
+    dseq: int = 0
+    view: ResourceView | None = None
+    """What the server knows of it, for a host that never had it in its hands."""
+
+    issued_by: str = ""
+    v: int = PROTOCOL_VERSION
+
+
+class Receive(msgspec.Struct, frozen=True, tag="receive", tag_field="t", kw_only=True):
+    """Take a resource over that a person has found here."""
+
+    host_id: UUID
+    epoch: int
+    transfer_id: UUID
+    view: ResourceView
+    dseq: int = 0
+    issued_by: str = ""
+    v: int = PROTOCOL_VERSION
+
+
 class Signed(msgspec.Struct, frozen=True, kw_only=True):
     """A command as it travels: the exact text that was signed, and the signature."""
 
@@ -155,7 +184,7 @@ class Batch(msgspec.Struct, frozen=True, tag="batch", tag_field="t", kw_only=Tru
     v: int = PROTOCOL_VERSION
 
 
-Command = Do | Cancel | Resolve | Reset | Batch
+Command = Do | Cancel | Resolve | Reset | Batch | Release | Receive
 
 
 class EdgeEvent(msgspec.Struct, frozen=True, kw_only=True):
@@ -166,7 +195,7 @@ class EdgeEvent(msgspec.Struct, frozen=True, kw_only=True):
     hash: str
     kind: str
     """accepted, refused, rejected, stopped, started, actuated, complete, aborted, in_doubt,
-    resolved, boot, armed, stop_latched, stop_reset."""
+    resolved, boot, armed, link_lost, stop_latched, stop_reset, released, kept, received."""
 
     action_id: UUID | None
     at_s: float

@@ -18,7 +18,6 @@ from labweb.domain.messages import (
     EdgeEvent,
     Events,
     Hello,
-    Reset,
     Resume,
     Signed,
     Welcome,
@@ -43,7 +42,8 @@ from tests.simulation.memory import Disk, MemoryWrite
 def _action_ids(command: Command) -> list[UUID]:
     if isinstance(command, Batch):
         return [do.action_id for _, do in taking.read_members(command)]
-    return [] if isinstance(command, Reset) else [command.action_id]
+    action_id = getattr(command, "action_id", None)
+    return [] if action_id is None else [action_id]
 
 
 SCENE = Scene(pid=4242, driver_digest="d")

@@ -25,6 +25,7 @@ export const keys = {
   device: (id: string) => ["devices", id] as const,
   telemetry: (id: string) => ["telemetry", id] as const,
   hosts: ["hosts"] as const,
+  host: (id: string) => ["hosts", id] as const,
   twin: ["twin"] as const,
   search: (text: string) => ["search", text] as const,
 };

@@ -129,6 +129,9 @@ class JournalWrite(Protocol):
     def put_resource(self, held: HeldResource) -> None:
         """Keep a resource."""
 
+    def drop_resource(self, resource_id: UUID) -> None:
+        """Forget a resource that another host owns from here on."""
+
     def quarantined_for(self, action_id: UUID) -> list[HeldResource]:
         """Return the resources that an action in doubt has closed, in id order."""
 

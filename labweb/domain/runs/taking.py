@@ -20,13 +20,15 @@ from labweb.domain.messages import (
     Cancel,
     Command,
     Do,
+    Receive,
+    Release,
     Reset,
     Resolve,
     ResourceView,
     Signed,
     decode_command,
 )
-from labweb.domain.runs import edge
+from labweb.domain.runs import custody, edge
 from labweb.domain.runs.bodies import change_body
 from labweb.domain.runs.edge import ActionState, Answer
 from labweb.domain.runs.journal import ActionRow, JournalWrite
@@ -87,20 +89,30 @@ def take_command(
         return Receipt(answer, known.line if known is not None and is_waiting else None)
     if answer.kind == edge.DROP:
         return Receipt(answer)
+    if isinstance(command, Do):
+        return _take_do(tx, signed, command, at=at, line=line_of(command.device_id))
+    return _take_word(tx, signed, command)
+
+
+def _take_word(
+    tx: JournalWrite, signed: Signed, command: Cancel | Resolve | Reset | Release | Receive
+) -> Receipt:
+    """Take a command that makes nothing act."""
     match command:
-        case Do():
-            return _take_do(tx, signed, command, at=at, line=line_of(command.device_id))
         case Cancel():
             return _take_cancel(tx, command)
         case Resolve():
             return _take_resolve(tx, signed, command)
         case Reset():
             return _take_reset(tx, command)
+        case Release() | Receive():
+            return _take_custody(tx, command)
 
 
 def _refuse(tx: JournalWrite, command: Command, signed: Signed, answer: Answer) -> Receipt:
     digest = hashlib.sha256(signed.body.encode()).hexdigest()
-    action_id = None if isinstance(command, Reset | Batch) else command.action_id
+    has_action = isinstance(command, Do | Cancel | Resolve)
+    action_id = command.action_id if has_action else None
     subject = f"{answer.code}:{digest}"
     record_refusal(tx, subject, action_id, answer, digest, command=type(command).__name__.lower())
     return Receipt(answer)
@@ -284,7 +296,21 @@ def _stale(view: ResourceView) -> Answer:
     return Answer(edge.REJECT, "edge.stale", message)
 
 
-# --- cancel, resolve, reset ---
+# --- custody, cancel, resolve, reset ---
+
+
+def _take_custody(tx: JournalWrite, command: Release | Receive) -> Receipt:
+    """Let a vessel go, unless an action of this host uses it, or take one over."""
+    if isinstance(command, Receive):
+        is_new = custody.take_receive(tx, command)
+    else:
+        in_use = {
+            node
+            for row in tx.open_rows()
+            for node in operations.touched_ids(operations.from_json(row.do.operation))
+        }
+        is_new = custody.take_release(tx, command, in_use=in_use)
+    return Receipt(Answer(edge.ACCEPT if is_new else edge.DUPLICATE))
 
 
 def _take_cancel(tx: JournalWrite, cancel: Cancel) -> Receipt:

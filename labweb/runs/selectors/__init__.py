@@ -24,6 +24,8 @@ from labweb.resources.selectors import Lab
 from labweb.runs.models import Attempt, HostEvent, Outbox
 from labweb.runs.models import Job as Job
 from labweb.runs.models import Run as Run
+from labweb.runs.selectors.custody import moves_of as moves_of
+from labweb.runs.selectors.custody import owner_of as owner_of
 from labweb.runs.selectors.recovery import ended_job as ended_job
 from labweb.runs.selectors.recovery import later_jobs as later_jobs
 from labweb.runs.selectors.recovery import recovery_choices as recovery_choices
@@ -243,6 +245,13 @@ def jobs_at(host: EdgeHost) -> QuerySet[Job]:
     return rows.select_related("run").select_for_update(of=("self",))
 
 
+def work_at(host: EdgeHost) -> QuerySet[Job]:
+    """Jobs of a host that were sent and have not ended, or that nobody knows about."""
+    states = [state.value for state in (*AT_EDGE, JobState.IN_DOUBT)]
+    rows = Job.objects.filter(device__host=host, state__in=states).select_related("run")
+    return rows.order_by("-run__number", "index")
+
+
 def doubts_at(host: EdgeHost) -> QuerySet[Job]:
     """Jobs of a host whose outcome nobody knows."""
     return Job.objects.filter(device__host=host, state=JobState.IN_DOUBT.value)
@@ -313,6 +322,7 @@ def _stop(lab: Lab) -> dict[str, Any]:
             "acknowledged_at": iso(host.stop_acknowledged_at)
             if host.stop_acknowledged == lab.stop_id
             else None,
+            "after_s": _after_s(lab, host),
         }
         for host in enrollment_selectors.hosts_of(lab)
     ]
@@ -323,6 +333,15 @@ def _stop(lab: Lab) -> dict[str, Any]:
         "stopped_by": None if lab.stopped_by is None else lab.stopped_by.printed_name,
         "hosts": hosts if lab.is_stopped else [],
     }
+
+
+def _after_s(lab: Lab, host: EdgeHost) -> float | None:
+    """Return how long a host took to acknowledge the stop; None: it has not, or nobody knows."""
+    at, since = host.stop_acknowledged_at, lab.stopped_at
+    if at is None or since is None or host.stop_acknowledged != lab.stop_id:
+        return None
+    took_s = (at - since).total_seconds()
+    return round(took_s, 3) if took_s >= 0 else None
 
 
 def jobs_at_devices(device_ids: Iterable[UUID]) -> dict[UUID, Job]:

@@ -20,6 +20,7 @@ from labweb.enrollment import services as enrollment_services
 from labweb.enrollment.selectors import EdgeHost
 from labweb.runs import selectors
 from labweb.runs.models import Outbox
+from labweb.runs.services.custody import lose_moves_of
 from labweb.runs.services.state import move_job, refresh_run
 
 logger = logging.getLogger(__name__)
@@ -56,6 +57,7 @@ def put_in_doubt(host: EdgeHost) -> None:
     is_lost = host.state == SessionState.FENCED.value
     code = FENCED_CODE if is_lost else "host.quarantined"
     state = "was declared lost" if is_lost else "is quarantined"
+    lose_moves_of(host)
     for job in selectors.jobs_at(host):
         attempt = selectors.last_attempt(job)
         if attempt is None:

@@ -27,6 +27,7 @@ from labweb.runs import selectors
 from labweb.runs.models import Attempt, HostEvent, Outbox
 from labweb.runs.services import dispatch
 from labweb.runs.services.batches import settle_batch
+from labweb.runs.services.custody import KINDS, take_custody_event
 from labweb.runs.services.fencing import quarantine
 from labweb.runs.services.state import move_job, refresh_run
 
@@ -90,6 +91,8 @@ def _apply(host: EdgeHost, event: EdgeEvent) -> None:
             body__stop_id=event.body.get("stop_id"),
             settled_at__isnull=True,
         ).update(settled_at=now())
+    if event.kind in KINDS:
+        take_custody_event(host, event)
     if event.action_id is None:
         return
     selectors.hold_run_of(event.action_id)

@@ -8,7 +8,7 @@ import msgspec
 import pytest
 
 from labweb.crutd.models import ResourceLock
-from labweb.domain.messages import Signed, Welcome
+from labweb.domain.messages import Command, Signed, Welcome
 from labweb.domain.runs import acting, edge, relay, standing, taking
 from labweb.domain.runs.acting import Scene, Started
 from labweb.domain.runs.edge import ActionState, Report
@@ -79,16 +79,16 @@ class Host:
         self.told = len(self.disk.events)
 
 
-def _as_sent(row: Outbox, epoch: int) -> tuple[Signed, taking.Command]:
-    def sign(command: taking.Command) -> Signed:
+def _as_sent(row: Outbox, epoch: int) -> tuple[Signed, Command]:
+    def sign(command: Command) -> Signed:
         body = msgspec.json.encode(command).decode()
         return Signed(body=body, key_id="k", signature="")
 
     if row.kind == "batch":
         draft = msgspec.convert(row.body, relay.BatchDraft)
-        command: taking.Command = relay.signed_batch(draft, epoch, sign)
+        command: Command = relay.signed_batch(draft, epoch, sign)
     else:
-        command = relay.stamped(msgspec.convert(row.body, taking.Command), epoch)
+        command = relay.stamped(msgspec.convert(row.body, Command), epoch)
     return sign(command), command
 
 
