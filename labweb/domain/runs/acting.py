@@ -23,8 +23,6 @@ from labweb.domain.runs.journal import ActionRow, JournalWrite
 from labweb.domain.runs.moment import Moment
 from labweb.domain.runs.record import apply_change, snapshot
 
-NEVER_S = float("inf")
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Scene:
@@ -59,13 +57,13 @@ def in_turn(rows: Iterable[ActionRow]) -> Iterator[ActionRow]:
 def age_s(row: ActionRow, at: Moment) -> float:
     """Return how long an action has waited since its acceptance.
 
-    Within one boot the monotonic clock counts. After a restart only the wall clock is
-    left; one that went back tells nothing, so the action counts as too old.
+    Only the monotonic clock counts, and it counts within one start of the machine. After a
+    restart nobody knows how long the machine was off: no wall clock decides, so the action
+    counts as too old and is given back.
     """
     if row.accepted_boot_id == at.boot_id:
         return at.mono_s - row.accepted_mono_s
-    waited_s = at.wall_s - row.accepted_wall_s
-    return waited_s if waited_s >= 0 else NEVER_S
+    return edge.NEVER_S
 
 
 def decide_now(
@@ -139,7 +137,7 @@ def write_rejection(
         "message": answer.message,
         "pre": results_body(judged),
     }
-    if answer.code == "edge.predecessor":
+    if answer.code in {"edge.predecessor", "edge.rebooted"}:
         body["is_given_back"] = True
     tx.append("rejected", row.action_id, body)
 

@@ -67,6 +67,9 @@ class Answer:
     message: str = ""
 
 
+NEVER_S = float("inf")
+"""Age of an action of which nobody knows how long it has waited."""
+
 ACCEPT, DUPLICATE, DROP, REFUSE = "accept", "duplicate", "drop", "refuse"
 START, REJECT, HOLD = "start", "reject", "hold"
 
@@ -136,6 +139,8 @@ def decide_start(
     if candidate.dseq < candidate.max_fence:
         fence = candidate.max_fence
         return Answer(REJECT, "edge.fenced", f"fence {fence} has passed this device")
+    if age_s == NEVER_S:
+        return Answer(REJECT, "edge.rebooted", "the machine was restarted since it was accepted")
     if age_s > ttl_s:
         return Answer(REJECT, "edge.expired", f"waited {age_s:.0f} s, may wait {ttl_s:.0f} s")
     if turn is not None:
