@@ -20,6 +20,7 @@ from labweb.enrollment import selectors as enrollment_selectors
 from labweb.enrollment.selectors import EdgeHost
 from labweb.resources import selectors as resource_selectors
 from labweb.runs import selectors as run_selectors
+from labweb.runs.selectors import Custody, Job
 
 _CLOSED = {SessionState.QUARANTINED.value, SessionState.FENCED.value}
 
@@ -60,17 +61,7 @@ def _render(row: EdgeHost, user: User) -> dict[str, Any]:
         "journal_id": None if row.journal_id is None else str(row.journal_id),
         "reason": _reason(row),
         "devices": device_rows(devices),
-        "jobs": [
-            {
-                "id": str(job.id),
-                "run_id": str(job.run_id),
-                "run_number": job.run.number,
-                "sentence": job.sentence,
-                "state": job.state,
-                "state_at": iso(job.state_at),
-            }
-            for job in run_selectors.work_at(row)
-        ],
+        "jobs": [_job(job) for job in run_selectors.work_at(row)],
         "tickets": [
             {
                 "id": str(ticket.id),
@@ -81,16 +72,7 @@ def _render(row: EdgeHost, user: User) -> dict[str, Any]:
             for ticket in tickets
         ],
         "moves": [
-            {
-                "id": str(move.id),
-                "name": move.resource.name,
-                "place": None if move.place is None else move.place.name,
-                "state": move.state,
-                "is_leaving": move.owner_id == row.pk,
-                "at": iso(move.at),
-            }
-            for move in run_selectors.moves_of(row)
-            if move.resource_id in seen
+            _move(move, row) for move in run_selectors.moves_of(row) if move.resource_id in seen
         ],
         "fence": None
         if fence is None
@@ -107,6 +89,28 @@ def _render(row: EdgeHost, user: User) -> dict[str, Any]:
             "readmit": may and row.state in _CLOSED,
             "revoke": may and state is not SessionState.REVOKED,
         },
+    }
+
+
+def _job(job: Job) -> dict[str, Any]:
+    return {
+        "id": str(job.id),
+        "run_id": str(job.run_id),
+        "run_number": job.run.number,
+        "sentence": job.sentence,
+        "state": job.state,
+        "state_at": iso(job.state_at),
+    }
+
+
+def _move(move: Custody, row: EdgeHost) -> dict[str, Any]:
+    return {
+        "id": str(move.id),
+        "name": move.resource.name,
+        "place": None if move.place is None else move.place.name,
+        "state": move.state,
+        "is_leaving": move.owner_id == row.pk,
+        "at": iso(move.at),
     }
 
 

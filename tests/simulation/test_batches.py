@@ -7,7 +7,7 @@ import os
 import pytest
 
 from tests.simulation import batch_mutants as rules
-from tests.simulation import batches, directed, mutants
+from tests.simulation import batches, directed_hosts, mutants
 from tests.simulation.__main__ import play
 from tests.simulation.checks import ViolationError
 from tests.simulation.mutants import Mutant
@@ -53,10 +53,10 @@ def test_a_pinned_seed_finds_out_that_a_rule_is_gone(mutant: Mutant) -> None:
 
 
 def test_a_schedule_by_hand_finds_out_that_absence_leaves_no_event() -> None:
-    directed.absence_put_back()
+    directed_hosts.absence_put_back()
     mutant = rules.absence_without_an_event
     with mutants.mutated(mutant), pytest.raises(ViolationError, match=r"^B2:"):
-        directed.absence_put_back()
+        directed_hosts.absence_put_back()
 
 
 def test_a_vessel_stays_closed_for_its_first_cause() -> None:

@@ -174,6 +174,16 @@ export function useHostAct(id: string): UseMutationResult<{ state: string }, Err
   });
 }
 
+export function useArrival(): UseMutationResult<{ state: string }, Error, string> {
+  return useMutation({
+    mutationFn: (id) => call("POST", `/handovers/${id}/arrived`, {}),
+    onSuccess: () => {
+      void client.invalidateQueries({ queryKey: keys.hosts });
+      void client.invalidateQueries({ queryKey: keys.resources });
+    },
+  });
+}
+
 export interface Decision {
   is_approved: boolean;
   comment: string;

@@ -2,11 +2,11 @@
 
 import { useState } from "react";
 import { Link, useParams } from "react-router";
-import { useHostAct, type HostAct } from "@/api/commands";
+import { useArrival, useHostAct, type HostAct } from "@/api/commands";
 import { useTopics } from "@/api/live";
 import { useHost } from "@/api/queries";
 import { toSeconds } from "@/model/format";
-import { sessionState, skewText, standingText } from "@/model/hosts";
+import { moveText, sessionState, skewText, standingText } from "@/model/hosts";
 import { jobState } from "@/model/states";
 import type { Host } from "@/model/wire";
 import { AsOf, Card, Empty, Failed } from "@/ui/card";
@@ -53,6 +53,7 @@ export function HostPage() {
       <div className="col">
         <Jobs host={data} />
         <Devices host={data} />
+        <Moves host={data} />
         <Tickets host={data} />
       </div>
       <aside className="col">
@@ -166,6 +167,37 @@ function Devices({ host }: { host: Host }) {
           </tbody>
         </table>
       )}
+    </Card>
+  );
+}
+
+function Moves({ host }: { host: Host }) {
+  const arrival = useArrival();
+  if (host.moves.length === 0) return null;
+  return (
+    <Card title={words.host.moves} note={String(host.moves.length)} testId="host-moves">
+      <table>
+        <tbody>
+          {host.moves.map((move) => (
+            <tr key={move.id} data-state={move.state}>
+              <td className="b">{move.name}</td>
+              <td className="s">{moveText(move)}</td>
+              <td className="r">
+                {move.state === "in_transit" && (
+                  <Button
+                    testId="move-arrived"
+                    disabled={arrival.isPending}
+                    onClick={() => arrival.mutate(move.id)}
+                  >
+                    {words.host.arrived}
+                  </Button>
+                )}
+              </td>
+            </tr>
+          ))}
+        </tbody>
+      </table>
+      <Refused error={arrival.error} />
     </Card>
   );
 }

@@ -11,6 +11,8 @@ export const words = {
     noJobs: "Nothing is under way here.",
     noDevices: "It owns no device that you may see.",
     tickets: "Tickets",
+    moves: "Vessels on their way",
+    arrived: "It is at its place",
     acts: "What a person may do",
     skew: "No decision depends on it; times that this host shows are off by as much.",
     readmit: "Readmit…",

@@ -1,5 +1,5 @@
 import { describe, expect, it } from "vitest";
-import { executionText, sessionState, skewText, standingText, stopTook } from "./hosts";
+import { executionText, moveText, sessionState, skewText, standingText, stopTook } from "./hosts";
 
 const host = { state: "isolated", name: "bench 2", journal_lag: 0, jobs: [], reason: null };
 
@@ -35,6 +35,11 @@ describe("a host's standing", () => {
     expect(skewText(86_400).text).toContain("ahead");
     expect(skewText(-86_400)).toMatchObject({ isFar: true });
     expect(skewText(null).text).toBe("not known");
+  });
+
+  it("says where a vessel is on its way", () => {
+    expect(moveText({ state: "in_transit", place: "Bench 2" })).toContain("in transit to Bench 2");
+    expect(moveText({ state: "leaving", place: null })).toContain("asked to let it go");
   });
 
   it("tells how long a stop took to be acknowledged", () => {

@@ -55,6 +55,14 @@ export function standingText(host: Standing, since: string | null): string {
   }
 }
 
+/** Where a vessel is on its way between two hosts. */
+export function moveText(move: Pick<Host["moves"][number], "state" | "place">): string {
+  const place = move.place ?? "its place";
+  return move.state === "in_transit"
+    ? `in transit to ${place}: nobody’s until a person says that it is there`
+    : `to ${place}: its host was asked to let it go`;
+}
+
 /** Time between the click on Stop lab and a host's acknowledgement. */
 export function stopTook(after: number | null): string {
   if (after === null) return "";

@@ -214,6 +214,15 @@ export interface Host extends HostRow {
   devices: DeviceRow[];
   jobs: HostJob[];
   tickets: { id: Id; code: string; message: string; opened_at: Iso }[];
+  /** Vessels on their way from or to this host. */
+  moves: {
+    id: Id;
+    name: string;
+    place: string | null;
+    state: string;
+    is_leaving: boolean;
+    at: Iso;
+  }[];
   fence: { first_by: string; first_at: Iso; reason: string; is_mine: boolean } | null;
   can: { fence: boolean; readmit: boolean; revoke: boolean };
 }

@@ -13,11 +13,7 @@ export function Recovery({ run, job, card }: { run: Run; job: Job; card: Recover
   const [note, setNote] = useState("");
   const [amount, setAmount] = useState("");
   const [values, setValues] = useState<Record<string, string>>({});
-  const changed = Object.fromEntries(
-    Object.entries(values)
-      .filter(([name, text]) => text !== shown(card.params[name]))
-      .map(([name, text]) => [name, readValue(text, card.params[name])]),
-  );
+  const changed = changesOf(card, values);
   const ul = Number(amount.replace(",", ".")) * 1000;
   const draft = { choice, note, ul, changed, asked_ul: card.asked_ul };
   const why = run.can.recover ? whyNotSend(draft) : words.recovery.mayNot;
@@ -37,41 +33,15 @@ export function Recovery({ run, job, card }: { run: Run; job: Job; card: Recover
         send();
       }}
     >
-      <div className="ans" role="radiogroup" aria-label={words.recovery.title}>
-        {orderedChoices(card).map((one) => (
-          <label key={one.name} title={one.why_not ?? undefined}>
-            <input
-              type="radio"
-              name={`recover-${job.id}`}
-              data-testid={`recover-${one.name}`}
-              disabled={one.why_not !== null}
-              checked={choice === one.name}
-              onChange={() => setChoice(one.name)}
-            />
-            <span>{CHOICE_WORDS[one.name]}</span>
-            <span className="m">{one.why_not ? `Not now: ${one.why_not}.` : one.consequence}</span>
-          </label>
-        ))}
-      </div>
-      {choice === "done_by_hand" && card.asked_ul !== null && (
-        <TextField
-          label={words.recovery.amount}
-          value={amount}
-          onChange={setAmount}
-          help={words.recovery.amountHelp(card.asked_ul / 1000)}
-          testId="recover-amount"
-        />
-      )}
-      {choice === "change" &&
-        Object.entries(card.params).map(([name, value]) => (
-          <TextField
-            key={name}
-            label={name.replaceAll("_", " ")}
-            value={values[name] ?? shown(value)}
-            onChange={(text) => setValues({ ...values, [name]: text })}
-            testId={`recover-param-${name}`}
-          />
-        ))}
+      <Choices job={job} card={card} choice={choice} onChoose={setChoice} />
+      <Values
+        card={card}
+        choice={choice}
+        amount={amount}
+        onAmount={setAmount}
+        values={values}
+        onValues={setValues}
+      />
       {choice === "skip" && <Consequences card={card} />}
       <TextField
         label={words.recovery.note}
@@ -96,6 +66,72 @@ export function Recovery({ run, job, card }: { run: Run; job: Job; card: Recover
       </div>
     </form>
   );
+}
+
+function changesOf(card: RecoveryCard, values: Record<string, string>): Record<string, unknown> {
+  return Object.fromEntries(
+    Object.entries(values)
+      .filter(([name, text]) => text !== shown(card.params[name]))
+      .map(([name, text]) => [name, readValue(text, card.params[name])]),
+  );
+}
+
+function Choices(props: {
+  job: Job;
+  card: RecoveryCard;
+  choice: RecoveryName | null;
+  onChoose: (choice: RecoveryName) => void;
+}) {
+  return (
+    <div className="ans" role="radiogroup" aria-label={words.recovery.title}>
+      {orderedChoices(props.card).map((one) => (
+        <label key={one.name} title={one.why_not ?? undefined}>
+          <input
+            type="radio"
+            name={`recover-${props.job.id}`}
+            data-testid={`recover-${one.name}`}
+            disabled={one.why_not !== null}
+            checked={props.choice === one.name}
+            onChange={() => props.onChoose(one.name)}
+          />
+          <span>{CHOICE_WORDS[one.name]}</span>
+          <span className="m">{one.why_not ? `Not now: ${one.why_not}.` : one.consequence}</span>
+        </label>
+      ))}
+    </div>
+  );
+}
+
+function Values(props: {
+  card: RecoveryCard;
+  choice: RecoveryName | null;
+  amount: string;
+  onAmount: (text: string) => void;
+  values: Record<string, string>;
+  onValues: (values: Record<string, string>) => void;
+}) {
+  const { card, choice, values } = props;
+  if (choice === "done_by_hand" && card.asked_ul !== null) {
+    return (
+      <TextField
+        label={words.recovery.amount}
+        value={props.amount}
+        onChange={props.onAmount}
+        help={words.recovery.amountHelp(card.asked_ul / 1000)}
+        testId="recover-amount"
+      />
+    );
+  }
+  if (choice !== "change") return null;
+  return Object.entries(card.params).map(([name, value]) => (
+    <TextField
+      key={name}
+      label={name.replaceAll("_", " ")}
+      value={values[name] ?? shown(value)}
+      onChange={(text) => props.onValues({ ...values, [name]: text })}
+      testId={`recover-param-${name}`}
+    />
+  ));
 }
 
 function Consequences({ card }: { card: RecoveryCard }) {

@@ -22,6 +22,7 @@ from labweb.enrollment.selectors import EdgeHost
 from labweb.resources import selectors as resource_selectors
 from labweb.resources.selectors import Lab
 from labweb.runs.models import Attempt, HostEvent, Outbox
+from labweb.runs.models import Custody as Custody
 from labweb.runs.models import Job as Job
 from labweb.runs.models import Run as Run
 from labweb.runs.selectors.custody import moves_of as moves_of

@@ -27,6 +27,7 @@ from labweb.domain.runs.custody import CustodyState
 from labweb.enrollment.selectors import EdgeHost
 from labweb.resources import selectors as resource_selectors
 from labweb.resources import services as resource_services
+from labweb.resources.selectors import Lab, Resource
 from labweb.runs import selectors
 from labweb.runs.models import Custody, Outbox
 from labweb.runs.services import dispatch
@@ -56,13 +57,7 @@ def hand_over(resource_id: UUID, place_id: UUID, *, actor: User, note: str) -> C
     if row is None or place_id not in rows or row.parent_id is None:
         raise NotFoundError("no such vessel or place", code="resource.not_found")
     lab = resource_selectors.the_lab()
-    if resource_selectors.resources_of(lab).filter(parent_id=resource_id).exists():
-        text = f"{row.name} carries other things: only a single vessel goes to another host"
-        raise DefinitionError(text, code="custody.not_single")
-    owner, target = selectors.owner_of(lab, resource_id), selectors.owner_of(lab, place_id)
-    if owner is None or target is None or owner.pk == target.pk:
-        text = "vessel and place do not belong to two hosts: a plain transfer does"
-        raise DefinitionError(text, code="custody.same_host")
+    owner, target = _two_hosts(lab, row, place_id)
     transaction = crutd_services.lock_operation(
         TransferResource(resource_id=resource_id, from_id=row.parent_id, to_id=place_id),
         lab=lab,
@@ -97,6 +92,18 @@ def hand_over(resource_id: UUID, place_id: UUID, *, actor: User, note: str) -> C
     account_services.write_audit("custody.ask", str(resource_id), actor=actor, reason=note)
     _tell(made)
     return made
+
+
+def _two_hosts(lab: Lab, row: Resource, place_id: UUID) -> tuple[EdgeHost, EdgeHost]:
+    """Return the host that has a vessel and the one that it goes to."""
+    if resource_selectors.resources_of(lab).filter(parent_id=row.id).exists():
+        text = f"{row.name} carries other things: only a single vessel goes to another host"
+        raise DefinitionError(text, code="custody.not_single")
+    owner, target = selectors.owner_of(lab, row.id), selectors.owner_of(lab, place_id)
+    if owner is None or target is None or owner.pk == target.pk:
+        text = "vessel and place do not belong to two hosts: a plain transfer does"
+        raise DefinitionError(text, code="custody.same_host")
+    return owner, target
 
 
 @atomic
