@@ -111,8 +111,7 @@ def _take_word(
 
 def _refuse(tx: JournalWrite, command: Command, signed: Signed, answer: Answer) -> Receipt:
     digest = hashlib.sha256(signed.body.encode()).hexdigest()
-    has_action = isinstance(command, Do | Cancel | Resolve)
-    action_id = command.action_id if has_action else None
+    action_id = command.action_id if isinstance(command, Do | Cancel | Resolve) else None
     subject = f"{answer.code}:{digest}"
     record_refusal(tx, subject, action_id, answer, digest, command=type(command).__name__.lower())
     return Receipt(answer)
