@@ -107,7 +107,8 @@ class Uplink:
                 await self._connect_once()
             except RefusedError as error:
                 log.error("%s", error)
-                pause_s = LONGEST_RETRY_S
+                # The connection of a process that died may close a moment later.
+                pause_s = pause_s if error.code == "host.rival" else LONGEST_RETRY_S
             except (OSError, TimeoutError, WebSocketException, msgspec.MsgspecError) as error:
                 log.warning("uplink to %s: %s", self._config.uplink_url, error)
             except LabError as error:
@@ -146,7 +147,8 @@ class Uplink:
         await _send(socket, hello)
         answer = await _receive(socket)
         if isinstance(answer, Refuse):
-            raise RefusedError(f"the server refuses this host: {answer.code}: {answer.message}")
+            text = f"the server refuses this host: {answer.code}: {answer.message}"
+            raise RefusedError(text, code=answer.code)
         if not isinstance(answer, Welcome):
             raise RefusedError(f"the server answered with {type(answer).__name__}")
         open_session(self._journal, answer)

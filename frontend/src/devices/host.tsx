@@ -91,7 +91,7 @@ function Session({ host }: { host: Host }) {
           {host.epoch_seen < host.epoch && <span className="m"> heard in {host.epoch_seen}</span>}
         </dd>
         <dt>Clock</dt>
-        <dd className={skew.isFar ? "bad" : ""} data-testid="host-skew">
+        <dd className={skew.isFar ? "help bad" : ""} data-testid="host-skew">
           {skew.text}
         </dd>
         <dt>Disk free</dt>
@@ -235,7 +235,7 @@ function Acts({ host }: { host: Host }) {
           {words.host.signed(fence.first_by)} <At at={fence.first_at} seconds />: {fence.reason}
         </p>
       )}
-      <div className="acts2 inset">
+      <div className="hostacts">
         <Button
           testId="act-readmit"
           why={can.readmit ? null : words.host.noReadmit}
@@ -277,7 +277,7 @@ function ActDialog(props: { host: Host; act: HostAct["act"]; onClose: () => void
   return (
     <Dialog title={`${about.title} ${host.name}`} isOpen onClose={onClose} testId="host-dialog">
       <form
-        className="ansform"
+        className="hostform"
         onSubmit={(event) => {
           event.preventDefault();
           send.mutate({ act, reason: reason.trim() }, { onSuccess: onClose });
@@ -297,7 +297,7 @@ function ActDialog(props: { host: Host; act: HostAct["act"]; onClose: () => void
           testId="host-reason"
         />
         <Refused error={send.error} />
-        <div className="acts2">
+        <div className="hostform-acts">
           <Button
             type="submit"
             look={act === "readmit" ? "pri" : "danger"}
