@@ -8,7 +8,7 @@ from collections.abc import Callable
 
 import msgspec
 
-from labweb.domain.messages import Command, Do, Signed, decode_command
+from labweb.domain.messages import Command, Signed, decode_command
 from labweb.domain.runs import edge
 from labweb.domain.runs.edge import Answer
 from labweb.domain.runs.taking import Receipt as Receipt
@@ -34,15 +34,16 @@ def accept(journal: Journal, signed: Signed, wake: Callable[[str], None]) -> Rec
     if isinstance(command, Receipt):
         receipt = command
     else:
-        line = _line_for(journal, command)
+        served = lines_of(journal.devices())
+        lines = {device.id: line for line, devices in served.items() for device in devices}
         with journal.write() as tx:
-            receipt = take_command(tx, signed, command, at=journal.moment(), line=line)
+            receipt = take_command(tx, signed, command, at=journal.moment(), line_of=lines.get)
             faults.point("accept.before_commit")
         faults.point("accept.after_commit")
     if receipt.answer.kind in {edge.DROP, edge.REFUSE}:
         log.warning("command %s: %s", receipt.answer.kind, receipt.answer.message)
-    if receipt.line is not None:
-        wake(receipt.line)
+    for line in (*receipt.lines, *([] if receipt.line is None else [receipt.line])):
+        wake(line)
     return receipt
 
 
@@ -61,12 +62,3 @@ def _read(journal: Journal, signed: Signed) -> Command | Receipt:
         with journal.write() as tx:
             record_refusal(tx, f"malformed:{digest}", None, answer, digest)
         return Receipt(answer)
-
-
-def _line_for(journal: Journal, command: Command) -> str | None:
-    if not isinstance(command, Do):
-        return None
-    for line, devices in lines_of(journal.devices()).items():
-        if any(device.id == command.device_id for device in devices):
-            return line
-    return None

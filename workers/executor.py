@@ -13,7 +13,7 @@ import msgspec
 from labweb.domain.crutd.conditions import Condition, Result
 from labweb.domain.messages import Do
 from labweb.domain.ports import Clock
-from labweb.domain.runs import acting, edge
+from labweb.domain.runs import acting, batch, edge, standing
 from labweb.domain.runs.acting import Started
 from labweb.domain.runs.bodies import plain, report_from
 from labweb.domain.runs.context import context_body
@@ -41,7 +41,7 @@ class HungDriverError(RuntimeError):
 class Executor:
     """Drains the journal for one line, in dispatch order, one action at a time."""
 
-    def __init__(
+    def __init__(  # noqa: PLR0913 - what a line has, each for one purpose
         self,
         journal: Journal,
         line: str,
@@ -50,12 +50,14 @@ class Executor:
         store: Store | None,
         clock: Clock,
         is_closing: Callable[[], bool] = lambda: False,
+        wake: Callable[[str], None] = lambda _line: None,
     ) -> None:
         self._journal = journal
         self._line = line
         self._units = units
         self._clock = clock
         self._is_closing = is_closing
+        self._wake = wake
         self._reader = Reader(units, store, clock)
 
     # --- after a crash ---
@@ -102,6 +104,8 @@ class Executor:
         if self._is_held(row.device_id):
             return False
         do = row.do
+        if self._is_waiting(do):
+            return False
         faults.enter(do.action)
         unit = self._units.get(row.device_id)
         problem = self._problem(row, do, unit)
@@ -127,6 +131,7 @@ class Executor:
         with self._journal.write() as tx:
             found = acting.start(tx, row, do, at=self._journal.moment(), scene=scene)
         if isinstance(found, Answer):
+            self._wake_others(do)
             return found.kind == edge.REJECT
         faults.point("execute.after_started")
         self._carry_out(found, unit, before)
@@ -137,6 +142,20 @@ class Executor:
         host = self._journal.host_state()
         is_armed = host.armed_boot_id == host.boot_id
         return host.stop_latched or not is_armed or self._journal.blocked_by(device_id) is not None
+
+    def _is_waiting(self, do: Do) -> bool:
+        """Say whether its batch lets an action wait; spares the device a question too."""
+        away_s = standing.offline_s(self._journal.host_state(), self._journal.moment())
+        turn = batch.turn_of(self._journal, do.batch, away_s)
+        answer = None if turn is None else batch.decide_turn(turn)
+        return answer is not None and answer.kind == edge.HOLD
+
+    def _wake_others(self, do: Do) -> None:
+        """Wake the lines whose actions may have waited for this one."""
+        if do.batch is not None:
+            for line in self._journal.waiting_lines():
+                if line != self._line:
+                    self._wake(line)
 
     def _problem(self, row: ActionRow, do: Do, unit: Unit | None) -> Answer | None:
         if not is_signed(row.signed, self._journal.command_keys()):
@@ -155,6 +174,7 @@ class Executor:
     def _reject(self, row: ActionRow, answer: Answer) -> bool:
         with self._journal.write() as tx:
             acting.reject(tx, row, answer)
+        self._wake_others(row.do)
         return True
 
     # --- the action itself ---
@@ -227,6 +247,7 @@ class Executor:
     def _finish(self, row: ActionRow, report: Report, post: list[tuple[Condition, Result]]) -> None:
         self._persist(lambda: self._write_end(row, report, post))
         faults.point("execute.after_done")
+        self._wake_others(row.do)
 
     def _write_end(
         self, row: ActionRow, report: Report, post: list[tuple[Condition, Result]]

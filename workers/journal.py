@@ -132,6 +132,11 @@ class Journal:
         row = self._one("SELECT * FROM action WHERE action_id = ?", (str(action_id),))
         return None if row is None else to_action(row)
 
+    def state_of(self, action_id: UUID) -> ActionState | None:
+        """Return where an action stands, or None."""
+        row = self._one("SELECT st FROM action WHERE action_id = ?", (str(action_id),))
+        return None if row is None else ActionState(row[0])
+
     def actions(self, line: str, *states: ActionState) -> list[ActionRow]:
         """Return the actions of a line in these states, in dispatch order."""
         marks = ", ".join("?" for _ in states)

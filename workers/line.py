@@ -7,6 +7,7 @@ import logging
 import os
 import threading
 import time
+from collections.abc import Callable
 from pathlib import Path
 from uuid import UUID
 
@@ -35,7 +36,12 @@ BELIEVE_S = 5.0
 class Line:
     """Everything that acts on one wire. One process holds it, by a lock on a file."""
 
-    def __init__(self, config: HostConfig, line: str) -> None:
+    def __init__(
+        self,
+        config: HostConfig,
+        line: str,
+        wake: Callable[[str], None] = lambda _line: None,
+    ) -> None:
         """Wait for the line's lock, load its drivers, and put in doubt what a crash left.
 
         Raises:
@@ -57,6 +63,7 @@ class Line:
             store=self._store,
             clock=self._clock,
             is_closing=self._closing.is_set,
+            wake=wake,
         )
         for action_id in self._executor.recover():
             log.warning("action %s is in doubt: a crash left it without an answer", action_id)

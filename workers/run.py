@@ -69,7 +69,8 @@ def run_accept(config: HostConfig) -> None:
 
 def run_line(config: HostConfig, name: str) -> None:
     """Serve the devices of one line until told to end."""
-    line = Line(config, name)
+    bells = make_host_app(config)
+    line = Line(config, name, lambda other: wake(bells, other))
     app = make_host_app(config, (name,))
     add_execute(app, name, _ending_when_hung(line.drain))
 

@@ -12,7 +12,7 @@ from workers.journal import Journal
 from workers.keys import HostKey
 
 
-def make_hello(journal: Journal, key: HostKey, nonce: str) -> Hello:
+def make_hello(journal: Journal, key: HostKey, nonce: str, instance_id: str = "") -> Hello:
     """Say who this host is and where its journal stands, and prove it."""
     host = journal.host_state()
     seq, digest = journal.head()
@@ -29,6 +29,7 @@ def make_hello(journal: Journal, key: HostKey, nonce: str) -> Hello:
         seal_seq=0 if seal is None else seal.seq,
         regression=journal.regression() or "",
         open_actions=journal.open_ids(),
+        instance_id=instance_id,
         software=f"labweb {version('labweb')}",
     )
     return msgspec.structs.replace(hello, signature=key.sign_hello(hello, nonce))
@@ -66,6 +67,16 @@ def record_boot(journal: Journal) -> None:
     """Tell, once for each start of the machine, that it has started."""
     with journal.write() as tx:
         standing.write_boot(tx, journal.boot_id)
+
+
+def lose_link(journal: Journal) -> None:
+    """Remember that the server is away, and stop the batches that want it so.
+
+    Effect:
+        Actions of such a batch that act are halted by their lines, as for a cancel.
+    """
+    with journal.write() as tx:
+        standing.write_link_lost(tx, journal.moment())
 
 
 def latch_stop(journal: Journal, stop: StopLab) -> None:

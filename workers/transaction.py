@@ -92,6 +92,14 @@ class Transaction:
         found = self._run("SELECT st FROM action WHERE action_id = ?", (str(action_id),)).fetchone()
         return None if found is None else ActionState(found[0])
 
+    def open_rows(self) -> list[ActionRow]:
+        """Return the actions that have not ended, in dispatch order."""
+        query = (
+            "SELECT * FROM action WHERE st IN ('accepted', 'started', 'actuated', 'in_doubt')"
+            " ORDER BY dseq"
+        )
+        return [to_action(row) for row in self._run(query)]
+
     def insert_action(self, row: ActionRow) -> None:
         """Keep a new action."""
         self._run(

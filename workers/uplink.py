@@ -15,6 +15,7 @@ import signal
 import time
 from collections.abc import Callable
 from pathlib import Path
+from uuid import uuid4
 
 import msgspec
 from redis.exceptions import RedisError
@@ -45,7 +46,14 @@ from workers.config import HostConfig
 from workers.devices import lines_of
 from workers.journal import Journal
 from workers.keys import HostKey, load_key
-from workers.session import arm, latch_stop, make_hello, open_session, record_ack
+from workers.session import (
+    arm,
+    latch_stop,
+    lose_link,
+    make_hello,
+    open_session,
+    record_ack,
+)
 from workers.store import Store
 
 log = logging.getLogger(__name__)
@@ -84,6 +92,7 @@ class Uplink:
         self._key = key
         self._store = store
         self._ring = ring
+        self._instance_id = uuid4().hex
         self._epoch = 0
         self._sent_seq = 0
         self._acked = asyncio.Event()
@@ -91,21 +100,30 @@ class Uplink:
     async def run(self) -> None:
         """Stay connected; after each break, wait longer up to 8 s, with jitter."""
         pause_s = FIRST_RETRY_S
+        self._lose_link()
         while True:
             began_s = time.monotonic()
             try:
                 await self._connect_once()
             except RefusedError as error:
                 log.error("%s", error)
-                pause_s = LONGEST_RETRY_S
+                # The connection of a process that died may close a moment later.
+                pause_s = pause_s if error.code == "host.rival" else LONGEST_RETRY_S
             except (OSError, TimeoutError, WebSocketException, msgspec.MsgspecError) as error:
                 log.warning("uplink to %s: %s", self._config.uplink_url, error)
             except LabError as error:
                 log.error("uplink stops until the cause is gone: %s", error)
+            self._lose_link()
             if time.monotonic() - began_s > LONGEST_RETRY_S:
                 pause_s = FIRST_RETRY_S
             await asyncio.sleep(pause_s * random.uniform(0.5, 1.0))  # noqa: S311 - spreads load
             pause_s = min(pause_s * 2, LONGEST_RETRY_S)
+
+    def _lose_link(self) -> None:
+        try:
+            lose_link(self._journal)
+        except LabError as error:
+            log.error("the journal does not take that the server is away: %s", error)
 
     async def _connect_once(self) -> None:
         async with connect(
@@ -125,10 +143,12 @@ class Uplink:
         challenge = await _receive(socket)
         if not isinstance(challenge, Challenge):
             raise RefusedError(f"the server began with {type(challenge).__name__}")
-        await _send(socket, make_hello(self._journal, self._key, challenge.nonce))
+        hello = make_hello(self._journal, self._key, challenge.nonce, self._instance_id)
+        await _send(socket, hello)
         answer = await _receive(socket)
         if isinstance(answer, Refuse):
-            raise RefusedError(f"the server refuses this host: {answer.code}: {answer.message}")
+            text = f"the server refuses this host: {answer.code}: {answer.message}"
+            raise RefusedError(text, code=answer.code)
         if not isinstance(answer, Welcome):
             raise RefusedError(f"the server answered with {type(answer).__name__}")
         open_session(self._journal, answer)
@@ -230,6 +250,8 @@ class Uplink:
             stop_latched=self._journal.host_state().stop_latched,
             disk_free_bytes=shutil.disk_usage(self._config.folder).free,
             lines={line: now_s - at_s for line, at_s in self._store.alive().items()},
+            wall_s=time.time(),
+            open_count=len(self._journal.open_ids()),
         )
 
     async def _tell_samples(self, socket: ClientConnection) -> None:

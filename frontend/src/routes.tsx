@@ -32,6 +32,7 @@ const pages: RouteObject[] = [
   page("devices/:id", async () => ({ Component: (await import("@/devices/page")).DevicePage })),
   page("files", async () => ({ Component: (await import("@/files/list")).FilesPage })),
   page("files/:id", async () => ({ Component: (await import("@/files/page")).FilePage })),
+  page("hosts/:id", async () => ({ Component: (await import("@/devices/host")).HostPage })),
   page("lab", async () => ({ Component: (await import("@/lab/page")).LabPage })),
   page("lineage/:id", async () => ({ Component: (await import("@/lab/lineage")).LineagePage })),
   { path: "*", Component: NotFoundPage },

@@ -166,6 +166,9 @@ def host_rows(hosts: Iterable[EdgeHost]) -> list[dict[str, Any]]:
             "acked_seq": row.acked_seq,
             "journal_lag": max(int(row.heartbeat.get("seq_head", 0)) - row.acked_seq, 0),
             "devices_count": row.devices.count(),
+            "state_at": iso(row.state_at),
+            "away_since_at": iso(row.away_since_at),
+            "clock_skew_s": row.clock_skew_s,
             "heartbeat": row.heartbeat,
         }
         for row in hosts

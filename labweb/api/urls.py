@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from django.urls import include, path
 
-from labweb.api import deliveries, devices, home, session, twin_proxy
+from labweb.api import deliveries, devices, home, hosts, session, twin_proxy
 
 urlpatterns = [
     path("session", session.Session.as_view()),
@@ -13,6 +13,7 @@ urlpatterns = [
     path("devices", devices.Devices.as_view()),
     path("devices/<uuid:device_id>", devices.DeviceDetail.as_view()),
     path("hosts", devices.Hosts.as_view()),
+    path("hosts/<uuid:host_id>", hosts.HostDetail.as_view()),
     path("deliveries", deliveries.Deliveries.as_view()),
     path("twin", twin_proxy.Twin.as_view()),
     path("", include("labweb.resources.urls")),

@@ -26,6 +26,12 @@ class Transaction(Base):
     operation = models.JSONField()
     actor = models.ForeignKey("accounts.User", null=True, on_delete=models.PROTECT)
     job_id = models.UUIDField(null=True, db_index=True)
+    batch_id = models.UUIDField(null=True, db_index=True)
+    """Transactions that a host works off by itself: their locks go from one to the next."""
+
+    claims = models.JSONField(default=list)
+    """Resources that a member of a batch needs, those above included."""
+
     proposed_at = models.DateTimeField()
     settled_at = models.DateTimeField(null=True)
     conditions = models.JSONField(default=list)

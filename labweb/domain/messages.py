@@ -36,6 +36,20 @@ class ResourceView(msgspec.Struct, frozen=True, kw_only=True):
     is_archived: bool = False
 
 
+class BatchPart(msgspec.Struct, frozen=True, kw_only=True):
+    """What makes an action one of a batch: it goes on by itself, with the server away."""
+
+    batch_id: UUID
+    after: list[UUID] = msgspec.field(default_factory=list)
+    """Actions of the batch that must be complete before."""
+
+    on_disconnect: str = "finish_current_then_hold"
+    """`continue`, `finish_current_then_hold` or `stop_safe`."""
+
+    max_offline_s: float = 0.0
+    """Nothing begins when the server has been away for longer; for `continue` only."""
+
+
 class Do(msgspec.Struct, frozen=True, tag="do", tag_field="t", kw_only=True):
     """Carry out one action once."""
 
@@ -63,6 +77,9 @@ class Do(msgspec.Struct, frozen=True, tag="do", tag_field="t", kw_only=True):
     timeout_s: float = 60.0
     issued_by: str = ""
     approvals: list[str] = msgspec.field(default_factory=list)
+    batch: BatchPart | None = None
+    """None: it stands alone."""
+
     v: int = PROTOCOL_VERSION
 
 
@@ -74,6 +91,9 @@ class Cancel(msgspec.Struct, frozen=True, tag="cancel", tag_field="t", kw_only=T
     dseq: int
     action_id: UUID
     issued_by: str = ""
+    is_recall: bool = False
+    """The server wants an action back that has not started, to send it again later."""
+
     v: int = PROTOCOL_VERSION
 
 
@@ -107,7 +127,33 @@ class Reset(msgspec.Struct, frozen=True, tag="reset", tag_field="t", kw_only=Tru
     v: int = PROTOCOL_VERSION
 
 
-Command = Do | Cancel | Resolve | Reset
+class Release(msgspec.Struct, frozen=True, tag="release", tag_field="t", kw_only=True):
+    """Let a resource go, for another host to take over."""
+
+    host_id: UUID
+    epoch: int
+    transfer_id: UUID
+    """Names the move for ever."""
+
+    resource_id: UUID
+    dseq: int = 0
+    view: ResourceView | None = None
+    """What the server knows of it, for a host that never had it in its hands."""
+
+    issued_by: str = ""
+    v: int = PROTOCOL_VERSION
+
+
+class Receive(msgspec.Struct, frozen=True, tag="receive", tag_field="t", kw_only=True):
+    """Take a resource over that a person has found here."""
+
+    host_id: UUID
+    epoch: int
+    transfer_id: UUID
+    view: ResourceView
+    dseq: int = 0
+    issued_by: str = ""
+    v: int = PROTOCOL_VERSION
 
 
 class Signed(msgspec.Struct, frozen=True, kw_only=True):
@@ -119,6 +165,28 @@ class Signed(msgspec.Struct, frozen=True, kw_only=True):
     """Ed25519 over the UTF-8 bytes of `body`, base64."""
 
 
+class Batch(msgspec.Struct, frozen=True, tag="batch", tag_field="t", kw_only=True):
+    """All that one host does of a run from here on: taken whole, or not at all."""
+
+    host_id: UUID
+    epoch: int
+    dseq: int
+    """Of its first member."""
+
+    batch_id: UUID
+    members: list[Signed]
+    """A signed `Do` each, in the order of their dispatch; none carries resources."""
+
+    resources: list[ResourceView] = msgspec.field(default_factory=list)
+    """All that the members use, as it stands before the first."""
+
+    issued_by: str = ""
+    v: int = PROTOCOL_VERSION
+
+
+Command = Do | Cancel | Resolve | Reset | Batch | Release | Receive
+
+
 class EdgeEvent(msgspec.Struct, frozen=True, kw_only=True):
     """One fact of an edge host: gap-free by `seq`, chained by `hash`."""
 
@@ -127,7 +195,7 @@ class EdgeEvent(msgspec.Struct, frozen=True, kw_only=True):
     hash: str
     kind: str
     """accepted, refused, rejected, stopped, started, actuated, complete, aborted, in_doubt,
-    resolved, boot, armed, stop_latched, stop_reset."""
+    resolved, boot, armed, link_lost, stop_latched, stop_reset, released, kept, received."""
 
     action_id: UUID | None
     at_s: float
@@ -179,6 +247,9 @@ class Hello(msgspec.Struct, frozen=True, tag="hello", tag_field="t", kw_only=Tru
     """Why the host itself takes its journal for an older copy; empty: nothing says so."""
 
     open_actions: list[UUID] = msgspec.field(default_factory=list)
+    instance_id: str = ""
+    """Names the process that speaks; another one is another process, or another machine."""
+
     software: str = ""
     v: int = PROTOCOL_VERSION
     signature: str = ""
@@ -238,6 +309,12 @@ class Heartbeat(msgspec.Struct, frozen=True, tag="heartbeat", tag_field="t", kw_
     disk_free_bytes: int
     lines: dict[str, float] = msgspec.field(default_factory=dict)
     """Age in seconds of each line's loop."""
+
+    wall_s: float | None = None
+    """Wall clock of the host, to show how far it is from the server's; decides nothing."""
+
+    open_count: int = 0
+    """Actions of the journal that have not ended."""
 
 
 class Telemetry(msgspec.Struct, frozen=True, tag="telemetry", tag_field="t", kw_only=True):

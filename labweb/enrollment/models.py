@@ -27,6 +27,21 @@ class EdgeHost(Base):
     epoch = models.BigIntegerField(default=0)
     floor = models.BigIntegerField(default=0)
     last_dseq = models.BigIntegerField(default=0)
+    epoch_seen = models.BigIntegerField(default=0)
+    """Latest session in which the host has spoken: it is on its disk."""
+
+    boots = models.JSONField(default=list)
+    """Starts of the machine that have had a session, the latest last."""
+
+    instance_id = models.CharField(max_length=64, blank=True)
+    """Process that speaks in the present session."""
+
+    clock_skew_s = models.FloatField(null=True)
+    """Host's wall clock less the server's at its last heartbeat; shown, never decided by."""
+
+    away_since_at = models.DateTimeField(null=True)
+    """When it was heard last before it was isolated: it works alone since."""
+
     last_seen_at = models.DateTimeField(null=True)
     session_id = models.UUIDField(null=True)
     """Live connection; a second one is refused."""
@@ -42,6 +57,36 @@ class EdgeHost(Base):
 
     def __str__(self) -> str:
         return self.name
+
+
+class Fence(Base):
+    """Two people declare a host lost: what it was given is in doubt, and people answer for it."""
+
+    host = models.ForeignKey(EdgeHost, on_delete=models.PROTECT, related_name="fences")
+    reason = models.TextField()
+    first_by = models.ForeignKey("accounts.User", on_delete=models.PROTECT, related_name="+")
+    first_at = models.DateTimeField()
+    second_by = models.ForeignKey(
+        "accounts.User", null=True, on_delete=models.PROTECT, related_name="+"
+    )
+    second_at = models.DateTimeField(null=True)
+    withdrawn_at = models.DateTimeField(null=True)
+    """The host was heard of before anybody signed second."""
+
+    class Meta:
+        constraints = [
+            models.UniqueConstraint(
+                fields=["host"],
+                condition=models.Q(second_at__isnull=True, withdrawn_at__isnull=True),
+                name="one_open_fence",
+            ),
+            models.CheckConstraint(
+                condition=~models.Q(first_by=models.F("second_by")), name="fence_two_people"
+            ),
+        ]
+
+    def __str__(self) -> str:
+        return f"fence of {self.host_id}"
 
 
 class DriverVersion(Base):

@@ -16,6 +16,7 @@ from labweb.domain.runs.session import SessionState
 from labweb.enrollment.models import Device as Device
 from labweb.enrollment.models import DriverVersion
 from labweb.enrollment.models import EdgeHost as EdgeHost
+from labweb.enrollment.models import Fence as Fence
 from labweb.resources import selectors as resource_selectors
 from labweb.resources.selectors import Lab
 
@@ -41,6 +42,12 @@ def host_for_update(host_id: UUID) -> EdgeHost:
     if row is None:
         raise NotFoundError(f"no host {host_id}", code="host.not_found")
     return row
+
+
+def open_fence(host: EdgeHost) -> Fence | None:
+    """Return the fence of a host that waits for its second signature, or None."""
+    rows = Fence.objects.filter(host=host, second_at__isnull=True, withdrawn_at__isnull=True)
+    return rows.select_related("first_by").first()
 
 
 def all_hosts() -> QuerySet[EdgeHost]:

@@ -215,8 +215,9 @@ def restore(ids: Collection[UUID]) -> None:
 
 
 def quarantine(ids: Collection[UUID], transaction_id: UUID) -> None:
-    """Close nodes to all use until a person has said what happened."""
-    Resource.objects.filter(pk__in=ids).update(quarantined_by=transaction_id)
+    """Close nodes to all use until a person has said what happened; the first cause stays."""
+    rows = Resource.objects.filter(pk__in=ids, quarantined_by__isnull=True)
+    rows.update(quarantined_by=transaction_id)
 
 
 def release(ids: Collection[UUID]) -> None:

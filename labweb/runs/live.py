@@ -48,6 +48,9 @@ CLOSE_TOO_BIG = 1009
 HELLO_WITHIN_S = 5.0
 """A connection that has not proved a key by then is closed."""
 
+BEATS_TO_RIVAL = 2
+"""Signs of life after another process was refused: it is no remainder of a closed one."""
+
 _decoder = msgspec.json.Decoder(EdgeFrame)
 
 
@@ -60,6 +63,7 @@ class EdgeConsumer(AsyncWebsocketConsumer):
     is_online = False
     devices: frozenset[UUID] = frozenset()
     pending_head = 0
+    beats_to_rival = 0
     patience: asyncio.Task[None] | None = None
 
     async def connect(self) -> None:
@@ -81,6 +85,9 @@ class EdgeConsumer(AsyncWebsocketConsumer):
         if self.host_id is not None:
             await self.channel_layer.group_discard(
                 enrollment_services.host_group(self.host_id), self.channel_name
+            )
+            await database_sync_to_async(enrollment_services.close_session)(
+                self.host_id, self.epoch
             )
             logger.info("host %s closed its session (%s)", self.host_id, code)
 
@@ -108,6 +115,10 @@ class EdgeConsumer(AsyncWebsocketConsumer):
                 hello, self.nonce
             )
         except LabError as error:
+            if error.code == "host.rival":
+                # Whether the first one really lives, its own next signs of life tell.
+                group = enrollment_services.host_group(hello.host_id)
+                await self.channel_layer.group_send(group, {"type": "edge.rival"})
             await self._send(Refuse(code=error.code, message=error.message))
             await self.close(code=CLOSE_REFUSED)
             return
@@ -146,6 +157,8 @@ class EdgeConsumer(AsyncWebsocketConsumer):
                 )
                 if not alive:
                     await self.close(code=CLOSE_SESSION_OVER)
+                elif self.beats_to_rival:
+                    await self._beat_beside_rival(host_id)
             case Telemetry():
                 await database_sync_to_async(telemetry_services.take_in)(
                     set(self.devices), frame.samples
@@ -156,6 +169,11 @@ class EdgeConsumer(AsyncWebsocketConsumer):
                 )
             case Hello():
                 await self.close(code=CLOSE_BAD_FRAME)
+
+    async def _beat_beside_rival(self, host_id: UUID) -> None:
+        self.beats_to_rival -= 1
+        if not self.beats_to_rival:
+            await database_sync_to_async(services.note_rival)(host_id)
 
     async def _events(self, host_id: UUID, frame: Events) -> None:
         acked = await database_sync_to_async(services.ingest_events)(
@@ -175,6 +193,10 @@ class EdgeConsumer(AsyncWebsocketConsumer):
         """Forward a command whose doorbell was not answered."""
         if self.is_online:
             await self._send(Nudge(signed=msgspec.convert(message["signed"], Signed)))
+
+    async def edge_rival(self, _message: dict[str, Any]) -> None:
+        """Note that another process was refused; if this one lives on, two copies exist."""
+        self.beats_to_rival = BEATS_TO_RIVAL
 
     async def edge_renew(self, _message: dict[str, Any]) -> None:
         """Close, so that the host opens a session with the devices it has now."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from django.db import models
 
 from labweb.common.models import Base, enum_choices
+from labweb.domain.runs.custody import CustodyState
 from labweb.domain.runs.job import JobState, RunState
 
 
@@ -23,6 +24,13 @@ class Run(Base):
     created_at = models.DateTimeField()
     started_at = models.DateTimeField(null=True)
     ended_at = models.DateTimeField(null=True)
+    is_given_up = models.BooleanField(default=False)
+    """A person gave it up: it ends as soon as nothing of it is under way."""
+
+    recoveries = models.JSONField(default=list)
+    """What people did about jobs that ended undone: `{"choice", "job_id", "by", "by_id", "at",
+    "note"}`, and what else the choice says."""
+
     pause_reasons = models.JSONField(default=list)
     """Stacked: `{"kind", "by", "at"}`; it goes on when the list is empty."""
 
@@ -59,6 +67,9 @@ class Job(Base):
     code = models.CharField(max_length=100, blank=True)
     message = models.TextField(blank=True)
     evidence = models.JSONField(default=dict)
+    passed_by = models.CharField(max_length=10, blank=True)
+    """`skip` or `hand`: a person said that the run goes on though it ended undone; `change`:
+    other jobs took its place."""
 
     class Meta:
         ordering = ["index"]
@@ -80,6 +91,9 @@ class Attempt(Base):
     )
     dseq = models.BigIntegerField()
     epoch = models.BigIntegerField()
+    batch_id = models.UUIDField(null=True, db_index=True)
+    """Batch that it went with; None: it went alone."""
+
     worker_pid = models.PositiveIntegerField(null=True)
     """Process that carried it out, from the STARTED event."""
 
@@ -141,3 +155,49 @@ class HostEvent(models.Model):
 
     def __str__(self) -> str:
         return f"{self.seq} {self.kind}"
+
+
+class Custody(Base):
+    """A vessel that is carried from one host's hands into another's."""
+
+    resource = models.ForeignKey("resources.Resource", on_delete=models.PROTECT, related_name="+")
+    state = models.CharField(max_length=12, choices=enum_choices(CustodyState))
+    owner = models.ForeignKey(
+        "enrollment.EdgeHost", null=True, on_delete=models.PROTECT, related_name="+"
+    )
+    """Host that writes its facts; null while it is in transit."""
+
+    target = models.ForeignKey(
+        "enrollment.EdgeHost", null=True, on_delete=models.PROTECT, related_name="+"
+    )
+    place = models.ForeignKey(
+        "resources.Resource", null=True, on_delete=models.PROTECT, related_name="+"
+    )
+    """Where it is put at the target."""
+
+    transfer_id = models.UUIDField(null=True, unique=True)
+    transaction = models.ForeignKey(
+        "crutd.Transaction", null=True, on_delete=models.PROTECT, related_name="+"
+    )
+    view = models.JSONField(null=True)
+    """What the last owner knew of it."""
+
+    asked_by = models.ForeignKey(
+        "accounts.User", null=True, on_delete=models.PROTECT, related_name="+"
+    )
+    at = models.DateTimeField()
+    ended_at = models.DateTimeField(null=True)
+    """One move of one vessel is one row; its end stays."""
+
+    class Meta:
+        ordering = ["-at"]
+        constraints = [
+            models.UniqueConstraint(
+                fields=["resource"],
+                condition=models.Q(ended_at__isnull=True),
+                name="one_move_of_a_vessel",
+            )
+        ]
+
+    def __str__(self) -> str:
+        return f"{self.resource_id} {self.state}"

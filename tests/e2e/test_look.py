@@ -37,6 +37,7 @@ def addresses(stack: Stack) -> dict[str, tuple[str, str]]:
     water = [row for row in runs if row["workflow"]["name"] == WATER and row["state"] == "complete"]
     run = water[0] if water else client.wait_for_run(client.start(WATER)["id"], is_over, 90)
     device = next(row for row in client.get("devices")["devices"] if row["key"] == "heater_1")
+    host = client.get("hosts")["hosts"][0]
     drawing = workflows["Make a dilution and weigh it"]
     return {
         "home": ("", "[data-testid=device-tile]"),
@@ -54,6 +55,7 @@ def addresses(stack: Stack) -> dict[str, tuple[str, str]]:
         "devices": ("devices", "[data-testid=device-row]"),
         "device": (f"devices/{device['id']}", "[data-testid=device]"),
         "files": ("files", "[data-testid=files]"),
+        "host": (f"hosts/{host['id']}", "[data-testid=host]"),
         "lab": (f"lab?sel={keys['reactor_1']}", "[data-testid=resource]"),
         "lineage": (f"lineage/{keys['reactor_1']}", "[data-testid=lineage]"),
         "missing": ("no/such/page", "[data-testid=not-found]"),

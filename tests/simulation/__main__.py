@@ -6,16 +6,18 @@ import argparse
 import gc
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 from multiprocessing import Pool
 
+from tests.simulation import batches, schedule
 from tests.simulation.checks import ViolationError
-from tests.simulation.schedule import run
 
 BLOCK = 500
+Run = Callable[..., object]
 
 
-def play(seeds: range) -> list[tuple[int, str]]:
+def play(seeds: range, run: Run = schedule.run) -> list[tuple[int, str]]:
     """Play a block of schedules; return what was violated."""
     found = []
     # Worlds are small and short-lived: looking for their cycles all the time costs a tenth.
@@ -24,7 +26,7 @@ def play(seeds: range) -> list[tuple[int, str]]:
         for seed in seeds:
             if seed % 200 == 0:
                 gc.collect()
-            problem = _play_one(seed)
+            problem = _play_one(seed, run)
             if problem is not None:
                 found.append((seed, problem))
     finally:
@@ -32,7 +34,7 @@ def play(seeds: range) -> list[tuple[int, str]]:
     return found
 
 
-def _play_one(seed: int) -> str | None:
+def _play_one(seed: int, run: Run) -> str | None:
     try:
         run(seed)
     except ViolationError as error:
@@ -42,7 +44,7 @@ def _play_one(seed: int) -> str | None:
     return None
 
 
-def show(seed: int) -> bool:
+def show(seed: int, run: Run = schedule.run) -> bool:
     """Play one schedule and print all that happens."""
     trace: list[str] = []
     try:
@@ -63,16 +65,18 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("--seeds", default="0..9999", help="A..B, both included, or one seed")
     parser.add_argument("--jobs", type=int, default=1, help="how many processes")
     parser.add_argument("--trace", action="store_true", help="print the first violation's schedule")
+    parser.add_argument("--batches", action="store_true", help="runs that go in batches")
     arguments = parser.parse_args(argv)
+    run = batches.run if arguments.batches else schedule.run
     first, _, last = arguments.seeds.partition("..")
     if not last:
-        return 0 if show(int(first)) else 1
+        return 0 if show(int(first), run) else 1
     seeds = range(int(first), int(last) + 1)
     blocks = [seeds[at : at + BLOCK] for at in range(0, len(seeds), BLOCK)]
     began_s = time.monotonic()
     found: list[tuple[int, str]] = []
     with Pool(arguments.jobs) as pool:
-        for number, block in enumerate(pool.imap(play, blocks), start=1):
+        for number, block in enumerate(pool.imap(partial(play, run=run), blocks), start=1):
             found += block
             if number % 20 == 0:
                 done = min(number * BLOCK, len(seeds))
@@ -85,7 +89,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     for seed, text in found[:20]:
         print(f"  seed {seed}: {text}")
     if found and arguments.trace:
-        show(found[0][0])
+        show(found[0][0], run)
     return 1 if found else 0
 
 

@@ -7,11 +7,13 @@ from typing import TYPE_CHECKING
 
 from labweb.domain.crutd.lifecycle import FINAL as SETTLED
 from labweb.domain.messages import EdgeEvent
+from labweb.domain.runs.edge import ActionState
 from labweb.domain.runs.job import FINAL, JobState, Mover
 from labweb.domain.runs.session import SessionState
 from tests.simulation.lab import OWNER
 
 if TYPE_CHECKING:
+    from tests.simulation.host import SimHost
     from tests.simulation.rows import Attempt, Host, Job
     from tests.simulation.world import World
 
@@ -40,7 +42,11 @@ def require(holds: object, name: str, text: str) -> None:
 
 def check_move(world: World, job: Job, before: JobState, mover: Mover) -> None:
     """I2, I7, I16: who moved a job, from where, and what really happened."""
-    require(before not in FINAL, "I7", f"job {job.index} left {before.value}")
+    is_retry = mover is Mover.PERSON and job.state is JobState.QUEUED
+    may_leave = before not in FINAL or (is_retry and before is not JobState.COMPLETE)
+    require(may_leave, "I7", f"job {job.index} left {before.value}")
+    if is_retry:
+        job.ended_tries = len(job.actions)
     if before in SENT:
         text = f"{mover.value} took job {job.index} from {before.value} to {job.state.value}"
         require(mover in TELLERS, "I16", text)
@@ -50,8 +56,9 @@ def check_move(world: World, job: Job, before: JobState, mover: Mover) -> None:
 
 def check_end(world: World, job: Job) -> None:
     """I2: an end agrees with what the device has really done."""
-    count = sum(world.matter.count[one.id] for one in job.actions)
-    moved_nl = sum(world.matter.moved_nl.get(one.id, 0) for one in job.actions)
+    last = job.actions[job.ended_tries :]
+    count = sum(world.matter.count[one.id] for one in last)
+    moved_nl = sum(world.matter.moved_nl.get(one.id, 0) for one in last)
     if job.state is JobState.COMPLETE:
         require(count == 1, "I2", f"job {job.index} is complete and happened {count} times")
         whole = moved_nl == job.operation.amount_nl
@@ -62,12 +69,42 @@ def check_end(world: World, job: Job) -> None:
 
 def check_dispatch(world: World, fresh: Attempt) -> None:
     """I9, I16: one try per job, and nothing in use is used again."""
-    require(len(fresh.job.actions) == 1, "I16", f"job {fresh.job.index} was sent anew")
+    for one in fresh.job.actions[:-1]:
+        has_ended = one.transaction in SETTLED
+        require(has_ended, "I16", f"job {fresh.job.index} was sent anew before its try ended")
     for one in world.server.attempts.values():
         if one is fresh or one.transaction in SETTLED:
             continue
+        if one.batch_id is not None and one.batch_id == fresh.batch_id:
+            continue
         both = one.targets & fresh.targets
         require(not both, "I9", f"jobs {one.job.index} and {fresh.job.index} use the same")
+
+
+def check_turn(world: World, host: SimHost, attempt: Attempt) -> None:
+    """B1, B2: a member of a batch starts after what comes before it, and not behind its leash."""
+    job = attempt.job
+    for index in job.after:
+        before = world.server.by_index[index]
+        moved_nl = [world.matter.moved_nl.get(one.id, 0) for one in before.actions]
+        is_whole = bool(moved_nl) and moved_nl[-1] == before.operation.amount_nl
+        require(is_whole, "B1", f"job {job.index} starts though job {index} did not happen whole")
+    policy = job.policy
+    if policy is None or host.lost_at_s is None:
+        return
+    away_s = world.now_s - host.lost_at_s
+    may = policy.on_disconnect == "continue" and away_s <= policy.max_offline_s
+    require(may, "B2", f"job {job.index} starts, {away_s:.0f} s after the server went away")
+
+
+def check_stopped(world: World, host: SimHost) -> None:
+    """B3: with the server away, nothing waits or goes on unhalted that is to stop then."""
+    for row in host.disk.open_now():
+        policy = world.server.attempts[row.action_id].job.policy
+        if policy is not None and policy.on_disconnect == "stop_safe":
+            is_safe = row.st is not ActionState.ACCEPTED
+            is_safe = is_safe and (row.st is not ActionState.STARTED or row.is_cancel_wanted)
+            require(is_safe, "B3", f"dispatch {row.dseq} goes on with the server away")
 
 
 def check_log(host: Host, fresh: Sequence[EdgeEvent]) -> None:

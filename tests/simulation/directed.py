@@ -266,7 +266,7 @@ def measured_after_discard() -> None:
 
 
 def stopped_and_reset() -> None:
-    """A lab is stopped; reboot, session and another stop's reset start nothing, its own does."""
+    """A lab is stopped; restart, session and another stop's reset start nothing, its own does."""
     world = a_world()
     host = dispatched(world)
     take_all(world, host)
@@ -274,7 +274,7 @@ def stopped_and_reset() -> None:
         standing.write_stop(tx, StopLab(stop_id=UUID(int=7), issued_by="ada"))
     work(world, host)
     world.kill_host(host)
-    host.start(is_cold=True)
+    host.start(is_cold=False)
     talk(world, host)
     for number in (6, 7):
         require(not world.matter.count, "I14", "something moved while the lab is stopped")

@@ -10,8 +10,19 @@ from uuid import UUID
 
 import msgspec
 
-from labweb.domain.messages import Ack, Command, EdgeEvent, Events, Hello, Resume, Signed, Welcome
-from labweb.domain.runs import acting, edge, standing, taking
+from labweb.domain.messages import (
+    Ack,
+    Batch,
+    Command,
+    Do,
+    EdgeEvent,
+    Events,
+    Hello,
+    Resume,
+    Signed,
+    Welcome,
+)
+from labweb.domain.runs import acting, batch, edge, standing, taking
 from labweb.domain.runs.acting import Scene, Started
 from labweb.domain.runs.bodies import report_from
 from labweb.domain.runs.edge import ActionState, Report
@@ -26,6 +37,14 @@ from labweb.domain.runs.journal import (
 from labweb.domain.runs.moment import Moment
 from tests.simulation.lab import DEVICE_COUNT, JOURNAL, PUMPS, host_id, id_of
 from tests.simulation.memory import Disk, MemoryWrite
+
+
+def _action_ids(command: Command) -> list[UUID]:
+    if isinstance(command, Batch):
+        return [do.action_id for _, do in taking.read_members(command)]
+    action_id = getattr(command, "action_id", None)
+    return [] if action_id is None else [action_id]
+
 
 SCENE = Scene(pid=4242, driver_digest="d")
 ACK_TIMEOUT_S = 10.0
@@ -72,6 +91,9 @@ class Lab(Protocol):
     def accepted(self, host: SimHost, row: ActionRow) -> None:
         """Look at what was journaled."""
 
+    def link_lost(self, host: SimHost) -> None:
+        """Look at what was written when the server went away."""
+
     def say(self, text: str) -> None:
         """Write a line of the trace."""
 
@@ -101,8 +123,11 @@ class SimHost:
         self.copies: list[tuple[Disk, Seal]] = []
         self.lost_rows: set[tuple[UUID, int]] = set()
         self.dies_before_seal = False
+        self.instance = ""
+        self.is_lost = False
         # What only an onlooker knows.
         self.resumed_boot = -1
+        self.lost_at_s: float | None = None
         self.is_put_back = False
         self.was_put_back = False
         self.new_journal()
@@ -161,12 +186,15 @@ class SimHost:
 
     def start(self, *, is_cold: bool) -> None:
         """Start every process; a cold start is one of the machine."""
+        if self.is_lost:
+            return
         if is_cold:
             self.boot_count += 1
             self.boot_at_s = self.lab.now_s
         self.is_up = True
         with self.write() as tx:
             standing.write_boot(tx, self.boot_id)
+        self.lose_link()
         if self.regression() is not None:
             with self.write() as tx:
                 standing.write_disarmed(tx)
@@ -188,17 +216,31 @@ class SimHost:
         self.link = None
         self.link_epoch = None
 
+    def lose_link(self) -> None:
+        """Write down that the server is away, as the uplink does before it connects."""
+        with self.write() as tx:
+            standing.write_link_lost(tx, self.moment())
+        if self.lost_at_s is None:
+            self.lost_at_s = self.lab.now_s
+        self.lab.link_lost(self)
+
     # --- accept ---
 
     def take(self, signed: Signed, command: Command) -> str:
         """Take a command in, as the accept worker and the uplink do."""
-        line = "line" if getattr(command, "device_id", None) in self.device_ids else None
         with self.write() as tx:
-            receipt = taking.take_command(tx, signed, command, at=self.moment(), line=line)
-            row = tx.action(command.action_id) if hasattr(command, "action_id") else None
-        if receipt.answer.kind == edge.ACCEPT and row is not None:
-            self.lab.accepted(self, row)
+            receipt = taking.take_command(
+                tx, signed, command, at=self.moment(), line_of=self._line_of
+            )
+            rows = [tx.action(action_id) for action_id in _action_ids(command)]
+        if receipt.answer.kind == edge.ACCEPT:
+            for row in rows:
+                if row is not None:
+                    self.lab.accepted(self, row)
         return f"{receipt.answer.kind} {receipt.answer.code}"
+
+    def _line_of(self, device_id: UUID) -> str | None:
+        return "line" if device_id in self.device_ids else None
 
     # --- the line ---
 
@@ -225,9 +267,9 @@ class SimHost:
         return False
 
     def _try(self, row: ActionRow) -> Generator[str, None, bool]:
-        if self.is_held(row):
-            return False
         do = row.do
+        if self.is_held(row) or self.is_waiting(do):
+            return False
         yield "before started"
         with self.write() as tx:
             found = acting.start(tx, row, do, at=self.moment(), scene=SCENE)
@@ -242,6 +284,12 @@ class SimHost:
         state = self.disk.host_state(self.boot_id)
         is_armed = state.armed_boot_id == state.boot_id
         return state.stop_latched or not is_armed or bool(self.disk.blocked_by(row.device_id))
+
+    def is_waiting(self, do: Do) -> bool:
+        away_s = standing.offline_s(self.disk.host_state(self.boot_id), self.moment())
+        turn = batch.turn_of(self.disk, do.batch, away_s)
+        answer = None if turn is None else batch.decide_turn(turn)
+        return answer is not None and answer.kind == edge.HOLD
 
     def _act(self, started: Started) -> Generator[str, None, None]:
         self.lab.begin(self, started)
@@ -277,10 +325,12 @@ class SimHost:
             acked_seq=int(self.disk.meta.get("acked_seq", 0)),
             seal_seq=0 if self.seal is None else self.seal.seq,
             regression=self.regression() or "",
+            instance_id=self.instance,
         )
 
     def connect(self) -> Link:
         """Open a connection and say HELLO."""
+        self.lose_link()
         self.link = Link(self.name)
         self.link_epoch = None
         self.heard_at_s = self.lab.now_s
@@ -338,5 +388,6 @@ class SimHost:
         elif isinstance(frame, Resume) and frame.epoch == self.link_epoch:
             regression = self.regression()
             resumed(self)
+            self.lost_at_s = None
             with self.write() as tx:
                 standing.write_armed(tx, self.boot_id, regression)

@@ -26,7 +26,7 @@ def id_of(kind: int, number: int = 0) -> UUID:
     return UUID(int=kind << 64 | number)
 
 
-HOST, DEVICE, BOTTLE, SYRINGE, FLASK, JOB, ACTION, JOURNAL, RUN, BENCH = range(1, 11)
+HOST, DEVICE, BOTTLE, SYRINGE, FLASK, JOB, ACTION, JOURNAL, RUN, BENCH, BATCH = range(1, 12)
 
 
 @cache

@@ -13,7 +13,7 @@ from typing import Any
 from uuid import UUID
 
 from labweb.domain.messages import EdgeEvent, canonical, event_hash
-from labweb.domain.runs.edge import ActionState, HostState
+from labweb.domain.runs.edge import OPEN, ActionState, HostState
 from labweb.domain.runs.journal import ActionRow, HeldResource, JournalError
 from labweb.domain.runs.standing import state_of
 
@@ -70,6 +70,16 @@ class Disk:
         """Return the actions in a state, in dispatch order."""
         found = [row for row in self.actions.values() if row.st is state]
         return sorted(found, key=lambda row: row.dseq) if len(found) > 1 else found
+
+    def open_now(self) -> list[ActionRow]:
+        """Return the actions that have not ended, in dispatch order."""
+        found = [row for row in self.actions.values() if row.st in OPEN]
+        return sorted(found, key=lambda row: row.dseq)
+
+    def state_of(self, action_id: UUID) -> ActionState | None:
+        """Return where an action stands."""
+        row = self.actions.get(action_id)
+        return None if row is None else row.st
 
     def blocked_by(self, device_id: UUID) -> str | None:
         """Return the action in doubt that closes a device."""
@@ -144,6 +154,9 @@ class MemoryWrite:
     def state_of(self, action_id: UUID) -> ActionState | None:
         row = self._disk.actions.get(action_id)
         return None if row is None else row.st
+
+    def open_rows(self) -> list[ActionRow]:
+        return self._disk.open_now()
 
     def insert_action(self, row: ActionRow) -> None:
         if row.action_id in self._disk.actions:

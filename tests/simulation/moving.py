@@ -11,9 +11,9 @@ from uuid import UUID
 import msgspec
 
 from labweb.domain.errors import StateError
-from labweb.domain.messages import EdgeEvent, ResourceView
+from labweb.domain.messages import EdgeEvent, Receive, Release, ResourceView
 from labweb.domain.runs import custody
-from labweb.domain.runs.custody import Custody, CustodyState, Receive, Release
+from labweb.domain.runs.custody import Custody, CustodyState
 from labweb.domain.runs.journal import HeldResource
 from tests.simulation.checks import require
 from tests.simulation.lab import id_of

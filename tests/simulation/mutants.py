@@ -104,7 +104,7 @@ def ignore_regression(patch: Patch) -> None:
     patch.setattr(sim_host, "find_regression", lambda chain, seal: None)
     patch.setattr(sim_host, "is_raised", lambda found, wanted, hash_at_found: True)
 
-    def decide(record: HostRecord, hello: Hello) -> HelloAnswer:
+    def decide(record: HostRecord, hello: Hello, **_: object) -> HelloAnswer:
         return HelloAnswer("normal")
 
     patch.setattr(session, "decide_hello", decide)

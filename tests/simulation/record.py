@@ -13,7 +13,7 @@ from labweb.domain.crutd.lifecycle import TransactionState
 from labweb.domain.crutd.operations import TransferLiquid
 from labweb.domain.errors import StateError
 from labweb.domain.resources.contents import add, remove
-from labweb.domain.runs import job
+from labweb.domain.runs import batch, job
 from labweb.domain.runs.job import JobState, Mover
 from labweb.domain.runs.session import HostRecord
 from tests.simulation.lab import HOSTS, OWNER, host_id, vessels
@@ -30,6 +30,7 @@ class Record:
         self.attempts: dict[UUID, Attempt] = {}
         self.vessels = {view.id: Vessel(view) for view in vessels()}
         self.tickets: list[str] = []
+        self.batch_count = 0
         self.hosts = {
             host_id(name): Host(
                 name=name,
@@ -113,7 +114,9 @@ class Record:
                 vessel.view = msgspec.structs.replace(vessel.view, contents=left)
                 touched.add(UUID(account))
         for vessel_id in change.quarantined:
-            self.vessels[vessel_id].quarantined_by = str(attempt.id)
+            # The first cause stays: its answer, or a person's measure, opens the vessel.
+            if self.vessels[vessel_id].quarantined_by is None:
+                self.vessels[vessel_id].quarantined_by = str(attempt.id)
         self._set_revs(revs or {str(i): self.vessels[i].view.rev + 1 for i in touched})
 
     def _set_revs(self, revs: dict[str, int]) -> None:
@@ -126,11 +129,28 @@ class Record:
         attempt.transaction = state
         if state not in lifecycle.FINAL:
             return
-        attempt.locks = ()
+        self._pass_on(attempt)
         if was_quarantined and is_freed:
             for vessel in self.vessels.values():
                 if vessel.quarantined_by == str(attempt.id):
                     vessel.quarantined_by = None
+
+    def _pass_on(self, attempt: Attempt) -> None:
+        """Release the locks of a try, or hand them on within its batch."""
+        held, attempt.locks = attempt.locks, ()
+        members = [
+            one
+            for one in self.attempts.values()
+            if one.batch_id is not None
+            and one.batch_id == attempt.batch_id
+            and one is not attempt
+            and one.transaction not in lifecycle.FINAL
+        ]
+        claims = {one.id: one.needed for one in members}
+        for resource, heir in batch.heirs([lock.resource_id for lock in held], claims).items():
+            if heir is not None:
+                lock = next(one for one in held if one.resource_id == resource)
+                self.attempts[heir].locks += (lock,)
 
     def _discard(self, attempt: Attempt, revs: dict[str, int]) -> None:
         lifecycle.check_step(attempt.transaction, TransactionState.ROLLED_BACK)

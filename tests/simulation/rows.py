@@ -18,13 +18,22 @@ from labweb.domain.messages import (
 from labweb.domain.runs import scheduler
 from labweb.domain.runs.job import JobState, Mover
 from labweb.domain.runs.locks import Lock
+from labweb.domain.runs.relay import BatchDraft
 from labweb.domain.runs.session import HostRecord, SessionState
 from tests.simulation.lab import host_id
 
 
+@dataclass(frozen=True, slots=True)
+class Policy:
+    """What a run declares for its batches."""
+
+    on_disconnect: str
+    max_offline_s: float
+
+
 @dataclass(eq=False)
 class Job:
-    """One job, and its only try."""
+    """One job with its tries."""
 
     id: UUID
     index: int
@@ -35,10 +44,15 @@ class Job:
     after: tuple[int, ...]
     state: JobState = JobState.QUEUED
     has_started: bool = False
+    ended_tries: int = 0
+    """Tries that were judged at their end, before a person had the job tried anew."""
+
     actions: list[Attempt] = field(default_factory=list)
 
     targets: frozenset[UUID] = field(init=False)
     seen: scheduler.JobView | None = None
+    policy: Policy | None = None
+    """How its batch behaves with the server away; None: it goes alone."""
 
     def __post_init__(self) -> None:
         touched = (self.operation.source_id, self.operation.target_id)
@@ -67,13 +81,16 @@ class Attempt:
     targets: frozenset[UUID]
     locks: tuple[Lock, ...]
     transaction: TransactionState = TransactionState.LOCKED
+    batch_id: UUID | None = None
+    needed: frozenset[UUID] = frozenset()
+    """Every resource that it locks, those above included."""
 
 
 @dataclass(eq=False)
 class Row:
     """A command in the outbox."""
 
-    command: Command
+    command: Command | BatchDraft
     action_id: UUID
     kind: str
     sent_at_s: float | None = None
@@ -89,6 +106,10 @@ class Host:
     state: SessionState = SessionState.ENROLLING
     beat_at_s: float = 0.0
     is_resumed: bool = False
+    live_instance: str = ""
+    """Process whose connection is open, where the schedule gives processes names."""
+
+    first_signature: str | None = None
     log: list[EdgeEvent] = field(default_factory=list)
     """Events applied of the present journal."""
 
@@ -116,6 +137,9 @@ class Watch(Protocol):
 
     def fenced(self, host: Host, code: str) -> None:
         """A host was put into quarantine."""
+
+    def signed(self, host: Host, people: set[str]) -> None:
+        """People have declared a host lost."""
 
     def ingested(self, host: Host, fresh: Sequence[EdgeEvent]) -> None:
         """Events were written down."""

@@ -126,9 +126,9 @@ def quarantine_ends_by_itself(patch: Patch) -> None:
     """A host in quarantine is let in at its next HELLO, with the journal it has."""
     real = session.decide_hello
 
-    def decide(record: HostRecord, hello: Hello) -> HelloAnswer:
+    def decide(record: HostRecord, hello: Hello, **known: Any) -> HelloAnswer:  # noqa: ANN401
         if not record.quarantine:
-            return real(record, hello)
+            return real(record, hello, **known)
         return HelloAnswer("normal")
 
     real_after = session.after_hello
@@ -218,6 +218,41 @@ def any_reset_opens(patch: Patch) -> None:
     patch.setattr(taking, "_take_reset", take)
 
 
+def any_process_speaks(patch: Patch) -> None:
+    """A second process is let in while the first is alive."""
+    real = session.decide_hello
+    patch.setattr(session, "decide_hello", lambda record, hello, **_: real(record, hello))
+
+
+def boots_are_forgotten(patch: Patch) -> None:
+    """A start of the machine may come back after another one."""
+    real = session.decide_hello
+    patch.setattr(
+        session,
+        "decide_hello",
+        lambda record, hello, **known: real(replace(record, boots=()), hello, **known),
+    )
+
+
+def nobody_is_heard(patch: Patch) -> None:
+    """The server does not remember in which session the host has spoken."""
+    patch.setattr(session, "heard", lambda record: record)
+
+
+def one_person_fences(patch: Patch) -> None:
+    """The second signature under a fence may be the first person's."""
+    real = session.check_fence
+    patch.setattr(session, "check_fence", lambda state, first_by, actor: real(state, None, actor))
+
+
+def lost_hosts_are_waited_for(patch: Patch) -> None:
+    """Answers about a host that two people declared lost wait for it all the same."""
+    real = session.is_given_up
+    patch.setattr(
+        session, "is_given_up", lambda record, dseq: not record.quarantine and real(record, dseq)
+    )
+
+
 OF_THE_RULES: tuple[Mutant, ...] = (
     no_floor,
     no_fence,
@@ -241,4 +276,9 @@ OF_THE_RULES: tuple[Mutant, ...] = (
     doubt_does_not_close,
     no_latch,
     any_reset_opens,
+    any_process_speaks,
+    boots_are_forgotten,
+    nobody_is_heard,
+    one_person_fences,
+    lost_hosts_are_waited_for,
 )

@@ -91,7 +91,7 @@ def _host_killed(world: World, host: SimHost) -> None:
 def _host_rebooted(world: World, host: SimHost) -> None:
     world.say(f"{host.name} is rebooted at: {host.where}")
     world.kill_host(host)
-    world._guarded(host, lambda: host.start(is_cold=True))
+    world.guarded(host, lambda: host.start(is_cold=True))
 
 
 def _killed_before_seal(world: World, host: SimHost) -> None:
@@ -199,6 +199,7 @@ def drain(world: World) -> None:
     world.is_calm = True
     for host in world.hosts.values():
         host.dies_before_seal = False
+        host.is_lost = False
         host.lost_rows = {one for one in host.lost_rows if one[0] == host.disk.journal_id}
         world.is_cut_off[host.name].clear()
     for _ in range(DRAIN_ROUNDS):

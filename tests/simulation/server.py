@@ -10,142 +10,38 @@ from dataclasses import replace
 from typing import Any
 from uuid import UUID
 
-import msgspec
-
-from labweb.domain.crutd import decide, lifecycle, operations
+from labweb.domain.crutd import lifecycle
 from labweb.domain.crutd.decide import Outcome, OutcomeKind
 from labweb.domain.errors import LabError
 from labweb.domain.messages import (
     Ack,
     Cancel,
-    Do,
     EdgeEvent,
     Events,
     Hello,
     Resolve,
     Resume,
-    Signed,
     Welcome,
 )
-from labweb.domain.runs import edge, intake, isolation, job, locks, relay, scheduler, session
+from labweb.domain.runs import (
+    edge,
+    intake,
+    job,
+    recovery,
+    session,
+)
 from labweb.domain.runs.job import JobState, Mover
 from labweb.domain.runs.session import SessionState
+from tests.simulation.dispatching import Dispatching
 from tests.simulation.host import Link
-from tests.simulation.lab import ACTION, BENCH, id_of
-from tests.simulation.record import Record
 from tests.simulation.rows import Attempt, Host, Job, Row
 
+MOST_TRIES = 6
+"""Tries of one job in a schedule."""
 
-class SimServer(Record):
+
+class SimServer(Dispatching):
     """Jobs, hosts, vessels and the outbox."""
-
-    # --- scheduling ---
-
-    def tick(self) -> None:
-        """Do what the dispatcher does in one turn."""
-        self.isolate()
-        online = {i for i, host in self.hosts.items() if host.state is SessionState.ONLINE}
-        for run in {one.run for one in self.jobs if one.state is JobState.QUEUED}:
-            views = [one.view for one in self.jobs if one.run == run]
-            for view in scheduler.ready(views, online):
-                self.dispatch(self.by_index[view.index])
-        for host in self.hosts.values():
-            self.publish(host)
-
-    def watch_hosts(self) -> None:
-        """See who has fallen silent, by this server's monotonic clock."""
-        for host in self.hosts.values():
-            host.state = session.state_by_silence(host.state, self.watch.now_s - host.beat_at_s)
-
-    def isolate(self) -> None:
-        """Suspend and release jobs by the states of their hosts."""
-        states = {i: host.state for i, host in self.hosts.items()}
-        is_any_away = not isolation.AWAY.isdisjoint(states.values())
-        if not is_any_away and all(one.state is not JobState.SUSPENDED for one in self.jobs):
-            return
-        for run in {one.run for one in self.jobs}:
-            views = [one.view for one in self.jobs if one.run == run]
-            waiting = isolation.find_waiting(views, states)
-            if waiting.suspend or waiting.release:
-                found = {one.id: one for one in self.jobs}
-                for job_id in waiting.suspend:
-                    self.move(found[job_id], JobState.SUSPENDED, Mover.SERVER)
-                for job_id in waiting.release:
-                    self.move(found[job_id], JobState.QUEUED, Mover.SERVER)
-
-    def dispatch(self, made: Job) -> None:
-        """Lock, write the attempt and its command; publish later."""
-        holders = scheduler.held_by_steps(
-            scheduler.StepJob(
-                run_id=id_of(0, one.run),
-                step_id=one.host,
-                state=one.state,
-                has_started=one.has_started,
-                locks=one.targets,
-            )
-            for one in self.jobs
-            if one.run != made.run
-        )
-        targets = made.targets
-        if any(target in holders for target in targets):
-            return
-        bench = (id_of(BENCH),)
-        wanted = locks.lock_set(targets, dict.fromkeys(targets, bench))
-        held = [lock for one in self.attempts.values() for lock in one.locks]
-        if locks.conflicts(wanted, held):
-            return
-        findings = decide.check(made.operation, self.snapshot(made.operation))
-        if findings:
-            self.watch.say(f"job {made.index} is held: {findings[0].message}")
-            self.move(made, JobState.HELD, Mover.SERVER)
-            return
-        host = self.host(made.host)
-        host.record = replace(host.record, last_dseq=host.record.last_dseq + 1)
-        attempt = Attempt(
-            id=id_of(ACTION, made.index * 8 + len(made.actions) + 1),
-            job=made,
-            dseq=host.record.last_dseq,
-            targets=targets,
-            locks=wanted,
-        )
-        made.actions.append(attempt)
-        self.attempts[attempt.id] = attempt
-        host.outbox.append(Row(self._command(host, attempt), attempt.id, "do"))
-        self.move(made, JobState.DISPATCHED, Mover.SCHEDULER)
-        self.watch.dispatched(attempt)
-
-    def _command(self, host: Host, attempt: Attempt) -> Do:
-        made = attempt.job
-        touched = operations.touched_ids(made.operation)
-        return Do(
-            host_id=host.record.host_id,
-            epoch=host.record.epoch,
-            dseq=attempt.dseq,
-            action_id=attempt.id,
-            job_id=made.id,
-            run_id=id_of(0, made.run),
-            attempt=len(made.actions),
-            line="line",
-            device_id=made.device_id,
-            driver_digest="d",
-            action="stroke",
-            args={},
-            operation=operations.to_json(made.operation),
-            resources=[self.vessels[vessel].view for vessel in touched],
-        )
-
-    def publish(self, host: Host) -> None:
-        """Ring for every command that is not answered."""
-        for row in host.outbox:
-            ago_s = None if row.sent_at_s is None else self.watch.now_s - row.sent_at_s
-            if not row.is_answered and relay.is_due(host.state, ago_s):
-                row.sent_at_s = self.watch.now_s
-                command = relay.stamped(row.command, host.record.epoch)
-                body = msgspec.json.encode(command).decode()
-                signed = Signed(body=body, key_id="k", signature="")
-                self.watch.ring(host.name, signed, command)
-        if len(host.outbox) > 24:
-            host.outbox = [row for row in host.outbox if not row.is_answered]
 
     # --- people ---
 
@@ -155,6 +51,23 @@ class SimServer(Record):
             self.move(made, JobState.STOPPED, Mover.SERVER)
         elif made.state in job.AT_EDGE:
             self._post(made.actions[-1], Cancel, "cancel", {})
+
+    def recall(self, run: int) -> None:
+        """Pause a run: ask for what its hosts have not begun."""
+        for made in self.jobs:
+            if made.run == run and made.state in {JobState.DISPATCHED, JobState.ACCEPTED}:
+                self._post(made.actions[-1], Cancel, "cancel", {"is_recall": True})
+
+    def resume(self, run: int) -> None:
+        """Queue what was given back."""
+        for made in self.jobs:
+            if made.run == run and made.state is JobState.HELD:
+                self.move(made, JobState.QUEUED, Mover.SERVER)
+
+    def retry(self, made: Job) -> None:
+        """Try a job anew that ended undone: another action of the same intent."""
+        if recovery.may_retry(made.state) and len(made.actions) < MOST_TRIES:
+            self.move(made, JobState.QUEUED, Mover.PERSON)
 
     def resolve(self, made: Job, answer: str, moved_nl: int | None) -> None:
         """Take a person's answer: to its host, or here where the host can never tell."""
@@ -204,6 +117,22 @@ class SimServer(Record):
         for row in host.outbox:
             row.is_answered = True
 
+    def sign_fence(self, name: str, actor: str) -> None:
+        """Sign that a host is lost; the second person's signature fences it."""
+        host = self.host(name)
+        if session.check_fence(host.state, host.first_signature, actor) is not None:
+            return
+        if host.first_signature is None:
+            host.first_signature = actor
+            return
+        self.watch.signed(host, {host.first_signature, actor})
+        was_quarantined = bool(host.record.quarantine)
+        host.record = session.fenced(host.record)
+        host.state = SessionState.FENCED
+        host.first_signature = None
+        if not was_quarantined:
+            self._fence(host, session.FENCED_CODE)
+
     # --- the uplink ---
 
     def hear(self, link: Link, frame: object) -> None:
@@ -215,7 +144,15 @@ class SimServer(Record):
 
     def open_session(self, link: Link, hello: Hello) -> None:
         host = self.hosts[hello.host_id]
-        answer = session.decide_hello(host.record, hello)
+        is_live = host.state in {SessionState.ONLINE, SessionState.SYNCING}
+        live = host.live_instance if is_live else ""
+        answer = session.decide_hello(host.record, hello, live_instance_id=live)
+        if answer.kind == "refuse":
+            self.tickets.append(answer.code)
+            link.is_closed_at_server = True
+            return
+        host.live_instance = hello.instance_id
+        host.first_signature = None
         opening = session.after_hello(host.record, hello, answer)
         was_quarantined = bool(host.record.quarantine)
         if host.record.journal_id != opening.record.journal_id:
@@ -253,6 +190,7 @@ class SimServer(Record):
             link.is_closed_at_server = True
             return
         host.beat_at_s = self.watch.now_s
+        host.record = session.heard(host.record)
         host.state = session.state_by_beat(host.state, is_resumed=link.is_resumed)
 
     def _take_events(self, host: Host, link: Link, frame: Events) -> None:
@@ -275,10 +213,7 @@ class SimServer(Record):
         if found.fresh:
             last = found.fresh[-1]
             host.record = replace(
-                host.record,
-                acked_seq=last.seq,
-                hash_at_acked=last.hash,
-                epoch_seen=host.record.epoch,
+                session.heard(host.record), acked_seq=last.seq, hash_at_acked=last.hash
             )
             host.log.extend(found.fresh)
             self.watch.ingested(host, found.fresh)
@@ -297,6 +232,17 @@ class SimServer(Record):
             states[attempt.id] = meaning.state or current
 
     def _apply(self, host: Host, event: EdgeEvent) -> None:
+        self._take_event(host, event)
+        attempt = self.attempts.get(event.action_id) if event.action_id else None
+        if attempt is not None and attempt.batch_id is not None:
+            # A batch is taken whole: what one member's event says is true of all.
+            members = [one for one in self.attempts.values() if one.batch_id == attempt.batch_id]
+            if all(one.job.state is not JobState.DISPATCHED for one in members):
+                for row in host.outbox:
+                    if row.action_id == attempt.batch_id:
+                        row.is_answered = True
+
+    def _take_event(self, host: Host, event: EdgeEvent) -> None:
         if event.action_id is None:
             return
         attempt = self.attempts.get(event.action_id)

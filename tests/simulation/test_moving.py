@@ -9,9 +9,10 @@ from uuid import UUID
 import pytest
 
 from labweb.domain.errors import StateError
-from labweb.domain.messages import ResourceView
+from labweb.domain.messages import Release, ResourceView
 from labweb.domain.runs import custody
-from labweb.domain.runs.custody import Custody, CustodyState, CustodyWrite, Release
+from labweb.domain.runs.custody import Custody, CustodyState
+from labweb.domain.runs.journal import JournalWrite
 from tests.simulation.checks import ViolationError
 from tests.simulation.lab import id_of
 from tests.simulation.memory import MemoryWrite
@@ -41,7 +42,7 @@ def released_in_use(patch: Patch) -> None:
     """A host lets go what one of its actions holds."""
     real = custody.take_release
 
-    def take(tx: CustodyWrite, release: Release, *, in_use: object) -> bool:
+    def take(tx: JournalWrite, release: Release, *, in_use: object) -> bool:
         return real(tx, release, in_use=())
 
     patch.setattr(custody, "take_release", take)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from tests.simulation import directed, mutants
+from tests.simulation import directed, directed_hosts, mutants
 from tests.simulation import rule_mutants as rules
 from tests.simulation.checks import ViolationError
 from tests.simulation.directed import Schedule
@@ -24,7 +24,6 @@ SEEDS: dict[Mutant, tuple[int, str]] = {
     mutants.no_cold_boot_hold: (25, "I13"),
     mutants.hold_in_memory: (516, "I13"),
     rules.no_tombstone: (80, "Q"),
-    rules.told_before_sealed: (139960, "I2"),
     rules.no_fork_check: (5, "I5"),
     rules.events_applied_again: (42, "I5"),
     rules.quarantine_ends_by_itself: (391, "I13"),
@@ -48,6 +47,12 @@ BY_HAND: dict[Mutant, tuple[Schedule, str]] = {
     rules.record_is_not_adopted: (directed.measured_after_discard, "I8"),
     rules.no_latch: (directed.stopped_and_reset, "I14"),
     rules.any_reset_opens: (directed.stopped_and_reset, "I14"),
+    rules.told_before_sealed: (directed_hosts.told_and_taken_back, "I2"),
+    rules.any_process_speaks: (directed_hosts.two_machines, "I1"),
+    rules.boots_are_forgotten: (directed_hosts.two_machines_in_turn, "I13"),
+    rules.nobody_is_heard: (directed_hosts.spoken_before, "I13"),
+    rules.one_person_fences: (directed_hosts.fenced_by_two, "I16"),
+    rules.lost_hosts_are_waited_for: (directed_hosts.fenced_by_two, "I8"),
     rules.doubt_does_not_close: (directed.next_on_a_doubtful_device, "I14"),
 }
 """Schedule by hand that kills a mutant, and the invariant that it violates."""
@@ -88,6 +93,6 @@ def test_a_schedule_by_hand_finds_out_that_a_rule_is_gone(mutant: Mutant) -> Non
         schedule()
 
 
-@pytest.mark.parametrize("schedule", directed.SCHEDULES, ids=name_of)
+@pytest.mark.parametrize("schedule", [*directed.SCHEDULES, *directed_hosts.SCHEDULES], ids=name_of)
 def test_a_schedule_by_hand_violates_nothing_while_every_rule_stands(schedule: Schedule) -> None:
     schedule()

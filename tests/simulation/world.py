@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from random import Random
 from typing import Any
@@ -19,7 +19,7 @@ from tests.simulation import checks
 from tests.simulation.checks import require
 from tests.simulation.host import KilledError, Link, SimHost
 from tests.simulation.lab import HOSTS, JOB, PUMPS, STROKE_NL, Matter, id_of, stroke
-from tests.simulation.rows import Attempt, Host, Job
+from tests.simulation.rows import Attempt, Host, Job, Policy
 from tests.simulation.server import SimServer
 
 STEPS = 220
@@ -44,7 +44,7 @@ class World:
         self.last_start: dict[Any, int] = {}
         self.is_calm = False
         for host in self.hosts.values():
-            self._guarded(host, partial(host.start, is_cold=True))
+            self.guarded(host, partial(host.start, is_cold=True))
 
     def say(self, text: str) -> None:
         if self.trace is not None:
@@ -60,8 +60,12 @@ class World:
     def fenced(self, host: Host, code: str) -> None:
         self.say(f"host {host.name} is quarantined: {code}")
         there = self.hosts[host.name]
-        has_cause = there.was_put_back or there.lost_rows
+        has_cause = there.was_put_back or there.lost_rows or there.is_lost
         require(has_cause, "Q", f"host {host.name} is quarantined without a cause: {code}")
+
+    def signed(self, host: Host, people: set[str]) -> None:
+        self.say(f"host {host.name} is fenced by {' and '.join(sorted(people))}")
+        require(len(people) == 2, "I16", f"host {host.name} is fenced by one person")
 
     def dispatched(self, attempt: Attempt) -> None:
         checks.check_dispatch(self, attempt)
@@ -92,6 +96,10 @@ class World:
         doubtful = host.disk.rows(ActionState.IN_DOUBT)
         is_closed = any(one.device_id == row.device_id for one in doubtful)
         require(not is_closed, "I14", "starts on a device with an action in doubt")
+        checks.check_turn(self, host, self.server.attempts[row.action_id])
+
+    def link_lost(self, host: SimHost) -> None:
+        checks.check_stopped(self, host)
 
     def begin(self, host: SimHost, started: Started) -> None:
         """The first byte: from here on the device acts by itself."""
@@ -137,7 +145,7 @@ class World:
 
     # --- steps of the host's processes ---
 
-    def _guarded(self, host: SimHost, work: Callable[[], object]) -> None:
+    def guarded(self, host: SimHost, work: Callable[[], object]) -> None:
         """Let a process of a host work; a refused write ends it, a kill ends the host."""
         try:
             work()
@@ -151,7 +159,7 @@ class World:
     def step_line(self, host: SimHost) -> None:
         """Let the line go on to its next place to die."""
         if not host.is_up:
-            self._guarded(host, lambda: host.start(is_cold=False))
+            self.guarded(host, lambda: host.start(is_cold=False))
             return
         if host.line is None:
             host.line = host._work()
@@ -160,7 +168,7 @@ class World:
             assert host.line is not None
             host.where = next(host.line)
 
-        self._guarded(host, go)
+        self.guarded(host, go)
 
     def step_broker(self, host: SimHost) -> None:
         """Deliver one message, not always the oldest."""
@@ -177,7 +185,7 @@ class World:
                 name = f"{type(command).__name__} {command.dseq} of session {command.epoch}"
                 self.say(f"{host.name} takes {name}: {answer}")
 
-        self._guarded(host, take)
+        self.guarded(host, take)
 
     def step_uplink(self, host: SimHost) -> None:
         """Connect, or tell the next events, or notice that nobody answers."""
@@ -186,7 +194,7 @@ class World:
         link = host.link
         if link is None:
             if "uplink" not in self.is_cut_off[host.name]:
-                self.links[host.name].append(host.connect())
+                self.guarded(host, lambda: self.links[host.name].append(host.connect()))
                 del self.links[host.name][:-3]
         elif link.is_closed_at_server or host.is_silent():
             host.kill_uplink()
@@ -210,7 +218,7 @@ class World:
         if "uplink" in self.is_cut_off[host.name]:
             return
         frame = link.down.popleft()
-        self._guarded(host, lambda: host.hear(frame, self._resumed))
+        self.guarded(host, lambda: host.hear(frame, self._resumed))
 
     def _resumed(self, host: SimHost) -> None:
         host.resumed_boot = host.boot_count
@@ -281,7 +289,7 @@ class World:
                 host.lost_rows.clear()
                 host.is_put_back = host.was_put_back = True
                 self.say(f"{host.name}: the whole disk is put back to event {disk.head[0]}")
-                self._guarded(host, lambda: host.start(is_cold=True))
+                self.guarded(host, lambda: host.start(is_cold=True))
                 return
 
     # --- people ---
@@ -314,8 +322,9 @@ class World:
     def set_aside(self, host: SimHost) -> None:
         """Go to a quarantined host: end it, set its journal aside, let it in again."""
         known = self.server.host(host.name)
-        if known.state is not SessionState.QUARANTINED:
+        if known.state not in {SessionState.QUARANTINED, SessionState.FENCED}:
             return
+        host.is_lost = False
         self.say(f"a person sets the journal of {host.name} aside")
         self.kill_host(host)
         host.new_journal()
@@ -325,7 +334,7 @@ class World:
         # Its connections are closed with it: a HELLO of the old journal may be on the wire.
         for link in self.links[host.name]:
             link.is_closed_at_server = True
-        self._guarded(host, lambda: host.start(is_cold=False))
+        self.guarded(host, lambda: host.start(is_cold=False))
 
 
 Route = tuple[int, str, int, bool, tuple[int, ...]]
@@ -351,8 +360,10 @@ APART: tuple[Route, ...] = (
 """The same for two hosts that have nothing to do with each other."""
 
 
-def add_jobs(world: World, routes: tuple[Route, ...] = ROUTES) -> None:
-    """Submit the runs."""
+def add_jobs(
+    world: World, routes: tuple[Route, ...] = ROUTES, policies: Mapping[int, Policy] | None = None
+) -> None:
+    """Submit the runs; those with a policy go in batches."""
     for index, (run, name, number, is_draw, after) in enumerate(routes):
         pump = PUMPS[name, number]
         made = Job(
@@ -363,5 +374,6 @@ def add_jobs(world: World, routes: tuple[Route, ...] = ROUTES) -> None:
             device_id=pump.id,
             operation=stroke(pump, is_draw=is_draw),
             after=after,
+            policy=(policies or {}).get(run),
         )
         world.server.add_job(made)

@@ -7,6 +7,7 @@ import type {
   Job,
   Lab,
   LabEvent,
+  RecoveryName,
   Run,
   Session,
   Ticket,
@@ -138,6 +139,46 @@ export function useResolve(jobId: string, runId: string): UseMutationResult<Job,
     onSuccess: () => {
       void client.invalidateQueries({ queryKey: keys.run(runId) });
       void client.invalidateQueries({ queryKey: keys.home });
+      void client.invalidateQueries({ queryKey: keys.resources });
+    },
+  });
+}
+
+export interface RecoveryAnswer {
+  choice: RecoveryName;
+  note: string;
+  moved_ul?: number;
+  params?: Record<string, unknown>;
+}
+
+export function useRecover(jobId: string): UseMutationResult<Run, Error, RecoveryAnswer> {
+  return useMutation({
+    mutationFn: (answer) => call<Run>("POST", `/jobs/${jobId}/recover`, answer),
+    onSuccess: setRun,
+  });
+}
+
+export interface HostAct {
+  act: "fence" | "readmit" | "revoke";
+  reason: string;
+}
+
+export function useHostAct(id: string): UseMutationResult<{ state: string }, Error, HostAct> {
+  return useMutation({
+    mutationFn: ({ act, reason }) => call("POST", `/hosts/${id}/${act}`, { reason }),
+    onSuccess: () => {
+      void client.invalidateQueries({ queryKey: keys.hosts });
+      void client.invalidateQueries({ queryKey: keys.runs });
+      refreshNeeds();
+    },
+  });
+}
+
+export function useArrival(): UseMutationResult<{ state: string }, Error, string> {
+  return useMutation({
+    mutationFn: (id) => call("POST", `/handovers/${id}/arrived`, {}),
+    onSuccess: () => {
+      void client.invalidateQueries({ queryKey: keys.hosts });
       void client.invalidateQueries({ queryKey: keys.resources });
     },
   });

@@ -29,6 +29,7 @@ export const keys = {
   fileList: (query: string) => ["files", "list", query] as const,
   file: (id: string) => ["files", "one", id] as const,
   points: (id: string, scan: number | null) => ["points", id, scan] as const,
+  host: (id: string) => ["hosts", id] as const,
   twin: ["twin"] as const,
   search: (text: string) => ["search", text] as const,
 };

@@ -7,6 +7,7 @@ import type {
   Device,
   DeviceRow,
   Home,
+  Host,
   HostRow,
   LabEvent,
   Lineage,
@@ -216,6 +217,15 @@ export function useHosts(): UseQueryResult<HostRow[]> {
     queryKey: keys.hosts,
     queryFn: get<{ hosts: HostRow[] }>("/hosts"),
     select: (answer: { hosts: HostRow[] }) => answer.hosts,
+    refetchInterval,
+  });
+}
+
+export function useHost(id: string): UseQueryResult<Host> {
+  const refetchInterval = usePolling(2);
+  return useQuery({
+    queryKey: keys.host(id),
+    queryFn: get<Host>(`/hosts/${id}`),
     refetchInterval,
   });
 }

@@ -4,7 +4,7 @@ import { Link } from "react-router";
 import { useTopics } from "@/api/live";
 import { useDevices, useHosts } from "@/api/queries";
 import { toSeconds } from "@/model/format";
-import { capitalise, linkState } from "@/model/states";
+import { sessionState } from "@/model/hosts";
 import type { DeviceRow, HostRow } from "@/model/wire";
 import { Card, Empty, Loaded } from "@/ui/card";
 import { deviceState, mainReadings } from "@/ui/devicetile";
@@ -108,9 +108,13 @@ function HostTable({ rows }: { rows: HostRow[] }) {
       <tbody>
         {rows.map((row) => (
           <tr key={row.id} data-testid="host-row" data-state={row.state}>
-            <td className="b">{row.name}</td>
             <td>
-              <StateChip state={hostChip(row.state)} />
+              <Link className="b" to={`/hosts/${row.id}`}>
+                {row.name}
+              </Link>
+            </td>
+            <td>
+              <StateChip state={sessionState(row.state)} />
             </td>
             <td className="r m wide">
               <Age at_s={toSeconds(row.last_seen_at)} />
@@ -122,12 +126,4 @@ function HostTable({ rows }: { rows: HostRow[] }) {
       </tbody>
     </table>
   );
-}
-
-function hostChip(state: string) {
-  if (state === "suspect") return { ...linkState("stale"), word: "Late" };
-  const known = linkState(state);
-  return known.word === capitalise(state) && known.look === "idle" && state !== "online"
-    ? { look: "offline" as const, word: known.word }
-    : known;
 }

@@ -34,8 +34,14 @@ const stopped: Lab = {
     stopped_at: "2026-11-20T06:02:07Z",
     stopped_by: "Li Na",
     hosts: [
-      { id: "h1", name: "bench-1", state: "online", acknowledged_at: "2026-11-20T06:02:07Z" },
-      { id: "h2", name: "bench-2", state: "offline", acknowledged_at: null },
+      {
+        id: "h1",
+        name: "bench-1",
+        state: "online",
+        acknowledged_at: "2026-11-20T06:02:07Z",
+        after_s: 0.21,
+      },
+      { id: "h2", name: "bench-2", state: "offline", acknowledged_at: null, after_s: null },
     ],
   },
 };

@@ -5,6 +5,7 @@ import { create } from "zustand";
 import { useStopLab, useResetLab } from "@/api/commands";
 import { useStatus } from "@/api/connection";
 import { toSeconds } from "@/model/format";
+import { stopTook } from "@/model/hosts";
 import type { Lab, StopHost, User } from "@/model/wire";
 import { Button, Dialog, Hint, Refused, TextField } from "@/ui/controls";
 import { Glyph } from "@/ui/glyph";
@@ -88,7 +89,8 @@ function HostAck({ host, isLate }: { host: StopHost; isLate: boolean }) {
   if (host.acknowledged_at) {
     return (
       <li data-testid="stop-host" data-state="acknowledged" className="num">
-        <Glyph look="ok" /> {host.name} acknowledged {time.second(host.acknowledged_at)}
+        <Glyph look="ok" /> {host.name} acknowledged {time.second(host.acknowledged_at)}{" "}
+        <span data-testid="stop-took">{stopTook(host.after_s)}</span>
       </li>
     );
   }

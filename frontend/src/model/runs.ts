@@ -51,8 +51,9 @@ export function stepProgress(run: Pick<Run, "plan" | "jobs">): StepProgress[] {
 
 function stateOf(jobs: readonly Job[]): StepState {
   if (jobs.some((job) => job.state === "in_doubt")) return "doubt";
-  if (jobs.some((job) => ["aborted", "stopped", "rejected"].includes(job.state))) return "failed";
-  if (jobs.length > 0 && jobs.every((job) => job.state === "complete")) return "done";
+  const left = jobs.filter((job) => !job.passed_by);
+  if (left.some((job) => ["aborted", "stopped", "rejected"].includes(job.state))) return "failed";
+  if (jobs.length > 0 && left.every((job) => job.state === "complete")) return "done";
   if (jobs.some((job) => isActiveJob(job.state) || job.state === "complete")) return "running";
   return "planned";
 }
@@ -110,7 +111,7 @@ export function findProblems(run: Run): Problem[] {
     }
   }
   for (const job of run.jobs) {
-    if (["aborted", "rejected", "stopped"].includes(job.state))
+    if (["aborted", "rejected", "stopped"].includes(job.state) && !job.passed_by)
       problems.push({ kind: "failed", job });
   }
   const isPausing = run.state === "paused" || run.state === "pausing";

@@ -129,6 +129,8 @@ export function aJob(
     message: "",
     evidence: {},
     transaction: null,
+    passed_by: null,
+    recovery_class: "R3",
     question: null,
     ...change,
   };
@@ -169,7 +171,10 @@ export function aRun(jobs: Job[], change: Partial<Run> = {}): Run {
     jobs,
     approval: null,
     waits_for: null,
-    can: { pause: true, resume: false, abort: true, resolve: true },
+    recoveries: [],
+    execution: null,
+    hosts_away: [],
+    can: { pause: true, resume: false, abort: true, resolve: true, recover: true },
     ...change,
   };
 }

@@ -37,6 +37,8 @@ export interface StopHost {
   name: string;
   state: string;
   acknowledged_at: Iso | null;
+  /** From the click to the acknowledgement, seconds. */
+  after_s: number | null;
 }
 
 export interface Lab {
@@ -262,6 +264,36 @@ export interface RunRow {
   estimate_s: number;
   left_s: number | null;
   pause_reasons: PauseReason[];
+  recoveries: Recovery[];
+}
+
+/** What a person chose about a job that ended undone. */
+export interface Recovery {
+  choice: RecoveryName;
+  job_id: Id;
+  by: string;
+  at: Iso;
+  note: string;
+}
+
+export type RecoveryName = "retry" | "change" | "done_by_hand" | "skip";
+
+export interface RecoveryChoice {
+  name: RecoveryName;
+  why_not: string | null;
+  consequence: string;
+}
+
+export interface RecoveryCard {
+  recovery: string;
+  tries: number;
+  choices: RecoveryChoice[];
+  /** Sentences of the jobs that are skipped with it. */
+  skips: string[];
+  /** Sentences of later jobs that use what it was to change. */
+  relying: string[];
+  asked_ul: number | null;
+  params: Record<string, unknown>;
 }
 
 export type RunState =
@@ -332,7 +364,10 @@ export interface Job {
   };
   after: number[];
   transaction: { id: Id; state: string } | null;
+  passed_by: "skip" | "hand" | "change" | null;
+  recovery_class: string;
   question: Question | null;
+  recovery?: RecoveryCard | null;
 }
 
 export interface Run extends RunRow {
@@ -342,5 +377,8 @@ export interface Run extends RunRow {
   approval: { id: Id; state: string } | null;
   /** Run in the middle of a step on something that the next action here needs. */
   waits_for: { id: Id; number: number } | null;
-  can: { pause: boolean; resume: boolean; abort: boolean; resolve: boolean };
+  /** What the workflow declares for hosts that cannot hear the server; null: nothing. */
+  execution: { on_disconnect: string; max_offline_s: number } | null;
+  hosts_away: { id: Id; name: string; since_at: Iso | null; jobs_count: number }[];
+  can: { pause: boolean; resume: boolean; abort: boolean; resolve: boolean; recover: boolean };
 }

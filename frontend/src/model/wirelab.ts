@@ -207,7 +207,42 @@ export interface HostRow {
   acked_seq: number;
   journal_lag: number;
   devices_count: number;
+  state_at: Iso | null;
+  away_since_at: Iso | null;
+  /** Host's wall clock less the server's, seconds; shown, never decided by. */
+  clock_skew_s: number | null;
   heartbeat: Record<string, unknown> | null;
+}
+
+export interface HostJob {
+  id: Id;
+  run_id: Id;
+  run_number: number;
+  sentence: string;
+  state: string;
+  state_at: Iso | null;
+}
+
+export interface Host extends HostRow {
+  floor: number;
+  last_dseq: number;
+  epoch_seen: number;
+  journal_id: Id | null;
+  reason: { code: string; message: string } | null;
+  devices: DeviceRow[];
+  jobs: HostJob[];
+  tickets: { id: Id; code: string; message: string; opened_at: Iso }[];
+  /** Vessels on their way from or to this host. */
+  moves: {
+    id: Id;
+    name: string;
+    place: string | null;
+    state: string;
+    is_leaving: boolean;
+    at: Iso;
+  }[];
+  fence: { first_by: string; first_at: Iso; reason: string; is_mine: boolean } | null;
+  can: { fence: boolean; readmit: boolean; revoke: boolean };
 }
 
 export type Sample = [status: string, at_s: number, value: number | string | boolean | null];

@@ -106,5 +106,5 @@ test("the last action that did not happen ends its run", async () => {
   serve(() => [200, {}]);
   show(card({}, aRun([job])));
   await userEvent.setup().click(screen.getByTestId("answer-did_not"));
-  expect(screen.getByText("The run then ends as aborted.")).toBeInTheDocument();
+  expect(screen.getByText("The run then waits for you.")).toBeInTheDocument();
 });

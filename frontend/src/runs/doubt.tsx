@@ -238,7 +238,7 @@ function nextText(run: Run, job: Job, kind: Kind | null): string {
     return isLast ? "The run can then end." : "The rest of this step can then start.";
   }
   if (waiting.length) return `${stepsText(waiting)} will not start. The run then waits for you.`;
-  return isLast ? "The run then ends as aborted." : "The run then waits for you.";
+  return "The run then waits for you.";
 }
 
 function stepsText(steps: number[]): string {

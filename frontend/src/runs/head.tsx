@@ -5,6 +5,7 @@ import { Link } from "react-router";
 import { useRunAct } from "@/api/commands";
 import { useStatus } from "@/api/connection";
 import { formatDuration, toSeconds } from "@/model/format";
+import { executionText } from "@/model/hosts";
 import { currentStep, findProblems, stepNumber, type StepProgress } from "@/model/runs";
 import { runState } from "@/model/states";
 import type { Run } from "@/model/wire";
@@ -214,6 +215,10 @@ export function Facts({ run, steps }: { run: Run; steps: StepProgress[] }) {
         </dd>
       </div>
       <div className="wide">
+        <dt>Server away</dt>
+        <dd data-testid="run-execution">{executionText(run.execution)}</dd>
+      </div>
+      <div className="wide">
         <dt>Needs you</dt>
         <dd>{needText(run)}</dd>
       </div>
@@ -226,8 +231,7 @@ function needText(run: Run): string {
   if (run.ended_at) return "nothing";
   if (run.state === "awaiting_approval") return "approve the start";
   if (first?.kind === "doubt") return `resolve step ${stepNumber(run, first.job.step_id)} now`;
-  if (first?.kind === "failed")
-    return run.can.resume ? "look, then resume or abort" : "look, then abort";
+  if (first?.kind === "failed") return "say what becomes of it";
   if (run.state === "paused") return "resume";
   return "not foreseen";
 }

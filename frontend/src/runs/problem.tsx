@@ -10,6 +10,7 @@ import { Link } from "react-router";
 import { Glyph } from "@/ui/glyph";
 import { At } from "@/ui/time";
 import { DoubtCard, Evidence } from "./doubt";
+import { Recovery } from "./recovery";
 import { words } from "./words";
 
 export function Problems({ run, job }: { run: Run; job: string | null }) {
@@ -21,6 +22,9 @@ export function Problems({ run, job }: { run: Run; job: string | null }) {
       {run.state === "awaiting_approval" && run.approval && <AwaitsApproval run={run} />}
       {run.waits_for && <WaitsForRun other={run.waits_for} />}
       <WaitsForDevices run={run} />
+      {run.hosts_away.map((host) => (
+        <WorksAlone key={host.id} host={host} />
+      ))}
       {[...first, ...rest].map((problem) => (
         <ProblemCard
           key={problem.kind === "paused" ? "paused" : problem.job.id}
@@ -55,6 +59,25 @@ function ProblemCard({ run, problem }: { run: Run; problem: Problem }) {
         <p className="s">{effectText(job.transaction?.state ?? null)}</p>
         <Evidence job={job} />
         {job.code && <p className="mono m">{job.code}</p>}
+        {job.recovery && <Recovery run={run} job={job} card={job.recovery} />}
+      </div>
+    </section>
+  );
+}
+
+/** A host that cannot be heard goes on by itself, or holds, as the workflow declares. */
+function WorksAlone({ host }: { host: Run["hosts_away"][number] }) {
+  return (
+    <section className="card prob" data-testid="alone-card" data-state="offline">
+      <div className="ph">
+        <Glyph look="offline" />
+        {host.name} works alone since <At at={host.since_at} />
+      </div>
+      <div className="pb">
+        <p className="s">{words.away(host.jobs_count)}</p>
+        <Link className="btn" to={`/hosts/${host.id}`}>
+          Open {host.name}
+        </Link>
       </div>
     </section>
   );

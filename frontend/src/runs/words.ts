@@ -17,7 +17,23 @@ export const words = {
   abortWhy: "Why",
   abortDo: "Abort run",
   answerFirst: "Answer what is in doubt first.",
-  cannotGoOn: "What is left needs the action that failed: abort, then start anew.",
+  cannotGoOn: "Say first what becomes of the action that ended undone.",
+  recovery: {
+    title: "What becomes of it",
+    mayNot: "Needs the role chemist, and a run that has not ended.",
+    choose: "Choose",
+    amount: "Amount that you moved, in mL",
+    amountHelp: (ml: number) => `${ml} mL were asked for.`,
+    note: "Note, required",
+    noteHelp: "What you found and what you did about it.",
+    then: "The run goes on when you resume it.",
+    nothingRelies: "Nothing later in this run counts on it.",
+    done: { skip: "Skipped", hand: "Done by hand", change: "Planned anew" },
+  },
+  away: (count: number) =>
+    count === 1
+      ? "1 job from its journal will appear when it is back."
+      : `${count} jobs from its journal will appear when it is back.`,
   waitsForRun:
     "It is in the middle of a step with a pump or a vessel that this run needs next. This run goes on by itself.",
   waits: "It does not answer its host. The action begins by itself once it does; or abort the run.",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from labweb.crutd.services.batches import Member, lock_batch
 from labweb.crutd.services.deliveries import receive_deliveries
 from labweb.crutd.services.importing import check_time_zone, import_lab
 from labweb.crutd.services.labware import import_labware
@@ -18,6 +19,7 @@ from labweb.crutd.services.transactions import (
 )
 
 __all__ = [
+    "Member",
     "Settlement",
     "advance",
     "carry_out",
@@ -28,6 +30,7 @@ __all__ = [
     "event_hash",
     "import_lab",
     "import_labware",
+    "lock_batch",
     "lock_operation",
     "open_ticket",
     "rebuild",

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
+from datetime import datetime
 from typing import Any
 
 from django.db import connection
@@ -21,9 +22,9 @@ from labweb.domain.runs.locks import Lock
 _OPEN = """
 WITH opened AS (
     INSERT INTO crutd_transaction (id, lab_id, state, name, operation, actor_id, job_id,
-        proposed_at, conditions, verification, code, message)
+        batch_id, claims, proposed_at, conditions, verification, code, message)
     VALUES (%(id)s, %(lab)s, %(state)s, %(name)s, %(operation)s::jsonb, %(actor)s, %(job)s,
-        %(at)s, %(conditions)s::jsonb, '', '', '')
+        %(batch)s, %(claims)s::jsonb, %(at)s, %(conditions)s::jsonb, '', '', '')
 ) {}
 INSERT INTO crutd_resourcelock (id, resource_id, mode, transaction_id, taken_at)
 SELECT lock_id, resource_id, mode, %(id)s, %(at)s
@@ -80,6 +81,8 @@ def open_transaction(
         "operation": json.dumps(row.operation),
         "actor": row.actor_id,
         "job": row.job_id,
+        "batch": row.batch_id,
+        "claims": json.dumps(row.claims),
         "at": row.proposed_at,
         "conditions": json.dumps(row.conditions),
         "lock_ids": [new_id() for _ in wanted],
@@ -95,17 +98,31 @@ def open_transaction(
         cursor.execute(_OPEN.format(_PROMISED if promised else ""), values)
 
 
+def reserve(row: Transaction, wanted: Sequence[Reservation]) -> None:
+    """Promise amounts on both sides for a transaction that is written already."""
+    state = Entry.State.PENDING.value
+    _enter(
+        row,
+        row.proposed_at,
+        [(None, one.debit, one.credit, one.amount_nl, one.amount_ug, state) for one in wanted],
+    )
+
+
 def post(row: Transaction, postings: Sequence[Posting], released: Sequence[Reservation]) -> None:
     """Release what was reserved and write what moved, in one statement."""
     lines = [
         *((None, one.debit, one.credit, one.amount_nl, one.amount_ug, _VOID) for one in released),
         *((p.lot, p.debit, p.credit, p.amount_nl, p.amount_ug, _POSTED) for p in postings),
     ]
+    _enter(row, now(), lines)
+
+
+def _enter(row: Transaction, at: datetime, lines: Sequence[tuple[Any, ...]]) -> None:
     if not lines:
         return
     columns = [list(column) for column in zip(*lines, strict=True)]
     with connection.cursor() as cursor:
-        cursor.execute(_ENTER, [row.id, now(), *columns])
+        cursor.execute(_ENTER, [row.id, at, *columns])
 
 
 def close_transaction(row: Transaction) -> None:

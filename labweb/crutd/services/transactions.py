@@ -12,15 +12,17 @@ from django.db.transaction import atomic
 
 from labweb.common.clock import now
 from labweb.crutd import selectors
-from labweb.crutd.models import Transaction
+from labweb.crutd.models import Entry, ResourceLock, Transaction
 from labweb.crutd.selectors.facts import facts_for, holders
-from labweb.crutd.services.posting import close_transaction, open_transaction, post
+from labweb.crutd.services.posting import close_transaction, open_transaction, post, reserve
 from labweb.crutd.services.recording import open_ticket, record
 from labweb.domain.crutd import decide, lifecycle, operations
 from labweb.domain.crutd.decide import Change, Outcome, OutcomeKind, ResourceState
 from labweb.domain.crutd.ledger import vessels_of
 from labweb.domain.crutd.lifecycle import TransactionState
+from labweb.domain.crutd.operations import Reservation
 from labweb.domain.errors import Finding, LockedError, PreconditionError, StateError
+from labweb.domain.runs.batch import heirs
 from labweb.domain.runs.locks import Lock, conflicts, lock_set
 from labweb.resources import selectors as resource_selectors
 from labweb.resources import services as resource_services
@@ -59,15 +61,10 @@ def _lock(
     job_id: UUID | None = None,
 ) -> tuple[Transaction, Mapping[UUID, ResourceState]]:
     """Lock as above, inside a block of the caller's; return the state under the locks too."""
-    rows, above = _hold({*operations.touched_ids(operation), *targets})
+    rows, above = hold({*operations.touched_ids(operation), *targets})
     wanted = lock_set(rows, above[0])
-    _check_free(rows, wanted)
-    states: Mapping[UUID, ResourceState] = {}
-    if not isinstance(operation, operations.Read):
-        states, lots = selectors.snapshot_and_lots(list(rows.values()), above)
-        findings = decide.check(operation, states, facts_for(operation, lab, states, lots))
-        if findings:
-            raise PreconditionError(findings[0].message, code=findings[0].code, findings=findings)
+    check_free(rows, wanted)
+    states = check_states(operation, lab, rows, above)
     row = Transaction(
         lab=lab,
         state=TransactionState.LOCKED.value,
@@ -81,7 +78,7 @@ def _lock(
     return row, states
 
 
-def _hold(ids: Collection[UUID]) -> tuple[dict[UUID, Resource], Above]:
+def hold(ids: Collection[UUID]) -> tuple[dict[UUID, Resource], Above]:
     """Lock the rows, and share those above them; never waits, so that nobody waits in a ring."""
     busy = LockedError("the resources are in use this moment", code="crutd.busy")
     try:
@@ -93,7 +90,12 @@ def _hold(ids: Collection[UUID]) -> tuple[dict[UUID, Resource], Above]:
     return held
 
 
-def _check_free(rows: Mapping[UUID, Resource], wanted: Sequence[Lock]) -> None:
+def check_free(rows: Mapping[UUID, Resource], wanted: Sequence[Lock]) -> None:
+    """Refuse what somebody else uses, by name.
+
+    Raises:
+        LockedError: `context` says which transaction holds it.
+    """
     held = selectors.held_locks(lock.resource_id for lock in wanted)
     blocked = conflicts(wanted, [lock for lock, _ in held])
     if blocked:
@@ -104,6 +106,23 @@ def _check_free(rows: Mapping[UUID, Resource], wanted: Sequence[Lock]) -> None:
             code="crutd.locked",
             context={"resource_id": str(blocked[0]), "transaction_id": str(holder)},
         )
+
+
+def check_states(
+    operation: operations.Operation, lab: Lab, rows: Mapping[UUID, Resource], above: Above
+) -> Mapping[UUID, ResourceState]:
+    """Check an operation on rows that are locked, and return their state; a Read needs none.
+
+    Raises:
+        PreconditionError: The operation breaks a precondition now; findings list each.
+    """
+    if isinstance(operation, operations.Read):
+        return {}
+    states, lots = selectors.snapshot_and_lots(list(rows.values()), above)
+    findings = decide.check(operation, states, facts_for(operation, lab, states, lots))
+    if findings:
+        raise PreconditionError(findings[0].message, code=findings[0].code, findings=findings)
+    return states
 
 
 def check_operation(operation: operations.Operation, *, lab: Lab) -> list[Finding]:
@@ -121,9 +140,18 @@ def advance(transaction_id: UUID, state: TransactionState) -> None:
         StateError: The table does not list the step.
     """
     row = selectors.transaction_for_update(transaction_id)
+    _take_turn(row)
     lifecycle.check_step(TransactionState(row.state), state)
     row.state = state.value
     row.save(update_fields=["state"])
+
+
+def _take_turn(row: Transaction) -> None:
+    """Reserve what a waiting member of a batch moves: its turn has come."""
+    if row.state == TransactionState.VALIDATED.value and row.batch_id is not None:
+        row.state = TransactionState.LOCKED.value
+        row.save(update_fields=["state"])
+        reserve(row, operations.reservations(operations.from_json(row.operation)))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -175,6 +203,10 @@ def _settle(
 ) -> Change:
     """Settle as above, with everything locked."""
     change = _decide(row, operation, states, settlement)
+    if change.state is TransactionState.QUARANTINED and row.state == TransactionState.VALIDATED:
+        # It waited for its turn, and nobody knows whether that came: nothing was reserved.
+        row.state = TransactionState.LOCKED.value
+        row.save(update_fields=["state"])
     lifecycle.check_step(TransactionState(row.state), change.state)
     change = _with_released(row, change, settlement)
     _apply(row, operation, change, settlement)
@@ -245,11 +277,20 @@ def _apply(
     if change.quarantined:
         resource_services.quarantine(change.quarantined, row.id)
     has_ended = change.state in lifecycle.FINAL
-    post(row, change.postings, operations.reservations(operation) if has_ended else ())
+    post(row, change.postings, _reserved(row, operation) if has_ended else ())
     if settlement.revs:
         resource_services.set_revs(settlement.revs)
     else:
         resource_services.raise_revs(changed_ids(change))
+
+
+def _reserved(row: Transaction, operation: operations.Operation) -> Sequence[Reservation]:
+    """Return what a transaction has reserved; a member of a batch may not have come to it."""
+    wanted = operations.reservations(operation)
+    if row.batch_id is None or not wanted:
+        return wanted
+    is_promised = Entry.objects.filter(transaction=row, state=Entry.State.PENDING).exists()
+    return wanted if is_promised else ()
 
 
 def _create_lots(operation: operations.Operation, lab: Lab) -> None:
@@ -275,7 +316,24 @@ def _close(row: Transaction, change: Change, settlement: Settlement) -> None:
     row.code, row.message = settlement.code, settlement.message
     if change.state in lifecycle.FINAL:
         row.settled_at = now()
+        _pass_on(row)
     close_transaction(row)
+
+
+def _pass_on(row: Transaction) -> None:
+    """Hand the locks that open members of the batch need on to them."""
+    if row.batch_id is None:
+        return
+    members = Transaction.objects.filter(batch_id=row.batch_id).exclude(pk=row.pk)
+    members = members.exclude(state__in=[state.value for state in lifecycle.FINAL])
+    claims = {
+        member.pk: {UUID(node) for node in member.claims} for member in members.order_by("pk")
+    }
+    held = ResourceLock.objects.filter(transaction=row, released_at__isnull=True)
+    found = heirs(list(held.values_list("resource_id", flat=True)), claims)
+    for resource_id, heir in found.items():
+        if heir is not None:
+            held.filter(resource_id=resource_id).update(transaction_id=heir)
 
 
 @atomic
@@ -288,7 +346,7 @@ def discard(transaction_id: UUID, settlement: Settlement) -> None:
     row = selectors.transaction_for_update(transaction_id)
     lifecycle.check_step(TransactionState(row.state), TransactionState.ROLLED_BACK)
     change = Change(state=TransactionState.ROLLED_BACK)
-    post(row, (), operations.reservations(operations.from_json(row.operation)))
+    post(row, (), _reserved(row, operations.from_json(row.operation)))
     # The host has raised them by closing the vessels anew; what it is sent next must not
     # look older than what it knows.
     resource_services.set_revs(settlement.revs)

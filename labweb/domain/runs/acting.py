@@ -16,14 +16,12 @@ from labweb.domain.crutd.conditions import Condition, Result, Verification
 from labweb.domain.crutd.decide import Change, Outcome, OutcomeKind
 from labweb.domain.errors import Effect, LabError
 from labweb.domain.messages import Do
-from labweb.domain.runs import edge
+from labweb.domain.runs import batch, edge, standing
 from labweb.domain.runs.bodies import change_body, report_body, results_body
 from labweb.domain.runs.edge import ActionState, Answer, Conclusion, Report
 from labweb.domain.runs.journal import ActionRow, JournalWrite
 from labweb.domain.runs.moment import Moment
 from labweb.domain.runs.record import apply_change, snapshot
-
-NEVER_S = float("inf")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -62,13 +60,13 @@ def in_turn(rows: Iterable[ActionRow]) -> Iterator[ActionRow]:
 def age_s(row: ActionRow, at: Moment) -> float:
     """Return how long an action has waited since its acceptance.
 
-    Within one boot the monotonic clock counts. After a restart only the wall clock is
-    left; one that went back tells nothing, so the action counts as too old.
+    Only the monotonic clock counts, and it counts within one start of the machine. After a
+    restart nobody knows how long the machine was off: no wall clock decides, so the action
+    counts as too old and is given back.
     """
     if row.accepted_boot_id == at.boot_id:
         return at.mono_s - row.accepted_mono_s
-    waited_s = at.wall_s - row.accepted_wall_s
-    return waited_s if waited_s >= 0 else NEVER_S
+    return edge.NEVER_S
 
 
 def decide_now(
@@ -79,8 +77,10 @@ def decide_now(
         return Answer(edge.HOLD, "edge.taken", "the action was stopped meanwhile")
     operation = operations.from_json(do.operation)
     known = snapshot(tx, operations.touched_ids(operation))
+    host = tx.host_state(at.boot_id)
+    turn = batch.turn_of(tx, do.batch, standing.offline_s(host, at))
     return edge.decide_start(
-        tx.host_state(at.boot_id),
+        host,
         edge.Candidate(
             dseq=row.dseq,
             max_fence=tx.max_fence(row.device_id),
@@ -88,6 +88,7 @@ def decide_now(
             ttl_s=do.ttl_s,
             device_blocked_by=tx.blocked_by(row.device_id),
         ),
+        turn=None if turn is None else batch.decide_turn(turn),
         findings=decide.check(operation, known),
         results=results,
     )
@@ -135,7 +136,13 @@ def write_rejection(
     if answer.kind != edge.REJECT:
         return
     tx.move(row.action_id, ActionState.ACCEPTED, ActionState.REJECTED)
-    body = {"code": answer.code, "message": answer.message, "pre": results_body(judged)}
+    body: dict[str, Any] = {
+        "code": answer.code,
+        "message": answer.message,
+        "pre": results_body(judged),
+    }
+    if answer.code in {"edge.predecessor", "edge.rebooted"}:
+        body["is_given_back"] = True
     tx.append("rejected", row.action_id, body)
 
 

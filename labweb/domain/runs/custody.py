@@ -11,21 +11,13 @@ from __future__ import annotations
 from collections.abc import Collection
 from dataclasses import dataclass, replace
 from enum import StrEnum
-from typing import Protocol
 from uuid import UUID
 
 import msgspec
 
 from labweb.domain.errors import StateError
-from labweb.domain.messages import ResourceView, canonical
+from labweb.domain.messages import Receive, Release, ResourceView, canonical
 from labweb.domain.runs.journal import HeldResource, JournalWrite
-
-
-class CustodyWrite(JournalWrite, Protocol):
-    """A write to the journal of a host that lets things go."""
-
-    def drop_resource(self, resource_id: UUID) -> None:
-        """Forget a resource that another host owns from here on."""
 
 
 class CustodyState(StrEnum):
@@ -115,25 +107,7 @@ def after_received(custody: Custody, *, host: UUID, transfer_id: UUID) -> Custod
 # --- the host's side ----------------------------------------------------------------
 
 
-class Release(msgspec.Struct, frozen=True, tag="release", tag_field="t", kw_only=True):
-    """Let a resource go."""
-
-    host_id: UUID
-    epoch: int
-    transfer_id: UUID
-    resource_id: UUID
-
-
-class Receive(msgspec.Struct, frozen=True, tag="receive", tag_field="t", kw_only=True):
-    """Take a resource over that a person has scanned here."""
-
-    host_id: UUID
-    epoch: int
-    transfer_id: UUID
-    view: ResourceView
-
-
-def take_release(tx: CustodyWrite, release: Release, *, in_use: Collection[UUID]) -> bool:
+def take_release(tx: JournalWrite, release: Release, *, in_use: Collection[UUID]) -> bool:
     """Let a resource go, once for each move; False: the command says nothing new.
 
     Args:
@@ -144,18 +118,21 @@ def take_release(tx: CustodyWrite, release: Release, *, in_use: Collection[UUID]
     if not tx.is_first_refusal(f"release:{release.transfer_id}"):
         return False
     held = tx.resource(release.resource_id)
-    is_free = held is not None and held.quarantined_by is None
+    is_free = held is None or held.quarantined_by is None
     body = {"transfer_id": str(release.transfer_id), "resource_id": str(release.resource_id)}
-    if held is None or not is_free or release.resource_id in in_use:
+    known = release.view if held is None else held.view
+    if known is None or not is_free or release.resource_id in in_use:
         tx.append("kept", None, {**body, "code": "custody.in_use"})
         return True
+    if release.view is not None and release.view.rev > known.rev:
+        known = release.view
     tx.drop_resource(release.resource_id)
-    view = msgspec.json.decode(canonical(held.view))
+    view = msgspec.json.decode(canonical(known))
     tx.append("released", None, {**body, "view": view})
     return True
 
 
-def take_receive(tx: CustodyWrite, receive: Receive) -> bool:
+def take_receive(tx: JournalWrite, receive: Receive) -> bool:
     """Take a resource over, once for each move; False: the command says nothing new."""
     if not tx.is_first_refusal(f"receive:{receive.transfer_id}"):
         return False

@@ -54,6 +54,8 @@ class HostState:
     boot_id: str
     armed_boot_id: str | None
     stop_latched: bool
+    offline_since_s: float | None = None
+    """Monotonic second of this boot since which the server is away; None: it is there."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,6 +66,9 @@ class Answer:
     code: str = ""
     message: str = ""
 
+
+NEVER_S = float("inf")
+"""Age of an action of which nobody knows how long it has waited."""
 
 ACCEPT, DUPLICATE, DROP, REFUSE = "accept", "duplicate", "drop", "refuse"
 START, REJECT, HOLD = "start", "reject", "hold"
@@ -116,13 +121,14 @@ def decide_start(
     host: HostState,
     candidate: Candidate,
     *,
+    turn: Answer | None = None,
     findings: Sequence[Finding],
     results: Sequence[Result],
 ) -> Answer:
     """Decide whether the next accepted action of a device may start now.
 
     HOLD leaves it accepted (a person or the server has to act first); REJECT ends it
-    without any effect on matter.
+    without any effect on matter. `turn` is what its batch says; None: nothing against it.
     """
     held = _decide_hold(host, candidate.device_blocked_by)
     if held is not None:
@@ -133,8 +139,12 @@ def decide_start(
     if candidate.dseq < candidate.max_fence:
         fence = candidate.max_fence
         return Answer(REJECT, "edge.fenced", f"fence {fence} has passed this device")
+    if age_s == NEVER_S:
+        return Answer(REJECT, "edge.rebooted", "the machine was restarted since it was accepted")
     if age_s > ttl_s:
         return Answer(REJECT, "edge.expired", f"waited {age_s:.0f} s, may wait {ttl_s:.0f} s")
+    if turn is not None:
+        return turn
     if findings:
         return Answer(REJECT, findings[0].code, findings[0].message)
     failed = [result for result in results if result.verdict is not Verdict.PASS]

@@ -80,6 +80,9 @@ def _read(kind: str, body: Mapping[str, Any], current: JobState) -> Meaning:
 
 
 def _read_end(state: JobState, body: Mapping[str, Any]) -> Meaning:
+    """Read an end. What a host gives back has not begun there, and may be sent again."""
+    if state in {_J.STOPPED, _J.REJECTED} and body.get("is_given_back") is True:
+        return Meaning(state=_J.HELD, answered=_ALL, outcome=read_outcome(None, state))
     answered = ("do", "cancel") if state is _J.IN_DOUBT else _ALL
     return Meaning(state=state, answered=answered, outcome=read_outcome(body.get("outcome"), state))
 

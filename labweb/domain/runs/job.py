@@ -54,7 +54,10 @@ class Mover(StrEnum):
     """A host is lost or its journal cannot be trusted: what it was given is in doubt."""
 
     PERSON = "person"
-    """A signed answer about an action whose host has begun another journal."""
+    """A signed answer about an action whose host can tell no more, or the word to try anew.
+
+    A try that has ended stays as it ended; the next one is another action.
+    """
 
 
 _J = JobState
@@ -83,6 +86,8 @@ STEPS: frozenset[tuple[JobState, JobState, Mover]] = frozenset(
         (_J.DISPATCHED, _J.ACCEPTED, _EDGE),
         (_J.DISPATCHED, _J.REJECTED, _EDGE),
         (_J.DISPATCHED, _J.STOPPED, _EDGE),
+        (_J.DISPATCHED, _J.HELD, _EDGE),
+        (_J.ACCEPTED, _J.HELD, _EDGE),
         (_J.ACCEPTED, _J.RUNNING, _EDGE),
         (_J.ACCEPTED, _J.STOPPED, _EDGE),
         (_J.ACCEPTED, _J.REJECTED, _EDGE),
@@ -101,6 +106,9 @@ STEPS: frozenset[tuple[JobState, JobState, Mover]] = frozenset(
         (_J.COMPLETING, _J.IN_DOUBT, _FENCE),
         (_J.IN_DOUBT, _J.COMPLETE, _PERSON),
         (_J.IN_DOUBT, _J.ABORTED, _PERSON),
+        (_J.ABORTED, _J.QUEUED, _PERSON),
+        (_J.REJECTED, _J.QUEUED, _PERSON),
+        (_J.STOPPED, _J.QUEUED, _PERSON),
     }
 )
 """Every allowed step and its mover; what is not listed is refused here and in the database."""

@@ -90,6 +90,9 @@ class JournalWrite(Protocol):
     def state_of(self, action_id: UUID) -> ActionState | None:
         """Return where an action stands as of this write, or None."""
 
+    def open_rows(self) -> list[ActionRow]:
+        """Return the actions that have not ended, in dispatch order."""
+
     def insert_action(self, row: ActionRow) -> None:
         """Keep a new action; one that is known is refused with a JournalError."""
 
@@ -125,6 +128,9 @@ class JournalWrite(Protocol):
 
     def put_resource(self, held: HeldResource) -> None:
         """Keep a resource."""
+
+    def drop_resource(self, resource_id: UUID) -> None:
+        """Forget a resource that another host owns from here on."""
 
     def quarantined_for(self, action_id: UUID) -> list[HeldResource]:
         """Return the resources that an action in doubt has closed, in id order."""

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from uuid import UUID
+
 import msgspec
 
-from labweb.domain.messages import Command
+from labweb.domain.messages import Batch, Command, Do, ResourceView, Signed
 from labweb.domain.runs.session import SessionState
 
 RING_AGAIN_AFTER_S = 2.0
@@ -20,6 +23,29 @@ def is_due(host: SessionState, sent_s_ago: float | None) -> bool:
     if host is not SessionState.ONLINE:
         return False
     return sent_s_ago is None or sent_s_ago >= RING_AGAIN_AFTER_S
+
+
+class BatchDraft(msgspec.Struct, frozen=True, kw_only=True):
+    """A batch as it waits in the outbox, before it is stamped and signed."""
+
+    batch_id: UUID
+    members: list[Do]
+    resources: list[ResourceView]
+    issued_by: str = ""
+
+
+def signed_batch(draft: BatchDraft, epoch: int, sign: Callable[[Command], Signed]) -> Batch:
+    """Stamp and sign each member, and put them together."""
+    first = draft.members[0]
+    return Batch(
+        host_id=first.host_id,
+        epoch=epoch,
+        dseq=first.dseq,
+        batch_id=draft.batch_id,
+        members=[sign(stamped(do, epoch)) for do in draft.members],
+        resources=draft.resources,
+        issued_by=draft.issued_by,
+    )
 
 
 def stamped(command: Command, epoch: int) -> Command:

@@ -23,16 +23,24 @@ class JobView:
     owner_ids: frozenset[UUID] = frozenset()
     """Hosts that own what the job uses, beside its own."""
 
+    is_passed: bool = False
+    """A person said that the run goes on, though the job ended undone."""
+
+    @property
+    def is_satisfied(self) -> bool:
+        """Say whether what comes after it may go."""
+        return self.state is JobState.COMPLETE or (self.is_passed and self.state in FINAL)
+
 
 def ready(jobs: Sequence[JobView], online_hosts: Collection[UUID]) -> list[JobView]:
     """Return the queued jobs whose predecessors completed and whose host is online."""
-    state = {job.index: job.state for job in jobs}
+    done = {job.index for job in jobs if job.is_satisfied}
     return [
         job
         for job in jobs
         if job.state is JobState.QUEUED
         and job.host_id in online_hosts
-        and all(state[index] is JobState.COMPLETE for index in job.after)
+        and done.issuperset(job.after)
     ]
 
 
@@ -67,28 +75,32 @@ def held_by_steps(jobs: Iterable[StepJob]) -> dict[UUID, UUID]:
     return held
 
 
-def run_state(current: RunState, jobs: Sequence[JobView]) -> RunState:
+def run_state(current: RunState, jobs: Sequence[JobView], *, is_given_up: bool = False) -> RunState:
     """Return the state of a run from the states of its jobs.
 
-    A job in doubt, or one that ended badly with work left behind it, pauses the run: it
-    needs a person.
+    A job in doubt, or one that ended badly, pauses the run: it needs a person. Only a run
+    that a person has given up ends as aborted.
     """
     if current in {RunState.COMPLETE, RunState.ABORTED, RunState.DRAFT}:
         return current
     if current is RunState.AWAITING_APPROVAL:
         return current
-    states = [job.state for job in jobs]
+    states = [job.state for job in jobs if not (job.is_satisfied and job.is_passed)]
     if all(state is JobState.COMPLETE for state in states):
-        return RunState.COMPLETE
+        return RunState.COMPLETE if _is_anything_done(jobs) else RunState.ABORTED
     is_moving = any(state in AT_EDGE for state in states)
-    if all(state in FINAL for state in states):
+    if is_given_up and all(state in FINAL for state in states):
         return RunState.ABORTED
     if is_moving:
         return RunState.PAUSING if _needs_person(states) else RunState.RUNNING
     if _needs_person(states):
         return RunState.PAUSED
-    has_begun = any(state is JobState.COMPLETE for state in states)
+    has_begun = any(job.is_satisfied for job in jobs)
     return RunState.RUNNING if has_begun else RunState.QUEUED
+
+
+def _is_anything_done(jobs: Sequence[JobView]) -> bool:
+    return any(job.state is JobState.COMPLETE or job.is_passed for job in jobs)
 
 
 def _needs_person(states: Sequence[JobState]) -> bool:

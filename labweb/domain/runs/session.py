@@ -23,6 +23,8 @@ class SessionState(StrEnum):
     REVOKED = "revoked"
 
 
+FENCED_CODE = "host.fenced"
+MOST_BOOTS = 16
 SUSPECT_AFTER_S = 10.0
 ISOLATED_AFTER_S = 30.0
 
@@ -47,6 +49,9 @@ class HostRecord:
     epoch_seen: int = 0
     """Highest epoch under which the host has sent anything: it is on the host's disk."""
 
+    boots: tuple[str, ...] = ()
+    """Starts of the machine that have had a session, the latest last."""
+
     is_revoked: bool = False
     quarantine: str = ""
     """Code of the quarantine the host is in; only a person's readmission ends it."""
@@ -63,14 +68,26 @@ class HelloAnswer:
     message: str = ""
 
 
-def decide_hello(record: HostRecord, hello: Hello) -> HelloAnswer:
+def decide_hello(record: HostRecord, hello: Hello, *, live_instance_id: str = "") -> HelloAnswer:
     """Decide whether a host's journal continues the one the server knows.
 
     A journal that went back in time means that actions may have happened which it no
-    longer knows of: quarantine, and a person takes stock.
+    longer knows of: quarantine, and a person takes stock. Two machines with one identity
+    are found by the session that only one of them knows, or by a start of the machine that
+    comes back after another.
+
+    Args:
+        record: What is known of the host.
+        hello: What it says, with a signature that holds.
+        live_instance_id: Process whose connection is open and not silent; empty: there is
+            none. While it lives, another process is refused, so that two copies of one
+            journal never act at the same time.
     """
     if record.is_revoked:
         return HelloAnswer("refuse", "host.revoked", "this host's key was revoked")
+    if live_instance_id and hello.instance_id != live_instance_id:
+        text = "another process speaks with this host's identity at this moment"
+        return HelloAnswer("refuse", "host.rival", text)
     if record.quarantine:
         return HelloAnswer("quarantine", record.quarantine, "a person has to readmit this host")
     if hello.regression:
@@ -79,6 +96,9 @@ def decide_hello(record: HostRecord, hello: Hello) -> HelloAnswer:
         return HelloAnswer("normal")
     if hello.journal_id != record.journal_id:
         return HelloAnswer("quarantine", "host.other_journal", "the host has another journal")
+    if hello.boot_id in record.boots[:-1]:
+        text = "two machines use this host's identity in turn: one of them is a copy"
+        return HelloAnswer("quarantine", "host.clone", text)
     return _decide_history(record, hello)
 
 
@@ -136,7 +156,10 @@ def after_hello(record: HostRecord, hello: Hello, answer: HelloAnswer) -> Openin
             state=SessionState.QUARANTINED,
             mode="quarantine",
         )
-    fresh = replace(record, epoch=record.epoch + 1, journal_id=hello.journal_id)
+    boots = record.boots
+    if boots[-1:] != (hello.boot_id,):
+        boots = (*boots, hello.boot_id)[-MOST_BOOTS:]
+    fresh = replace(record, epoch=record.epoch + 1, journal_id=hello.journal_id, boots=boots)
     return Opening(record=fresh, state=SessionState.SYNCING, mode="normal")
 
 
@@ -153,6 +176,40 @@ def quarantined(record: HostRecord, code: str) -> HostRecord:
     )
 
 
+def heard(record: HostRecord) -> HostRecord:
+    """Remember that the host has spoken in the present session: its disk knows the epoch."""
+    return replace(record, epoch_seen=record.epoch)
+
+
+def fenced(record: HostRecord) -> HostRecord:
+    """Declare a host lost: two people say that it is dead and can move nothing any more.
+
+    It is a quarantine whose jobs need not wait for the host: people answer for them.
+    """
+    return replace(quarantined(record, FENCED_CODE), quarantine=FENCED_CODE)
+
+
+MAY_BE_FENCED = frozenset({SessionState.ISOLATED, SessionState.QUARANTINED})
+"""States of a host that two people may declare lost: one that answers is not lost."""
+
+
+def check_fence(state: SessionState, first_by: str | None, actor: str) -> HelloAnswer | None:
+    """Say what speaks against a signature under the fence of a host; None: nothing.
+
+    Args:
+        state: How the server sees the host.
+        first_by: Who signed first; None: nobody has.
+        actor: Who signs now.
+    """
+    if state not in MAY_BE_FENCED:
+        text = f"a host that is {state.value} is not lost"
+        return HelloAnswer("refuse", "host.not_lost", text)
+    if first_by == actor:
+        text = "the second signature is another person's"
+        return HelloAnswer("refuse", "host.same_person", text)
+    return None
+
+
 def readmitted(record: HostRecord) -> HostRecord:
     """Let a host begin again with a new journal, after a person took stock beside it.
 
@@ -167,6 +224,7 @@ def readmitted(record: HostRecord) -> HostRecord:
         acked_seq=0,
         hash_at_acked="",
         epoch_seen=0,
+        boots=(),
         quarantine="",
     )
 
@@ -175,9 +233,14 @@ def is_given_up(record: HostRecord, dseq: int) -> bool:
     """Say whether a person's answer settles an action on the server.
 
     Only where its host can never tell: the action was fenced, and the host has begun another
-    journal since. Every other answer goes to the host as a command.
+    journal since, or two people have declared it lost. Every other answer goes to the host as
+    a command.
     """
-    return dseq < record.floor and not record.quarantine and record.journal_id is not None
+    if dseq >= record.floor:
+        return False
+    if record.quarantine:
+        return record.quarantine == FENCED_CODE
+    return record.journal_id is not None
 
 
 def is_caught_up(acked_seq: int, seq_head: int) -> bool:

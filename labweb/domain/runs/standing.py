@@ -10,8 +10,10 @@ from __future__ import annotations
 from uuid import UUID
 
 from labweb.domain.messages import StopLab, Welcome, canonical
+from labweb.domain.runs.batch import stop_safely
 from labweb.domain.runs.edge import HostState
 from labweb.domain.runs.journal import JournalWrite
+from labweb.domain.runs.moment import Moment
 
 
 def state_of(meta: dict[str, str], boot_id: str) -> HostState:
@@ -23,7 +25,36 @@ def state_of(meta: dict[str, str], boot_id: str) -> HostState:
         boot_id=boot_id,
         armed_boot_id=meta.get("armed_boot_id"),
         stop_latched="stop_id" in meta,
+        offline_since_s=_offline_since_s(meta.get("link_lost"), boot_id),
     )
+
+
+def _offline_since_s(text: str | None, boot_id: str) -> float | None:
+    """Read since when the server is away; from an earlier boot, since this one began."""
+    if text is None:
+        return None
+    known_boot_id, _, mono_s = text.rpartition(" ")
+    return float(mono_s) if known_boot_id == boot_id else 0.0
+
+
+def offline_s(state: HostState, at: Moment) -> float | None:
+    """Return for how long the server has been away, on the monotonic clock; None: it is there."""
+    if state.offline_since_s is None:
+        return None
+    return max(at.mono_s - state.offline_since_s, 0.0)
+
+
+def write_link_lost(tx: JournalWrite, at: Moment) -> list[UUID]:
+    """Remember since when the server is away, and stop what is to be stopped then.
+
+    Returns:
+        Actions that act and are to be halted.
+    """
+    if state_of(tx.meta(), at.boot_id).offline_since_s is None:
+        tx.set_meta("link_lost", f"{at.boot_id} {at.mono_s}")
+        # An event, so that a copy of the journal from before does not begin the time anew.
+        tx.append("link_lost", None, {"boot_id": at.boot_id})
+    return stop_safely(tx)
 
 
 def write_welcome(tx: JournalWrite, welcome: Welcome) -> None:
@@ -62,6 +93,7 @@ def write_armed(tx: JournalWrite, boot_id: str, regression: str | None) -> bool:
     """
     if regression is not None:
         return False
+    tx.set_meta("link_lost", None)
     if tx.meta().get("armed_boot_id") != boot_id:
         tx.set_meta("armed_boot_id", boot_id)
         tx.append("armed", None, {"boot_id": boot_id})

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 from uuid import UUID
@@ -13,8 +14,21 @@ import msgspec
 from labweb.domain.crutd import decide, operations
 from labweb.domain.crutd.conditions import Condition, Verification
 from labweb.domain.errors import LabError
-from labweb.domain.messages import PROTOCOL_VERSION, Cancel, Command, Do, Reset, Resolve, Signed
-from labweb.domain.runs import edge
+from labweb.domain.messages import (
+    PROTOCOL_VERSION,
+    Batch,
+    Cancel,
+    Command,
+    Do,
+    Receive,
+    Release,
+    Reset,
+    Resolve,
+    ResourceView,
+    Signed,
+    decode_command,
+)
+from labweb.domain.runs import custody, edge
 from labweb.domain.runs.bodies import change_body
 from labweb.domain.runs.edge import ActionState, Answer
 from labweb.domain.runs.journal import ActionRow, JournalWrite
@@ -30,9 +44,17 @@ class Receipt:
     line: str | None = None
     """Line that has something to do."""
 
+    lines: tuple[str, ...] = ()
+    """Lines of a batch that have something to do."""
+
 
 def take_command(
-    tx: JournalWrite, signed: Signed, command: Command, *, at: Moment, line: str | None
+    tx: JournalWrite,
+    signed: Signed,
+    command: Command,
+    *,
+    at: Moment,
+    line_of: Callable[[UUID], str | None],
 ) -> Receipt:
     """Take one command, whose signature holds, into the journal; safe to repeat.
 
@@ -41,11 +63,13 @@ def take_command(
         signed: The command as it came.
         command: What it says.
         at: When it came.
-        line: Line of the device it is for; None: this host does not serve one.
+        line_of: Line of a device; None: this host does not serve it.
 
     Effect:
         On the record only.
     """
+    if isinstance(command, Batch):
+        return _take_batch(tx, signed, command, at=at, line_of=line_of)
     known = tx.action(command.action_id) if isinstance(command, Do) else None
     is_cancelled = isinstance(command, Do) and tx.is_tombstoned(command.action_id)
     answer = edge.decide_accept(
@@ -65,20 +89,29 @@ def take_command(
         return Receipt(answer, known.line if known is not None and is_waiting else None)
     if answer.kind == edge.DROP:
         return Receipt(answer)
+    if isinstance(command, Do):
+        return _take_do(tx, signed, command, at=at, line=line_of(command.device_id))
+    return _take_word(tx, signed, command)
+
+
+def _take_word(
+    tx: JournalWrite, signed: Signed, command: Cancel | Resolve | Reset | Release | Receive
+) -> Receipt:
+    """Take a command that makes nothing act."""
     match command:
-        case Do():
-            return _take_do(tx, signed, command, at=at, line=line)
         case Cancel():
             return _take_cancel(tx, command)
         case Resolve():
             return _take_resolve(tx, signed, command)
         case Reset():
             return _take_reset(tx, command)
+        case Release() | Receive():
+            return _take_custody(tx, command)
 
 
 def _refuse(tx: JournalWrite, command: Command, signed: Signed, answer: Answer) -> Receipt:
     digest = hashlib.sha256(signed.body.encode()).hexdigest()
-    action_id = None if isinstance(command, Reset) else command.action_id
+    action_id = command.action_id if isinstance(command, Do | Cancel | Resolve) else None
     subject = f"{answer.code}:{digest}"
     record_refusal(tx, subject, action_id, answer, digest, command=type(command).__name__.lower())
     return Receipt(answer)
@@ -101,7 +134,7 @@ def record_refusal(
         action_id: Action the command speaks of; None where its text cannot be trusted.
         answer: Why.
         digest: SHA-256 of the text.
-        command: `do`, `cancel`, `resolve` or `reset`; empty where it is not known.
+        command: `do`, `cancel`, `resolve`, `reset` or `batch`; empty where it is not known.
     """
     if tx.is_first_refusal(subject):
         body = {
@@ -113,8 +146,103 @@ def record_refusal(
         tx.append("refused", action_id, body)
 
 
-def _take_do(tx: JournalWrite, signed: Signed, do: Do, *, at: Moment, line: str | None) -> Receipt:
-    problem = _problem(tx, do, line)
+def _take_batch(
+    tx: JournalWrite,
+    signed: Signed,
+    command: Batch,
+    *,
+    at: Moment,
+    line_of: Callable[[UUID], str | None],
+) -> Receipt:
+    """Take a batch whole: when one member cannot be kept, none is.
+
+    A member that was cancelled on its way is left out; what follows from it never starts.
+    """
+    try:
+        members = read_members(command)
+    except (msgspec.MsgspecError, ValueError) as exc:
+        return _refuse(tx, command, signed, Answer(edge.REFUSE, "envelope.malformed", str(exc)))
+    known = [tx.state_of(do.action_id) for _, do in members]
+    answer = edge.decide_accept(
+        tx.host_state(at.boot_id),
+        host_id=command.host_id,
+        epoch=command.epoch,
+        dseq=command.dseq,
+        known=next((state for state in known if state is not None), None),
+        is_tombstoned=False,
+    )
+    if answer.kind == edge.ACCEPT and command.v != PROTOCOL_VERSION:
+        answer = Answer(edge.REFUSE, "envelope.version", f"version {command.v} is not spoken here")
+    if answer.kind == edge.REFUSE:
+        return _refuse(tx, command, signed, answer)
+    lines = {do.action_id: line_of(do.device_id) for _, do in members}
+    if answer.kind != edge.ACCEPT:
+        is_known = answer.kind == edge.DUPLICATE
+        return Receipt(answer, lines=_named(lines.values()) if is_known else ())
+    left = [(text, do) for text, do in members if not tx.is_tombstoned(do.action_id)]
+    problem = _problem_of_batch(tx, command, [do for _, do in left], lines)
+    if problem is None:
+        adopt(tx, command.resources)
+    for text, do in left:
+        _take_do(tx, text, do, at=at, line=lines[do.action_id], problem=problem)
+    return Receipt(answer, lines=() if problem is not None else _named(lines.values()))
+
+
+def _named(lines: Iterable[str | None]) -> tuple[str, ...]:
+    return tuple(sorted({line for line in lines if line is not None}))
+
+
+def read_members(command: Batch) -> list[tuple[Signed, Do]]:
+    """Read the members of a batch.
+
+    Raises:
+        msgspec.MsgspecError: One of them is no command.
+        ValueError: One is for another host, session or batch, or comes out of order.
+    """
+    found: list[tuple[Signed, Do]] = []
+    seen: set[UUID] = set()
+    for text in command.members:
+        do = decode_command(text.body)
+        if not isinstance(do, Do) or do.batch is None or do.resources:
+            raise ValueError("a member of a batch is an action of it, without resources")
+        same = (do.host_id, do.epoch, do.batch.batch_id)
+        if same != (command.host_id, command.epoch, command.batch_id):
+            raise ValueError("a member belongs to another host, session or batch")
+        if not seen.issuperset(do.batch.after):
+            raise ValueError("a member waits for one that is not before it")
+        if found and do.dseq <= found[-1][1].dseq:
+            raise ValueError("members come in the order of their dispatch")
+        seen.add(do.action_id)
+        found.append((text, do))
+    if not found or found[0][1].dseq != command.dseq:
+        raise ValueError("a batch begins with its first member")
+    return found
+
+
+def _problem_of_batch(
+    tx: JournalWrite, command: Batch, members: Sequence[Do], lines: Mapping[UUID, str | None]
+) -> Answer | None:
+    """Say why a batch can never start here; None: it may be kept."""
+    stale = stale_resource(tx, command.resources)
+    if stale is not None:
+        return _stale(stale)
+    for do in members:
+        problem = _problem(tx, do, lines[do.action_id])
+        if problem is not None:
+            return problem
+    return None
+
+
+def _take_do(
+    tx: JournalWrite,
+    signed: Signed,
+    do: Do,
+    *,
+    at: Moment,
+    line: str | None,
+    problem: Answer | None = None,
+) -> Receipt:
+    problem = problem or _problem(tx, do, line)
     state = ActionState.REJECTED if problem else ActionState.ACCEPTED
     tx.insert_action(
         ActionRow(
@@ -159,13 +287,29 @@ def _problem(tx: JournalWrite, do: Do, line: str | None) -> Answer | None:
     if line is None:
         return Answer(edge.REJECT, "edge.unknown_device", f"no device {do.device_id} here")
     stale = stale_resource(tx, do.resources)
-    if stale is not None:
-        message = f"{stale.name} is at revision {stale.rev} here; the server knew an older one"
-        return Answer(edge.REJECT, "edge.stale", message)
-    return None
+    return None if stale is None else _stale(stale)
 
 
-# --- cancel, resolve, reset ---
+def _stale(view: ResourceView) -> Answer:
+    message = f"{view.name} is at revision {view.rev} here; the server knew an older one"
+    return Answer(edge.REJECT, "edge.stale", message)
+
+
+# --- custody, cancel, resolve, reset ---
+
+
+def _take_custody(tx: JournalWrite, command: Release | Receive) -> Receipt:
+    """Let a vessel go, unless an action of this host uses it, or take one over."""
+    if isinstance(command, Receive):
+        is_new = custody.take_receive(tx, command)
+    else:
+        in_use = {
+            node
+            for row in tx.open_rows()
+            for node in operations.touched_ids(operations.from_json(row.do.operation))
+        }
+        is_new = custody.take_release(tx, command, in_use=in_use)
+    return Receipt(Answer(edge.ACCEPT if is_new else edge.DUPLICATE))
 
 
 def _take_cancel(tx: JournalWrite, cancel: Cancel) -> Receipt:
@@ -174,6 +318,7 @@ def _take_cancel(tx: JournalWrite, cancel: Cancel) -> Receipt:
         "code": "edge.cancelled",
         "message": "cancelled before it started",
         "issued_by": cancel.issued_by,
+        "is_given_back": cancel.is_recall,
     }
     if row is None:
         if tx.add_tombstone(cancel.action_id, cancel.dseq):
@@ -184,6 +329,8 @@ def _take_cancel(tx: JournalWrite, cancel: Cancel) -> Receipt:
         tx.append("stopped", row.action_id, {**body, "is_tombstone": False})
         return Receipt(Answer(edge.ACCEPT))
     if row.st in {ActionState.STARTED, ActionState.ACTUATED}:
+        if cancel.is_recall:
+            return Receipt(Answer(edge.DUPLICATE))
         tx.want_cancel(row.action_id)
         return Receipt(Answer(edge.ACCEPT))
     return Receipt(Answer(edge.DUPLICATE))

@@ -150,7 +150,9 @@ def _render(
             before = {index}
     steps = [_planned_step(draft, lab, jobs) for draft in drafts]
     notes = dict.fromkeys(note for draft in drafts for note in draft.notes)
-    return Plan(steps=tuple(steps), jobs=tuple(jobs), notes=tuple(notes))
+    return Plan(
+        steps=tuple(steps), jobs=tuple(jobs), notes=tuple(notes), execution=workflow.execution
+    )
 
 
 def _planned(job: DraftJob, index: int, after: tuple[int, ...]) -> PlannedJob:

@@ -51,6 +51,16 @@ class PlannedStep(msgspec.Struct, frozen=True, kw_only=True):
     estimate_s: float = 0.0
 
 
+class Execution(msgspec.Struct, frozen=True, kw_only=True):
+    """How the hosts of a run behave while the server is away."""
+
+    on_disconnect: str
+    """`continue`, `finish_current_then_hold` or `stop_safe`."""
+
+    max_offline_s: float
+    """For `continue`: nothing begins when the server has been away for longer."""
+
+
 class Plan(msgspec.Struct, frozen=True, kw_only=True):
     """Ordered actions of one workflow version on one state of one lab."""
 
@@ -59,6 +69,9 @@ class Plan(msgspec.Struct, frozen=True, kw_only=True):
     jobs: tuple[PlannedJob, ...]
     notes: tuple[str, ...] = ()
     """What a reader should know: unknown dead volumes on the route."""
+
+    execution: Execution | None = None
+    """None: jobs go one by one, and a host finishes what it has been given."""
 
 
 def encode(plan: Plan) -> bytes:

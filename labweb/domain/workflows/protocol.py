@@ -14,6 +14,8 @@ from labweb.domain.errors import Finding, ProtocolError, UnitError
 from labweb.domain.resources.tree import Tree
 from labweb.domain.units import parse_exact, parse_volume_nl
 from labweb.domain.workflows.edges import Edge, check_edges
+from labweb.domain.workflows.execution import read_execution, render_execution
+from labweb.domain.workflows.plan import Execution
 from labweb.domain.workflows.steps import (
     LONGEST_REFERENCE,
     STEP_KINDS,
@@ -67,6 +69,7 @@ class Workflow:
     name: str
     steps: tuple[Step, ...]
     edges: tuple[Edge, ...]
+    execution: Execution | None = None
 
     def step(self, step_id: str) -> Step:
         """Return the step of that id; `KeyError` when there is none."""
@@ -105,6 +108,7 @@ def render_workflow(workflow: Workflow) -> dict[str, Any]:
         "name": workflow.name,
         "steps": [step.to_json() for step in workflow.steps],
         "edges": [edge.to_json() for edge in workflow.edges],
+        **render_execution(workflow.execution),
     }
 
 
@@ -188,11 +192,14 @@ def _read(value: object) -> tuple[Workflow | None, list[Finding]]:
     edges, edge_findings = check_edges(raw_edges, raw_steps)
     fed = {(edge.target, edge.target_port) for edge in edges}
     steps = [_read_step(raw, place, fed, findings) for place, raw in enumerate(raw_steps)]
-    findings += edge_findings + _check_duplicates([s.id for s in steps if s is not None])
+    execution, execution_findings = read_execution(value.get("execution"))
+    ids = [step.id for step in steps if step is not None]
+    findings += edge_findings + execution_findings + _check_duplicates(ids)
     if findings or None in steps:
         return None, findings
     read = tuple(step for step in steps if step is not None)
-    return Workflow(name=value["name"].strip(), steps=read, edges=tuple(edges)), findings
+    name = value["name"].strip()
+    return Workflow(name=name, steps=read, edges=tuple(edges), execution=execution), findings
 
 
 def _too_much(value: object) -> Finding | None:
@@ -215,7 +222,7 @@ def _children(value: object) -> list[object]:
 
 
 def _check_head(value: Mapping[Any, Any]) -> list[Finding]:
-    findings = _check_fields(value, {"schema", "name", "steps", "edges"}, "")
+    findings = _check_fields(value, {"schema", "name", "steps", "edges", "execution"}, "")
     if value.get("schema", SCHEMA) != SCHEMA:
         message = f"schema is {SCHEMA!r}; got {value['schema']!r:.60}"
         findings.append(_finding("protocol.unknown_schema", message, "", "schema"))

@@ -13,7 +13,8 @@ from labweb.common.clock import now
 from labweb.common.render import iso
 from labweb.domain.approvals.policy import check_decision
 from labweb.domain.approvals.roles import Permission
-from labweb.domain.runs.job import FINAL, JobState, RunState
+from labweb.domain.runs.job import AT_EDGE, FINAL, JobState, RunState
+from labweb.domain.runs.session import SessionState
 from labweb.domain.units import render_volume
 from labweb.resources import selectors as resource_selectors
 from labweb.resources.selectors import Lab
@@ -66,6 +67,7 @@ def _row(run: Run, jobs: list[Job]) -> dict[str, Any]:
         "estimate_s": sum(job.estimate_s for job in jobs),
         "left_s": None if ended else _left_s(left),
         "pause_reasons": run.pause_reasons,
+        "recoveries": run.recoveries,
     }
 
 
@@ -128,11 +130,20 @@ def render_run(run: Run, user: User) -> dict[str, Any]:
         **_row(run, jobs),
         "document": run.version.document,
         "plan": render_plan(run, jobs),
-        "jobs": [render_job(job, attempts.get(job.id), names, waiting) for job in jobs],
+        "jobs": [
+            {
+                **render_job(job, attempts.get(job.id), names, waiting),
+                "recovery": None if ended else selectors.recovery_of(job),
+            }
+            for job in jobs
+        ],
         "approval": None if request is None else {"id": str(request.id), "state": request.state},
         "waits_for": _waits_for(run, jobs),
+        "execution": run.plan.get("execution"),
+        "hosts_away": _hosts_away(jobs),
         "can": {
             "pause": may_run and not ended and not run.pause_reasons,
+            "recover": may_run and not ended and not run.is_given_up,
             "resume": may_run
             and not ended
             and not run.lab.is_stopped
@@ -141,6 +152,19 @@ def render_run(run: Run, user: User) -> dict[str, Any]:
             "resolve": Permission.RESOLVE in allowed,
         },
     }
+
+
+def _hosts_away(jobs: list[Job]) -> list[dict[str, Any]]:
+    """Name the hosts of a run that work alone, since when, and how many jobs they have."""
+    found: dict[UUID, dict[str, Any]] = {}
+    for job in jobs:
+        host = job.device.host
+        if host.state != SessionState.ISOLATED.value or JobState(job.state) in FINAL:
+            continue
+        entry = {"id": str(host.id), "name": host.name, "since_at": iso(host.away_since_at)}
+        known = found.setdefault(host.id, {**entry, "jobs_count": 0})
+        known["jobs_count"] += JobState(job.state) in AT_EDGE
+    return list(found.values())
 
 
 def _waits_for(run: Run, jobs: list[Job]) -> dict[str, Any] | None:
@@ -186,6 +210,8 @@ def render_job(
         "transaction": None
         if attempt is None
         else {"id": str(attempt.transaction_id), "state": attempt.transaction.state},
+        "passed_by": job.passed_by or None,
+        "recovery_class": job.recovery,
         "question": _question(job, names, answered=answered),
     }
 

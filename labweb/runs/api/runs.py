@@ -186,6 +186,35 @@ def whole_nl(volume_ul: float) -> int:
     return amount_nl
 
 
+class Choice(msgspec.Struct, forbid_unknown_fields=True):
+    """Body of a recovery."""
+
+    choice: str
+    note: str
+    moved_ul: float | None = None
+    params: dict[str, Any] | None = None
+
+
+class RecoverJob(APIView):
+    """What becomes of a job that ended undone."""
+
+    bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": Choice}
+
+    def post(self, request: Request, job_id: UUID) -> Response:
+        """Carry out a person's choice and return the run."""
+        user = user_of(request)
+        wanted = body(request, Choice)
+        job = services.recover_job(
+            job_id,
+            actor=user,
+            choice=wanted.choice,
+            note=wanted.note,
+            moved_nl=None if wanted.moved_ul is None else whole_nl(wanted.moved_ul),
+            params=wanted.params,
+        )
+        return Response(render.render_run(selectors.find_run(job.run_id), user))
+
+
 class ResolveJob(APIView):
     """What happened in a job in doubt."""
 

@@ -7,6 +7,7 @@ from collections.abc import Collection, Iterable
 from typing import Any
 from uuid import UUID
 
+import msgspec
 from django.db.models import QuerySet
 
 from labweb.approvals import selectors as approval_selectors
@@ -15,13 +16,21 @@ from labweb.crutd import selectors as crutd_selectors
 from labweb.domain.errors import NotFoundError
 from labweb.domain.runs.job import AT_EDGE, JobState, RunState
 from labweb.domain.runs.scheduler import JobView, StepJob, held_by_steps
+from labweb.domain.workflows.plan import Execution
 from labweb.enrollment import selectors as enrollment_selectors
 from labweb.enrollment.selectors import EdgeHost
 from labweb.resources import selectors as resource_selectors
 from labweb.resources.selectors import Lab
 from labweb.runs.models import Attempt, HostEvent, Outbox
+from labweb.runs.models import Custody as Custody
 from labweb.runs.models import Job as Job
 from labweb.runs.models import Run as Run
+from labweb.runs.selectors.custody import moves_of as moves_of
+from labweb.runs.selectors.custody import owner_of as owner_of
+from labweb.runs.selectors.recovery import ended_job as ended_job
+from labweb.runs.selectors.recovery import later_jobs as later_jobs
+from labweb.runs.selectors.recovery import recovery_choices as recovery_choices
+from labweb.runs.selectors.recovery import recovery_of as recovery_of
 
 LIVE = [
     RunState.QUEUED.value,
@@ -172,11 +181,18 @@ def views(run_id: UUID) -> list[JobView]:
             state=JobState(state),
             after=tuple(after),
             host_id=host_id,
+            is_passed=bool(passed_by),
         )
-        for job_id, index, state, after, host_id in rows.values_list(
-            "id", "index", "state", "after", "device__host_id"
+        for job_id, index, state, after, host_id, passed_by in rows.values_list(
+            "id", "index", "state", "after", "device__host_id", "passed_by"
         )
     ]
+
+
+def execution_of(run: Run) -> Execution | None:
+    """Return what a run's workflow declares for the time its hosts cannot hear the server."""
+    found = run.plan.get("execution")
+    return None if found is None else msgspec.convert(found, Execution)
 
 
 def runs_to_schedule() -> QuerySet[Run]:
@@ -234,6 +250,18 @@ def jobs_at(host: EdgeHost) -> QuerySet[Job]:
     states = [state.value for state in AT_EDGE]
     rows = Job.objects.filter(device__host=host, state__in=states).order_by("id")
     return rows.select_related("run").select_for_update(of=("self",))
+
+
+def work_at(host: EdgeHost) -> QuerySet[Job]:
+    """Jobs of a host that were sent and have not ended, or that nobody knows about."""
+    states = [state.value for state in (*AT_EDGE, JobState.IN_DOUBT)]
+    rows = Job.objects.filter(device__host=host, state__in=states).select_related("run")
+    return rows.order_by("-run__number", "index")
+
+
+def doubts_at(host: EdgeHost) -> QuerySet[Job]:
+    """Jobs of a host whose outcome nobody knows."""
+    return Job.objects.filter(device__host=host, state=JobState.IN_DOUBT.value)
 
 
 def host_events(action_ids: list[UUID]) -> QuerySet[HostEvent]:
@@ -301,6 +329,7 @@ def _stop(lab: Lab) -> dict[str, Any]:
             "acknowledged_at": iso(host.stop_acknowledged_at)
             if host.stop_acknowledged == lab.stop_id
             else None,
+            "after_s": _after_s(lab, host),
         }
         for host in enrollment_selectors.hosts_of(lab)
     ]
@@ -311,6 +340,15 @@ def _stop(lab: Lab) -> dict[str, Any]:
         "stopped_by": None if lab.stopped_by is None else lab.stopped_by.printed_name,
         "hosts": hosts if lab.is_stopped else [],
     }
+
+
+def _after_s(lab: Lab, host: EdgeHost) -> float | None:
+    """Return how long a host took to acknowledge the stop; None: it has not, or nobody knows."""
+    at, since = host.stop_acknowledged_at, lab.stopped_at
+    if at is None or since is None or host.stop_acknowledged != lab.stop_id:
+        return None
+    took_s = (at - since).total_seconds()
+    return round(took_s, 3) if took_s >= 0 else None
 
 
 def jobs_at_devices(device_ids: Iterable[UUID]) -> dict[UUID, Job]:

@@ -30,6 +30,7 @@ from labweb.resources.selectors import Lab
 from labweb.runs import selectors
 from labweb.runs.models import Attempt, Job, Outbox, Run
 from labweb.runs.services import dispatch
+from labweb.runs.services.batches import recall_run
 from labweb.runs.services.state import announce, move_job, refresh_run
 
 _ENDED = {RunState.COMPLETE.value, RunState.ABORTED.value}
@@ -45,6 +46,8 @@ def _require(run: Run, actor: User, permission: Permission) -> None:
 def pause_run(run_id: UUID, *, actor: User, reason: str = "user") -> Run:
     """Hold every job that was not dispatched; what runs goes on to its end.
 
+    Of a batch the hosts are asked to give back what they have not begun.
+
     Raises:
         StateError: The run has ended.
         ForbiddenError: The actor may not run things here.
@@ -54,6 +57,7 @@ def pause_run(run_id: UUID, *, actor: User, reason: str = "user") -> Run:
     if run.state in _ENDED:
         raise StateError(f"run #{run.number} is {run.state}", code="run.ended")
     _add_pause(run, reason, actor)
+    recall_run(run, issued_by=str(actor.pk))
     account_services.write_audit("run.pause", str(run.id), actor=actor, reason=reason)
     return refresh_run(run_id)
 
@@ -82,11 +86,11 @@ def resume_run(run_id: UUID, *, actor: User) -> Run:
         raise StateError("the lab is stopped: reset it first", code="run.lab_stopped")
     if run.jobs.filter(state=JobState.IN_DOUBT.value).exists():
         raise StateError("say first what happened in the job in doubt", code="run.in_doubt")
-    undone = run.jobs.filter(state__in=_UNDONE).first()
+    undone = run.jobs.filter(state__in=_UNDONE, passed_by="").first()
     if undone is not None:
         raise StateError(
-            f"run #{run.number} cannot go on: {undone.sentence!r} ended {undone.state}, and "
-            "nothing carries it out again. Give this run up, and start another for what is left",
+            f"run #{run.number} cannot go on: {undone.sentence!r} ended {undone.state}. Say first "
+            "what becomes of it: try it anew, skip it, mark it as done by hand, or abort the run",
             code="run.cannot_go_on",
             context={"job_id": str(undone.id), "state": undone.state},
         )
@@ -130,7 +134,8 @@ def abort_run(run_id: UUID, *, actor: User, reason: str) -> Run:
         run.state = RunState.ABORTED.value
         run.ended_at = now()
     run.pause_reasons = []
-    run.save(update_fields=["state", "ended_at", "pause_reasons"])
+    run.is_given_up = True
+    run.save(update_fields=["state", "ended_at", "pause_reasons", "is_given_up"])
     account_services.write_audit("run.abort", str(run.id), actor=actor, reason=reason)
     return refresh_run(run_id)
 

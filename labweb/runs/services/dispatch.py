@@ -18,17 +18,16 @@ from labweb.crutd.selectors import Transaction
 from labweb.domain.crutd import operations
 from labweb.domain.crutd.decide import ResourceState
 from labweb.domain.errors import LockedError, PreconditionError
-from labweb.domain.messages import Cancel, Command, Do, Reset, Resolve, ResourceView
+from labweb.domain.messages import Cancel, Command, Do, Reset, Resolve, ResourceView, Signed
 from labweb.domain.runs.job import JobState, Mover, RunState
-from labweb.domain.runs.relay import RING_AGAIN_AFTER_S, stamped
-from labweb.domain.runs.scheduler import ready
+from labweb.domain.runs.relay import RING_AGAIN_AFTER_S, BatchDraft, signed_batch, stamped
 from labweb.enrollment import selectors as enrollment_selectors
 from labweb.enrollment import services as enrollment_services
 from labweb.enrollment.selectors import EdgeHost
 from labweb.resources import selectors as resource_selectors
 from labweb.resources.selectors import Lab, Resource
 from labweb.runs import selectors
-from labweb.runs.models import Attempt, Job, Outbox
+from labweb.runs.models import Attempt, Job, Outbox, Run
 from labweb.runs.services.state import move_job, refresh_run
 
 logger = logging.getLogger(__name__)
@@ -36,20 +35,6 @@ logger = logging.getLogger(__name__)
 RING_AGAIN_AFTER = timedelta(seconds=RING_AGAIN_AFTER_S)
 
 _TIMEOUT_S = 120.0
-
-
-def dispatch_ready() -> int:
-    """Dispatch every job that may go now, each in a transaction of its own.
-
-    Returns:
-        How many were dispatched.
-    """
-    online = set(enrollment_selectors.hosts_online().values_list("pk", flat=True))
-    count = 0
-    for run in selectors.runs_to_schedule():
-        for view in ready(selectors.views(run.id), online):
-            count += dispatch_job(view.id)
-    return count
 
 
 def dispatch_job(job_id: UUID) -> bool:
@@ -66,7 +51,7 @@ def dispatch_job(job_id: UUID) -> bool:
         logger.debug("job %s waits: %s", job_id, error.message)
         return False
     except PreconditionError as error:
-        _hold(job_id, error)
+        hold_job(job_id, error)
         return False
 
 
@@ -97,14 +82,22 @@ def _dispatch(job_id: UUID) -> bool:
         epoch=host.epoch,
         at=now(),
     )
-    _post(host, attempt.id, _command(job, attempt, transaction))
+    rows = resource_selectors.rows(_view_ids(job, transaction))
+    states = crutd_selectors.snapshot(rows)
+    views = [view_of(row, states[row.id]) for row in rows]
+    _post(host, attempt.id, command_of(job, attempt, views))
     move_job(job, JobState.DISPATCHED, Mover.SCHEDULER)
-    if job.run.started_at is None:
-        job.run.started_at = now()
-        job.run.state = RunState.RUNNING.value
-        job.run.save(update_fields=["started_at", "state"])
+    note_start(job.run)
     refresh_run(job.run_id)
     return True
+
+
+def note_start(run: Run) -> None:
+    """Write down when the first job of a run was sent."""
+    if run.started_at is None:
+        run.started_at = now()
+        run.state = RunState.RUNNING.value
+        run.save(update_fields=["started_at", "state"])
 
 
 def _hold_for_dispatch(job_id: UUID) -> tuple[EdgeHost, Job]:
@@ -115,7 +108,8 @@ def _hold_for_dispatch(job_id: UUID) -> tuple[EdgeHost, Job]:
     return host, selectors.job_for_update(job_id)
 
 
-def _hold(job_id: UUID, error: PreconditionError) -> None:
+def hold_job(job_id: UUID, error: PreconditionError) -> None:
+    """Hold a job whose precondition fails now; a person resumes its run when it holds."""
     with atomic():
         selectors.run_for_update(Job.objects.values_list("run_id", flat=True).get(pk=job_id))
         job = selectors.job_for_update(job_id)
@@ -124,11 +118,10 @@ def _hold(job_id: UUID, error: PreconditionError) -> None:
             refresh_run(job.run_id)
 
 
-def _command(job: Job, attempt: Attempt, transaction: Transaction) -> Do:
+def command_of(job: Job, attempt: Attempt, views: list[ResourceView]) -> Do:
+    """Return the command of one try of a job."""
     device = enrollment_selectors.find_device(job.device_id)
     spec = enrollment_selectors.spec_of(device)
-    rows = resource_selectors.rows(_view_ids(job, transaction))
-    states = crutd_selectors.snapshot(rows)
     timeout_s = spec.action(job.action).timeout_s or _TIMEOUT_S
     return Do(
         host_id=attempt.host_id,
@@ -146,7 +139,7 @@ def _command(job: Job, attempt: Attempt, transaction: Transaction) -> Do:
         operation=job.operation,
         pre=job.pre,
         post=job.post,
-        resources=[_view(row, states[row.id]) for row in rows],
+        resources=views,
         timeout_s=timeout_s,
         issued_by=str(job.run.created_by_id),
     )
@@ -157,7 +150,8 @@ def _view_ids(job: Job, transaction: Transaction) -> set[UUID]:
     return set(operations.touched_ids(operation)) | {UUID(node) for node in job.locks}
 
 
-def _view(row: Resource, state: ResourceState) -> ResourceView:
+def view_of(row: Resource, state: ResourceState) -> ResourceView:
+    """Return a resource as its host is told of it."""
     return ResourceView(
         id=row.id,
         name=row.name,
@@ -194,14 +188,20 @@ def send_resolution(attempt: Attempt, **fields: object) -> None:
     _post(host, attempt.id, command)
 
 
-def send_cancel(attempt: Attempt, *, issued_by: str) -> None:
-    """Ask the host not to start an action."""
+def send_cancel(attempt: Attempt, *, issued_by: str, is_recall: bool = False) -> None:
+    """Ask the host not to start an action; for a recall, to give it back."""
+    waiting = Outbox.objects.filter(
+        action_id=attempt.id, kind="cancel", body__is_recall=is_recall, settled_at__isnull=True
+    )
+    if waiting.exists():
+        return
     command = Cancel(
         host_id=attempt.host_id,
         epoch=attempt.epoch,
         dseq=attempt.dseq,
         action_id=attempt.id,
         issued_by=issued_by,
+        is_recall=is_recall,
     )
     _post(attempt.host, attempt.id, command)
 
@@ -240,7 +240,7 @@ def _publish_for(host: EdgeHost) -> int:
     with atomic():
         rows = selectors.pending_outbox(host).filter(due).select_for_update(skip_locked=True)
         for row in rows[:100]:
-            signed = signing.sign(stamped(msgspec.convert(row.body, Command), host.epoch))
+            signed = _signed(row, host.epoch)
             if not queue.ring(host.id, signed):
                 logger.warning("the broker is away: telling host %s directly", host.name)
             if row.publish_count:
@@ -251,6 +251,13 @@ def _publish_for(host: EdgeHost) -> int:
             )
             count += 1
     return count
+
+
+def _signed(row: Outbox, epoch: int) -> Signed:
+    if row.kind == "batch":
+        draft = msgspec.convert(row.body, BatchDraft)
+        return signing.sign(signed_batch(draft, epoch, signing.sign))
+    return signing.sign(stamped(msgspec.convert(row.body, Command), epoch))
 
 
 def void_resets(lab: Lab) -> None:

@@ -12,7 +12,6 @@ from django.db.transaction import atomic
 
 from labweb.accounts import selectors as account_selectors
 from labweb.common.clock import now
-from labweb.crutd import selectors as crutd_selectors
 from labweb.crutd import services as crutd_services
 from labweb.crutd.services import Settlement
 from labweb.domain.crutd.decide import Outcome, OutcomeKind
@@ -21,13 +20,16 @@ from labweb.domain.messages import EdgeEvent
 from labweb.domain.runs.context import read_context
 from labweb.domain.runs.intake import Meaning, read_event
 from labweb.domain.runs.job import JobState, Mover
-from labweb.domain.runs.session import SessionState, check_events
+from labweb.domain.runs.session import check_events, heard
 from labweb.enrollment import selectors as enrollment_selectors
 from labweb.enrollment import services as enrollment_services
 from labweb.enrollment.selectors import EdgeHost
 from labweb.runs import selectors
 from labweb.runs.models import Attempt, HostEvent, Outbox
 from labweb.runs.services import dispatch
+from labweb.runs.services.batches import settle_batch
+from labweb.runs.services.custody import KINDS, take_custody_event
+from labweb.runs.services.fencing import quarantine
 from labweb.runs.services.state import move_job, refresh_run
 
 logger = logging.getLogger(__name__)
@@ -43,11 +45,12 @@ def ingest_events(host_id: UUID, epoch: int, events: Sequence[EdgeEvent]) -> int
         cannot be. The last three quarantine the host; nothing of the frame is kept.
     """
     host = enrollment_selectors.host_for_update(host_id)
-    if host.epoch != epoch or host.state == SessionState.QUARANTINED.value:
+    record = enrollment_services.record_of(host)
+    if host.epoch != epoch or record.quarantine:
         return None
-    intake = check_events(enrollment_services.record_of(host), events)
+    intake = check_events(record, events)
     if intake.code:
-        _quarantine(host, intake.code, intake.message)
+        quarantine(host, intake.code, intake.message)
         return None
     try:
         with atomic():
@@ -55,56 +58,14 @@ def ingest_events(host_id: UUID, epoch: int, events: Sequence[EdgeEvent]) -> int
                 _keep(host, event)
                 _apply(host, event)
     except (LabError, ValueError, KeyError, TypeError, AttributeError) as error:
-        _quarantine(host, "host.bad_event", f"an event makes no sense: {error}")
+        quarantine(host, "host.bad_event", f"an event makes no sense: {error}")
         return None
     if intake.fresh:
         host.acked_seq = intake.fresh[-1].seq
         host.hash_at_acked = intake.fresh[-1].hash
-        host.save(update_fields=["acked_seq", "hash_at_acked"])
+        host.epoch_seen = heard(record).epoch_seen
+        host.save(update_fields=["acked_seq", "hash_at_acked", "epoch_seen"])
     return host.acked_seq
-
-
-def _quarantine(host: EdgeHost, code: str, message: str) -> None:
-    logger.error("host %s is quarantined: %s %s", host.name, code, message)
-    enrollment_services.quarantine_host(host, code, message)
-    crutd_services.open_ticket(host.lab, code, message, {"host_id": str(host.id)})
-    _fence_jobs(host)
-
-
-@atomic
-def note_quarantine(host_id: UUID) -> None:
-    """Put in doubt what a host was given whose journal does not continue the known one.
-
-    Effect:
-        None on matter. A person is asked to take stock; a host that is in quarantine
-        already is not asked about again.
-    """
-    host = enrollment_selectors.host_for_update(host_id)
-    code = str(host.heartbeat.get("code", "host.quarantined"))
-    message = f"{host.name} is quarantined: {host.heartbeat.get('message', 'its journal differs')}"
-    known = crutd_selectors.open_tickets(host.lab).filter(code=code, detail__host_id=str(host.id))
-    if not known.exists():
-        crutd_services.open_ticket(host.lab, code, message, {"host_id": str(host.id)})
-    _fence_jobs(host)
-
-
-def _fence_jobs(host: EdgeHost) -> None:
-    """Put every dispatched job of a fenced host in doubt: its log can tell nothing of them."""
-    Outbox.objects.filter(host=host, settled_at__isnull=True).update(settled_at=now())
-    for job in selectors.jobs_at(host):
-        attempt = selectors.last_attempt(job)
-        if attempt is None:
-            continue
-        unknown = Settlement(outcome=Outcome(kind=OutcomeKind.UNKNOWN), code="host.quarantined")
-        crutd_services.settle(attempt.transaction_id, unknown)
-        move_job(
-            job,
-            JobState.IN_DOUBT,
-            Mover.FENCE,
-            code="host.quarantined",
-            message=f"{host.name} is quarantined: nobody knows what became of this",
-        )
-        refresh_run(job.run_id)
 
 
 def _keep(host: EdgeHost, event: EdgeEvent) -> None:
@@ -131,6 +92,8 @@ def _apply(host: EdgeHost, event: EdgeEvent) -> None:
             body__stop_id=event.body.get("stop_id"),
             settled_at__isnull=True,
         ).update(settled_at=now())
+    if event.kind in KINDS:
+        take_custody_event(host, event)
     if event.action_id is None:
         return
     selectors.hold_run_of(event.action_id)
@@ -155,6 +118,7 @@ def _apply(host: EdgeHost, event: EdgeEvent) -> None:
         _settle(attempt, event, meaning)
     if meaning.state is not None:
         move_job(attempt.job, meaning.state, Mover.EDGE, **_fields(attempt, event, meaning))
+        settle_batch(attempt)
     refresh_run(attempt.job.run_id)
 
 

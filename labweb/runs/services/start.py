@@ -175,7 +175,7 @@ def start_run(version: WorkflowVersion, *, actor: User, seen_digest: str | None 
         created_at=now(),
     )
     job_state = JobState.AWAITING_APPROVAL if needs_person else JobState.QUEUED
-    _write_jobs(run, found.plan, job_state)
+    write_jobs(run, found.plan, job_state)
     if needs_person:
         _ask(run, found.policies, actor)
     account_services.write_audit(
@@ -194,7 +194,8 @@ def _check_seen(plan_digest: str, seen_digest: str | None) -> None:
         )
 
 
-def _write_jobs(run: Run, plan: Plan, state: JobState) -> None:
+def write_jobs(run: Run, plan: Plan, state: JobState) -> None:
+    """Write the jobs of a plan."""
     at = now()
     Job.objects.bulk_create(
         Job(

@@ -46,7 +46,7 @@ def refresh_run(run_id: UUID) -> Run:
     """Bring a run's state in line with its jobs and its pause reasons."""
     run = selectors.run_for_update(run_id)
     jobs = selectors.views(run_id)
-    state = run_state(RunState(run.state), jobs)
+    state = run_state(RunState(run.state), jobs, is_given_up=run.is_given_up)
     if run.pause_reasons and state in {RunState.QUEUED, RunState.RUNNING}:
         is_moving = state is RunState.RUNNING and any(
             job.state

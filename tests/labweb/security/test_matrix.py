@@ -8,7 +8,7 @@ import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, cast
-from uuid import UUID
+from uuid import UUID, uuid4
 
 import pytest
 from django.core.files.uploadedfile import SimpleUploadedFile
@@ -18,9 +18,14 @@ from django.test import Client
 from pytest_django import Settings
 
 from labweb.approvals.models import ApprovalRequest
+from labweb.common.clock import now
 from labweb.crutd import services as crutd_services
-from labweb.resources.models import Lot
+from labweb.domain.crutd.decide import Outcome, OutcomeKind
+from labweb.enrollment import services as enrollment_services
+from labweb.enrollment.models import EdgeHost
+from labweb.resources.models import Lot, Resource
 from labweb.runs import services as run_services
+from labweb.runs.models import Attempt, Custody
 from labweb.telemetry.selectors import File
 from labweb.telemetry.services import Upload, keep_file
 from labweb.workflows import services as workflow_services
@@ -32,6 +37,7 @@ EVERY = ("anonymous", "observer", "chemist", "approver", "admin")
 MEMBERS = EVERY[1:]
 WORKERS = EVERY[2:]
 DECIDERS = EVERY[3:]
+ADMINS = EVERY[4:]
 
 
 class Form(dict[str, str]):
@@ -59,6 +65,12 @@ API: dict[tuple[str, str], tuple[tuple[str, ...], Any]] = {
     ("GET", "devices/<device>"): (MEMBERS, None),
     ("GET", "devices/<device>/telemetry"): (MEMBERS, None),
     ("GET", "hosts"): (MEMBERS, None),
+    ("GET", "hosts/<host>"): (MEMBERS, None),
+    ("POST", "hosts/<host>/fence"): (ADMINS, {"reason": "it burnt"}),
+    ("POST", "hosts/<host>/readmit"): (ADMINS, {"reason": "looked"}),
+    ("POST", "hosts/<host>/revoke"): (ADMINS, {"reason": "stolen"}),
+    ("POST", "resources/<resource>/handover"): (WORKERS, {"place_id": "<place>", "note": "moved"}),
+    ("POST", "handovers/<custody>/arrived"): (WORKERS, {}),
     ("GET", "twin"): (MEMBERS, None),
     # Open to who signs the request with the shared secret, whoever is signed in.
     ("POST", "deliveries"): ((), {"lots": []}),
@@ -105,6 +117,7 @@ API: dict[tuple[str, str], tuple[tuple[str, ...], Any]] = {
     ("POST", "runs/<run>/pause"): (WORKERS, {}),
     ("POST", "runs/<run>/resume"): (WORKERS, {}),
     ("POST", "runs/<run>/abort"): (WORKERS, {"reason": "enough"}),
+    ("POST", "jobs/<job>/recover"): (WORKERS, {"choice": "retry", "note": "freed"}),
     ("POST", "jobs/<job>/resolve"): (WORKERS, {"answer": "did_not", "note": "dry"}),
     ("GET", "approvals"): (MEMBERS, None),
     ("GET", "approvals/<request>"): (MEMBERS, None),
@@ -140,6 +153,50 @@ def a_file(bench: Bench) -> File:
     return keep_file(upload, lab=bench.lab, actor=bench.people["chemist"])
 
 
+def a_second_host(bench: Bench) -> tuple[EdgeHost, Resource]:
+    """A host with a place of its own, by the device that stands there."""
+    host = enrollment_services.add_host(
+        bench.lab, key="spare", name="spare", host_id=uuid4(), public_key="x"
+    )
+    bench_1 = bench.node("bench_1")
+    place = Resource.objects.create(
+        id=uuid4(),
+        lab=bench.lab,
+        key="spot",
+        name="Spot",
+        kind=bench_1.kind,
+        nature=bench_1.nature,
+        parent=bench.node("lab"),
+    )
+    enrollment_services.found_device(
+        bench.lab,
+        uuid4(),
+        driver=bench.device("pump_1").driver,
+        key="stand",
+        name="stand",
+        host_id=host.id,
+        transport="virtual:stand",
+        nodes={"place": str(place.id)},
+        config={},
+        state="enrolled",
+    )
+    return host, place
+
+
+def on_its_way(bench: Bench, host: EdgeHost, place: Resource) -> Custody:
+    flask = bench.node("flask_2")
+    view = {"id": str(flask.id), "name": flask.name, "kind": flask.kind, "rev": flask.rev}
+    return Custody.objects.create(
+        resource=flask,
+        state="in_transit",
+        target=host,
+        place=place,
+        transfer_id=uuid4(),
+        view=view,
+        at=now(),
+    )
+
+
 @pytest.fixture
 def ids(bench: Bench, settings: Settings, tmp_path: Path) -> dict[str, str]:
     """Give one of each thing that a URL names, in a state in which every act is possible."""
@@ -152,7 +209,11 @@ def ids(bench: Bench, settings: Settings, tmp_path: Path) -> dict[str, str]:
     )
     workflow_services.save_version(workflow.id, note="", actor=bench.people["chemist"])
     file = a_file(bench)
+    spare, place = a_second_host(bench)
     return {
+        "host": str(spare.id),
+        "place": str(place.id),
+        "custody": str(on_its_way(bench, spare, place).id),
         "device": str(bench.device("timer_1").id),
         "resource": str(bench.node("water").id),
         "lot": str(Lot.objects.get(key="water_lot").id),
@@ -176,6 +237,17 @@ def prepare(bench: Bench, route: str, ids: dict[str, str]) -> None:
         run_services.stop_lab(actor=chemist)
     if route == "runs/<run>/resume":
         run_services.pause_run(UUID(ids["run"]), actor=chemist)
+    if route in {"hosts/<host>/fence", "hosts/<host>/readmit"}:
+        state = "isolated" if route.endswith("fence") else "quarantined"
+        EdgeHost.objects.filter(pk=ids["host"]).update(state=state)
+    if route == "resources/<resource>/handover":
+        attempt = Attempt.objects.get(job_id=ids["job"])
+        nothing = Outcome(kind=OutcomeKind.PARTIAL, moved_nl=0)
+        crutd_services.settle(attempt.transaction_id, crutd_services.Settlement(outcome=nothing))
+    if route == "jobs/<job>/recover":
+        undone = bench.lab.runs.get(pk=ids["run"]).jobs.get(pk=ids["job"])
+        undone.state = "rejected"
+        undone.save(update_fields=["state"])
     if route == "jobs/<job>/resolve":
         job = bench.lab.runs.get(pk=ids["run"]).jobs.get(pk=ids["job"])
         job.state = "in_doubt"

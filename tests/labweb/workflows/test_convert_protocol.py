@@ -162,7 +162,7 @@ def test_it_runs_where_no_database_is(tmp_path: Path) -> None:
     )
     assert done.returncode == 0, done.stderr
     missing = [str(tmp_path / "none"), str(tmp_path / "other")]
-    done = subprocess.run(
+    refused = subprocess.run(
         [*program, *missing], cwd=ROOT, env=os.environ | nowhere, check=False, capture_output=True
     )
-    assert done.returncode == 1
+    assert refused.returncode == 1

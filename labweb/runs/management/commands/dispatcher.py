@@ -95,6 +95,7 @@ class Command(BaseCommand):
 
     def _watch(self, monitor: Monitor) -> None:
         enrollment_services.watch_hosts(monitor.silent_s())
+        enrollment_services.withdraw_fences()
         services.expire_requests()
         services.isolate_hosts()
         for lab in resource_selectors.labs().filter(is_stopped=True):

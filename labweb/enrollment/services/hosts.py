@@ -1,18 +1,13 @@
-"""Writes of hosts, devices and drivers: admission and sessions."""
+"""Writes of hosts: sessions, signs of life, quarantine and the way out of it."""
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from collections.abc import Mapping
 from datetime import datetime
 from functools import partial
 from typing import Any
 from uuid import UUID
 
-import msgspec
-from asgiref.sync import async_to_sync
-from channels.layers import get_channel_layer
 from django.db.transaction import atomic, on_commit
 
 from labweb.accounts import services as account_services
@@ -20,7 +15,6 @@ from labweb.accounts.selectors import User
 from labweb.common import feed, signing
 from labweb.common.clock import new_id, now
 from labweb.domain.approvals.roles import Permission
-from labweb.domain.enrollment.spec import DriverSpec
 from labweb.domain.errors import DefinitionError, EnrollmentError, StateError
 from labweb.domain.messages import Hello, Welcome, hello_bytes
 from labweb.domain.runs.session import (
@@ -28,41 +22,20 @@ from labweb.domain.runs.session import (
     SessionState,
     after_hello,
     decide_hello,
+    heard,
     quarantined,
     readmitted,
     state_by_beat,
     state_by_silence,
 )
 from labweb.enrollment import selectors
-from labweb.enrollment.models import Device, DriverVersion, EdgeHost
+from labweb.enrollment.models import Device, EdgeHost
+from labweb.enrollment.services.link import tell_host
 from labweb.resources import selectors as resource_selectors
 from labweb.resources.selectors import Lab
 
-
-def host_group(host_id: UUID) -> str:
-    """Return the channel-layer group of a host's live connection."""
-    return f"edge.{host_id.hex}"
-
-
-def tell_host(host_id: UUID, message: Mapping[str, Any]) -> None:
-    """Send to a host's live connection; lost when there is none."""
-    layer = get_channel_layer()
-    if layer is not None:
-        async_to_sync(layer.group_send)(host_group(host_id), dict(message))
-
-
-def keep_driver(spec: DriverSpec) -> DriverVersion:
-    """Record a driver version that was read; the same digest is the same version."""
-    row, _ = DriverVersion.objects.get_or_create(
-        digest=spec.digest,
-        defaults={
-            "module": spec.module,
-            "class_name": spec.class_name,
-            "role": spec.role,
-            "spec": msgspec.to_builtins(spec),
-        },
-    )
-    return row
+CLOSED = frozenset({SessionState.QUARANTINED.value, SessionState.FENCED.value})
+"""States that only a person ends."""
 
 
 def add_host(lab: Lab, *, key: str, name: str, host_id: UUID, public_key: str) -> EdgeHost:
@@ -75,110 +48,6 @@ def add_host(lab: Lab, *, key: str, name: str, host_id: UUID, public_key: str) -
     return row
 
 
-def found_device(
-    lab: Lab,
-    device_id: UUID,
-    *,
-    driver: DriverVersion,
-    **fields: Any,  # noqa: ANN401 - column values
-) -> Device:
-    """Write a device that was found, or bring its address and driver up to date.
-
-    Effect:
-        None on matter. One that is known keeps the state it was given by a person.
-    """
-    fields["driver"] = driver
-    row = Device.objects.filter(pk=device_id).first()
-    if row is None:
-        return Device.objects.create(id=device_id, lab=lab, **fields)
-    for name in ("transport", "driver", "config", "nodes", "name"):
-        setattr(row, name, fields[name])
-    row.save()
-    return row
-
-
-def read_catalog() -> dict[str, DriverSpec]:
-    """Return every driver of the package by `module:Class`, read as text by another process.
-
-    Raises:
-        EnrollmentError: The catalog could not be read.
-    """
-    done = subprocess.run(
-        [sys.executable, "-m", "drivers.catalog", "--json"],
-        capture_output=True,
-        check=False,
-        timeout=60,
-    )
-    if done.returncode:
-        raise EnrollmentError(
-            f"the driver catalog failed: {done.stderr.decode(errors='replace')[-500:]}",
-            code="driver.catalog_failed",
-        )
-    specs = msgspec.json.decode(done.stdout, type=_Catalog).drivers
-    return {f"{spec.module}:{spec.class_name}": spec for spec in specs}
-
-
-class _Catalog(msgspec.Struct):
-    drivers: list[DriverSpec]
-
-
-@atomic
-def admit_device(device_id: UUID, *, actor: User, reason: str) -> Device:
-    """Admit a candidate: from now on its actions may be planned and dispatched.
-
-    Raises:
-        NotFoundError: There is none.
-        ForbiddenError: The actor may not admit where it stands.
-        DefinitionError: No reason was given.
-        StateError: It is no candidate and not suspended.
-
-    Effect:
-        None on matter. The host is told to open a new session and serve it.
-    """
-    row = selectors.device_for_update(device_id)
-    _check_review(row, actor, reason)
-    if row.state not in {Device.State.CANDIDATE, Device.State.SUSPENDED}:
-        raise StateError(f"{row.name} is {row.state} already", code="device.not_candidate")
-    row.state = Device.State.ENROLLED
-    row.admitted_by = actor
-    row.admitted_at = now()
-    row.save(update_fields=["state", "admitted_by", "admitted_at"])
-    account_services.write_audit("device.admit", str(row.id), actor=actor, reason=reason)
-    on_commit(partial(tell_host, row.host_id, {"type": "edge.renew"}))
-    on_commit(partial(feed.publish, "devices", {"device_id": str(row.id)}))
-    return row
-
-
-@atomic
-def suspend_device(device_id: UUID, *, actor: User, reason: str) -> Device:
-    """Take a device out of service without forgetting it.
-
-    Raises:
-        ForbiddenError: The actor may not admit where it stands.
-        DefinitionError: No reason was given.
-        StateError: It is not enrolled.
-
-    Effect:
-        None on matter. What the device does now runs to its end; nothing new is planned.
-    """
-    row = selectors.device_for_update(device_id)
-    _check_review(row, actor, reason)
-    if row.state != Device.State.ENROLLED:
-        raise StateError(f"{row.name} is {row.state}", code="device.not_enrolled")
-    row.state = Device.State.SUSPENDED
-    row.save(update_fields=["state"])
-    account_services.write_audit("device.suspend", str(row.id), actor=actor, reason=reason)
-    on_commit(partial(tell_host, row.host_id, {"type": "edge.renew"}))
-    on_commit(partial(feed.publish, "devices", {"device_id": str(row.id)}))
-    return row
-
-
-def _check_review(row: Device, actor: User, reason: str) -> None:
-    resource_selectors.require(actor, Permission.ADMIT, selectors.node_ids(row))
-    if not reason.strip():
-        raise DefinitionError("say what you checked: the reason is empty", code="device.no_reason")
-
-
 def record_of(row: EdgeHost) -> HostRecord:
     """Return what the rules of the handshake need."""
     return HostRecord(
@@ -189,22 +58,27 @@ def record_of(row: EdgeHost) -> HostRecord:
         epoch=row.epoch,
         last_dseq=row.last_dseq,
         floor=row.floor,
+        epoch_seen=row.epoch_seen,
+        boots=tuple(row.boots),
         is_revoked=row.state == SessionState.REVOKED.value,
         quarantine=_quarantine_of(row),
     )
 
 
 def _quarantine_of(row: EdgeHost) -> str:
-    if row.state != SessionState.QUARANTINED.value:
+    if row.state not in CLOSED:
         return ""
     return str(row.heartbeat.get("code", "host.quarantined"))
 
 
-def _keep_record(row: EdgeHost, record: HostRecord) -> None:
+def keep_record(row: EdgeHost, record: HostRecord) -> None:
+    """Put what the rules said into the row; the caller saves it."""
     row.journal_id = record.journal_id
     row.acked_seq = record.acked_seq
     row.hash_at_acked = record.hash_at_acked
     row.epoch = record.epoch
+    row.epoch_seen = record.epoch_seen
+    row.boots = list(record.boots)
     row.floor = record.floor
 
 
@@ -214,7 +88,7 @@ def quarantine_host(row: EdgeHost, code: str, message: str) -> None:
     Effect:
         None on matter. The caller puts its jobs in doubt in the same block.
     """
-    _keep_record(row, quarantined(record_of(row), code))
+    keep_record(row, quarantined(record_of(row), code))
     row.state = SessionState.QUARANTINED.value
     row.state_at = now()
     row.heartbeat = {"code": code, "message": message}
@@ -233,7 +107,7 @@ def readmit_host(host_id: UUID, *, actor: User, reason: str) -> EdgeHost:
         NotFoundError: There is none.
         ForbiddenError: The actor may not admit hosts.
         DefinitionError: No reason was given.
-        StateError: It is not in quarantine.
+        StateError: It is neither in quarantine nor fenced.
 
     Effect:
         None on matter. Jobs in doubt stay so until a person answers for each.
@@ -243,9 +117,9 @@ def readmit_host(host_id: UUID, *, actor: User, reason: str) -> EdgeHost:
     resource_selectors.require(actor, Permission.ADMIT, [root.id])
     if not reason.strip():
         raise DefinitionError("say what you checked: the reason is empty", code="host.no_reason")
-    if row.state != SessionState.QUARANTINED.value:
+    if row.state not in CLOSED:
         raise StateError(f"{row.name} is {row.state}", code="host.not_quarantined")
-    _keep_record(row, readmitted(record_of(row)))
+    keep_record(row, readmitted(record_of(row)))
     row.state = SessionState.ISOLATED.value
     row.state_at = now()
     row.heartbeat = {}
@@ -273,19 +147,32 @@ def open_session(hello: Hello, nonce: str) -> Welcome:
         raise EnrollmentError("the signature is not this host's", code="host.bad_signature")
     row = selectors.host_for_update(hello.host_id)
     record = record_of(row)
-    answer = decide_hello(record, hello)
+    answer = decide_hello(record, hello, live_instance_id=_live_instance(row))
     if answer.kind == "refuse":
         raise EnrollmentError(answer.message, code=answer.code)
     opening = after_hello(record, hello, answer)
-    _keep_record(row, opening.record)
+    keep_record(row, opening.record)
     row.state = opening.state.value
     row.session_id = new_id()
+    row.instance_id = hello.instance_id
     row.last_seen_at = row.state_at = now()
+    row.away_since_at = None
     if opening.mode == "quarantine" and not record.quarantine:
         row.heartbeat = {"code": answer.code, "message": answer.message}
     row.save()
     on_commit(partial(feed.publish, "hosts", {"host_id": str(row.id)}))
     return welcome_of(row, opening.mode)
+
+
+def _live_instance(row: EdgeHost) -> str:
+    """Return the process whose connection is open and not silent; empty: there is none."""
+    is_heard = row.state in {SessionState.ONLINE.value, SessionState.SYNCING.value}
+    return row.instance_id if is_heard and row.session_id is not None else ""
+
+
+def close_session(host_id: UUID, epoch: int) -> None:
+    """Note that the connection of a session is closed; a newer session is left alone."""
+    EdgeHost.objects.filter(pk=host_id, epoch=epoch).update(session_id=None)
 
 
 def welcome_of(row: EdgeHost, mode: str) -> Welcome:
@@ -329,15 +216,19 @@ def beat(
     row = rows.first()
     if row is None:
         return False
-    changes: dict[str, Any] = {"last_seen_at": now()}
-    if row.state != SessionState.QUARANTINED.value:
+    at = now()
+    changes: dict[str, Any] = {"last_seen_at": at, "epoch_seen": heard(record_of(row)).epoch_seen}
+    if row.state not in CLOSED:
         # In quarantine the reason stands there.
         changes["heartbeat"] = dict(heartbeat)
+    wall_s = heartbeat.get("wall_s")
+    if isinstance(wall_s, int | float) and not isinstance(wall_s, bool) and abs(wall_s) < 1e12:
+        changes["clock_skew_s"] = round(wall_s - at.timestamp(), 3)
     if not rows.update(**changes):
         return False
     state = state_by_beat(SessionState(row.state), is_resumed=is_resumed)
     if state.value != row.state and rows.filter(state=row.state).update(
-        state=state.value, state_at=now()
+        state=state.value, state_at=now(), away_since_at=None
     ):
         feed.publish("hosts", {"host_id": str(host_id)})
     return True
@@ -353,8 +244,11 @@ def watch_hosts(silent_since: Mapping[UUID, float]) -> list[UUID]:
     for row in EdgeHost.objects.filter(pk__in=list(silent_since)):
         state = state_by_silence(SessionState(row.state), silent_since[row.id])
         if state.value != row.state:
+            is_alone = state is SessionState.ISOLATED
             EdgeHost.objects.filter(pk=row.id, state=row.state).update(
-                state=state.value, state_at=now()
+                state=state.value,
+                state_at=now(),
+                away_since_at=row.last_seen_at if is_alone else None,
             )
             feed.publish("hosts", {"host_id": str(row.id)})
             moved.append(row.id)

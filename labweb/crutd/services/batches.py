@@ -1,0 +1,76 @@
+"""Transactions that a host works off by itself: locked together, settled one by one."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+from uuid import UUID
+
+from django.db.transaction import atomic
+
+from labweb.common.clock import now
+from labweb.crutd.models import Transaction
+from labweb.crutd.selectors import Transaction as TransactionRow
+from labweb.crutd.services.posting import open_transaction
+from labweb.crutd.services.transactions import check_free, check_states, hold
+from labweb.domain.crutd import operations
+from labweb.domain.crutd.lifecycle import TransactionState
+from labweb.domain.runs.batch import shares
+from labweb.domain.runs.locks import lock_set
+from labweb.resources.selectors import Lab
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Member:
+    """One operation of a batch."""
+
+    operation: operations.Operation
+    targets: Collection[UUID]
+    job_id: UUID
+    is_first: bool
+    """Nothing of the batch comes before it, so that it is checked against the present record."""
+
+
+@atomic
+def lock_batch(
+    members: Sequence[Member], *, batch_id: UUID, lab: Lab, actor_id: UUID | None
+) -> list[TransactionRow]:
+    """Take the locks of all members at once, or none.
+
+    Members that come first are LOCKED with their amounts reserved; the others are VALIDATED
+    by their plan and wait for their turn, while the batch holds what they need.
+
+    Raises:
+        LockedError: Somebody else uses a resource. Nothing was written.
+        PreconditionError: A first member breaks a precondition now; findings list each.
+
+    Effect:
+        None on matter.
+    """
+    needed = [{*operations.touched_ids(m.operation), *m.targets} for m in members]
+    rows, above = hold(set().union(*needed))
+    wanted = lock_set(rows, above[0])
+    check_free(rows, wanted)
+    for member, ids in zip(members, needed, strict=True):
+        if member.is_first:
+            own = {node: row for node, row in rows.items() if node in ids}
+            check_states(member.operation, lab, own, above)
+    claims = [lock_set(ids, above[0]) for ids in needed]
+    made = []
+    for member, claim, share in zip(members, claims, shares(claims, wanted), strict=True):
+        state = TransactionState.LOCKED if member.is_first else TransactionState.VALIDATED
+        row = Transaction(
+            lab=lab,
+            state=state.value,
+            name=operations.name_of(member.operation).value,
+            operation=operations.to_json(member.operation),
+            actor_id=actor_id,
+            job_id=member.job_id,
+            batch_id=batch_id,
+            claims=[str(lock.resource_id) for lock in claim],
+            proposed_at=now(),
+        )
+        promised = operations.reservations(member.operation) if member.is_first else ()
+        open_transaction(row, share, promised)
+        made.append(row)
+    return made

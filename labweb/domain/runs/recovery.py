@@ -1,0 +1,138 @@
+"""What a person may do about a job that ended undone, and what each choice leads to."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from uuid import UUID
+
+from labweb.domain.runs.job import FINAL, JobState
+
+UNDONE = frozenset({JobState.ABORTED, JobState.REJECTED, JobState.STOPPED})
+MOST_TRIES = 3
+"""After so many equal failures another try is refused: something else is wrong."""
+
+
+def may_retry(state: JobState) -> bool:
+    """Say whether a job may be tried anew: its last try has ended, and not as complete."""
+    return state in UNDONE
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Ended:
+    """A job that ended undone, as recovery sees it."""
+
+    index: int
+    state: JobState
+    step_id: str
+    recovery: str
+    """R0 ask the device, R1 an absolute set-point, R2 measurable, R3 opaque."""
+
+    has_moved: bool
+    """Its last try moved a known part."""
+
+    is_liquid: bool
+    failures: int = 1
+    """Tries that ended with the same code, the last included."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Later:
+    """A job that has not ended, as far as a choice bears on it."""
+
+    index: int
+    step_id: str
+    state: JobState
+    after: tuple[int, ...]
+    uses: frozenset[UUID]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Choice:
+    """One thing that a person may do."""
+
+    name: str
+    """`retry`, `skip`, `done_by_hand` or `change`."""
+
+    why_not: str = ""
+    """Empty: it is offered."""
+
+    consequence: str
+    """What it leads to, in one sentence."""
+
+
+def choices_for(job: Ended, *, is_step_untouched: bool) -> tuple[Choice, ...]:
+    """List what a person may do, each with its consequence or why it is not offered.
+
+    A second try of what has moved a part is offered for set-points alone: for a pour it
+    would pour the whole amount on top.
+
+    Args:
+        job: The job.
+        is_step_untouched: No action of its step has moved anything.
+    """
+    return (
+        _retry(job),
+        _change(job, is_step_untouched=is_step_untouched),
+        _by_hand(job),
+        _skip(job),
+    )
+
+
+def _retry(job: Ended) -> Choice:
+    consequence = "Sends the action again, as another action, when you resume the run."
+    why_not = ""
+    if not may_retry(job.state):
+        why_not = f"the job is {job.state.value}, not undone"
+    elif job.has_moved and job.recovery != "R1":
+        why_not = "a part has moved: a second try would move the whole amount on top of it"
+    elif job.failures >= MOST_TRIES:
+        why_not = f"it failed {job.failures} times in the same way; find the cause first"
+    return Choice(name="retry", why_not=why_not, consequence=consequence)
+
+
+def _change(job: Ended, *, is_step_untouched: bool) -> Choice:
+    why_not = ""
+    if not may_retry(job.state):
+        why_not = f"the job is {job.state.value}, not undone"
+    elif not is_step_untouched:
+        why_not = "something of this step has moved already"
+    text = "Plans this step anew with other values, and all that follows with the lab as it is."
+    return Choice(name="change", why_not=why_not, consequence=text)
+
+
+def _by_hand(job: Ended) -> Choice:
+    why_not = "" if may_retry(job.state) else f"the job is {job.state.value}, not undone"
+    text = "Counts the job as done: you did it. "
+    text += "The record moves the amount that you name." if job.is_liquid else "Nothing is sent."
+    return Choice(name="done_by_hand", why_not=why_not, consequence=text)
+
+
+def _skip(job: Ended) -> Choice:
+    why_not = "" if may_retry(job.state) else f"the job is {job.state.value}, not undone"
+    text = (
+        "Leaves it undone, with the rest of its step. What follows starts if its conditions hold."
+    )
+    return Choice(name="skip", why_not=why_not, consequence=text)
+
+
+def skipped_with(job: Ended, later: Sequence[Later]) -> list[int]:
+    """Return the jobs that are skipped with a job: what is left of its step behind it."""
+    found = {job.index}
+    for one in sorted(later, key=lambda each: each.index):
+        is_behind = not found.isdisjoint(one.after)
+        if one.step_id == job.step_id and is_behind and one.state not in FINAL:
+            found.add(one.index)
+    return sorted(found - {job.index})
+
+
+def relying_on(targets: frozenset[UUID], job: Ended, later: Sequence[Later]) -> list[int]:
+    """Return the later jobs, beyond its step, that use what a job was to change."""
+    return [
+        one.index
+        for one in later
+        if one.index > job.index
+        and one.step_id != job.step_id
+        and one.state not in FINAL
+        and not targets.isdisjoint(one.uses)
+    ]

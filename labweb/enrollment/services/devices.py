@@ -1,0 +1,143 @@
+"""Writes of devices and drivers: found, admitted, suspended."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from functools import partial
+from typing import Any
+from uuid import UUID
+
+import msgspec
+from django.db.transaction import atomic, on_commit
+
+from labweb.accounts import services as account_services
+from labweb.accounts.selectors import User
+from labweb.common import feed
+from labweb.common.clock import now
+from labweb.domain.approvals.roles import Permission
+from labweb.domain.enrollment.spec import DriverSpec
+from labweb.domain.errors import DefinitionError, EnrollmentError, StateError
+from labweb.enrollment import selectors
+from labweb.enrollment.models import Device, DriverVersion
+from labweb.enrollment.services.link import tell_host
+from labweb.resources import selectors as resource_selectors
+from labweb.resources.selectors import Lab
+
+
+def keep_driver(spec: DriverSpec) -> DriverVersion:
+    """Record a driver version that was read; the same digest is the same version."""
+    row, _ = DriverVersion.objects.get_or_create(
+        digest=spec.digest,
+        defaults={
+            "module": spec.module,
+            "class_name": spec.class_name,
+            "role": spec.role,
+            "spec": msgspec.to_builtins(spec),
+        },
+    )
+    return row
+
+
+def found_device(
+    lab: Lab,
+    device_id: UUID,
+    *,
+    driver: DriverVersion,
+    **fields: Any,  # noqa: ANN401 - column values
+) -> Device:
+    """Write a device that was found, or bring its address and driver up to date.
+
+    Effect:
+        None on matter. One that is known keeps the state it was given by a person.
+    """
+    fields["driver"] = driver
+    row = Device.objects.filter(pk=device_id).first()
+    if row is None:
+        return Device.objects.create(id=device_id, lab=lab, **fields)
+    for name in ("transport", "driver", "config", "nodes", "name"):
+        setattr(row, name, fields[name])
+    row.save()
+    return row
+
+
+def read_catalog() -> dict[str, DriverSpec]:
+    """Return every driver of the package by `module:Class`, read as text by another process.
+
+    Raises:
+        EnrollmentError: The catalog could not be read.
+    """
+    done = subprocess.run(
+        [sys.executable, "-m", "drivers.catalog", "--json"],
+        capture_output=True,
+        check=False,
+        timeout=60,
+    )
+    if done.returncode:
+        raise EnrollmentError(
+            f"the driver catalog failed: {done.stderr.decode(errors='replace')[-500:]}",
+            code="driver.catalog_failed",
+        )
+    specs = msgspec.json.decode(done.stdout, type=_Catalog).drivers
+    return {f"{spec.module}:{spec.class_name}": spec for spec in specs}
+
+
+class _Catalog(msgspec.Struct):
+    drivers: list[DriverSpec]
+
+
+@atomic
+def admit_device(device_id: UUID, *, actor: User, reason: str) -> Device:
+    """Admit a candidate: from now on its actions may be planned and dispatched.
+
+    Raises:
+        NotFoundError: There is none.
+        ForbiddenError: The actor may not admit where it stands.
+        DefinitionError: No reason was given.
+        StateError: It is no candidate and not suspended.
+
+    Effect:
+        None on matter. The host is told to open a new session and serve it.
+    """
+    row = selectors.device_for_update(device_id)
+    _check_review(row, actor, reason)
+    if row.state not in {Device.State.CANDIDATE, Device.State.SUSPENDED}:
+        raise StateError(f"{row.name} is {row.state} already", code="device.not_candidate")
+    row.state = Device.State.ENROLLED
+    row.admitted_by = actor
+    row.admitted_at = now()
+    row.save(update_fields=["state", "admitted_by", "admitted_at"])
+    account_services.write_audit("device.admit", str(row.id), actor=actor, reason=reason)
+    on_commit(partial(tell_host, row.host_id, {"type": "edge.renew"}))
+    on_commit(partial(feed.publish, "devices", {"device_id": str(row.id)}))
+    return row
+
+
+@atomic
+def suspend_device(device_id: UUID, *, actor: User, reason: str) -> Device:
+    """Take a device out of service without forgetting it.
+
+    Raises:
+        ForbiddenError: The actor may not admit where it stands.
+        DefinitionError: No reason was given.
+        StateError: It is not enrolled.
+
+    Effect:
+        None on matter. What the device does now runs to its end; nothing new is planned.
+    """
+    row = selectors.device_for_update(device_id)
+    _check_review(row, actor, reason)
+    if row.state != Device.State.ENROLLED:
+        raise StateError(f"{row.name} is {row.state}", code="device.not_enrolled")
+    row.state = Device.State.SUSPENDED
+    row.save(update_fields=["state"])
+    account_services.write_audit("device.suspend", str(row.id), actor=actor, reason=reason)
+    on_commit(partial(tell_host, row.host_id, {"type": "edge.renew"}))
+    on_commit(partial(feed.publish, "devices", {"device_id": str(row.id)}))
+    return row
+
+
+def _check_review(row: Device, actor: User, reason: str) -> None:
+    resource_selectors.require(actor, Permission.ADMIT, selectors.node_ids(row))
+    if not reason.strip():
+        raise DefinitionError("say what you checked: the reason is empty", code="device.no_reason")

@@ -1,0 +1,22 @@
+"""A word to a host's live connection."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+from uuid import UUID
+
+from asgiref.sync import async_to_sync
+from channels.layers import get_channel_layer
+
+
+def host_group(host_id: UUID) -> str:
+    """Return the channel-layer group of a host's live connection."""
+    return f"edge.{host_id.hex}"
+
+
+def tell_host(host_id: UUID, message: Mapping[str, Any]) -> None:
+    """Send to a host's live connection; lost when there is none."""
+    layer = get_channel_layer()
+    if layer is not None:
+        async_to_sync(layer.group_send)(host_group(host_id), dict(message))

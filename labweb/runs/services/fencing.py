@@ -1,0 +1,117 @@
+"""What becomes of the work of a host that cannot be trusted, or is lost."""
+
+from __future__ import annotations
+
+import logging
+from uuid import UUID
+
+from django.db.transaction import atomic
+
+from labweb.accounts.selectors import User
+from labweb.common.clock import now
+from labweb.crutd import selectors as crutd_selectors
+from labweb.crutd import services as crutd_services
+from labweb.crutd.services import Settlement
+from labweb.domain.crutd.decide import Outcome, OutcomeKind
+from labweb.domain.runs.job import JobState, Mover
+from labweb.domain.runs.session import FENCED_CODE, SessionState
+from labweb.enrollment import selectors as enrollment_selectors
+from labweb.enrollment import services as enrollment_services
+from labweb.enrollment.selectors import EdgeHost
+from labweb.runs import selectors
+from labweb.runs.models import Outbox
+from labweb.runs.services.custody import lose_moves_of
+from labweb.runs.services.state import move_job, refresh_run
+
+logger = logging.getLogger(__name__)
+
+
+def quarantine(host: EdgeHost, code: str, message: str) -> None:
+    """End a host's session, open a ticket, and put what it was given in doubt."""
+    logger.error("host %s is quarantined: %s %s", host.name, code, message)
+    enrollment_services.quarantine_host(host, code, message)
+    crutd_services.open_ticket(host.lab, code, message, {"host_id": str(host.id)})
+    put_in_doubt(host)
+
+
+@atomic
+def note_quarantine(host_id: UUID) -> None:
+    """Put in doubt what a host was given whose journal does not continue the known one.
+
+    Effect:
+        None on matter. A person is asked to take stock; a host that is in quarantine
+        already is not asked about again.
+    """
+    host = enrollment_selectors.host_for_update(host_id)
+    code = str(host.heartbeat.get("code", "host.quarantined"))
+    message = f"{host.name} is quarantined: {host.heartbeat.get('message', 'its journal differs')}"
+    known = crutd_selectors.open_tickets(host.lab).filter(code=code, detail__host_id=str(host.id))
+    if not known.exists():
+        crutd_services.open_ticket(host.lab, code, message, {"host_id": str(host.id)})
+    put_in_doubt(host)
+
+
+def put_in_doubt(host: EdgeHost) -> None:
+    """Put every dispatched job of a fenced host in doubt: its log can tell nothing of them."""
+    Outbox.objects.filter(host=host, settled_at__isnull=True).update(settled_at=now())
+    is_lost = host.state == SessionState.FENCED.value
+    code = FENCED_CODE if is_lost else "host.quarantined"
+    state = "was declared lost" if is_lost else "is quarantined"
+    lose_moves_of(host)
+    for job in selectors.jobs_at(host):
+        attempt = selectors.last_attempt(job)
+        if attempt is None:
+            continue
+        unknown = Settlement(outcome=Outcome(kind=OutcomeKind.UNKNOWN), code=code)
+        crutd_services.settle(attempt.transaction_id, unknown)
+        move_job(
+            job,
+            JobState.IN_DOUBT,
+            Mover.FENCE,
+            code=code,
+            message=f"{host.name} {state}: nobody knows what became of this",
+        )
+        refresh_run(job.run_id)
+
+
+@atomic
+def note_rival(host_id: UUID) -> None:
+    """Open a ticket about a second process that speaks with a host's identity; once."""
+    host = enrollment_selectors.host_for_update(host_id)
+    known = crutd_selectors.open_tickets(host.lab).filter(
+        code="host.rival", detail__host_id=str(host.id)
+    )
+    if not known.exists():
+        text = f"a second process speaks with the identity of {host.name}: one of them is a copy"
+        crutd_services.open_ticket(host.lab, "host.rival", text, {"host_id": str(host.id)})
+
+
+@atomic
+def fence_host(host_id: UUID, *, actor: User, reason: str) -> EdgeHost:
+    """Sign that a host is lost; with the second signature all it was given is in doubt.
+
+    Raises:
+        As `enrollment.services.sign_fence`.
+
+    Effect:
+        None on matter. Resources of what was under way are quarantined until people answer;
+        they need not wait for the host.
+    """
+    host, is_fenced = enrollment_services.sign_fence(host_id, actor=actor, reason=reason)
+    if is_fenced:
+        text = f"{host.name} was declared lost: answer for each job that it was given"
+        crutd_services.open_ticket(host.lab, FENCED_CODE, text, {"host_id": str(host.id)})
+        put_in_doubt(host)
+    return host
+
+
+@atomic
+def revoke_host(host_id: UUID, *, actor: User, reason: str) -> EdgeHost:
+    """Take a host's key away for good, once nothing of it is under way.
+
+    Raises:
+        As `enrollment.services.revoke_host`.
+    """
+    host = enrollment_selectors.host_for_update(host_id)
+    has_work = selectors.jobs_at(host).exists() or selectors.doubts_at(host).exists()
+    return enrollment_services.revoke_host(host_id, actor=actor, reason=reason, has_work=has_work)

@@ -1,0 +1,128 @@
+"""What a person decides about a job that ended undone: again, otherwise, by hand, or not at all."""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import Any
+from uuid import UUID
+
+import msgspec
+from django.db.transaction import atomic, on_commit
+
+from labweb.accounts import services as account_services
+from labweb.accounts.selectors import User
+from labweb.common.clock import now
+from labweb.crutd import services as crutd_services
+from labweb.domain.approvals.roles import Permission
+from labweb.domain.crutd import operations
+from labweb.domain.crutd.operations import TransferLiquid
+from labweb.domain.errors import DefinitionError, StateError
+from labweb.domain.runs import recovery
+from labweb.domain.runs.job import JobState, Mover, RunState
+from labweb.resources import selectors as resource_selectors
+from labweb.runs import selectors
+from labweb.runs.models import Job, Run
+from labweb.runs.services.replan import change_step
+from labweb.runs.services.state import announce, move_job, refresh_run
+
+CHOICES = ("retry", "skip", "done_by_hand", "change")
+
+
+@atomic
+def recover_job(
+    job_id: UUID,
+    *,
+    actor: User,
+    choice: str,
+    note: str,
+    moved_nl: int | None = None,
+    params: dict[str, Any] | None = None,
+) -> Job:
+    """Carry out what a person chose about a job that ended undone.
+
+    The run stays paused until a person resumes it, so that several choices can be made.
+
+    Raises:
+        DefinitionError: No such choice, no note, or an amount that cannot be.
+        StateError: The choice is not offered for this job; the message says why.
+        ForbiddenError: The actor may not run things on what the job uses.
+        PreconditionError: What was done by hand breaks a rule of the record.
+
+    Effect:
+        `done_by_hand` writes the named amount into the record. The others change no record.
+    """
+    run = selectors.run_for_update(selectors.find_job(job_id).run_id)
+    job = selectors.job_for_update(job_id)
+    resource_selectors.require(actor, Permission.RUN, [UUID(node) for node in job.locks])
+    _check(run, job, choice, note)
+    detail: dict[str, Any] = {"choice": choice, "job_id": str(job.id), "note": note}
+    if choice == "retry":
+        move_job(job, JobState.QUEUED, Mover.PERSON, code="", message="", passed_by="")
+    elif choice == "skip":
+        detail["with"] = _skip(run, job)
+    elif choice == "done_by_hand":
+        detail["moved_nl"] = _by_hand(job, actor, moved_nl, note)
+    else:
+        detail |= change_step(run, job, params or {}, actor=actor)
+    _keep(run, actor, detail)
+    account_services.write_audit(
+        "job.recover", str(job.id), actor=actor, reason=note, detail=detail
+    )
+    refresh_run(run.id)
+    on_commit(partial(announce, run.id, job.id))
+    return selectors.find_job(job.id)
+
+
+def _check(run: Run, job: Job, choice: str, note: str) -> None:
+    if choice not in CHOICES:
+        known = ", ".join(CHOICES)
+        raise DefinitionError(f"choose one of {known}", code="run.bad_choice")
+    if not note.strip():
+        raise DefinitionError("say why: the note is empty", code="run.note_missing")
+    if run.state in {RunState.COMPLETE.value, RunState.ABORTED.value} or run.is_given_up:
+        raise StateError(f"run #{run.number} is {run.state}", code="run.ended")
+    if job.passed_by:
+        raise StateError("this was decided before", code="run.recovered")
+    found = next(one for one in selectors.recovery_choices(job) if one.name == choice)
+    if found.why_not:
+        raise StateError(f"{choice}: {found.why_not}", code="run.not_offered")
+
+
+def _keep(run: Run, actor: User, detail: dict[str, Any]) -> None:
+    by = {"by": actor.printed_name, "by_id": str(actor.pk), "at": now().isoformat()}
+    run.recoveries = [*run.recoveries, {**detail, **by}]
+    kinds = {entry["kind"] for entry in run.pause_reasons}
+    if "recovery" not in kinds:
+        entry = {"kind": "recovery", "by": by["by"], "at": by["at"]}
+        run.pause_reasons = [*run.pause_reasons, entry]
+    run.save(update_fields=["recoveries", "pause_reasons"])
+
+
+def _skip(run: Run, job: Job) -> list[int]:
+    """Pass a job over, and what is left of its step behind it."""
+    job.passed_by = "skip"
+    job.save(update_fields=["passed_by"])
+    indices = recovery.skipped_with(selectors.ended_job(job), selectors.later_jobs(job))
+    for other in Job.objects.filter(run=run, index__in=indices).order_by("index"):
+        if other.state in {JobState.QUEUED.value, JobState.HELD.value, JobState.SUSPENDED.value}:
+            move_job(other, JobState.STOPPED, Mover.SERVER, code="run.skipped", passed_by="skip")
+        else:
+            raise StateError(f"{other.sentence!r} is under way", code="run.step_under_way")
+    return indices
+
+
+def _by_hand(job: Job, actor: User, moved_nl: int | None, note: str) -> int | None:
+    """Write down what a person did instead of the device, and pass the job over."""
+    operation = operations.from_json(job.operation)
+    if isinstance(operation, TransferLiquid):
+        if moved_nl is None or moved_nl <= 0:
+            raise DefinitionError("say how much you moved", code="run.bad_amount")
+        done = msgspec.structs.replace(operation, amount_nl=moved_nl)
+        crutd_services.carry_out(
+            done, lab=job.run.lab, actor_id=actor.pk, note=f"by hand for {job.sentence}: {note}"
+        )
+    elif moved_nl is not None:
+        raise DefinitionError("nothing is poured by this job", code="run.bad_amount")
+    job.passed_by = "hand"
+    job.save(update_fields=["passed_by"])
+    return moved_nl

@@ -1,0 +1,127 @@
+"""Plan what is left of a run anew, with other values for one step."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import msgspec
+
+from labweb.accounts.selectors import User
+from labweb.domain.approvals.roles import Permission
+from labweb.domain.errors import DefinitionError, StateError
+from labweb.domain.runs.job import AT_EDGE, FINAL, JobState, Mover
+from labweb.domain.workflows import plan as plans
+from labweb.domain.workflows.plan import Plan
+from labweb.resources import selectors as resource_selectors
+from labweb.runs.models import Job, Run
+from labweb.runs.services.start import check_named, preview, touched, write_jobs
+from labweb.runs.services.state import move_job
+
+_UNDER_WAY = {state.value for state in AT_EDGE} | {JobState.IN_DOUBT.value}
+
+
+def change_step(run: Run, job: Job, params: Mapping[str, Any], *, actor: User) -> dict[str, Any]:
+    """Give the step of a job other values and plan all that is left of the run anew.
+
+    The jobs that were left keep their rows, passed over; new ones take their place.
+
+    Returns:
+        The step, its values before and after, and the digests of both plans.
+
+    Raises:
+        DefinitionError: No value is given.
+        StateError: Something of the run is under way, a step is half done, or a policy wants
+            a person to approve the new plan. Nothing was written.
+        ProtocolError, PlanningError: The values cannot be planned; findings list each reason.
+        ForbiddenError: The actor may not run things on some resource of the new plan.
+    """
+    if not params:
+        raise DefinitionError("say which values change", code="run.no_change")
+    jobs = list(Job.objects.filter(run=run).order_by("index"))
+    left = _steps_left(jobs)
+    document, before = _document_left(run, left, job.step_id, params)
+    check_named(run.lab, document, actor, Permission.RUN)
+    found = preview(run.lab, document)
+    resource_selectors.require(actor, Permission.RUN, touched(found.plan))
+    if found.policies:
+        names = ", ".join(found.policies)
+        text = f"{names} wants a person to approve this: start it as a run of its own"
+        raise StateError(text, code="run.needs_approval")
+    for old in jobs:
+        if old.step_id in left and not old.passed_by:
+            _pass_over(old)
+    old_digest = run.plan_digest
+    made = _shifted(found.plan, len(jobs))
+    write_jobs(run, made, JobState.HELD)
+    _keep_plan(run, made, document)
+    return {
+        "step_id": job.step_id,
+        "before": before,
+        "params": dict(params),
+        "plan_before": old_digest,
+        "plan_after": run.plan_digest,
+    }
+
+
+def _steps_left(jobs: list[Job]) -> set[str]:
+    for job in jobs:
+        if job.state in _UNDER_WAY:
+            raise StateError(f"{job.sentence!r} is under way: wait for it", code="run.under_way")
+    done = {job.step_id for job in jobs if job.state == JobState.COMPLETE.value}
+    left = {
+        job.step_id for job in jobs if job.state != JobState.COMPLETE.value and not job.passed_by
+    }
+    if left & done:
+        text = "a step is half done: it cannot be planned anew"
+        raise StateError(text, code="run.step_under_way")
+    return left
+
+
+def _document_left(
+    run: Run, left: set[str], step_id: str, params: Mapping[str, Any]
+) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Return the steps that are left as a document, and the step's values before."""
+    whole = run.plan.get("document_now") or run.version.document
+    steps, before = [], {}
+    for step in whole["steps"]:
+        if step["id"] == step_id:
+            before = {name: step["params"].get(name) for name in params}
+            steps.append({**step, "params": {**step["params"], **params}})
+        elif step["id"] in left:
+            steps.append(step)
+    edges = [edge for edge in whole["edges"] if edge["source"] in left and edge["target"] in left]
+    return {**whole, "steps": steps, "edges": edges}, before
+
+
+def _pass_over(job: Job) -> None:
+    if JobState(job.state) in FINAL:
+        job.passed_by = "change"
+        job.save(update_fields=["passed_by"])
+    else:
+        move_job(job, JobState.STOPPED, Mover.SERVER, code="run.replanned", passed_by="change")
+
+
+def _shifted(plan: Plan, by: int) -> Plan:
+    jobs = tuple(
+        msgspec.structs.replace(
+            job, index=job.index + by, after=tuple(index + by for index in job.after)
+        )
+        for job in plan.jobs
+    )
+    return msgspec.structs.replace(plan, jobs=jobs)
+
+
+def _keep_plan(run: Run, made: Plan, document: Mapping[str, Any]) -> None:
+    """Put the new steps in the place of those that were left."""
+    plain = msgspec.to_builtins(made)
+    fresh = {step["step_id"]: step for step in plain["steps"]}
+    steps = [fresh.get(step["step_id"], step) for step in run.plan["steps"]]
+    run.plan = {
+        **run.plan,
+        "steps": steps,
+        "jobs": [*run.plan["jobs"], *plain["jobs"]],
+        "document_now": dict(document),
+    }
+    run.plan_digest = plans.digest(made)
+    run.save(update_fields=["plan", "plan_digest"])

@@ -1,0 +1,175 @@
+"""A vessel goes from one host's hands into another's, and never into both."""
+
+from __future__ import annotations
+
+from uuid import uuid4
+
+import pytest
+
+from labweb.crutd.models import ResourceLock, Ticket
+from labweb.domain.errors import DefinitionError, LockedError, StateError
+from labweb.enrollment import services as enrollment_services
+from labweb.enrollment.models import EdgeHost
+from labweb.resources.models import Resource
+from labweb.runs import services
+from labweb.runs.models import Custody, Outbox
+from tests.builders import Bench, Edge, host_key, public_half
+
+
+class Second(Edge):
+    """The messages of the other host."""
+
+    def __init__(self, bench: Bench, host: EdgeHost) -> None:
+        super().__init__(bench)
+        self.host_id = host.id
+
+
+@pytest.fixture
+def flask(bench: Bench) -> Resource:
+    return bench.node("flask_1")
+
+
+@pytest.fixture
+def place(bench: Bench) -> Resource:
+    """A place that belongs to a second host, by the device that stands there."""
+    other = enrollment_services.add_host(
+        bench.lab,
+        key="bench_9",
+        name="bench 9",
+        host_id=uuid4(),
+        public_key=public_half(host_key()),
+    )
+    room = bench.node("lab")
+    spot = Resource.objects.create(
+        id=uuid4(), lab=bench.lab, key="bench_9", name="Bench 9", kind="bench", parent=room
+    )
+    known = bench.device("pump_1")
+    enrollment_services.found_device(
+        bench.lab,
+        uuid4(),
+        driver=known.driver,
+        key="stand",
+        name="stand",
+        host_id=other.id,
+        transport="virtual:stand",
+        config={},
+        nodes={"place": str(spot.id)},
+        state="enrolled",
+    )
+    return spot
+
+
+@pytest.fixture
+def hosts(bench: Bench, place: Resource, flask: Resource) -> tuple[Edge, Edge]:
+    known = bench.device("pump_1")
+    known.nodes = {**known.nodes, "flask": str(flask.id)}
+    known.save()
+    first, second = Edge(bench), Second(bench, EdgeHost.objects.get(key="bench_9"))
+    first.connect()
+    second.connect()
+    return first, second
+
+
+def asked(bench: Bench, flask: Resource, place: Resource) -> Custody:
+    return services.hand_over(
+        flask.id, place.id, actor=bench.people["chemist"], note="to the other bench"
+    )
+
+
+def release(made: Custody, host: Edge) -> None:
+    assert made.transfer_id is not None
+    row = Outbox.objects.get(kind="release", action_id=made.transfer_id)
+    body = {"transfer_id": str(made.transfer_id), "resource_id": str(made.resource_id)}
+    host.report("released", None, **body, view=row.body["view"])
+
+
+def receive(made: Custody, host: Edge) -> None:
+    assert made.transfer_id is not None
+    row = Outbox.objects.get(kind="receive", action_id=made.transfer_id)
+    body = {"transfer_id": str(made.transfer_id), "resource_id": str(made.resource_id)}
+    host.report("received", None, **body, rev=row.body["view"]["rev"] + 1)
+
+
+def test_a_vessel_is_released_then_found_then_received(
+    bench: Bench, flask: Resource, place: Resource, hosts: tuple[Edge, Edge]
+) -> None:
+    first, second = hosts
+    made = asked(bench, flask, place)
+    assert bench.node("flask_1").parent_id == flask.parent_id
+    with pytest.raises(StateError) as early:
+        services.confirm_arrival(made.id, actor=bench.people["chemist"])
+    assert early.value.code == "custody.not_in_transit"
+    release(made, first)
+    made.refresh_from_db()
+    assert (made.state, made.owner_id) == ("in_transit", None)
+    with pytest.raises(LockedError):
+        asked(bench, flask, place)
+    services.confirm_arrival(made.id, actor=bench.people["chemist"])
+    receive(made, second)
+    made.refresh_from_db()
+    assert (made.state, made.owner_id) == ("owned", second.host_id)
+    after = bench.node("flask_1")
+    assert after.parent_id == place.id
+    assert after.rev > flask.rev
+    assert not ResourceLock.objects.filter(released_at__isnull=True).exists()
+    assert not Outbox.objects.filter(settled_at__isnull=True).exists()
+
+
+def test_what_its_host_keeps_stays_where_it_is(
+    bench: Bench, flask: Resource, place: Resource, hosts: tuple[Edge, Edge]
+) -> None:
+    made = asked(bench, flask, place)
+    body = {"transfer_id": str(made.transfer_id), "resource_id": str(flask.id)}
+    hosts[0].report("kept", None, **body, code="custody.in_use")
+    made.refresh_from_db()
+    assert (made.state, made.owner_id) == ("owned", hosts[0].host_id)
+    assert bench.node("flask_1").parent_id == flask.parent_id
+    assert not ResourceLock.objects.filter(released_at__isnull=True).exists()
+
+
+def test_a_move_survives_a_reconnect_of_either_host(
+    bench: Bench, flask: Resource, place: Resource, hosts: tuple[Edge, Edge]
+) -> None:
+    first, second = hosts
+    made = asked(bench, flask, place)
+    first.connect()
+    assert services.publish_outbox() == 1
+    release(made, first)
+    services.confirm_arrival(made.id, actor=bench.people["chemist"])
+    second.connect()
+    receive(made, second)
+    made.refresh_from_db()
+    assert made.owner_id == second.host_id
+
+
+def test_a_host_that_receives_what_was_not_sent_to_it_opens_a_ticket(
+    bench: Bench, flask: Resource, place: Resource, hosts: tuple[Edge, Edge]
+) -> None:
+    second = hosts[1]
+    made = asked(bench, flask, place)
+    body = {"transfer_id": str(made.transfer_id), "resource_id": str(flask.id)}
+    assert second.report("received", None, **body, rev=9) is not None
+    assert Ticket.objects.get().code == "custody.conflict"
+    assert bench.node("flask_1").quarantined_by is not None
+    assert EdgeHost.objects.get(pk=second.host_id).state == "online", "its log is sound"
+
+
+def test_a_host_that_is_lost_with_a_vessel_on_its_way_closes_the_vessel(
+    bench: Bench, flask: Resource, place: Resource, hosts: tuple[Edge, Edge]
+) -> None:
+    made = asked(bench, flask, place)
+    hosts[0].send(hosts[0].event("boot", None))
+    hosts[0].event("boot", None)
+    assert hosts[0].send(hosts[0].event("boot", None)) is None, "a gap"
+    made.refresh_from_db()
+    assert made.ended_at is not None
+    assert bench.node("flask_1").quarantined_by is not None
+    assert Ticket.objects.filter(code="custody.conflict").count() == 1
+
+
+def test_a_move_within_one_host_needs_no_hand_over(
+    bench: Bench, flask: Resource, hosts: tuple[Edge, Edge]
+) -> None:
+    with pytest.raises(DefinitionError) as refusal:
+        asked(bench, flask, bench.node("flask_2"))
+    assert refusal.value.code == "custody.same_host"

@@ -1,0 +1,63 @@
+"""Runs that go in batches: no schedule violates anything, and every rule is needed."""
+
+from __future__ import annotations
+
+import os
+
+import pytest
+
+from tests.simulation import batch_mutants as rules
+from tests.simulation import batches, directed_hosts, mutants
+from tests.simulation.__main__ import play
+from tests.simulation.checks import ViolationError
+from tests.simulation.mutants import Mutant
+from tests.simulation.test_mutants import name_of
+
+BLOCKS = 4
+IS_SOAK = bool(os.environ.get("LABWEB_SOAK"))
+COUNT = 200_000 if IS_SOAK else 2_000
+FIRST = int(os.environ.get("LABWEB_SEED", "0")) * COUNT if IS_SOAK else 0
+SIZE = COUNT // BLOCKS
+
+SEEDS: dict[Mutant, tuple[int, str]] = {
+    rules.batch_out_of_order: (3, "B1"),
+    rules.batch_goes_on_after_a_failure: (3, "B1"),
+    rules.batch_goes_on_in_doubt: (39, "B1"),
+    rules.absence_is_nothing: (13, "B2"),
+    rules.leash_of_any_length: (64, "B2"),
+    rules.nothing_is_stopped_safely: (0, "B3"),
+    rules.locks_free_between_members: (188, "I9"),
+    rules.complete_is_tried_anew: (4, "I7"),
+}
+"""Seed that kills a mutant, and the invariant that it violates."""
+
+
+@pytest.mark.parametrize("block", range(BLOCKS))
+def test_no_schedule_of_batches_violates_an_invariant(block: int) -> None:
+    first = FIRST + block * SIZE
+    found = play(range(first, first + SIZE), batches.run)
+    lines = [f"python -m tests.simulation --batches --seeds {seed}  {text}" for seed, text in found]
+    assert not found, "\n".join(lines[:10])
+
+
+def test_every_mutant_has_a_schedule_that_kills_it() -> None:
+    assert set(rules.OF_BATCHES) == {*SEEDS, rules.absence_without_an_event}
+
+
+@pytest.mark.parametrize("mutant", SEEDS, ids=name_of)
+def test_a_pinned_seed_finds_out_that_a_rule_is_gone(mutant: Mutant) -> None:
+    seed, invariant = SEEDS[mutant]
+    batches.run(seed)
+    with mutants.mutated(mutant), pytest.raises(ViolationError, match=rf"^{invariant}:"):
+        batches.run(seed)
+
+
+def test_a_schedule_by_hand_finds_out_that_absence_leaves_no_event() -> None:
+    directed_hosts.absence_put_back()
+    mutant = rules.absence_without_an_event
+    with mutants.mutated(mutant), pytest.raises(ViolationError, match=r"^B2:"):
+        directed_hosts.absence_put_back()
+
+
+def test_a_vessel_stays_closed_for_its_first_cause() -> None:
+    batches.run(1470)
