@@ -14,6 +14,7 @@ import psycopg
 from django.db import connection
 
 from benchmarks.figures import Figure, Options, p95_ms, timed
+from benchmarks.history import analyze
 from benchmarks.labs import a_lab, grow
 from benchmarks.transfer_ import rows_of
 from labweb.crutd import services
@@ -45,6 +46,7 @@ def figures(options: Options) -> Iterator[Figure]:
     lab = a_lab(wells=2)
     grow(lab, options.size or RESOURCES)
     plates = {name: _a_plate(lab, wells) for name, wells in PLATES.items()}
+    analyze()
     yield Figure(name="resources in the tree", value=Resource.objects.count(), unit="")
     choice = random.Random(0)
     wells = _some(lab, "well", choice)
