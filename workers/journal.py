@@ -31,6 +31,7 @@ from labweb.domain.runs.edge import ActionState, HostState
 from labweb.domain.runs.journal import ActionRow, Chain, JournalError, Seal, find_regression
 from labweb.domain.runs.moment import Moment
 from labweb.domain.runs.standing import state_of
+from workers import faults
 from workers.journal_schema import migrate, to_action
 from workers.seal import create_seal, raise_seal, read_seal
 from workers.transaction import Transaction
@@ -195,12 +196,14 @@ class Journal:
         )
         try:
             yield transaction
+            faults.point("journal.before_commit")
             with _readable():
                 self._connection.execute("COMMIT")
         except BaseException:
             if self._connection.in_transaction:
                 self._connection.execute("ROLLBACK")
             raise
+        faults.point("journal.after_commit")
         seq, digest = transaction.head
         if transaction.has_appended:
             seal = Seal(journal_id=self.journal_id, seq=seq, hash=digest)
