@@ -24,6 +24,9 @@ class CountingPump:
 
     def __init__(self, *, slowness: float = 1.5) -> None:
         self.moves: list[int] = []
+        self.speeds: list[int] = []
+        """Of each move; a test may tell its actions apart by them."""
+
         self.is_mute = False
         self.is_stalled = False
         self._slowness = slowness
@@ -59,6 +62,11 @@ class CountingPump:
         """What was really drawn in."""
         with self._lock:
             return self._position() / STEPS_PER_UL
+
+    @property
+    def is_standing(self) -> bool:
+        with self._lock:
+            return self._is_idle()
 
     def cure(self) -> None:
         with self._lock:
@@ -101,6 +109,7 @@ class CountingPump:
         self._from, self._target = self._position(), float(found[2])
         self._speed, self._began_s = float(found[1]), time.monotonic()
         self.moves.append(int(found[2]))
+        self.speeds.append(int(found[1]))
         return ""
 
     def _serve(self, server: socket.socket, talk: object) -> None:
