@@ -32,6 +32,9 @@ LAST_WRITE_TRIES = 60
 
 LAST_WRITE_PAUSE_S = 0.5
 
+NEXT_COUNT = 16
+"""How many of the waiting actions are looked at before all are."""
+
 
 class HungDriverError(RuntimeError):
     """A driver did not come back. Its process has to end; the journal knows all."""
@@ -114,8 +117,17 @@ class Executor:
         for row in self._journal.actions(self._line, ActionState.ACTUATED):
             if self._confirm_again(row):
                 return True
-        accepted = self._journal.actions(self._line, ActionState.ACCEPTED)
-        return any(self._try(row) for row in acting.in_turn(accepted))
+        # The next ones first: a long queue is read whole only when none of them may start.
+        accepted = self._journal.actions(self._line, ActionState.ACCEPTED, limit_count=NEXT_COUNT)
+        if any(self._try(row) for row in acting.in_turn(accepted)):
+            return True
+        if len(accepted) < NEXT_COUNT:
+            return False
+        tried = {row.device_id for row in accepted}
+        everything = self._journal.actions(self._line, ActionState.ACCEPTED)
+        return any(
+            self._try(row) for row in acting.in_turn(everything) if row.device_id not in tried
+        )
 
     def _try(self, row: ActionRow) -> bool:
         """Start an action if it may; False: it waits."""

@@ -133,11 +133,14 @@ class Journal:
         row = self._one("SELECT * FROM action WHERE action_id = ?", (str(action_id),))
         return None if row is None else to_action(row)
 
-    def actions(self, line: str, *states: ActionState) -> list[ActionRow]:
+    def actions(
+        self, line: str, *states: ActionState, limit_count: int | None = None
+    ) -> list[ActionRow]:
         """Return the actions of a line in these states, in dispatch order."""
         marks = ", ".join("?" for _ in states)
-        query = f"SELECT * FROM action WHERE line = ? AND st IN ({marks}) ORDER BY dseq"  # noqa: S608 - only question marks
-        return [to_action(row) for row in self._all(query, (line, *states))]
+        query = f"SELECT * FROM action WHERE line = ? AND st IN ({marks}) ORDER BY dseq LIMIT ?"  # noqa: S608 - only question marks
+        limit = -1 if limit_count is None else limit_count
+        return [to_action(row) for row in self._all(query, (line, *states, limit))]
 
     def open_ids(self) -> list[UUID]:
         """Return every action that is not final, in dispatch order."""

@@ -11,6 +11,7 @@ import multiprocessing
 import os
 import signal
 import subprocess
+import time
 from contextlib import ExitStack
 from dataclasses import dataclass
 from importlib import import_module
@@ -28,9 +29,9 @@ from tests.faults.pump import CountingPump
 from tests.workers.bench import BOOT_ID, HOST_ID, SPACE, Server, a_device, until
 from tests.workers.hub import Hub
 from workers import faults
-from workers.app import ACCEPT
-from workers.config import HostConfig, ValkeyConfig, command_queue
-from workers.host import find_valkey
+from workers.app import ACCEPT, make_host_app, wake
+from workers.config import HostConfig, ValkeyConfig, command_queue, line_queue
+from workers.host import RING_EVERY_S, find_valkey
 from workers.journal import Journal, create_journal
 from workers.keys import create_key
 from workers.run import main as run_process
@@ -125,6 +126,9 @@ class Lab:
         record_boot(self.journal)
         broker = self.config.broker_url
         self.celery = Celery("server", broker=broker, set_as_current=False, fixups=[])
+        self.host_app = make_host_app(self.config)
+        self.store = Store(self.config.valkey_url)
+        self._rung_s = 0.0
         self.processes: dict[str, ForkServerProcess] = {}
         self.line_pids: set[int] = set()
         self.context = multiprocessing.get_context("forkserver")
@@ -185,6 +189,15 @@ class Lab:
                 self.processes[name] = self._start(name)
         return ended
 
+    def ring(self) -> None:
+        """Post lost wake-ups again, as the supervisor does."""
+        if time.monotonic() - self._rung_s < RING_EVERY_S:
+            return
+        self._rung_s = time.monotonic()
+        for line in self.journal.waiting_lines():
+            if self.store.queue_length(line_queue(line)) == 0:
+                wake(self.host_app, line)
+
     def _start(self, name: str) -> ForkServerProcess:
         words = [name] if name in {"accept", "uplink"} else ["line", name]
         argv = [words[0], str(self.config_file), *words[1:]]
@@ -226,6 +239,7 @@ class Lab:
     def close(self) -> None:
         for name in list(self.processes):
             self.kill(name)
+        self.store.close()
         self.journal.close()
         self.stack.close()
 

@@ -115,6 +115,7 @@ class Game:
                 self._note_kill("point of the code")
             else:
                 self._violate(f"{name} ended with {code}")
+        self.lab.ring()
         self._hear()
         self._relay()
         self._count()
