@@ -202,7 +202,7 @@ def main(argv: list[str] | None = None) -> int:
     parser.add_argument("--steps", type=int, default=STEPS_COUNT)
     parser.add_argument("--lengths", type=int, nargs="*", default=list(FLAT_COUNTS))
     parser.add_argument("--devices", type=int, default=PARALLEL_DEVICES_COUNT)
-    parser.add_argument("--folder", type=Path, default=Path("/tmp"), help="where journals lie")
+    parser.add_argument("--folder", type=Path, default=Path.home(), help="where journals lie")
     options = parser.parse_args(argv)
     return show(run(options.folder, options.steps, tuple(options.lengths), options.devices))
 

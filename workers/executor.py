@@ -32,7 +32,7 @@ LAST_WRITE_TRIES = 60
 
 LAST_WRITE_PAUSE_S = 0.5
 
-NEXT_COUNT = 16
+NEXT_COUNT = 4
 """How many of the waiting actions are looked at before all are."""
 
 

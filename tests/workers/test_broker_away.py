@@ -33,7 +33,6 @@ def alone(pump: PumpProcess) -> Iterator[Running]:
                 made.stop()
 
 
-@pytest.mark.slow
 @pytest.mark.timeout(180)
 def test_a_line_starts_and_works_with_the_server_s_broker_absent(
     alone: Running, pump: PumpProcess
