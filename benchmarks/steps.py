@@ -151,7 +151,7 @@ def plain_celery(folder: Path, broker: str, count: int) -> Figure:
         command, cwd=ROOT, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
     )
     app = Celery("plain", broker=broker, set_as_current=False, fixups=[])
-    done = Redis(unix_socket_path=socket, db=9)
+    done = Redis(unix_socket_path=socket, db=9, socket_timeout=2 * START_S)
     try:
         app.send_task("plain.step", args=[-1], queue="plain", ignore_result=True)
         if done.blpop(["done"], timeout=START_S) is None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
@@ -31,6 +32,7 @@ def alone(pump: PumpProcess) -> Iterator[Running]:
                 yield made
             finally:
                 made.stop()
+                sys.stdout.write(made.log.read_text())
 
 
 @pytest.mark.timeout(180)
