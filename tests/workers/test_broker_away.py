@@ -35,13 +35,13 @@ def alone(pump: PumpProcess) -> Iterator[Running]:
                 sys.stdout.write(made.log.read_text())
 
 
-@pytest.mark.timeout(180)
+@pytest.mark.timeout(240)
 def test_a_line_starts_and_works_with_the_server_s_broker_absent(
     alone: Running, pump: PumpProcess
 ) -> None:
     """Commands come over the uplink then; what acts is the line's own Celery worker."""
     hub = alone.hub
-    until(alone.is_online, within_s=90)
+    until(alone.is_online, within_s=150)
     first = a_do(hub.server)
     hub.nudge(hub.server.sign(first))
     until(lambda: "complete" in hub.kinds, within_s=30)
