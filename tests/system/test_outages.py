@@ -31,6 +31,9 @@ pytestmark = [
 IS_SOAK = bool(os.environ.get("LABWEB_SOAK"))
 FROZEN_S = 60.0 if IS_SOAK else 6.0
 VOLUME, VOLUME_NL = "9 mL", 9_000_000
+RATE = "2 mL/min"
+"""Slow enough for a stroke to be seen under way, at sixty times real time."""
+
 POSTGRES = "/bin/postgres -D"
 
 
@@ -44,7 +47,7 @@ def strokes_of_a_run(stack: Stack) -> int:
     """Give how many strokes the transfer takes when nothing goes wrong."""
     stack.wait_until_online()
     before = strokes(stack)
-    seen = stack.client().wait_for_run(start(stack, VOLUME)["id"], is_over, 120)
+    seen = stack.client().wait_for_run(start(stack, VOLUME, flow_rate=RATE)["id"], is_over, 120)
     assert seen["state"] == "complete"
     count = strokes(stack) - before
     assert count >= 2
@@ -56,7 +59,7 @@ def a_run_with_each_stroke_once(stack: Stack, strokes_count: int) -> Iterator[di
     """Start the transfer; after the body has broken something, see it end as if nothing was."""
     stack.wait_until_online()
     before_nl, before = volume_nl(stack, "waste"), strokes(stack)
-    run = start(stack, VOLUME)
+    run = start(stack, VOLUME, flow_rate=RATE)
     yield run
     seen = resolve(stack, stack.client().wait_for_run(run["id"], is_over, 150))
     assert seen["state"] == "complete", [(j["action"], j["state"]) for j in seen["jobs"]]
