@@ -12,7 +12,7 @@ import sys
 from importlib import import_module
 from pathlib import Path
 
-from benchmarks import start, transfers
+from benchmarks import clicks, start, steps, transfers
 from benchmarks.database import an_empty_database
 from benchmarks.figures import Options, report
 
@@ -24,6 +24,8 @@ WITH_DATABASE = {
 }
 WITHOUT = {
     "start": ("how long `make run` takes", start.main),
+    "steps": ("what a step costs beside a plain Celery loop", lambda: steps.main([])),
+    "clicks": ("from a click to the first motion", lambda: clicks.main([])),
     "routes": ("compiled transfers beside a bare shortest path", transfers.speed),
 }
 NAMES = (*WITHOUT, *WITH_DATABASE)

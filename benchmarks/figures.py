@@ -9,6 +9,7 @@ import time
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from statistics import median
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -76,6 +77,19 @@ def machine() -> str:
         f"{int(memory) / 2**20:.0f} GiB, Python {platform.python_version()}, "
         f"load {os.getloadavg()[0]:.1f}"
     )
+
+
+def fsync_ms(folder: Path, count: int = 50) -> float:
+    """Return the median time of writing 200 bytes and an fsync, ms."""
+    path = folder / "fsync"
+    took_ms = []
+    with path.open("wb", buffering=0) as stream:
+        for _ in range(count):
+            took_ms.append(
+                1e3 * timed(lambda: (stream.write(b"x" * 200), os.fsync(stream.fileno())))
+            )
+    path.unlink()
+    return median(took_ms)
 
 
 def timed(act: Callable[[], object]) -> float:

@@ -11,6 +11,7 @@ from uuid import UUID
 import msgspec
 
 from labweb.domain.errors import DefinitionError
+from workers import faults
 
 LONGEST_SOCKET_PATH = 100
 """Bytes; the kernel's limit for a unix socket is 108."""
@@ -102,6 +103,8 @@ def _check(config: HostConfig, path: Path) -> None:
         raise DefinitionError(f"{path}: the socket's path is longer than {LONGEST_SOCKET_PATH}")
     if not config.server_url.startswith(("ws://", "wss://")):
         raise DefinitionError(f"{path}: server_url must begin with ws:// or wss://")
+    if config.mode == "live" and (config.faults is not None or faults.are_wanted()):
+        raise DefinitionError(f"{path}: a live host injects no faults; unset LABWEB_FAULTS")
     if config.stop_grace_s < 0:
         raise DefinitionError(f"{path}: stop_grace_s may not be negative")
 

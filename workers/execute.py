@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-import os
 import threading
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -180,7 +179,7 @@ class _observed:  # noqa: N801 - used as a context manager
 
     def __init__(self, unit: Unit) -> None:
         self._transport = unit.driver.transport
-        self._is_wanted = os.environ.get("LABWEB_FAULTS") == "1"
+        self._is_wanted = faults.are_armed()
         self._before = self._transport.observer
         self._thread_id = 0
         self._writes = 0

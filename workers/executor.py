@@ -33,9 +33,19 @@ LAST_WRITE_TRIES = 60
 
 LAST_WRITE_PAUSE_S = 0.5
 
+NEXT_COUNT = 4
+"""How many of the waiting actions are looked at before all are."""
+
 
 class HungDriverError(RuntimeError):
     """A driver did not come back. Its process has to end; the journal knows all."""
+
+
+class AbandonedActionError(RuntimeError):
+    """An action was started, and nothing will write its answer down any more.
+
+    Its process has to end: the next one finds the action and puts it in doubt.
+    """
 
 
 class Executor:
@@ -82,22 +92,45 @@ class Executor:
 
         Raises:
             HungDriverError: A driver hangs; the action is in doubt, the process has to end.
+            AbandonedActionError: An action was left between start and answer.
         """
         count = 0
         try:
             while not self._is_closing() and self._step():
                 count += 1
-        except JournalError as error:
+        except HungDriverError:
+            raise
+        except Exception as error:
+            if self._has_abandoned():
+                raise AbandonedActionError(self._line) from error
+            if not isinstance(error, JournalError):
+                raise
             log.error("line %s holds: %s", self._line, error)
         return count
+
+    def _has_abandoned(self) -> bool:
+        """Say whether an action is started while nothing acts; so it counts if nobody can tell."""
+        try:
+            return bool(self._journal.actions(self._line, ActionState.STARTED))
+        except JournalError:
+            return True
 
     def _step(self) -> bool:
         """Take one action one step on; False: nothing can move now."""
         for row in self._journal.actions(self._line, ActionState.ACTUATED):
             if self._confirm_again(row):
                 return True
-        accepted = self._journal.actions(self._line, ActionState.ACCEPTED)
-        return any(self._try(row) for row in acting.in_turn(accepted))
+        # The next ones first: a long queue is read whole only when none of them may start.
+        accepted = self._journal.actions(self._line, ActionState.ACCEPTED, limit_count=NEXT_COUNT)
+        if any(self._try(row) for row in acting.in_turn(accepted)):
+            return True
+        if len(accepted) < NEXT_COUNT:
+            return False
+        tried = {row.device_id for row in accepted}
+        everything = self._journal.actions(self._line, ActionState.ACCEPTED)
+        return any(
+            self._try(row) for row in acting.in_turn(everything) if row.device_id not in tried
+        )
 
     def _try(self, row: ActionRow) -> bool:
         """Start an action if it may; False: it waits."""
@@ -202,7 +235,12 @@ class Executor:
         self._confirm(row, do, acted.report, before)
 
     def _is_cancelled(self, action_id: UUID) -> bool:
-        row = self._journal.action(action_id)
+        """Say whether to halt; the device still acts, so that no fault may end the waiting."""
+        try:
+            row = self._journal.action(action_id)
+        except JournalError as error:
+            log.error("whether to cancel cannot be read: %s", error)
+            return False
         return row is not None and row.is_cancel_wanted
 
     def _write_actuated(self, row: ActionRow, report: Report, context: dict[str, Any]) -> None:

@@ -31,6 +31,7 @@ from labweb.domain.runs.edge import ActionState, HostState
 from labweb.domain.runs.journal import ActionRow, Chain, JournalError, Seal, find_regression
 from labweb.domain.runs.moment import Moment
 from labweb.domain.runs.standing import state_of
+from workers import faults
 from workers.journal_schema import migrate, to_action
 from workers.seal import create_seal, raise_seal, read_seal
 from workers.transaction import Transaction
@@ -137,11 +138,14 @@ class Journal:
         row = self._one("SELECT st FROM action WHERE action_id = ?", (str(action_id),))
         return None if row is None else ActionState(row[0])
 
-    def actions(self, line: str, *states: ActionState) -> list[ActionRow]:
+    def actions(
+        self, line: str, *states: ActionState, limit_count: int | None = None
+    ) -> list[ActionRow]:
         """Return the actions of a line in these states, in dispatch order."""
         marks = ", ".join("?" for _ in states)
-        query = f"SELECT * FROM action WHERE line = ? AND st IN ({marks}) ORDER BY dseq"  # noqa: S608 - only question marks
-        return [to_action(row) for row in self._all(query, (line, *states))]
+        query = f"SELECT * FROM action WHERE line = ? AND st IN ({marks}) ORDER BY dseq LIMIT ?"  # noqa: S608 - only question marks
+        limit = -1 if limit_count is None else limit_count
+        return [to_action(row) for row in self._all(query, (line, *states, limit))]
 
     def open_ids(self) -> list[UUID]:
         """Return every action that is not final, in dispatch order."""
@@ -200,12 +204,14 @@ class Journal:
         )
         try:
             yield transaction
+            faults.point("journal.before_commit")
             with _readable():
                 self._connection.execute("COMMIT")
         except BaseException:
             if self._connection.in_transaction:
                 self._connection.execute("ROLLBACK")
             raise
+        faults.point("journal.after_commit")
         seq, digest = transaction.head
         if transaction.has_appended:
             seal = Seal(journal_id=self.journal_id, seq=seq, hash=digest)

@@ -16,13 +16,14 @@ from labweb.domain.messages import Signed
 from workers.accept import accept
 from workers.app import WORKER_OPTIONS, make_accept_app, make_host_app, wake
 from workers.config import HostConfig, command_queue, line_queue, load_config
-from workers.executor import HungDriverError
+from workers.executor import AbandonedActionError, HungDriverError
 from workers.journal import Journal
 from workers.line import Line
 from workers.tasks import add_accept, add_execute
 from workers.uplink import run_uplink
 
 EXIT_HUNG = 70
+EXIT_ABANDONED = 72
 HALT_S = 4.0
 """How long a line may take after its grace until its process ends regardless."""
 
@@ -92,7 +93,7 @@ def run_line(config: HostConfig, name: str) -> None:
 
 
 def _ending_when_hung(drain: Callable[[], int]) -> Callable[[], object]:
-    """End the process when a driver hangs: only that frees its wire."""
+    """End the process when a driver hangs, which alone frees its wire, or an action is left."""
 
     def run() -> None:
         try:
@@ -100,6 +101,9 @@ def _ending_when_hung(drain: Callable[[], int]) -> Callable[[], object]:
         except HungDriverError:
             logging.getLogger(__name__).exception("a driver does not come back")
             os._exit(EXIT_HUNG)
+        except AbandonedActionError:
+            logging.getLogger(__name__).exception("an action was left without an answer")
+            os._exit(EXIT_ABANDONED)
 
     return run
 

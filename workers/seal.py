@@ -15,6 +15,7 @@ import msgspec
 
 from labweb.domain.runs.journal import JournalError, is_raised
 from labweb.domain.runs.journal import Seal as Seal
+from workers import faults
 
 
 def read_seal(path: Path) -> Seal | None:
@@ -76,6 +77,7 @@ def _write(path: Path, seal: Seal) -> None:
             stream.write(msgspec.json.encode(seal))
             stream.flush()
             os.fsync(stream.fileno())
+        faults.point("seal.before_replace")
         fresh.replace(path)
         folder = os.open(path.parent, os.O_RDONLY)
         try:

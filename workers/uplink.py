@@ -143,6 +143,7 @@ class Uplink:
         challenge = await _receive(socket)
         if not isinstance(challenge, Challenge):
             raise RefusedError(f"the server began with {type(challenge).__name__}")
+        faults.point("uplink.before_hello")
         hello = make_hello(self._journal, self._key, challenge.nonce, self._instance_id)
         await _send(socket, hello)
         answer = await _receive(socket)
@@ -153,6 +154,7 @@ class Uplink:
             raise RefusedError(f"the server answered with {type(answer).__name__}")
         open_session(self._journal, answer)
         record_ack(self._journal, answer.acked_seq)
+        faults.point("uplink.after_welcome")
         self._epoch = answer.epoch
         self._sent_seq = answer.acked_seq
         self._acked.set()

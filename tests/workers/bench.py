@@ -10,6 +10,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from functools import cache
 from pathlib import Path
 from typing import Any, cast
 from uuid import UUID, uuid4, uuid5
@@ -115,6 +116,12 @@ class PumpProcess:
         self.popen.communicate()
 
 
+@cache
+def driver_digest() -> str:
+    """The digest of the driver's source, read once."""
+    return read_spec(MODULE).digest
+
+
 def a_device(url: str, **changes: Any) -> DeviceConfig:  # noqa: ANN401 - any field
     known = DeviceConfig(
         id=DEVICE_ID,
@@ -122,7 +129,7 @@ def a_device(url: str, **changes: Any) -> DeviceConfig:  # noqa: ANN401 - any fi
         name="Pump",
         module=MODULE,
         class_name="TricontinentC3000",
-        digest=read_spec(MODULE).digest,
+        digest=driver_digest(),
         transport=url,
         config={"syringe_ul": 1000.0},
         statuses={"volume_ul": 0.1, "port_index": 0.1},
@@ -163,7 +170,7 @@ def a_do(server: Server, **changes: Any) -> Do:  # noqa: ANN401 - any field
         attempt=1,
         line="",
         device_id=DEVICE_ID,
-        driver_digest=read_spec(MODULE).digest,
+        driver_digest=driver_digest(),
         action="aspirate",
         args={"volume_ul": 100.0, "rate_ul_s": 1000.0},
         operation=to_json(operation),

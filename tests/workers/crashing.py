@@ -9,6 +9,7 @@ import msgspec
 
 from drivers.transports.urls import line_key
 from labweb.domain.messages import DeviceConfig, Signed
+from workers import faults
 from workers.accept import accept
 from workers.clock import SystemClock
 from workers.executor import Executor
@@ -21,6 +22,8 @@ def accept_and_drain(
 ) -> None:
     """Accept one command and carry it out, in a process that may be killed on the way."""
     os.environ.update(variables)
+    if faults.are_wanted():
+        faults.arm()
     device = msgspec.json.decode(device_text, type=DeviceConfig)
     journal = Journal(path)
     accept(journal, signed, lambda _: None)

@@ -89,9 +89,9 @@ class Hub:
         self.socket.close()
 
     @contextlib.contextmanager
-    def open(self, port: int = 0) -> Iterator[None]:
-        with serve(self._handle, "127.0.0.1", port) as listening:
-            self.url = f"ws://127.0.0.1:{listening.socket.getsockname()[1]}"
+    def open(self, port: int = 0, host: str = "127.0.0.1") -> Iterator[None]:
+        with serve(self._handle, host, port) as listening:
+            self.url = f"ws://{host}:{listening.socket.getsockname()[1]}"
             thread = threading.Thread(target=listening.serve_forever)
             thread.start()
             try:

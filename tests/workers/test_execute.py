@@ -26,6 +26,7 @@ from tests.workers.bench import (
     plain,
 )
 from workers import execute
+from workers.executor import AbandonedActionError
 from workers.session import latch_stop
 from workers.store import Sample, Store
 
@@ -183,8 +184,13 @@ def test_a_journal_that_cannot_be_written_holds_the_line(host: Host, pump: PumpP
     with pytest.raises(JournalError), host.journal.write() as tx:
         tx.set_meta("filler", filler)
     host.journal._seal_path.with_suffix(".new").mkdir()  # the seal cannot be written either
+    with host.executor() as executor, pytest.raises(AbandonedActionError):
+        executor.drain()
+    host.journal._seal_path.with_suffix(".new").rmdir()
+    host.journal._connection.execute("PRAGMA max_page_count = 1000000")
     with host.executor() as executor:
         assert executor.drain() == 0
+    assert host.state(do.action_id) == "in_doubt"  # its start is on disk, though not sealed
     assert pump.moves == []
 
 

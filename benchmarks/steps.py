@@ -1,0 +1,221 @@
+"""What a step costs on top of what its device does, beside a plain Celery loop on the same broker.
+
+Every step is a signed command, journaled as accepted, started, actuated and complete, each
+with its fsyncs; its device does nothing. `python -m benchmarks.steps` prints the figures and
+ends with 1 when a limit is broken.
+"""
+
+from __future__ import annotations
+
+import argparse
+import subprocess
+import sys
+import time
+from contextlib import ExitStack
+from itertools import cycle, pairwise
+from pathlib import Path
+from statistics import mean, median
+
+from celery import Celery
+from redis import Redis
+
+from benchmarks.edge import START_S, Host, a_broker, wait_for
+from benchmarks.figures import Figure, fsync_ms, report
+from tests.workers.bench import ROOT
+
+STEPS_COUNT = 200
+FLAT_COUNTS = (10, 100, 1_000, 10_000)
+FLAT_FACTOR = 1.5
+"""The dearest length may cost so many times the cheapest."""
+
+PARALLEL_DEVICES_COUNT = 20
+PARALLEL_STEP_S = 0.5
+
+
+def on_one_device(folder: Path, broker: str, count: int) -> tuple[list[Figure], str]:
+    """Give the host all steps, then let it run them with no further word."""
+    host = Host(folder, f"one{count}", broker, 1)
+    host.hold()
+    with host.running():
+        began_s = time.monotonic()
+        steps = [host.a_step(host.devices[0]) for _ in range(count)]
+        for step in steps:
+            host.post(step)
+        wait_for(lambda: len(host.events("accepted")) == count, 60.0 + count * 0.1)
+        accept_ms = (time.monotonic() - began_s) * 1000 / count
+        wait_for(lambda: _lines_count(host) == 1, START_S)
+        host.resume()
+        host.wait_for_end(steps[-1].action_id, 60.0 + count * 0.1)
+        started, ended = host.events("started"), host.events("complete")
+        if len(ended) != count:
+            raise AssertionError(f"{len(ended)} of {count} steps are complete")
+        step_ms = (ended[-1].at_s - started[0].at_s) * 1000 / count
+        acting_ms = mean(
+            (end.at_s - start.at_s) * 1000 for start, end in zip(started, ended, strict=True)
+        )
+        between_ms = mean(
+            (later.at_s - earlier.at_s) * 1000
+            for earlier, later in zip(ended[:-1], started[1:], strict=True)
+        )
+    parts = f"start to end {acting_ms:.2f}, end to next start {between_ms:.2f}"
+    note = f"{count} steps: {parts}; taking one in {accept_ms:.2f} ms"
+    return [
+        Figure(name=f"one device, {count} steps", value=step_ms, limit=2.0, unit="ms a step")
+    ], note
+
+
+def _lines_count(host: Host) -> int:
+    """Count the lines whose loop has shown itself."""
+    store = Redis(unix_socket_path=str(host.folder / "v"), db=0)
+    try:
+        return int(store.hlen("edge:alive"))
+    finally:
+        store.close()
+
+
+def _ping_pong(hosts: list[Host], turns: list[tuple[Host, int]], count: int) -> float:
+    """Send each step when the one before is known to have ended; ms a step."""
+    for host in hosts:
+        wait_for(lambda host=host: _lines_count(host) == len(host.devices), START_S)  # type: ignore[misc]
+    for host, device in turns:  # the first step of each device also brings its record
+        step = host.a_step(host.devices[device])
+        host.post(step)
+        host.wait_for_end(step.action_id)
+    took_ms = []
+    for (host, device), _ in zip(cycle(turns), range(count), strict=False):
+        began_s = time.perf_counter()
+        step = host.a_step(host.devices[device])
+        host.post(step)
+        end = host.wait_for_end(step.action_id)
+        if end != "complete":
+            raise AssertionError(f"a step ended as {end}")
+        took_ms.append((time.perf_counter() - began_s) * 1000)
+    return median(took_ms)
+
+
+def on_two_devices(folder: Path, broker: str, count: int) -> Figure:
+    """Alternate between two devices of a host."""
+    host = Host(folder, "two", broker, 2)
+    with host.running():
+        took_ms = _ping_pong([host], [(host, 0), (host, 1)], count)
+    return Figure(name="two devices of a host, in turn", value=took_ms, limit=6.0, unit="ms a step")
+
+
+def on_two_hosts(folder: Path, broker: str, count: int) -> Figure:
+    """Alternate between two hosts."""
+    first, second = Host(folder, "a", broker, 1), Host(folder, "b", broker, 1)
+    with first.running(), second.running():
+        took_ms = _ping_pong([first, second], [(first, 0), (second, 0)], count)
+    return Figure(name="two hosts, in turn", value=took_ms, limit=20.0, unit="ms a step")
+
+
+def in_parallel(folder: Path, broker: str, devices_count: int, count: int) -> Figure:
+    """Spread steps of half a second over many devices."""
+    host = Host(folder, "many", broker, devices_count)
+    each_count = count // devices_count
+    with host.running():
+        wait_for(lambda: _lines_count(host) == devices_count, START_S * 2)
+        began_s = time.monotonic()
+        steps = [
+            host.a_step(device, PARALLEL_STEP_S)
+            for _ in range(each_count)
+            for device in host.devices
+        ]
+        for step in steps:
+            host.post(step)
+        for step in steps:
+            host.wait_for_end(step.action_id, 300.0)
+        took_s = time.monotonic() - began_s
+    limit_s = 1.3 * each_count * PARALLEL_STEP_S + 2.0
+    return Figure(
+        name=f"{count} steps on {devices_count} devices",
+        value=took_s,
+        limit=limit_s,
+        unit="s in all",
+    )
+
+
+CELERY_LOOP = """
+import sys
+from celery import Celery
+from redis import Redis
+app = Celery("plain", broker=sys.argv[1], fixups=[])
+app.conf.update(task_ignore_result=True, worker_prefetch_multiplier=1)
+done = Redis(unix_socket_path=sys.argv[2], db=9)
+@app.task(name="plain.step")
+def step(number):
+    done.rpush("done", number)
+app.worker_main(["worker", "--pool=solo", "--without-gossip", "--without-mingle",
+                 "--without-heartbeat", "--loglevel=ERROR", "--queues=plain"])
+"""
+
+
+def plain_celery(folder: Path, broker: str, count: int) -> Figure:
+    """Let a plain worker do as many empty tasks: nothing signed, nothing written to disk."""
+    socket = str(folder / "broker")
+    command = [sys.executable, "-c", CELERY_LOOP, broker, socket]
+    popen = subprocess.Popen(
+        command, cwd=ROOT, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+    )
+    app = Celery("plain", broker=broker, set_as_current=False, fixups=[])
+    done = Redis(unix_socket_path=socket, db=9, socket_timeout=2 * START_S)
+    try:
+        app.send_task("plain.step", args=[-1], queue="plain", ignore_result=True)
+        if done.blpop(["done"], timeout=START_S) is None:
+            raise TimeoutError("the plain worker does not start")
+        began_s = time.perf_counter()
+        for number in range(count):
+            app.send_task("plain.step", args=[number], queue="plain", ignore_result=True)
+        for _ in range(count):
+            done.blpop(["done"], timeout=60)
+        took_ms = (time.perf_counter() - began_s) * 1000 / count
+    finally:
+        done.close()
+        popen.terminate()
+        popen.wait()
+    return Figure(
+        name="peer: plain Celery, nothing durable", value=took_ms, limit=None, unit="ms a step"
+    )
+
+
+def run(
+    parent: Path, steps_count: int, flat_counts: tuple[int, ...], devices_count: int
+) -> list[Figure]:
+    """Measure all, each in a fresh host on the same broker."""
+    found: list[Figure] = []
+    with ExitStack() as stack:
+        folder, broker = stack.enter_context(a_broker(parent))
+        sys.stdout.write(f"an fsync takes {fsync_ms(folder):.2f} ms here\n")
+        found.append(plain_celery(folder, broker, steps_count))
+        lengths = {}
+        for count in sorted({steps_count, *flat_counts}):
+            figures, note = on_one_device(folder, broker, count)
+            sys.stdout.write(f"  {note}\n")
+            lengths[count] = figures[0].value
+            if count == steps_count:
+                found += figures
+        found.append(on_two_devices(folder, broker, steps_count))
+        found.append(on_two_hosts(folder, broker, steps_count))
+        found.append(in_parallel(folder, broker, devices_count, devices_count * 10))
+    spread = max(lengths.values()) / min(lengths.values())
+    text = f"dearest over cheapest of {', '.join(map(str, sorted(lengths)))} steps"
+    found.append(Figure(name=text, value=spread, limit=FLAT_FACTOR, unit="times"))
+    if any(one > two for one, two in pairwise(lengths.values())):
+        sys.stdout.write(f"  by length, ms a step: {lengths}\n")
+    return found
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Measure, print, and fail when a limit is broken."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks.steps", description=__doc__)
+    parser.add_argument("--steps", type=int, default=STEPS_COUNT)
+    parser.add_argument("--lengths", type=int, nargs="*", default=list(FLAT_COUNTS))
+    parser.add_argument("--devices", type=int, default=PARALLEL_DEVICES_COUNT)
+    parser.add_argument("--folder", type=Path, default=Path.home(), help="where journals lie")
+    options = parser.parse_args(argv)
+    found = run(options.folder, options.steps, tuple(options.lengths), options.devices)
+    return report("steps", found)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,108 @@
+"""A released host has no faults in it: no code, no cost, no way to switch them on."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import msgspec
+import pytest
+
+from labweb.domain.errors import DefinitionError
+from tests.workers.bench import HOST_ID, ROOT
+from workers import faults
+from workers.config import HostConfig, ValkeyConfig, load_config
+
+
+def run(code: str, *, root: Path = ROOT, **variables: str) -> subprocess.CompletedProcess[str]:
+    known = {name: value for name, value in os.environ.items() if not name.startswith("LABWEB_")}
+    return subprocess.run(
+        [sys.executable, "-c", code],
+        cwd=root,
+        env={**known, "PYTHONPATH": str(root), **variables},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+
+
+def test_a_point_of_a_plain_host_is_an_empty_function() -> None:
+    code = "\n".join(
+        [
+            "import sys, dis",
+            "import workers.run, workers.host, workers.uplink",
+            "from workers import faults",
+            "for one in (faults.point, faults.enter):",
+            "    ops = {i.opname for i in dis.get_instructions(one)}",
+            "    assert ops <= {'RESUME', 'LOAD_CONST', 'RETURN_VALUE', 'RETURN_CONST'}, ops",
+            "assert 'workers.injection' not in sys.modules",
+            "assert not faults.are_armed()",
+        ]
+    )
+    done = run(code, LABWEB_FAULT="accept.after_commit:kill")
+    assert done.returncode == 0, done.stderr
+
+
+def test_the_environment_arms_the_points_of_a_checkout() -> None:
+    code = "from workers import faults; faults.point('accept.after_commit')"
+    done = run(code, LABWEB_FAULTS="1", LABWEB_FAULT="accept.after_commit:raise")
+    assert "InjectedFaultError: accept.after_commit" in done.stderr
+
+
+def test_the_package_leaves_out_what_breaks_a_host() -> None:
+    built = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["hatch"]["build"]
+    assert built["targets"]["wheel"]["exclude"] == ["workers/injection.py"]
+    assert (ROOT / "workers" / "injection.py").is_file()
+    assert faults.MODULE == "workers.injection"
+
+
+def test_an_installed_package_refuses_to_start_with_faults(tmp_path: Path) -> None:
+    leave_out = shutil.ignore_patterns("injection.py", "__pycache__")
+    shutil.copytree(ROOT / "workers", tmp_path / "workers", ignore=leave_out)
+    shutil.copytree(ROOT / "drivers", tmp_path / "drivers", ignore=leave_out)
+    shutil.copytree(ROOT / "labweb" / "domain", tmp_path / "labweb" / "domain", ignore=leave_out)
+    (tmp_path / "labweb" / "__init__.py").touch()
+    code = "import workers.run; print(workers.run.__file__)"
+    plain = run(code, root=tmp_path)
+    assert plain.stdout.strip() == str(tmp_path / "workers" / "run.py"), plain.stderr
+    armed = run(code, root=tmp_path, LABWEB_FAULTS="1")
+    assert armed.returncode == 1
+    assert "this installation has no faults to inject" in armed.stderr
+
+
+@pytest.mark.parametrize(("field", "variable"), [("accept.after_commit:kill", "0"), (None, "1")])
+def test_a_live_host_is_refused_with_faults(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, field: str | None, variable: str
+) -> None:
+    monkeypatch.setenv("LABWEB_FAULTS", variable)
+    config = HostConfig(
+        host_id=HOST_ID,
+        name="bench",
+        server_url="ws://127.0.0.1:1",
+        broker_url="redis://127.0.0.1:6379/1",
+        data_dir=str(tmp_path),
+        key_file=str(tmp_path / "key"),
+        valkey=ValkeyConfig(socket="/nowhere/v"),
+        mode="live",
+        faults=field,
+    )
+    path = tmp_path / "host.json"
+    path.write_bytes(msgspec.json.encode(config))
+    with pytest.raises(DefinitionError, match="live host"):
+        load_config(path)
+    path.write_bytes(msgspec.json.encode(msgspec.structs.replace(config, mode="sim")))
+    assert load_config(path).faults == field
+
+
+def test_every_point_in_the_code_is_listed_and_every_listed_point_is_in_the_code() -> None:
+    texts = [
+        path.read_text() for path in (ROOT / "workers").glob("*.py") if path.name != "faults.py"
+    ]
+    found = {point for point in faults.POINTS if any(f'"{point}"' in text for text in texts)}
+    assert found == set(faults.POINTS)
+    called = sum(text.count("faults.point(") for text in texts)
+    assert called == len(faults.POINTS) - 1  # one call passes one of two names
