@@ -82,12 +82,13 @@ def machine() -> str:
 def fsync_ms(folder: Path, count: int = 50) -> float:
     """Return the median time of writing 200 bytes and an fsync, ms."""
     path = folder / "fsync"
-    took_ms = []
     with path.open("wb", buffering=0) as stream:
-        for _ in range(count):
-            took_ms.append(
-                1e3 * timed(lambda: (stream.write(b"x" * 200), os.fsync(stream.fileno())))
-            )
+
+        def write() -> None:
+            stream.write(b"x" * 200)
+            os.fsync(stream.fileno())
+
+        took_ms = [1e3 * timed(write) for _ in range(count)]
     path.unlink()
     return median(took_ms)
 

@@ -1,8 +1,8 @@
 """Whether a transfer can be done on a rig at all, from the graph's definition alone.
 
-A transfer from A to B is feasible when there are syringes P1 … Pn (n ≥ 1, volumes known) such that
+A transfer from A to B is feasible when there are syringes P1 … Pk (k ≥ 1, volumes known) such that
 
-    A ══draw══▶ P1 ══pass══▶ P2 ══pass══▶ … ══pass══▶ Pn ══push══▶ B
+    A ══draw══▶ P1 ══pass══▶ P2 ══pass══▶ … ══pass══▶ Pk ══push══▶ B
 
 and each arrow is possible by itself in some setting of the rotary valves and solenoids; between two
 arrows the liquid rests in a syringe and the valves may turn. *Possible* means: in that setting the

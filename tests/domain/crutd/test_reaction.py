@@ -175,7 +175,10 @@ def test_it_is_read_as_it_was_written_and_bounds_hold() -> None:
     plain = operations.to_json(REACTION)
     assert operations.from_json(plain) == REACTION
     assert operations.touched_ids(REACTION) == (FLASK,)
-    for wrong in ({"residue_ug": -1}, {"residue_ug": 10**15}, {"products": []}, {"reactants": []}):
+    refused: list[dict[str, object]] = [
+        {"residue_ug": -1}, {"residue_ug": 10**15}, {"products": []}, {"reactants": []},
+    ]  # fmt: skip
+    for wrong in refused:
         with pytest.raises(msgspec.ValidationError):
             operations.from_json({**plain, **wrong})
     with pytest.raises(msgspec.ValidationError):

@@ -89,7 +89,7 @@ REFUSED = {
 }
 """Sort of a property: text=code of the refusal."""
 
-AMOUNTS = {
+AMOUNTS: dict[str, tuple[str, str | int]] = {
     "5 g": ("mass", 5),
     "2 mmol": ("moles", "0.002"),
     "1.2 eq": ("equivalents", "1.2"),
@@ -101,7 +101,7 @@ AMOUNTS = {
     "240.0 microlitre": ("volume", "0.24"),
     "0.4 millimole": ("moles", "0.0004"),
 }
-PER_EQUIVALENT = {
+PER_EQUIVALENT: dict[str, tuple[str, str | int]] = {
     "20 mg /eq": ("mass", "0.02"),
     "5 mL/eq": ("volume", 5),
     "6 mL / eq": ("volume", 6),
@@ -177,8 +177,12 @@ def test_what_is_shown_as_an_example_can_be_read(name: str) -> None:
 
 
 def test_a_person_and_xdl_mean_the_same_by_the_same_words() -> None:
-    assert parse_exact("5 mL", "volume") == 1000 * (of("volume", "5 mL").exact or 0)
-    assert parse_exact("-78 °C", "temperature") == of("temperature", "-78 °C").exact
+    some, cold = of("volume", "5 mL"), of("temperature", "-78 °C")
+    assert isinstance(some, Quantity)
+    assert isinstance(cold, Quantity)
+    assert some.exact is not None
+    assert parse_exact("5 mL", "volume") == 1000 * some.exact
+    assert parse_exact("-78 °C", "temperature") == cold.exact
     assert "m" not in DIMENSIONS["time"].units
 
 
