@@ -35,7 +35,7 @@ _BEGAN = datetime(2026, 1, 1, tzinfo=UTC)
 _TABLES = {
     "resources_lot": "id, lab_id, key, material_id, supplier, number, purity, phase, position",
     "crutd_transaction": "id, lab_id, state, name, operation, proposed_at, settled_at, conditions,"
-    " change, verification, code, message",
+    " claims, change, verification, code, message",
     "crutd_event": "id, lab_id, seq, at, transaction_id, name, state, body, prev_hash, hash",
     "crutd_eventsubject": "event_id, resource_id, role",
     "crutd_entry": "transaction_id, lot_id, debit, credit, amount_nl, amount_ug, state, at",
@@ -158,7 +158,7 @@ def _write(pages: _Pages, lab: Lab, act: Act, seq: int, prev: str) -> str:
     plain, told = _json(operation), _json(change)
     pages.add(
         "crutd_transaction",
-        *(own, lab.id, "committed", name, plain, at, at, "[]", told, "assumed", "", ""),
+        *(own, lab.id, "committed", name, plain, at, at, "[]", "[]", told, "assumed", "", ""),
     )
     event = (seq, lab.id, seq, at, own, name, "committed", _json(body), prev, digest)
     pages.add("crutd_event", *event)

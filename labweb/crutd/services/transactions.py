@@ -171,6 +171,9 @@ class Settlement:
 
     actor_id: UUID | None = None
     keep_quarantined: bool = False
+    closes: frozenset[UUID] = frozenset()
+    """What a person has to look at first, however the transaction ends."""
+
     parts: Sequence[Mapping[str, Any]] = ()
     """What was created along with a piece of labware."""
 
@@ -209,6 +212,8 @@ def _settle(
         row.save(update_fields=["state"])
     lifecycle.check_step(TransactionState(row.state), change.state)
     change = _with_released(row, change, settlement)
+    if settlement.closes:
+        change = replace(change, quarantined=change.quarantined | settlement.closes)
     _apply(row, operation, change, settlement)
     _close(row, change, settlement)
     record(
@@ -261,7 +266,7 @@ def _apply(
     row: Transaction, operation: operations.Operation, change: Change, settlement: Settlement
 ) -> None:
     if change.postings:
-        _create_lots(operation, row.lab)
+        _create_lots(operation, row)
     for create in change.created:
         resource_services.create_resource(create, row.lab)
     for resource_id, data in change.data.items():
@@ -293,12 +298,12 @@ def _reserved(row: Transaction, operation: operations.Operation) -> Sequence[Res
     return wanted if is_promised else ()
 
 
-def _create_lots(operation: operations.Operation, lab: Lab) -> None:
+def _create_lots(operation: operations.Operation, row: Transaction) -> None:
     """Write the lots that a delivery or a reaction brings."""
     if isinstance(operation, operations.Receive):
-        resource_services.create_lot(operation, lab)
+        resource_services.create_lot(operation, row.lab)
     elif isinstance(operation, operations.React):
-        resource_services.create_products(operation, lab)
+        resource_services.create_products(operation, row.lab)
 
 
 def changed_ids(change: Change) -> set[UUID]:

@@ -26,7 +26,6 @@ from labweb.domain.runs import custody as rules
 from labweb.domain.runs.custody import CustodyState
 from labweb.enrollment.selectors import EdgeHost
 from labweb.resources import selectors as resource_selectors
-from labweb.resources import services as resource_services
 from labweb.resources.selectors import Lab, Resource
 from labweb.runs import selectors
 from labweb.runs.models import Custody, Outbox
@@ -263,9 +262,10 @@ def _lose(made: Custody) -> None:
     """End a move with its vessel closed: a person finds it and takes stock of it."""
     if made.transaction_id is not None:
         nothing = Outcome(kind=OutcomeKind.PARTIAL, moved_nl=0)
-        settlement = Settlement(outcome=nothing, code="custody.conflict")
+        settlement = Settlement(
+            outcome=nothing, code="custody.conflict", closes=frozenset({made.resource_id})
+        )
         crutd_services.settle(made.transaction_id, settlement)
-        resource_services.quarantine({made.resource_id}, made.transaction_id)
     dispatch.settle_outbox(_transfer_id(made), ["release", "receive"])
     made.ended_at = now()
     made.save(update_fields=["ended_at"])

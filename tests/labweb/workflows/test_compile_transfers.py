@@ -26,7 +26,7 @@ def run(
     done = subprocess.run(
         [sys.executable, "manage.py", "compile_transfers", str(folder / "graph.json"), requests],
         cwd=ROOT,
-        env={**os.environ, "DATABASE_URL": "postgresql://nobody:x@127.0.0.1:1/nothing"},
+        env={**os.environ, "DATABASE_URL": "postgresql://nobody@127.0.0.1:1/nothing"},
         input=lines if piped else None,
         capture_output=True,
         text=True,
