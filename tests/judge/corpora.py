@@ -12,7 +12,7 @@ SEED = int(os.environ.get("LABWEB_SEED", "0")) if IS_SOAK else 0
 LABS = GRAPHS
 RIGS = GRAPHS.parent / "1_xdl"
 FOLDERS = (LABS, RIGS)
-INVENTED = range(SEED * 200, SEED * 200 + 200) if IS_SOAK else range(20)
+INVENTED = range(SEED * 200, SEED * 200 + 200) if IS_SOAK else range(8)
 """Seeds of the rigs that are invented."""
 PER_GRAPH = None if IS_SOAK else 20
 """Requests for each graph file; None: every ordered pair of vessels with every volume."""
