@@ -15,6 +15,7 @@ from django.test.utils import CaptureQueriesContext
 from benchmarks.bare import Bare, Rows, between, written
 from benchmarks.figures import Figure, Options, timed
 from benchmarks.labs import a_lab, grow
+from labweb.accounts.selectors import User
 from labweb.crutd import services
 from labweb.crutd.services import Settlement
 from labweb.domain.crutd.decide import Outcome, OutcomeKind
@@ -37,6 +38,7 @@ class Bench:
 
     lab: Lab
     ends: tuple[UUID, UUID]
+    person: UUID
 
     def _operation(self) -> TransferLiquid:
         source, target = self.ends
@@ -45,7 +47,7 @@ class Bench:
 
     def by_hand(self) -> None:
         """Lock, check, post, record and release in one transaction."""
-        services.carry_out(self._operation(), lab=self.lab, actor_id=None)  # type: ignore[arg-type]
+        services.carry_out(self._operation(), lab=self.lab, actor_id=self.person)
 
     def lock(self) -> UUID:
         """Do what is done before a device acts, in a transaction of its own."""
@@ -64,7 +66,7 @@ def figures(options: Options) -> Iterator[Figure]:
     """
     lab = a_lab(wells=2)
     ids = grow(lab, TREES[0])
-    bench = Bench(lab, (ids["A1"], ids["A2"]))
+    bench = Bench(lab, (ids["A1"], ids["A2"]), User.objects.create(username="hand").pk)
     for nodes in TREES if options.size is None else (TREES[0], 10 * TREES[0]):
         grow(lab, nodes)
         for name, act in (("by hand", bench.by_hand), ("by a device", bench.by_a_device)):

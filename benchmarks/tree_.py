@@ -17,6 +17,7 @@ from benchmarks.figures import Figure, Options, p95_ms, timed
 from benchmarks.history import analyze
 from benchmarks.labs import a_lab, grow
 from benchmarks.transfer_ import rows_of
+from labweb.accounts.selectors import User
 from labweb.crutd import services
 from labweb.domain.crutd.operations import TransferResource
 from labweb.resources import selectors
@@ -142,11 +143,12 @@ def _moved(lab: Lab, plate: UUID) -> dict[str, tuple[int, int]]:
 def _mover(lab: Lab, plate: UUID) -> Callable[[], object]:
     """Return what carries a plate from the rack to the table, or back."""
     ends = {key: Resource.objects.get(lab=lab, key=key).id for key in ("rack", "table")}
+    person = User.objects.create(username="hand").pk
 
     def act() -> None:
         here = Resource.objects.values_list("parent_id", flat=True).get(pk=plate)
         there = ends["table"] if here == ends["rack"] else ends["rack"]
         operation = TransferResource(resource_id=plate, from_id=here, to_id=there)
-        services.carry_out(operation, lab=lab, actor_id=None)  # type: ignore[arg-type]
+        services.carry_out(operation, lab=lab, actor_id=person)
 
     return act
