@@ -82,7 +82,7 @@ def test_the_lab_is_shown_as_it_was(visit: Visit, stack: Stack) -> None:
     run = stack.client().start(WATER)
     stack.client().wait_for_run(run["id"], is_over, 90)
     row = chemist.page.locator(f"[data-testid=tree-row][data-resource='{reactor}'] .volcell")
-    expect(row).not_to_have_text(re.compile(rf"^{before.split()[0]}\\b"))
+    expect(row).not_to_have_text(re.compile(rf"^{re.escape(before.split()[0])}\b"))
     chemist.open(f"lab?sel={reactor}&at={moment}")
     chemist.at("past-resource").wait_for()
     assert chemist.read_volume(reactor) == before
