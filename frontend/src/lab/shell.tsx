@@ -22,6 +22,8 @@ interface Page {
   label: string;
   icon: IconName;
   key: string;
+  /** Where its details live when not under its own address. */
+  also?: string;
 }
 
 const PAGES: Page[] = [
@@ -30,9 +32,9 @@ const PAGES: Page[] = [
   { to: "/runs", label: words.nav.runs, icon: "runs", key: "r" },
   { to: "/approvals", label: words.nav.approvals, icon: "approvals", key: "a" },
   { to: "/twin", label: words.nav.twin, icon: "twin", key: "t" },
-  { to: "/devices", label: words.nav.devices, icon: "devices", key: "d" },
+  { to: "/devices", label: words.nav.devices, icon: "devices", key: "d", also: "/hosts/" },
   { to: "/files", label: words.nav.files, icon: "file", key: "f" },
-  { to: "/lab", label: words.nav.lab, icon: "tree", key: "l" },
+  { to: "/lab", label: words.nav.lab, icon: "tree", key: "l", also: "/lineage/" },
 ];
 const ON_PHONE = ["/", "/runs", "/approvals", "/twin"];
 
@@ -158,12 +160,19 @@ function countOf(to: string, lab: Lab): { value: number; quiet: boolean } {
 }
 
 function Rail({ lab, user }: { lab: Lab; user: User }) {
+  const { pathname } = useLocation();
   return (
     <nav className="rail" aria-label="Main">
       {PAGES.map((page) => {
         const count = countOf(page.to, lab);
         return (
-          <NavLink key={page.to} to={page.to} end={page.to === "/"} title={page.label}>
+          <NavLink
+            key={page.to}
+            to={page.to}
+            end={page.to === "/"}
+            title={page.label}
+            data-held={page.also !== undefined && pathname.startsWith(page.also)}
+          >
             <Icon name={page.icon} />
             <span>{page.label}</span>
             <i className="sp" />
