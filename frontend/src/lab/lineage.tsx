@@ -122,12 +122,16 @@ interface BoxData extends Record<string, unknown> {
   node: LineageNode;
   name: string;
   isRoot: boolean;
+  isDownwards: boolean;
 }
 
 const words = (node: LineageNode): string => (node.detail || node.type).replaceAll("_", " ");
 
 function LineageBox({ data }: NodeProps<Node<BoxData>>) {
-  const { node, name, isRoot } = data;
+  const { node, name, isRoot, isDownwards } = data;
+  const [entry, exit] = isDownwards
+    ? [Position.Top, Position.Bottom]
+    : [Position.Left, Position.Right];
   return (
     <article className={`lbox ${node.kind} ${isRoot ? "root" : ""}`} data-kind={node.kind}>
       <Icon name={ICONS[node.type] ?? "flask"} />
@@ -137,8 +141,8 @@ function LineageBox({ data }: NodeProps<Node<BoxData>>) {
           {node.at ? <At at={node.at} seconds /> : capitalise(words(node))}
         </span>
       </span>
-      <Handle type="target" position={Position.Left} className="quiet" isConnectable={false} />
-      <Handle type="source" position={Position.Right} className="quiet" isConnectable={false} />
+      <Handle type="target" position={entry} className="quiet" isConnectable={false} />
+      <Handle type="source" position={exit} className="quiet" isConnectable={false} />
     </article>
   );
 }
@@ -149,18 +153,20 @@ const HEIGHT = 48;
 
 function Graph({ lineage }: { lineage: Lineage }) {
   const navigate = useNavigate();
+  const isDownwards = matchMedia("(max-width: 640px)").matches;
   const [nodes, edges] = useMemo((): [Node<BoxData>[], Edge[]] => {
     const places = layoutBoxes(
       lineage.nodes.map((node) => ({ id: node.id, width: WIDTH, height: HEIGHT })),
       lineage.edges,
-      { rank: 88, node: 20 },
+      { rank: isDownwards ? 36 : 88, node: 20 },
+      isDownwards ? "TB" : "LR",
     );
     const boxes = lineage.nodes.map((node): Node<BoxData> => ({
       id: node.id,
       type: "box",
       position: places.get(node.id) ?? { x: 0, y: 0 },
       width: WIDTH,
-      data: { node, name: nodeName(node, lineage), isRoot: node.id === lineage.root },
+      data: { node, name: nodeName(node, lineage), isRoot: node.id === lineage.root, isDownwards },
       ariaLabel: `${capitalise(node.type)} ${nodeName(node, lineage)}`,
     }));
     const wires = lineage.edges.map((edge, place): Edge => ({
@@ -171,7 +177,7 @@ function Graph({ lineage }: { lineage: Lineage }) {
       label: edge.amount_nl === null ? edge.label : formatVolume(edge.amount_nl),
     }));
     return [boxes, wires];
-  }, [lineage]);
+  }, [lineage, isDownwards]);
   return (
     <Card
       title="Graph"
@@ -188,7 +194,7 @@ function Graph({ lineage }: { lineage: Lineage }) {
           edgesFocusable={false}
           deleteKeyCode={null}
           fitView
-          fitViewOptions={{ maxZoom: 1, padding: 0.06 }}
+          fitViewOptions={{ minZoom: 0.6, maxZoom: 1, padding: 0.06 }}
           onNodeClick={(_, node) => {
             if (node.data.node.type === "vessel") void navigate(`/lineage/${node.id}`);
           }}

@@ -1,4 +1,4 @@
-/** Automatic layout from left to right, for workflows and lineage. */
+/** Automatic layout from left to right, or from top to bottom, for workflows and lineage. */
 
 import dagre from "@dagrejs/dagre";
 
@@ -18,10 +18,11 @@ export function layoutBoxes(
   boxes: readonly Box[],
   links: readonly Link[],
   gaps: { rank: number; node: number },
+  direction: "LR" | "TB" = "LR",
 ): Map<string, { x: number; y: number }> {
   const graph = new dagre.graphlib.Graph();
   graph.setGraph({
-    rankdir: "LR",
+    rankdir: direction,
     ranksep: gaps.rank,
     nodesep: gaps.node,
     marginx: 24,

@@ -154,6 +154,13 @@ test("the automatic layout puts what comes later to the right", () => {
   expect(places.get("b")?.x).toBe((places.get("a")?.x ?? 0) + 150);
 });
 
+test("on a narrow screen it puts what comes later below", () => {
+  const boxes = ["a", "b"].map((id) => ({ id, width: 100, height: 40 }));
+  const links = [{ source: "a", target: "b" }];
+  const places = layoutBoxes(boxes, links, { rank: 50, node: 10 }, "TB");
+  expect(places.get("b")).toEqual({ x: places.get("a")?.x, y: (places.get("a")?.y ?? 0) + 90 });
+});
+
 test.each([
   [31000, "mg", "31.000 g"],
   [420, "mg", "420 mg"],
