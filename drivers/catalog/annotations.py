@@ -137,10 +137,12 @@ def literal(node: ast.expr | None) -> tuple[bool, Any]:
         value = ast.literal_eval(node)
         if isinstance(value, float) and not math.isfinite(value):
             return False, None
-        msgspec.json.encode(value)
+        value = msgspec.json.decode(msgspec.json.encode(value))  # a tuple is a list from now on
     except (ValueError, TypeError, SyntaxError, OverflowError, RecursionError, MemoryError):
         return False, None
-    is_jsonable = value is None or isinstance(value, bool | int | float | str | list | tuple)
+    except msgspec.DecodeError:
+        return False, None
+    is_jsonable = value is None or isinstance(value, bool | int | float | str | list)
     return (True, value) if is_jsonable else (False, None)
 
 

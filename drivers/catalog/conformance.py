@@ -237,17 +237,17 @@ def _run_on_import(tree: ast.Module) -> Iterator[ast.AST]:
 
 
 def _opens_something(source: Source) -> Iterator[Finding]:
-    for node in ast.walk(source.tree):
+    for node in source.find(ast.Import, ast.ImportFrom, ast.Call):
         if name := _forbidden(node):
             yield source.finding(
                 "drv009",
-                getattr(node, "lineno", 1),
+                node.lineno,
                 f"{name} opens or runs something outside the transports",
                 "take a transport in the constructor and use exchange() or send()",
             )
 
 
-def _forbidden(node: ast.AST) -> str:
+def _forbidden(node: ast.Import | ast.ImportFrom | ast.Call) -> str:
     """Return the name of what the node reaches for, "" when it is allowed."""
     if isinstance(node, ast.Import):
         roots = [alias.name.partition(".")[0] for alias in node.names]
@@ -255,9 +255,8 @@ def _forbidden(node: ast.AST) -> str:
     if isinstance(node, ast.ImportFrom):
         root = (node.module or "").partition(".")[0]
         return root if root in FORBIDDEN_MODULES else ""
-    if isinstance(node, ast.Call) and isinstance(node.func, ast.Name):
-        return node.func.id if node.func.id in FORBIDDEN_CALLS else ""
-    return ""
+    name = node.func.id if isinstance(node.func, ast.Name) else ""
+    return name if name in FORBIDDEN_CALLS else ""
 
 
 def _interface(driver: DriverClass) -> Iterator[Finding]:
@@ -307,7 +306,7 @@ def _type(annotation: ast.expr | None, owner: DriverClass | Interface) -> str:
 
 
 def _frame_numbers(source: Source) -> Iterator[Finding]:
-    for line, number in sorted({*_numbers_in_frames(source.tree)}):
+    for line, number in sorted({*_numbers_in_frames(source)}):
         here = source.comments.get(line, "") + source.comments.get(line - 1, "")
         if not _SECTION.search(here):
             yield source.finding(
@@ -318,12 +317,13 @@ def _frame_numbers(source: Source) -> Iterator[Finding]:
             )
 
 
-def _numbers_in_frames(tree: ast.Module) -> Iterator[tuple[int, str]]:
-    for node in ast.walk(tree):
-        if isinstance(node, Function) and node.name.startswith("encode_"):
-            yield from _bare_numbers(node)
-        elif isinstance(node, ast.Call) and last_name(node) in _SENDERS:
-            for argument in node.args:
+def _numbers_in_frames(source: Source) -> Iterator[tuple[int, str]]:
+    for method in source.find(ast.FunctionDef, ast.AsyncFunctionDef):
+        if method.name.startswith("encode_"):
+            yield from _bare_numbers(method)
+    for call in source.find(ast.Call):
+        if last_name(call) in _SENDERS:
+            for argument in call.args:
                 yield from _bare_numbers(argument)
 
 

@@ -119,7 +119,7 @@ def build_spec(driver: DriverClass) -> DriverSpec:
         actions=tuple(_action(driver, method) for method in driver.actions.values()),
         statuses=tuple(_status(driver, method) for method in driver.statuses.values()),
         config=tuple(_settings(driver)),
-        imports=tuple(sorted(set(imported_modules(driver.source.tree)))),
+        imports=driver.source.imports,
     )
 
 
@@ -152,15 +152,6 @@ def arguments_of(method: Function) -> list[tuple[ast.arg, ast.expr | None]]:
     pairs = list(zip(plain, [*missing, *method.args.defaults], strict=True))
     keyword_only = zip(method.args.kwonlyargs, method.args.kw_defaults, strict=True)
     return [*pairs[1:], *keyword_only]
-
-
-def imported_modules(tree: ast.Module) -> Iterator[str]:
-    """Yield every module that an import statement names, wherever it stands."""
-    for node in ast.walk(tree):
-        if isinstance(node, ast.Import):
-            yield from (alias.name for alias in node.names)
-        elif isinstance(node, ast.ImportFrom):
-            yield "." * node.level + (node.module or "")
 
 
 @cache

@@ -102,10 +102,9 @@ def _files(path: Path) -> Iterator[Path]:
 
 
 def _may_hold_driver(file: Path) -> bool:
-    if file.name.startswith("_"):
-        return False
     try:
         inside = file.resolve().relative_to(PACKAGE).parts
     except ValueError:
         return True
-    return len(inside) > 1 and inside[0] not in _NOT_DEVICES
+    is_private = file.name.startswith("_")
+    return len(inside) > 1 and inside[0] not in _NOT_DEVICES and not is_private

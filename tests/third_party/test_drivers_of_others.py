@@ -6,9 +6,7 @@ skip; under CI they fail.
 """
 
 import json
-import os
 import subprocess
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -18,11 +16,10 @@ import pytest
 
 from fixtures.instruments.models import MODELS
 from tests.fixtures.hand_bench import Json, a_document, a_vessel, an_instrument
-from tests.fixtures.running import ROOT, Process
+from tests.fixtures.running import Process
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(900)]
 
-ENVIRONMENT = ROOT / ".cache/third-party"
 TCP = ("knauer_azura_compact", "knauer_valve", "neware_bts", "tti_pl")
 SERIAL = (
     *("hamilton_ml600", "harvard_elite_11", "huber_pb", "heidolph_hei_connect"),
@@ -30,37 +27,6 @@ SERIAL = (
     "tdk_genesys",
 )
 DRIVE_S = 120.0
-
-
-def make_environment() -> str:
-    """Make the environment, or bring it up to date; return what went wrong."""
-    uv = Path(sys.prefix, "bin/uv")
-    command = [str(uv), "sync", "--frozen", "--no-install-project", "--only-group", "third-party"]
-    variables = {**os.environ, "UV_PROJECT_ENVIRONMENT": str(ENVIRONMENT), "VIRTUAL_ENV": ""}
-    try:
-        done = subprocess.run(
-            command,
-            cwd=ROOT,
-            env=variables,
-            capture_output=True,
-            text=True,
-            timeout=600,
-            check=False,
-        )
-    except (OSError, subprocess.TimeoutExpired) as error:
-        return str(error)
-    return done.stderr[-2000:] if done.returncode else ""
-
-
-@pytest.fixture(scope="session")
-def python() -> Path:
-    """Find the interpreter that has the drivers of others."""
-    problem = make_environment()
-    if problem and os.environ.get("CI", "").lower() == "true":
-        pytest.fail(f"the drivers of others cannot be installed: {problem}")
-    if problem:
-        pytest.skip(f"the drivers of others cannot be installed: {problem}")
-    return ENVIRONMENT / "bin/python"
 
 
 def placed(model: str, endpoint: str) -> Json:
