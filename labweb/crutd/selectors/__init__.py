@@ -10,7 +10,8 @@ from uuid import UUID
 from django.db import connection
 from django.db.models import Q, QuerySet, Sum
 
-from labweb.crutd.models import Entry, Event, EventSubject, Holding, Ticket
+from labweb.crutd.models import Entry, EventSubject, Holding, Ticket
+from labweb.crutd.models import Event as Event
 from labweb.crutd.models import Transaction as Transaction
 from labweb.domain.crutd import operations
 from labweb.domain.crutd.decide import ResourceState
