@@ -7,9 +7,11 @@ from dataclasses import dataclass
 from datetime import datetime
 from uuid import UUID
 
+from django.db import connection
 from django.db.models import Q, QuerySet, Sum
 
-from labweb.crutd.models import Entry, Event, EventSubject, Holding, ResourceLock, Ticket
+from labweb.crutd.models import Entry, EventSubject, Holding, Ticket
+from labweb.crutd.models import Event as Event
 from labweb.crutd.models import Transaction as Transaction
 from labweb.domain.crutd import operations
 from labweb.domain.crutd.decide import ResourceState
@@ -21,6 +23,12 @@ from labweb.domain.resources.contents import LotId
 from labweb.domain.runs.locks import Lock, LockMode
 from labweb.resources import selectors as resource_selectors
 from labweb.resources.selectors import Above, Lab, Lot, Resource
+
+# Written out: it is on the way of every operation of the lab.
+_LOCKS = """
+SELECT resource_id, mode, transaction_id FROM crutd_resourcelock
+WHERE resource_id = ANY(%s) AND released_at IS NULL
+"""
 
 
 def contents(ids: Iterable[UUID]) -> dict[UUID, dict[LotId, int]]:
@@ -139,13 +147,9 @@ def _climb(node: UUID, parents: dict[UUID, UUID | None]) -> Iterable[UUID]:
 
 def held_locks(ids: Iterable[UUID]) -> list[tuple[Lock, UUID]]:
     """Return live locks on the resources, each with its transaction."""
-    rows = ResourceLock.objects.filter(resource_id__in=list(ids), released_at__isnull=True)
-    return [
-        (Lock(resource_id, LockMode(mode)), transaction_id)
-        for resource_id, mode, transaction_id in rows.values_list(
-            "resource_id", "mode", "transaction_id"
-        )
-    ]
+    with connection.cursor() as cursor:
+        cursor.execute(_LOCKS, [list(ids)])
+        return [(Lock(held, LockMode(mode)), owner) for held, mode, owner in cursor.fetchall()]
 
 
 def transaction_for_update(transaction_id: UUID) -> Transaction:

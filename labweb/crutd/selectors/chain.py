@@ -68,7 +68,8 @@ def _subjects(batch: list[Event]) -> dict[int, set[tuple[str, str]]]:
     return found
 
 
-def _broken(event: Event, seq: int, prev: str, subjects: set[tuple[str, str]]) -> Finding | None:
+def broken_link(event: Event, seq: int, prev: str) -> Finding | None:
+    """Say how an event does not follow the one before it; None: it does."""
     row = str(event.id)
     context = {"seq": event.seq, "id": event.id, "expected_seq": seq}
     if event.seq != seq:
@@ -82,10 +83,16 @@ def _broken(event: Event, seq: int, prev: str, subjects: set[tuple[str, str]]) -
     if own != event.hash:
         text = f"event {seq} (row {row}) was edited: it does not fit its own hash"
         return Finding("events.edited", text, str(seq), context)
-    if not _columns_fit(event, subjects):
-        text = f"event {seq} (row {row}): columns or subjects are not what its body says"
-        return Finding("events.columns", text, str(seq), context)
     return None
+
+
+def _broken(event: Event, seq: int, prev: str, subjects: set[tuple[str, str]]) -> Finding | None:
+    broken = broken_link(event, seq, prev)
+    if broken is None and not _columns_fit(event, subjects):
+        text = f"event {seq} (row {event.id}): columns or subjects are not what its body says"
+        context = {"seq": event.seq, "id": event.id, "expected_seq": seq}
+        return Finding("events.columns", text, str(seq), context)
+    return broken
 
 
 def _columns_fit(event: Event, subjects: set[tuple[str, str]]) -> bool:

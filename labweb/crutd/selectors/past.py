@@ -30,11 +30,11 @@ def pack(lab_file: LabFile) -> tuple[bytes, str]:
     return zlib.compress(document, level=1), hashlib.sha256(document).hexdigest()
 
 
-def base_of(lab: Lab) -> LabFile:
-    """Return the lab as it was imported.
+def base_document(lab: Lab) -> tuple[bytes, str]:
+    """Return the lab file of the import, as it was kept, and the digest kept beside it.
 
     Raises:
-        ReconcileError: Nothing was kept of the import, or it is not what was kept.
+        ReconcileError: Nothing was kept of the import, or it cannot be unpacked.
     """
     base = LabBase.objects.filter(lab=lab).first()
     if base is None:
@@ -43,11 +43,25 @@ def base_of(lab: Lab) -> LabFile:
             code="rebuild.no_base",
         )
     try:
-        return msgspec.json.decode(zlib.decompress(base.document), type=LabFile)
-    except (zlib.error, msgspec.MsgspecError) as error:
-        raise ReconcileError(
-            f"the import of {lab.name} cannot be read: {error}", code="rebuild.base"
-        ) from error
+        return zlib.decompress(base.document), base.sha256
+    except zlib.error as error:
+        raise _unreadable(lab, error) from error
+
+
+def base_of(lab: Lab) -> LabFile:
+    """Return the lab as it was imported.
+
+    Raises:
+        ReconcileError: Nothing was kept of the import, or it is not what was kept.
+    """
+    try:
+        return msgspec.json.decode(base_document(lab)[0], type=LabFile)
+    except msgspec.MsgspecError as error:
+        raise _unreadable(lab, error) from error
+
+
+def _unreadable(lab: Lab, error: Exception) -> ReconcileError:
+    return ReconcileError(f"the import of {lab.name} cannot be read: {error}", code="rebuild.base")
 
 
 def _happenings(lab: Lab, up_to: int | None) -> Iterator[Happening]:

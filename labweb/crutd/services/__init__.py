@@ -6,7 +6,7 @@ from labweb.crutd.services.batches import Member, lock_batch
 from labweb.crutd.services.deliveries import receive_deliveries
 from labweb.crutd.services.importing import check_time_zone, import_lab
 from labweb.crutd.services.labware import import_labware
-from labweb.crutd.services.rebuilding import rebuild
+from labweb.crutd.services.rebuilding import rebuild, restore
 from labweb.crutd.services.recording import close_ticket, event_hash, open_ticket
 from labweb.crutd.services.transactions import (
     Settlement,
@@ -35,5 +35,6 @@ __all__ = [
     "open_ticket",
     "rebuild",
     "receive_deliveries",
+    "restore",
     "settle",
 ]

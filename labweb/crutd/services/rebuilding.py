@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import hashlib
+import zlib
+from collections.abc import Iterable, Iterator
 from itertools import islice
 from typing import Any
 from uuid import UUID
@@ -11,7 +13,15 @@ from django.db import connection
 from django.db.transaction import atomic
 
 from labweb.common.clock import now
-from labweb.crutd.models import Entry, Event, ResourceLock, Transaction
+from labweb.crutd.models import (
+    Entry,
+    Event,
+    EventHead,
+    EventSubject,
+    LabBase,
+    ResourceLock,
+    Transaction,
+)
 from labweb.crutd.selectors.chain import events_in_order, first_broken_event
 from labweb.crutd.selectors.past import base_of, rebuild_differences, replayed
 from labweb.crutd.services.importing import rows_of
@@ -79,6 +89,41 @@ def rebuild(lab: Lab) -> None:
         raise ReconcileError(left[0].message, code="rebuild.stray", findings=left)
 
 
+def restore(lab: Lab, document: bytes, events: Iterable[Event]) -> None:
+    """Write a lab of which this database holds the row alone, from its import and its events.
+
+    Raises:
+        ReconcileError: The import or an event cannot be read.
+        django.db.DatabaseError: The events break a rule of the ledger or the chain.
+
+    Effect:
+        None on matter. The caller rolls back when it fails.
+    """
+    sha256 = hashlib.sha256(document).hexdigest()
+    packed = zlib.compress(document, level=1)
+    LabBase.objects.create(lab=lab, document=packed, sha256=sha256)
+    EventHead.objects.create(lab=lab)
+    _in_chunks(Event, events)
+    base, told = base_of(lab), replayed(lab)
+    _write_transactions(lab, told.states)
+    _write_rows(lab, base, list(told.nodes.values()))
+    _in_chunks(EventSubject, _subjects(lab))
+    _write_entries(lab, told.states)
+
+
+def _in_chunks(model: Any, rows: Iterable[Any]) -> None:  # noqa: ANN401 - any table
+    left = iter(rows)
+    while chunk := list(islice(left, _CHUNK)):
+        model.objects.bulk_create(chunk)
+
+
+def _subjects(lab: Lab) -> Iterator[EventSubject]:
+    for event in events_in_order(lab):
+        operation = operations.from_json(event.body["operation"])
+        for resource_id, role in operations.subjects_of(operation):
+            yield EventSubject(event=event, resource_id=resource_id, role=role)
+
+
 def _empty_ledger(lab: Lab) -> None:
     with connection.cursor() as cursor:
         for statement in _EMPTY_LEDGER:
@@ -99,7 +144,7 @@ def _write_transactions(lab: Lab, states: dict[str, str]) -> None:
     with connection.cursor() as cursor:
         cursor.execute("SET CONSTRAINTS ALL IMMEDIATE")
         cursor.execute("ALTER TABLE crutd_transaction DISABLE TRIGGER crutd_transaction_step")
-        for key, state in wrong.items():
+        for key, state in ((key, state) for key, state in wrong.items() if key in known):
             change = last[key].body["change"]
             _rows(lab).filter(pk=key).update(state=state, change=change, settled_at=last[key].at)
         cursor.execute("ALTER TABLE crutd_transaction ENABLE TRIGGER crutd_transaction_step")
@@ -178,9 +223,7 @@ def _resource(lab: Lab, node: Node, imported: Resource | None) -> Resource:
 
 def _write_entries(lab: Lab, states: dict[str, str]) -> None:
     """Post what each event posted; the database keeps the balances and holds its rules."""
-    entries = _entries(lab)
-    while chunk := list(islice(entries, _CHUNK)):
-        Entry.objects.bulk_create(chunk)
+    _in_chunks(Entry, _entries(lab))
     doubtful = [key for key, state in states.items() if state == "quarantined"]
     for row in _rows(lab).filter(pk__in=doubtful):
         reserve(row, operations.reservations(operations.from_json(row.operation)))

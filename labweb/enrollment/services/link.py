@@ -6,8 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 from uuid import UUID
 
-from asgiref.sync import async_to_sync
-from channels.layers import get_channel_layer
+from labweb.common import feed
 
 
 def host_group(host_id: UUID) -> str:
@@ -17,6 +16,4 @@ def host_group(host_id: UUID) -> str:
 
 def tell_host(host_id: UUID, message: Mapping[str, Any]) -> None:
     """Send to a host's live connection; lost when there is none."""
-    layer = get_channel_layer()
-    if layer is not None:
-        async_to_sync(layer.group_send)(host_group(host_id), dict(message))
+    feed.send(host_group(host_id), message)

@@ -83,6 +83,14 @@ def rebuild(lab: Lab) -> None:
         None on matter.
     """
     crutd_services.rebuild(lab)
+    write_job_states(lab)
+    left = differences(lab)
+    if left:
+        raise ReconcileError(left[0].message, code="rebuild.stray", findings=left)
+
+
+def write_job_states(lab: Lab) -> None:
+    """Give each job the state that its host told."""
     told = told_states(lab)
     with connection.cursor() as cursor:
         cursor.execute("SET CONSTRAINTS ALL IMMEDIATE")
@@ -92,6 +100,3 @@ def rebuild(lab: Lab) -> None:
                 Job.objects.filter(pk=job.pk).update(state=told[job.pk].value)
         cursor.execute("ALTER TABLE runs_job ENABLE TRIGGER runs_job_step")
         cursor.execute("SET CONSTRAINTS ALL DEFERRED")
-    left = differences(lab)
-    if left:
-        raise ReconcileError(left[0].message, code="rebuild.stray", findings=left)

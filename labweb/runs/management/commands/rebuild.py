@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from argparse import ArgumentParser
+from pathlib import Path
 from typing import Any
 
 from django.core.management.base import BaseCommand, CommandError
@@ -11,22 +12,25 @@ from django.core.management.base import BaseCommand, CommandError
 from labweb.domain.errors import Finding, LabError
 from labweb.resources import selectors as resource_selectors
 from labweb.resources.selectors import Lab
-from labweb.runs.services import rebuilding
+from labweb.runs.services import rebuilding, restoring
 
 
 class Command(BaseCommand):
-    """`manage.py rebuild [--check]`."""
+    """`manage.py rebuild [--check | --from FILE]`."""
 
     help = (
         "Write tree, lots, ledger, transactions and jobs of every lab anew from its import and "
-        "its events; with --check compare them only, and write nothing."
+        "its events; with --check compare them only, and write nothing; with --from make a lab "
+        "in an empty database of a file that export_events wrote."
     )
 
     def add_arguments(self, parser: ArgumentParser) -> None:
         """Declare the options."""
-        parser.add_argument(
+        what = parser.add_mutually_exclusive_group()
+        what.add_argument(
             "--check", action="store_true", help="compare with the rows, write nothing"
         )
+        what.add_argument("--from", type=Path, dest="file", help="file of events")
         parser.add_argument("--json", action="store_true", help="print JSON instead of lines")
 
     def handle(self, *_args: object, **options: Any) -> None:  # noqa: ANN401 - parsed options
@@ -36,8 +40,10 @@ class Command(BaseCommand):
             CommandError: Something differs, or cannot be rebuilt (exit code 1); each difference
                 was printed. A lab that cannot be rebuilt is left as it was.
         """
+        if options["file"] is not None:
+            self._restore(options["file"])
         labs = list(resource_selectors.labs().order_by("key"))
-        if not options["check"]:
+        if not options["check"] and options["file"] is None:
             for lab in labs:
                 self._rebuild(lab)
         found = {lab.key: _compare(lab) for lab in labs}
@@ -52,6 +58,15 @@ class Command(BaseCommand):
                     self.stdout.write(f"  {finding.code}: {finding.message}")
         if count:
             raise CommandError(f"rows and events differ: {count} differences", returncode=1)
+
+    def _restore(self, path: Path) -> None:
+        try:
+            lab = restoring.restore(path)
+        except OSError as error:
+            raise CommandError(f"cannot read the file: {error}", returncode=1) from error
+        except LabError as error:
+            raise CommandError(f"{error.code}: {error.message}", returncode=1) from error
+        self.stderr.write(f"{lab.key}: made from {path}")
 
     def _rebuild(self, lab: Lab) -> None:
         before = len(_compare(lab))
