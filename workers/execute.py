@@ -6,6 +6,7 @@ import logging
 import threading
 from collections.abc import Callable
 from dataclasses import dataclass
+from queue import SimpleQueue
 from typing import Any, Literal
 
 from drivers.base import Report as DriverReport
@@ -41,31 +42,53 @@ def outer_limit_s(do: Do) -> float:
     return do.timeout_s * 1.5 + 5.0
 
 
-def act(
-    unit: Unit,
-    do: Do,
-    clock: Clock,
-    *,
-    is_cancel_wanted: Callable[[], bool],
-) -> Acted:
-    """Carry out the action on a thread of its own and wait for its end.
+class Actor:
+    """The thread on which the actions of one line call their drivers, one after the other."""
 
-    Effect:
-        The device acts, once. Nothing is ever sent again from here.
-    """
-    task = _Task(unit, do)
-    unit.is_acting = True
-    task.start()
-    deadline_s = clock.monotonic_s() + outer_limit_s(do)
-    is_halted = False
-    while not task.wait(POLL_S):
-        if clock.monotonic_s() > deadline_s:
-            return _overrun(task, unit, clock)
-        if not is_halted and is_cancel_wanted():
-            is_halted = True
-            unit.stop()
-    unit.is_acting = False
-    return Acted(task.report())
+    def __init__(self) -> None:
+        self._tasks: SimpleQueue[_Task | None] | None = None
+
+    def act(
+        self, unit: Unit, do: Do, clock: Clock, *, is_cancel_wanted: Callable[[], bool]
+    ) -> Acted:
+        """Carry out the action on the thread and wait for its end.
+
+        Effect:
+            The device acts, once. Nothing is ever sent again from here.
+        """
+        task = _Task(unit, do)
+        unit.is_acting = True
+        self._begin(task)
+        deadline_s = clock.monotonic_s() + outer_limit_s(do)
+        is_halted = False
+        while not task.wait(POLL_S):
+            if clock.monotonic_s() > deadline_s:
+                acted = _overrun(task, unit, clock)
+                if acted.is_hung:
+                    self._tasks = None  # its thread is lost with it
+                return acted
+            if not is_halted and is_cancel_wanted():
+                is_halted = True
+                unit.stop()
+        unit.is_acting = False
+        return Acted(task.report())
+
+    def close(self) -> None:
+        """End the thread after what it does now."""
+        if self._tasks is not None:
+            self._tasks.put(None)
+            self._tasks = None
+
+    def _begin(self, task: _Task) -> None:
+        if self._tasks is None:
+            self._tasks = SimpleQueue()
+            threading.Thread(target=_work, args=(self._tasks,), name="action", daemon=True).start()
+        self._tasks.put(task)
+
+
+def _work(tasks: SimpleQueue[_Task | None]) -> None:
+    while (task := tasks.get()) is not None:
+        task.run()
 
 
 def _overrun(task: _Task, unit: Unit, clock: Clock) -> Acted:
@@ -87,21 +110,17 @@ def _overrun(task: _Task, unit: Unit, clock: Clock) -> Acted:
 
 
 class _Task:
-    """The thread that calls the driver."""
+    """One call of a driver, and what came of it."""
 
     def __init__(self, unit: Unit, do: Do) -> None:
         self._unit = unit
         self._do = do
         self._done = threading.Event()
         self._report: Report | None = None
-        self._thread = threading.Thread(target=self._run, name="action", daemon=True)
 
     @property
     def is_done(self) -> bool:
         return self._done.is_set()
-
-    def start(self) -> None:
-        self._thread.start()
 
     def wait(self, duration_s: float) -> bool:
         return self._done.wait(duration_s)
@@ -110,7 +129,7 @@ class _Task:
         assert self._report is not None  # noqa: S101 - set before the event
         return self._report
 
-    def _run(self) -> None:
+    def run(self) -> None:
         try:
             with _observed(self._unit):
                 self._report = to_report(self._do, self._unit, self._call())

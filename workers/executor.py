@@ -69,6 +69,11 @@ class Executor:
         self._is_closing = is_closing
         self._wake = wake
         self._reader = Reader(units, store, clock)
+        self._actor = execute.Actor()
+
+    def close(self) -> None:
+        """End the thread of the actions."""
+        self._actor.close()
 
     # --- after a crash ---
 
@@ -178,6 +183,8 @@ class Executor:
 
     def _is_waiting(self, do: Do) -> bool:
         """Say whether its batch lets an action wait; spares the device a question too."""
+        if do.batch is None:
+            return False
         away_s = standing.offline_s(self._journal.host_state(), self._journal.moment())
         turn = batch.turn_of(self._journal, do.batch, away_s)
         answer = None if turn is None else batch.decide_turn(turn)
@@ -216,7 +223,7 @@ class Executor:
         self, started: Started, unit: Unit, before: Mapping[tuple[UUID, str], Any]
     ) -> None:
         row, do = started.row, started.do
-        acted = execute.act(
+        acted = self._actor.act(
             unit, do, self._clock, is_cancel_wanted=lambda: self._is_cancelled(row.action_id)
         )
         if unit.driver.is_stopped and not self._journal.host_state().stop_latched:
@@ -230,6 +237,9 @@ class Executor:
             unit.check_link()
             return
         context = self._context(unit)
+        if not do.post:  # nothing is read between answer and end: one write holds both
+            self._finish(row, acted.report, [], context)
+            return
         self._persist(lambda: self._write_actuated(row, acted.report, context))
         faults.point("execute.after_actuated")
         self._confirm(row, do, acted.report, before)
@@ -244,12 +254,12 @@ class Executor:
         return row is not None and row.is_cancel_wanted
 
     def _write_actuated(self, row: ActionRow, report: Report, context: dict[str, Any]) -> None:
-        with self._journal.write() as tx:
+        with self._journal.write(is_sealed=False) as tx:
             acting.write_actuated(tx, row, report, context)
 
     def _context(self, unit: Unit) -> dict[str, Any]:
         """Return versions of what acts, and the latest readings of the host with their age."""
-        devices = [device.id for device in self._journal.devices()]
+        devices = [device.id for device in self._journal.devices() if device.statuses]
         readings = self._reader.latest(devices)
         return context_body(unit.config.digest, unit.config.config, readings)
 
@@ -282,15 +292,28 @@ class Executor:
 
     # --- its end ---
 
-    def _finish(self, row: ActionRow, report: Report, post: list[tuple[Condition, Result]]) -> None:
-        self._persist(lambda: self._write_end(row, report, post))
+    def _finish(
+        self,
+        row: ActionRow,
+        report: Report,
+        post: list[tuple[Condition, Result]],
+        answered: dict[str, Any] | None = None,
+    ) -> None:
+        """Write the end; with the context of the device's answer, that first, in one write."""
+        self._persist(lambda: self._write_end(row, report, post, answered))
         faults.point("execute.after_done")
         self._wake_others(row.do)
 
     def _write_end(
-        self, row: ActionRow, report: Report, post: list[tuple[Condition, Result]]
+        self,
+        row: ActionRow,
+        report: Report,
+        post: list[tuple[Condition, Result]],
+        answered: dict[str, Any] | None,
     ) -> None:
-        with self._journal.write() as tx:
+        with self._journal.write(is_sealed=False) as tx:
+            if answered is not None:
+                acting.write_actuated(tx, row, report, answered)
             acting.write_end(tx, row, report, post)
             faults.point("execute.before_done")
 

@@ -19,7 +19,7 @@ POINTS = (
     "accept.after_commit",
     "journal.before_commit",
     "journal.after_commit",
-    "seal.before_replace",
+    "seal.before_write",
     "execute.before_started",
     "execute.after_started",
     "execute.before_first_byte",

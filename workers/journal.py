@@ -13,10 +13,10 @@ from __future__ import annotations
 import os
 import sqlite3
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Generator, Iterator
+from contextlib import contextmanager, nullcontext
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar, cast
 from uuid import UUID, uuid4
 
 import msgspec
@@ -32,9 +32,12 @@ from labweb.domain.runs.journal import ActionRow, Chain, JournalError, Seal, fin
 from labweb.domain.runs.moment import Moment
 from labweb.domain.runs.standing import state_of
 from workers import faults
+from workers.bell import ring
 from workers.journal_schema import migrate, to_action
 from workers.seal import create_seal, raise_seal, read_seal
 from workers.transaction import Transaction
+
+T = TypeVar("T")
 
 BUSY_TIMEOUT_S = 5.0
 BOOT_ID_FILE = Path("/proc/sys/kernel/random/boot_id")
@@ -67,6 +70,8 @@ class Journal:
         self.wall_s = wall_s
         self.mono_s = mono_s
         self._seal_path = path.with_suffix(".seal")
+        self.bell_path = path.with_suffix(".bell")
+        self._known: dict[str, tuple[str, object]] = {}
         self._connection = _connect(path)
         try:
             with _readable():
@@ -116,13 +121,21 @@ class Journal:
 
     def devices(self) -> list[DeviceConfig]:
         """Return the devices that the server last told this host to serve."""
-        text = self.meta("devices")
-        return [] if text is None else msgspec.json.decode(text, type=list[DeviceConfig])
+        return self._decoded("devices", list[DeviceConfig]) or []
 
     def command_keys(self) -> dict[str, str]:
         """Return the public keys that may sign commands, by key id."""
-        text = self.meta("command_keys")
-        return {} if text is None else msgspec.json.decode(text, type=dict[str, str])
+        return self._decoded("command_keys", dict[str, str]) or {}
+
+    def _decoded(self, key: str, sort: type[T]) -> T | None:
+        """Return one remembered value, read anew only when its text is another one."""
+        text = self.meta(key)
+        if text is None:
+            return None
+        known = self._known.get(key)
+        if known is None or known[0] != text:
+            known = self._known[key] = (text, msgspec.json.decode(text, type=sort))
+        return cast("T", known[1])
 
     def acked_seq(self) -> int:
         """Return the last event that the server has committed."""
@@ -187,22 +200,40 @@ class Journal:
     # --- what is written ---
 
     @contextmanager
-    def write(self) -> Iterator[Transaction]:
-        """Make one atomic, durable write; then move the seal.
+    def write(self, *, is_sealed: bool = True, is_durable: bool = True) -> Iterator[Transaction]:
+        """Make one atomic, durable write; then move the seal, and say that something is to tell.
+
+        Args:
+            is_sealed: False leaves the seal to the next write, or to whoever tells the
+                server. Only for what may be taken back by a copy of the journal: an answer
+                of a device, whose start is sealed and then counts as in doubt.
+            is_durable: False lets a power cut take the write back; the next one that is
+                durable keeps it too. Only for what the server knows better.
 
         Raises:
             JournalError: The disk refused. Nothing is written, or, when only the seal
                 failed, nothing may be actuated on the strength of it.
         """
+        with nullcontext() if is_durable else self._not_durably():
+            transaction = yield from self._commit()
+        faults.point("journal.after_commit")
+        seq, digest = transaction.head
+        if is_sealed and transaction.has_appended:
+            seal = Seal(journal_id=self.journal_id, seq=seq, hash=digest)
+            raise_seal(self._seal_path, seal, self._hash_at)
+        if transaction.is_urgent:
+            ring(self.bell_path)
+
+    def _commit(self) -> Generator[Transaction, None, Transaction]:
         with _readable():
             self._connection.execute("BEGIN IMMEDIATE")
-        transaction = Transaction(
-            self._connection,
-            journal_id=self.journal_id,
-            head=self.head(),
-            wall_s=self.wall_s,
-        )
         try:
+            transaction = Transaction(
+                self._connection,
+                journal_id=self.journal_id,
+                head=self.head(),
+                wall_s=self.wall_s,
+            )
             yield transaction
             faults.point("journal.before_commit")
             with _readable():
@@ -211,11 +242,17 @@ class Journal:
             if self._connection.in_transaction:
                 self._connection.execute("ROLLBACK")
             raise
-        faults.point("journal.after_commit")
-        seq, digest = transaction.head
-        if transaction.has_appended:
-            seal = Seal(journal_id=self.journal_id, seq=seq, hash=digest)
-            raise_seal(self._seal_path, seal, self._hash_at)
+        return transaction
+
+    @contextmanager
+    def _not_durably(self) -> Iterator[None]:
+        with _readable():
+            self._connection.execute("PRAGMA synchronous = NORMAL")
+        try:
+            yield
+        finally:
+            with _readable():
+                self._connection.execute("PRAGMA synchronous = FULL")
 
     def seal_up(self) -> None:
         """Bring the seal to the end of the journal, which a crash may have left behind.

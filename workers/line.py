@@ -97,6 +97,7 @@ class Line:
         self._closing.set()
         self._watch.stop()
         self._sampler.stop()
+        self._executor.close()
         for unit in self.units.values():
             unit.close()
         self._journal.close()

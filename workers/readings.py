@@ -73,12 +73,13 @@ class Reader:
 
     def latest(self, devices: Iterable[UUID]) -> list[tuple[str, str, Any, float]]:
         """Return (device, status, value, age in seconds) of the last samples; asks no device."""
-        if self._store is None:
+        wanted = list(devices)
+        if self._store is None or not wanted:
             return []
         now_s = self._clock.monotonic_s()
         return [
             (sample.device_id, sample.status, sample.value, now_s - sample.mono_s)
-            for sample in self._store.latest_of(devices)
+            for sample in self._store.latest_of(wanted)
         ]
 
     def _value(self, device_id: UUID, status: str) -> Any:  # noqa: ANN401 - any JSON value

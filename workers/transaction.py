@@ -15,6 +15,9 @@ from labweb.domain.runs.journal import ActionRow, HeldResource, JournalError
 from labweb.domain.runs.standing import state_of
 from workers.journal_schema import to_action
 
+PROGRESS = frozenset({"accepted", "started", "actuated"})
+"""Events that need not be told at once: more of the same action follows."""
+
 
 class Transaction:
     """What may be done inside `Journal.write`."""
@@ -32,6 +35,8 @@ class Transaction:
         self._first = head
         self._wall_s = wall_s
         self.head = head
+        self.is_urgent = False
+        """An event was appended that the server waits for."""
 
     @property
     def has_appended(self) -> bool:
@@ -57,6 +62,7 @@ class Transaction:
         row = (event.seq, prev, digest, kind, _text(action_id), event.at_s, text.decode())
         self._run("INSERT INTO event VALUES (?, ?, ?, ?, ?, ?, ?)", row)
         self.head = (event.seq, digest)
+        self.is_urgent = self.is_urgent or kind not in PROGRESS
 
     def prune(self, acked_seq: int, before_s: float) -> int:
         """Delete acknowledged events from before that time, but never the last one."""

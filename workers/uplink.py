@@ -42,6 +42,7 @@ from labweb.domain.messages import (
 from workers import faults
 from workers.accept import accept
 from workers.app import make_host_app, wake
+from workers.bell import Bell
 from workers.config import HostConfig
 from workers.devices import lines_of
 from workers.journal import Journal
@@ -63,6 +64,8 @@ LONGEST_RETRY_S = 8.0
 HANDSHAKE_S = 10.0
 HEARTBEAT_S = 1.0
 EVENTS_POLL_S = 0.03
+"""How long progress waits to be told, and an end whose bell was lost."""
+
 ACK_TIMEOUT_S = 10.0
 TELEMETRY_S = 0.1
 """Shortest time between two telemetry frames."""
@@ -224,19 +227,27 @@ class Uplink:
     # --- up ---
 
     async def _tell_events(self, socket: ClientConnection) -> None:
-        while True:
-            events = self._journal.events_after(self._sent_seq)
-            if not events:
-                await asyncio.sleep(EVENTS_POLL_S)
-                continue
-            self._journal.seal_up()
-            faults.point("uplink.before_send")
-            self._acked.clear()
-            self._sent_seq = events[-1].seq
-            await _send(socket, Events(epoch=self._epoch, events=events))
-            faults.point("uplink.after_send")
-            async with asyncio.timeout(ACK_TIMEOUT_S):
-                await self._acked.wait()
+        bell = Bell(self._journal.bell_path)
+        try:
+            while True:
+                await self._tell_frame(socket, bell)
+        finally:
+            bell.close()
+
+    async def _tell_frame(self, socket: ClientConnection, bell: Bell) -> None:
+        """Tell the next events and wait for their acknowledgement; without any, for the bell."""
+        events = self._journal.events_after(self._sent_seq)
+        if not events:
+            await bell.wait(EVENTS_POLL_S)
+            return
+        self._journal.seal_up()
+        faults.point("uplink.before_send")
+        self._acked.clear()
+        self._sent_seq = events[-1].seq
+        await _send(socket, Events(epoch=self._epoch, events=events))
+        faults.point("uplink.after_send")
+        async with asyncio.timeout(ACK_TIMEOUT_S):
+            await self._acked.wait()
 
     async def _tell_life(self, socket: ClientConnection) -> None:
         while True:

@@ -15,17 +15,15 @@ from typing import NoReturn
 
 import msgspec
 
-from labweb.domain.crutd.conditions import Condition
 from labweb.domain.messages import Do, EdgeEvent, Signed
 from tests.faults.pump import CountingPump
 from tests.workers.bench import (
     BOOT_ID,
     BOTTLE_ID,
-    DEVICE_ID,
     SYRINGE_ID,
     Host,
     a_do,
-    plain,
+    by_position,
 )
 from tests.workers.crashing import accept_and_drain
 from workers import executor
@@ -87,7 +85,7 @@ def play(folder: Path, cell: tuple[str, str]) -> Seen:
     os.environ["LABWEB_BOOT_ID"] = BOOT_ID
     with CountingPump() as pump:
         host = Host(folder, pump.url)
-        do = a_do(host.server, post=[_by_position()])
+        do = a_do(host.server, post=[by_position()])
         faults = {
             "LABWEB_FAULTS": "1",
             "LABWEB_FAULT": f"{point}:{what}",
@@ -113,20 +111,6 @@ def play(folder: Path, cell: tuple[str, str]) -> Seen:
         )
         host.journal.close()
         return seen
-
-
-def _by_position() -> dict[str, object]:
-    """After the stroke the plunger has to stand 100 µL further."""
-    return plain(
-        Condition(
-            name="pump.volume",
-            device_id=DEVICE_ID,
-            status="volume_ul",
-            change=100.0,
-            tolerance=1.0,
-            timeout_s=0.3,
-        )
-    )
 
 
 def _run(host: Host, do: Do, variables: dict[str, str]) -> str:

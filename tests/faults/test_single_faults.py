@@ -30,13 +30,13 @@ place                       kill        raise       disk_full   fsync       time
 accept.before_commit        complete 1  complete 1  complete 1  complete 1  complete 1  aborted 1
 journal.before_commit@1     complete 1  complete 1  complete 1  complete 1  complete 1  aborted 1
 journal.after_commit@1      complete 1  complete 1  complete 1  complete 1  complete 1  aborted 1
-seal.before_replace@1       complete 1  complete 1  complete 1  complete 1  complete 1  aborted 1
+seal.before_write@1         complete 1  complete 1  complete 1  complete 1  complete 1  aborted 1
 accept.after_commit         complete 1  complete 1  complete 1  complete 1  complete 1  aborted 1
 
 execute.before_started      complete 1  complete 1  complete 1  complete 1  aborted 0   aborted 1
 journal.before_commit@2     complete 1  complete 1  complete 1  complete 1  aborted 0   aborted 1
 journal.after_commit@2      in_doubt 0  in_doubt 0  in_doubt 0  in_doubt 0  aborted 0   aborted 1
-seal.before_replace@2       in_doubt 0  in_doubt 0  in_doubt 1  in_doubt 0  aborted 0   aborted 1
+seal.before_write@2         in_doubt 0  in_doubt 0  in_doubt 0  in_doubt 0  aborted 0   aborted 1
 execute.after_started       in_doubt 0  in_doubt 0  in_doubt 1  in_doubt 1  aborted 0   aborted 1
 
 execute.before_first_byte   in_doubt 0  in_doubt 0  in_doubt 1  in_doubt 1  aborted 0   aborted 1
@@ -51,16 +51,15 @@ execute.after_first_byte@4  in_doubt 1  in_doubt 1  in_doubt 1  in_doubt 1  in_d
 execute.before_actuated     in_doubt 1  in_doubt 1  in_doubt 1  in_doubt 1  complete 1  complete 1
 journal.before_commit@3     in_doubt 1  in_doubt 1  in_doubt 1  in_doubt 1  complete 1  complete 1
 journal.after_commit@3      complete 1  complete 1  complete 1  complete 1  complete 1  complete 1
-seal.before_replace@3       complete 1  complete 1  complete 1  complete 1  complete 1  complete 1
 execute.after_actuated      complete 1  complete 1  complete 1  complete 1  complete 1  complete 1
 
 execute.before_done         complete 1  complete 1  complete 1  complete 1  complete 1  complete 1
 journal.before_commit@4     complete 1  complete 1  complete 1  complete 1  complete 1  complete 1
 journal.after_commit@4      complete 1  complete 1  complete 1  complete 1  complete 1  complete 1
-seal.before_replace@4       complete 1  complete 1  complete 1  complete 1  complete 1  complete 1
 execute.after_done          complete 1  complete 1  complete 1  complete 1  complete 1  complete 1
 """
-# 1 to 4 are the writes of accepted, started, actuated and the end. Of the bytes, the second
+# 1 to 4 are the writes of accepted, started, actuated and the end; the last two leave the seal
+# to whoever tells of them. Of the bytes, the second
 # write after the first is the command that acts, and its answer is the third that comes in.
 
 

@@ -150,8 +150,9 @@ class SimHost:
         now_s = self.lab.now_s
         return Moment(boot_id=self.boot_id, mono_s=now_s - self.boot_at_s, wall_s=now_s)
 
-    def write(self) -> MemoryWrite:
-        return MemoryWrite(self.disk, self.lab.now_s, self._sealed)
+    def write(self, *, is_sealed: bool = True) -> MemoryWrite:
+        sealed = self._sealed if is_sealed else lambda _has_appended: None
+        return MemoryWrite(self.disk, self.lab.now_s, sealed)
 
     def _sealed(self, has_appended: bool) -> None:
         if not has_appended:
@@ -299,14 +300,14 @@ class SimHost:
         self.acting = None
         yield "before actuated"
         if report.ok:
-            with self.write() as tx:
+            with self.write(is_sealed=False) as tx:
                 acting.write_actuated(tx, started.row, report)
             yield "after actuated"
         self._end(started.row, report)
         yield "after done"
 
     def _end(self, row: ActionRow, report: Report) -> None:
-        with self.write() as tx:
+        with self.write(is_sealed=False) as tx:
             acting.write_end(tx, row, report, [])
 
     # --- the uplink ---

@@ -21,6 +21,7 @@ from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 
 from drivers.load import read_spec
 from drivers.transports.urls import line_key
+from labweb.domain.crutd.conditions import Condition
 from labweb.domain.crutd.operations import TransferLiquid, to_json
 from labweb.domain.messages import (
     Command,
@@ -178,6 +179,19 @@ def a_do(server: Server, **changes: Any) -> Do:  # noqa: ANN401 - any field
         timeout_s=20.0,
     )
     return msgspec.structs.replace(known, **changes)
+
+
+def by_position(device_id: UUID = DEVICE_ID, change_ul: float = 100.0) -> dict[str, Any]:
+    """A post-condition: the plunger stands so much further than before."""
+    condition = Condition(
+        name="pump.volume",
+        device_id=device_id,
+        status="volume_ul",
+        change=change_ul,
+        tolerance=1.0,
+        timeout_s=0.3,
+    )
+    return plain(condition)
 
 
 @dataclass

@@ -64,7 +64,7 @@ def test_an_outcome_that_never_reaches_the_disk_ends_the_process(
         raise JournalError("the disk is full")
 
     with host.executor() as line:
-        monkeypatch.setattr(line, "_write_actuated", refuse)
+        monkeypatch.setattr(line, "_write_end", refuse)
         with pytest.raises(AbandonedActionError):
             line.drain()
     assert pump.moves == ["A300"]

@@ -10,7 +10,7 @@ import msgspec
 import pytest
 
 from labweb.domain.messages import Do
-from tests.workers.bench import BOOT_ID, BOTTLE_ID, SYRINGE_ID, Host, PumpProcess, a_do
+from tests.workers.bench import BOOT_ID, BOTTLE_ID, SYRINGE_ID, Host, PumpProcess, a_do, by_position
 from tests.workers.crashing import accept_and_drain
 
 POINTS = {
@@ -28,6 +28,14 @@ POINTS = {
     "execute.before_done": ("actuated", 1, "complete"),
     "execute.after_done": ("complete", 1, "complete"),
 }
+UNREAD = {
+    # The same where nothing is read afterwards: answer and end are one write.
+    "journal.before_commit@3": ("started", 1, "in_doubt"),
+    "execute.before_done": ("started", 1, "in_doubt"),
+    "journal.after_commit@3": ("complete", 1, "complete"),
+    "execute.after_done": ("complete", 1, "complete"),
+}
+CASES = [(point, True) for point in POINTS] + [(point, False) for point in UNREAD]
 
 
 @pytest.fixture(scope="module")
@@ -48,12 +56,12 @@ def run(context: ForkServerContext, host: Host, do: Do, variables: dict[str, str
     return process.exitcode
 
 
-@pytest.mark.parametrize("point", POINTS)
+@pytest.mark.parametrize(("point", "is_read"), CASES)
 def test_an_action_is_done_at_most_once_wherever_the_process_dies(
-    processes: ForkServerContext, host: Host, pump: PumpProcess, point: str
+    processes: ForkServerContext, host: Host, pump: PumpProcess, point: str, is_read: bool
 ) -> None:
-    left, actuations, final = POINTS[point]
-    do = a_do(host.server)
+    left, actuations, final = (POINTS if is_read else UNREAD)[point]
+    do = a_do(host.server, post=[by_position()] if is_read else [])
     faults = {"LABWEB_FAULTS": "1", "LABWEB_FAULT": f"{point}:kill"}
     assert run(processes, host, do, faults) == -signal.SIGKILL
     row = host.journal.action(do.action_id)

@@ -183,10 +183,11 @@ def test_a_journal_that_cannot_be_written_holds_the_line(host: Host, pump: PumpP
     filler = "x" * 100_000
     with pytest.raises(JournalError), host.journal.write() as tx:
         tx.set_meta("filler", filler)
-    host.journal._seal_path.with_suffix(".new").mkdir()  # the seal cannot be written either
+    seal = host.journal._seal_path
+    seal.rename(seal.with_suffix(".away"))  # the seal cannot be written either
     with host.executor() as executor, pytest.raises(AbandonedActionError):
         executor.drain()
-    host.journal._seal_path.with_suffix(".new").rmdir()
+    seal.with_suffix(".away").rename(seal)
     host.journal._connection.execute("PRAGMA max_page_count = 1000000")
     with host.executor() as executor:
         assert executor.drain() == 0

@@ -14,6 +14,7 @@ from labweb.accounts import services as account_services
 from labweb.accounts.selectors import User
 from labweb.common import feed, signing
 from labweb.common.clock import new_id, now
+from labweb.common.wake import wake_dispatcher
 from labweb.domain.approvals.roles import Permission
 from labweb.domain.errors import DefinitionError, EnrollmentError, StateError
 from labweb.domain.messages import Hello, Welcome, hello_bytes
@@ -195,6 +196,7 @@ def resume_host(host_id: UUID, epoch: int) -> None:
         pk=host_id, epoch=epoch, state=SessionState.SYNCING.value
     ).update(state=SessionState.ONLINE.value, state_at=now())
     if changed:
+        wake_dispatcher()
         feed.publish("hosts", {"host_id": str(host_id)})
 
 

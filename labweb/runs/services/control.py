@@ -13,6 +13,7 @@ from labweb.accounts.selectors import User
 from labweb.approvals import services as approval_services
 from labweb.common import feed
 from labweb.common.clock import new_id, now
+from labweb.common.wake import wake_dispatcher
 from labweb.crutd import services as crutd_services
 from labweb.crutd.services import Settlement
 from labweb.domain.approvals.roles import Permission
@@ -99,6 +100,7 @@ def resume_run(run_id: UUID, *, actor: User) -> Run:
     for job in Job.objects.filter(run=run, state=JobState.HELD.value):
         move_job(job, JobState.QUEUED, Mover.SERVER, code="", message="")
     account_services.write_audit("run.resume", str(run.id), actor=actor)
+    wake_dispatcher()
     run = refresh_run(run_id)
     on_commit(partial(announce, run_id))
     return run

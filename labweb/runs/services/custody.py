@@ -14,6 +14,7 @@ from labweb.accounts import services as account_services
 from labweb.accounts.selectors import User
 from labweb.common import feed
 from labweb.common.clock import new_id, now
+from labweb.common.wake import wake_dispatcher
 from labweb.crutd import selectors as crutd_selectors
 from labweb.crutd import services as crutd_services
 from labweb.crutd.services import Settlement
@@ -149,6 +150,7 @@ def _send(host: EdgeHost, command: Release | Receive, made: Custody) -> None:
     Outbox.objects.create(
         host=host, action_id=_transfer_id(made), kind=body["t"], body=body, at=now()
     )
+    wake_dispatcher()
 
 
 def _transfer_id(made: Custody) -> UUID:

@@ -12,6 +12,7 @@ from django.db.transaction import atomic
 
 from labweb.common import queue, signing
 from labweb.common.clock import new_id, now
+from labweb.common.wake import wake_dispatcher
 from labweb.crutd import selectors as crutd_selectors
 from labweb.crutd import services as crutd_services
 from labweb.crutd.selectors import Transaction
@@ -85,7 +86,7 @@ def _dispatch(job_id: UUID) -> bool:
     rows = resource_selectors.rows(_view_ids(job, transaction))
     states = crutd_selectors.snapshot(rows)
     views = [view_of(row, states[row.id]) for row in rows]
-    _post(host, attempt.id, command_of(job, attempt, views))
+    _keep(host, attempt.id, command_of(job, attempt, views))
     move_job(job, JobState.DISPATCHED, Mover.SCHEDULER)
     note_start(job.run)
     refresh_run(job.run_id)
@@ -166,9 +167,15 @@ def view_of(row: Resource, state: ResourceState) -> ResourceView:
     )
 
 
-def _post(host: EdgeHost, action_id: UUID, command: Command) -> None:
+def _keep(host: EdgeHost, action_id: UUID, command: Command) -> None:
     body = msgspec.to_builtins(command)
     Outbox.objects.create(host=host, action_id=action_id, kind=body["t"], body=body, at=now())
+
+
+def _post(host: EdgeHost, action_id: UUID, command: Command) -> None:
+    """Keep a command that did not come from the dispatcher, and wake it to send that."""
+    _keep(host, action_id, command)
+    wake_dispatcher()
 
 
 def send_resolution(attempt: Attempt, **fields: object) -> None:

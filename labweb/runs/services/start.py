@@ -19,6 +19,7 @@ from labweb.approvals import selectors as approval_selectors
 from labweb.approvals import services as approval_services
 from labweb.approvals.selectors import ApprovalRequest
 from labweb.common.clock import now
+from labweb.common.wake import wake_dispatcher
 from labweb.crutd import selectors as crutd_selectors
 from labweb.domain.approvals.roles import Permission
 from labweb.domain.crutd import operations
@@ -178,6 +179,8 @@ def start_run(version: WorkflowVersion, *, actor: User, seen_digest: str | None 
     write_jobs(run, found.plan, job_state)
     if needs_person:
         _ask(run, found.policies, actor)
+    else:
+        wake_dispatcher()
     account_services.write_audit(
         "run.start", str(run.id), actor=actor, detail={"plan_digest": plan_digest}
     )

@@ -10,6 +10,7 @@ from django.db.transaction import on_commit
 
 from labweb.common import feed
 from labweb.common.clock import now
+from labweb.common.wake import wake_dispatcher
 from labweb.domain.runs.job import FINAL, JobState, Mover, RunState, check_step
 from labweb.domain.runs.scheduler import run_state
 from labweb.runs import selectors
@@ -32,6 +33,8 @@ def move_job(job: Job, state: JobState, mover: Mover, **fields: Any) -> None:  #
     for name, value in fields.items():
         setattr(job, name, value)
     job.save()
+    if mover is not Mover.SCHEDULER and (state is JobState.QUEUED or state in FINAL):
+        wake_dispatcher()
     on_commit(partial(announce, job.run_id, job.id))
 
 

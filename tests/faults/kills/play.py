@@ -16,7 +16,7 @@ import msgspec
 
 from labweb.domain.messages import Command, Do, EdgeEvent, Resolve
 from tests.faults.kills.lab import Bench, Lab
-from tests.workers.bench import BOOT_ID, HOST_ID, a_bottle, a_do, a_syringe
+from tests.workers.bench import BOOT_ID, HOST_ID, a_bottle, a_do, a_syringe, by_position
 from workers.journal import check_journal
 
 AGAIN_S = 0.5
@@ -36,7 +36,7 @@ POINTS = (
     "accept.after_commit",
     "journal.before_commit",
     "journal.after_commit",
-    "seal.before_replace",
+    "seal.before_write",
     "execute.after_started",
     "execute.mid_action@2",
     "execute.before_actuated",
@@ -153,6 +153,8 @@ class Game:
                 "target_id": str(target),
                 "amount_nl": amount_ul * 1000,
             },
+            # Every other one is looked at once more after its answer.
+            post=[by_position(bench.device.id, -amount_ul if is_full else amount_ul)][tag % 2 :],
             resources=[] if bench.device.id in self.known else views,
             ttl_s=600.0,
         )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import logging
 import signal
 import threading
@@ -15,18 +16,20 @@ from django.db import connection, connections
 from django.db.transaction import atomic
 from django.db.utils import InterfaceError, OperationalError
 
+from labweb.common import wake
 from labweb.common.clock import now
 from labweb.enrollment import selectors as enrollment_selectors
 from labweb.enrollment import services as enrollment_services
 from labweb.resources import selectors as resource_selectors
-from labweb.runs import selectors, services
+from labweb.runs import services
 from labweb.runs.services.control import tell_stop
 from labweb.telemetry import services as telemetry_services
 
 logger = logging.getLogger(__name__)
 
-_BUSY_TICK_S = 0.03
-_IDLE_TICK_S = 0.2
+_TICK_S = 0.2
+"""How long work waits whose bell was lost."""
+
 _WATCH_EVERY_S = 1.0
 _TRIM_EVERY_S = 60.0
 _LEADER_LOCK = 0x6C61_6264
@@ -61,12 +64,16 @@ class Command(BaseCommand):
 
         signal.signal(signal.SIGTERM, end)
         signal.signal(signal.SIGINT, end)
+        self.work(stop)
+
+    def work(self, stop: threading.Event) -> None:
+        """Look whenever the bell rings, and each tick without it, until told to stop."""
         monitor = Monitor()
+        listener = wake.Listener()
         watched_at = trimmed_at = 0.0
         while not stop.is_set():
-            is_busy = False
             try:
-                is_busy = self._tick()
+                self._tick()
                 if time.monotonic() - watched_at >= _WATCH_EVERY_S:
                     watched_at = time.monotonic()
                     self._watch(monitor)
@@ -77,21 +84,26 @@ class Command(BaseCommand):
                 logger.warning("the database is away: %s", error)
                 connections.close_all()
                 stop.wait(1.0)
-            stop.wait(_BUSY_TICK_S if is_busy else _IDLE_TICK_S)
+            listener.wait(_TICK_S)
+        listener.close()
+        self._resign()
 
-    def _tick(self) -> bool:
-        """Dispatch and publish; tell whether there is live work."""
-        if not self._is_leader():
-            return False
-        services.dispatch_ready()
-        services.publish_outbox()
-        return selectors.runs_to_schedule().exists()
+    def _tick(self) -> None:
+        """Dispatch and publish, if no other dispatcher does."""
+        if self._is_leader():
+            services.dispatch_ready()
+            services.publish_outbox()
 
     def _is_leader(self) -> bool:
         with atomic(), connection.cursor() as cursor:
             cursor.execute("SELECT pg_try_advisory_lock(%s)", [_LEADER_LOCK])
             row = cursor.fetchone()
             return bool(row and row[0])
+
+    def _resign(self) -> None:
+        """Let another dispatcher lead; a pool would keep the connection, and the lock with it."""
+        with contextlib.suppress(OperationalError, InterfaceError), connection.cursor() as cursor:
+            cursor.execute("SELECT pg_advisory_unlock_all()")
 
     def _watch(self, monitor: Monitor) -> None:
         enrollment_services.watch_hosts(monitor.silent_s())

@@ -1,0 +1,66 @@
+"""A bell between the processes of one host: something is in the journal that wants to be told.
+
+It carries nothing and may be lost; who hears it looks into the journal, and looks now and
+then without it.
+
+Source:
+    fifo(7): a reader that holds both ends never sees its end, and a full pipe is a bell that
+    rings already.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import os
+from pathlib import Path
+
+MOST_RINGS = 4096
+
+
+def ring(path: Path) -> None:
+    """Wake whoever waits; nobody may."""
+    with contextlib.suppress(OSError):
+        handle = os.open(path, os.O_WRONLY | os.O_NONBLOCK)
+        try:
+            os.write(handle, b"!")
+        finally:
+            os.close(handle)
+
+
+class Bell:
+    """The waiting end, in one event loop."""
+
+    def __init__(self, path: Path) -> None:
+        """Hang the bell up.
+
+        Raises:
+            OSError: The folder takes no FIFO.
+        """
+        with contextlib.suppress(FileExistsError):
+            os.mkfifo(path, 0o600)
+        self._handle = os.open(path, os.O_RDWR | os.O_NONBLOCK)
+        self._rung = asyncio.Event()
+        asyncio.get_running_loop().add_reader(self._handle, self._hear)
+
+    @property
+    def is_rung(self) -> bool:
+        """Say whether somebody has rung since the last wait."""
+        return self._rung.is_set()
+
+    async def wait(self, longest_s: float) -> None:
+        """Wait for a ring since the last wait, or for so long."""
+        with contextlib.suppress(TimeoutError):
+            async with asyncio.timeout(longest_s):
+                await self._rung.wait()
+        self._rung.clear()
+
+    def close(self) -> None:
+        """Take the bell down."""
+        asyncio.get_running_loop().remove_reader(self._handle)
+        os.close(self._handle)
+
+    def _hear(self) -> None:
+        with contextlib.suppress(BlockingIOError):
+            os.read(self._handle, MOST_RINGS)
+        self._rung.set()
