@@ -162,6 +162,15 @@ def database_url(stack: Stack) -> str:
     )
 
 
+def database_answers(stack: Stack) -> bool:
+    """Say whether the database takes a connection."""
+    try:
+        psycopg.connect(_conninfo(database_url(stack))).close()
+    except psycopg.OperationalError:
+        return False
+    return True
+
+
 def _conninfo(url: str) -> str:
     """Give libpq's form of an address whose socket stands in its query or its host."""
     parts = urlsplit(url)

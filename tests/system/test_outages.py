@@ -18,6 +18,7 @@ from tests.system.outages import (
     Outage,
     an_outage,
     broker_sockets,
+    database_answers,
     database_pid,
     frozen,
     host_pids,
@@ -32,6 +33,8 @@ pytestmark = [
 
 IS_SOAK = bool(os.environ.get("LABWEB_SOAK"))
 FROZEN_S = 60.0 if IS_SOAK else 0.0
+AWAY_S = 60.0 if IS_SOAK else 0.5
+ANSWERS_WITHIN_S = 15.0
 MISSED_AS = "isolated" if IS_SOAK else "suspect"
 """What the server has to take a frozen host for before it goes on: after 30 s, or after 10 s."""
 
@@ -67,9 +70,29 @@ def test_brokers_that_are_killed_again_and_again_lose_no_command(stack: Stack) -
 
 
 def test_a_database_that_is_stopped_at_once_loses_nothing_it_had_confirmed(stack: Stack) -> None:
-    """SIGQUIT to its first process is what `pg_ctl stop -m immediate` sends."""
+    """SIGQUIT to its first process is what `pg_ctl stop -m immediate` sends.
+
+    It cannot start again before its files are back; then the page answers as soon as it does.
+    """
+    files, elsewhere = stack.data / "pg", stack.data / "pg.away"
     with an_outage(stack):
-        os.kill(database_pid(stack), signal.SIGQUIT)
+        pid = database_pid(stack)
+        files.rename(elsewhere)
+        os.kill(pid, signal.SIGQUIT)
+        time.sleep(AWAY_S)
+        elsewhere.rename(files)
+        _wait_for_database(stack)
+        began_s = time.monotonic()
+        while not stack.client().raw("GET", "hosts").is_success:
+            assert time.monotonic() - began_s < ANSWERS_WITHIN_S
+            time.sleep(0.1)
+
+
+def _wait_for_database(stack: Stack) -> None:
+    deadline_s = time.monotonic() + 60
+    while not database_answers(stack):
+        assert time.monotonic() < deadline_s
+        time.sleep(0.1)
 
 
 def test_a_server_killed_around_each_commit_sends_and_takes_everything_once(stack: Stack) -> None:
