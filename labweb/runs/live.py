@@ -13,6 +13,7 @@ import msgspec
 from channels.db import database_sync_to_async
 from channels.generic.websocket import AsyncWebsocketConsumer
 
+from labweb.common import faults
 from labweb.common.clock import now
 from labweb.domain.errors import LabError
 from labweb.domain.messages import (
@@ -182,6 +183,7 @@ class EdgeConsumer(AsyncWebsocketConsumer):
         if acked is None:
             await self.close(code=CLOSE_SESSION_OVER)
             return
+        faults.point("ingest.after_commit")
         await self._send(Ack(seq=acked))
         await self._maybe_resume(acked)
 

@@ -21,6 +21,12 @@ REDIS_DATABASE = int(parse_url(REDIS_URL).get("db", 0))  # type: ignore[no-untyp
 DATA_DIR = Path(os.environ.get("LABWEB_DATA", ROOT / "var" / "starter"))
 
 
+POOL = {"min_size": 1, "max_size": 8, "timeout": 10, "reconnect_timeout": 3}
+"""Times in seconds. The pool doubles its pause with each try to connect; a try that is given up
+after three is begun anew by whoever asks next, so that a database that was long away is found
+again as soon as one that was away for a moment."""
+
+
 def database(url: str) -> dict[str, Any]:
     """Turn a PostgreSQL URL into Django's settings; any libpq form is accepted."""
     parts = conninfo_to_dict(url)
@@ -32,7 +38,7 @@ def database(url: str) -> dict[str, Any]:
         "HOST": parts.pop("host", ""),
         "PORT": str(parts.pop("port", "")),
         "CONN_MAX_AGE": 0,
-        "OPTIONS": {**parts, "pool": {"min_size": 1, "max_size": 8, "timeout": 10}},
+        "OPTIONS": {**parts, "pool": POOL},
     }
 
 

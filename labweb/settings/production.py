@@ -19,6 +19,8 @@ if os.environ.get("LABWEB_ALLOW_SINGLE_FACTOR") != "yes":
         "sign-in has one factor only: set LABWEB_ALLOW_SINGLE_FACTOR=yes to accept that, "
         "or put a sign-on proxy with a second factor in front"
     )
+if os.environ.get("LABWEB_FAULTS"):
+    raise ImproperlyConfigured("LABWEB_FAULTS breaks processes on purpose: never in production")
 
 SECURE_SSL_REDIRECT = True
 SECURE_PROXY_SSL_HEADER = ("HTTP_X_FORWARDED_PROTO", "https")

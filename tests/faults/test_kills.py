@@ -41,19 +41,27 @@ def test_a_soak_that_was_interrupted_goes_on_with_the_next_seed(
 ) -> None:
     record = tmp_path / "kills.jsonl"
     counts = {"kills": 50, "actions": 9, "complete": 6, "in_doubt": 3, "in_doubt_had_acted": 2}
-    known = {"events": 40, "most_actuations": 1, "violations": [], **counts}
+    known = {"events": 40, "most_actuations": 1, "seconds": 5.0, "violations": [], **counts}
     lines = [json.dumps({"seed": seed, **known}) for seed in range(4)]
     record.write_text("\n".join(lines) + '\n{"seed": 4, "kil')
     assert sorted(done_before(record)) == [0, 1, 2, 3]
     assert main(["--seeds", "0..3", "--record", str(record), "--resume"]) == 0
-    assert capsys.readouterr().out.startswith("4 seeds, 200 kills, 36 actions")
+    said = capsys.readouterr().out
+    assert said.startswith("4 seeds, 200 kills, 36 actions")
+    assert "0.10 s a kill: 10000 in 17 min (limit 60)" in said
     assert record.read_text().splitlines() == lines  # and the line that was cut off is gone
 
 
 def test_a_violation_in_the_record_fails_the_soak(tmp_path: Path) -> None:
     record = tmp_path / "kills.jsonl"
     counts = {"kills": 50, "actions": 9, "complete": 6, "in_doubt": 3, "in_doubt_had_acted": 2}
-    bad = {"events": 40, "most_actuations": 2, "violations": ["acted 2 times"], **counts}
+    bad = {
+        "events": 40,
+        "most_actuations": 2,
+        "seconds": 5.0,
+        "violations": ["acted 2 times"],
+        **counts,
+    }
     record.write_text(json.dumps({"seed": 7, **bad}) + "\n")
     command = [sys.executable, "-m", "tests.faults.kills", "--seeds", "7", "--resume"]
     done = subprocess.run(

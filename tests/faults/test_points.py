@@ -12,6 +12,7 @@ from pathlib import Path
 import msgspec
 import pytest
 
+from labweb.common import faults as server_faults
 from labweb.domain.errors import DefinitionError
 from tests.workers.bench import HOST_ID, ROOT
 from workers import faults
@@ -47,10 +48,28 @@ def test_a_point_of_a_plain_host_is_an_empty_function() -> None:
     assert done.returncode == 0, done.stderr
 
 
-def test_the_environment_arms_the_points_of_a_checkout() -> None:
-    code = "from workers import faults; faults.point('accept.after_commit')"
-    done = run(code, LABWEB_FAULTS="1", LABWEB_FAULT="accept.after_commit:raise")
-    assert "InjectedFaultError: accept.after_commit" in done.stderr
+def test_a_point_of_a_plain_server_is_an_empty_function() -> None:
+    code = "\n".join(
+        [
+            "import sys, dis",
+            "from labweb.common import faults",
+            "ops = {i.opname for i in dis.get_instructions(faults.point)}",
+            "assert ops <= {'RESUME', 'LOAD_CONST', 'RETURN_VALUE', 'RETURN_CONST'}, ops",
+            "assert 'workers.injection' not in sys.modules",
+        ]
+    )
+    done = run(code, LABWEB_FAULT="relay.before_ring:kill")
+    assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.parametrize(
+    ("module", "point"),
+    [("workers", "accept.after_commit"), ("labweb.common", "relay.before_ring")],
+)
+def test_the_environment_arms_the_points_of_a_checkout(module: str, point: str) -> None:
+    code = f"from {module} import faults; faults.point({point!r})"
+    done = run(code, LABWEB_FAULTS="1", LABWEB_FAULT=f"{point}:raise")
+    assert f"InjectedFaultError: {point}" in done.stderr
 
 
 def test_the_package_leaves_out_what_breaks_a_host() -> None:
@@ -65,13 +84,17 @@ def test_an_installed_package_refuses_to_start_with_faults(tmp_path: Path) -> No
     shutil.copytree(ROOT / "workers", tmp_path / "workers", ignore=leave_out)
     shutil.copytree(ROOT / "drivers", tmp_path / "drivers", ignore=leave_out)
     shutil.copytree(ROOT / "labweb" / "domain", tmp_path / "labweb" / "domain", ignore=leave_out)
-    (tmp_path / "labweb" / "__init__.py").touch()
-    code = "import workers.run; print(workers.run.__file__)"
-    plain = run(code, root=tmp_path)
-    assert plain.stdout.strip() == str(tmp_path / "workers" / "run.py"), plain.stderr
-    armed = run(code, root=tmp_path, LABWEB_FAULTS="1")
-    assert armed.returncode == 1
-    assert "this installation has no faults to inject" in armed.stderr
+    (tmp_path / "labweb" / "common").mkdir()
+    shutil.copy(ROOT / "labweb" / "common" / "faults.py", tmp_path / "labweb" / "common")
+    for package in ("labweb", "labweb/common"):
+        (tmp_path / package / "__init__.py").touch()
+    for name in ("workers.run", "labweb.common.faults"):
+        code = f"import {name} as one; print(one.__file__)"
+        plain = run(code, root=tmp_path)
+        assert plain.stdout.startswith(str(tmp_path)), plain.stderr
+        armed = run(code, root=tmp_path, LABWEB_FAULTS="1")
+        assert armed.returncode == 1
+        assert "this installation has no faults to inject" in armed.stderr
 
 
 @pytest.mark.parametrize(("field", "variable"), [("accept.after_commit:kill", "0"), (None, "1")])
@@ -96,6 +119,12 @@ def test_a_live_host_is_refused_with_faults(
         load_config(path)
     path.write_bytes(msgspec.json.encode(msgspec.structs.replace(config, mode="sim")))
     assert load_config(path).faults == field
+
+
+def test_every_point_of_the_server_is_in_the_code_once() -> None:
+    text = "".join(path.read_text() for path in (ROOT / "labweb").rglob("*.py"))
+    assert [text.count(f'faults.point("{one}")') for one in server_faults.POINTS] == [1, 1, 1]
+    assert text.count("faults.point(") == len(server_faults.POINTS)
 
 
 def test_every_point_in_the_code_is_listed_and_every_listed_point_is_in_the_code() -> None:

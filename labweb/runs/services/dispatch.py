@@ -10,7 +10,7 @@ import msgspec
 from django.db.models import F, Q
 from django.db.transaction import atomic
 
-from labweb.common import queue, signing
+from labweb.common import faults, queue, signing
 from labweb.common.clock import new_id, now
 from labweb.common.wake import wake_dispatcher
 from labweb.crutd import selectors as crutd_selectors
@@ -248,11 +248,13 @@ def _publish_for(host: EdgeHost) -> int:
         rows = selectors.pending_outbox(host).filter(due).select_for_update(skip_locked=True)
         for row in rows[:100]:
             signed = _signed(row, host.epoch)
+            faults.point("relay.before_ring")
             if not queue.ring(host.id, signed):
                 logger.warning("the broker is away: telling host %s directly", host.name)
             if row.publish_count:
                 nudge = {"type": "edge.nudge", "signed": msgspec.to_builtins(signed)}
                 enrollment_services.tell_host(host.id, nudge)
+            faults.point("relay.after_ring")
             Outbox.objects.filter(pk=row.pk).update(
                 published_at=now(), publish_count=F("publish_count") + 1
             )

@@ -18,6 +18,8 @@ from typing import Any
 from tests.faults.kills.play import play
 
 KILLS_OF_A_SEED = 50
+ALL_COUNT, ALL_WITHIN_S = 10_000, 3600.0
+"""So many kills in so long, on two cores."""
 
 
 def done_before(record: Path) -> dict[int, dict[str, Any]]:
@@ -67,11 +69,13 @@ def summary(results: Sequence[dict[str, Any]]) -> str:
 
     most = max((one["most_actuations"] for one in results), default=0)
     violations = sum(len(one["violations"]) for one in results)
+    each_s = sum(one["seconds"] for one in results) / max(1, total("kills"))
     return (
         f"{len(results)} seeds, {total('kills')} kills, {total('actions')} actions, "
         f"{total('complete')} complete, {total('in_doubt')} in doubt of which "
         f"{total('in_doubt_had_acted')} had acted, {total('events')} events, "
-        f"at most {most} actuation of an action, {violations} violations"
+        f"at most {most} actuation of an action, {violations} violations; {each_s:.2f} s a kill: "
+        f"{ALL_COUNT} in {ALL_COUNT * each_s / 60:.0f} min (limit {ALL_WITHIN_S / 60:g})"
     )
 
 

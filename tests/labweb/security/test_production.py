@@ -62,3 +62,9 @@ def test_one_factor_alone_has_to_be_accepted_in_so_many_words(
     done = check(tmp_path, LABWEB_ALLOW_SINGLE_FACTOR=said)
     assert done.returncode != 0
     assert "LABWEB_ALLOW_SINGLE_FACTOR=yes" in done.stderr
+
+
+def test_a_server_that_is_to_break_on_purpose_is_refused(tmp_path: Path) -> None:
+    done = check(tmp_path, LABWEB_FAULTS="1")
+    assert done.returncode != 0
+    assert "LABWEB_FAULTS" in done.stderr
