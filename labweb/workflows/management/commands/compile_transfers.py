@@ -53,7 +53,7 @@ class Command(BaseCommand):
         rig: Rig | list[Finding]
         problem = ""
         try:
-            rig = read_rig(_read_graph(options["graph"]))
+            rig = read_rig(read_graph(options["graph"]))
         except OSError as error:
             raise CommandError(f"cannot read {options['graph']}: {error.strerror}") from error
         except LabFileError as error:
@@ -75,7 +75,7 @@ class Command(BaseCommand):
             sys.exit(REFUSED)
 
 
-def _read_graph(path: Path) -> bytes:
+def read_graph(path: Path) -> bytes:
     """Read a graph, unpacked when it is packed; one byte too many shows that it is too large."""
     with path.open("rb") as stream:
         raw = stream.read(MAX_BYTES + 1)

@@ -1,0 +1,263 @@
+"""Which vessel of the rig each vessel and reagent of a recipe is: never by a name that is alike."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from decimal import Decimal
+
+from labweb.domain.errors import Finding
+from labweb.domain.workflows.on_rig.equipment import Equipment, Sort
+from labweb.domain.workflows.xdl.expansion.basic import BasicOperation, Kind
+from labweb.domain.workflows.xdl.findings import Findings, nearest
+from labweb.domain.workflows.xdl.markup import NOWHERE, Place
+from labweb.domain.workflows.xdl.recipe import Component, Procedure, Reagent
+
+_LISTED = 8
+_VESSEL_FIELDS = ("vessel", "source", "target", "lower_to", "upper_to")
+_REAGENT_FIELDS = {
+    Kind.ADD_LIQUID: "reagent",
+    Kind.ADJUST: "reagent",
+    Kind.RINSE_LINES: "solvent",
+}
+_KINDS = {
+    "reactor": Sort.REACTOR,
+    "filter": Sort.FILTER,
+    "separator": Sort.SEPARATOR,
+    "rotavap": Sort.ROTAVAP,
+    "ikarv10": Sort.ROTAVAP,
+    "waste": Sort.WASTE,
+    "flask": Sort.FLASK,
+    "bufferflask": Sort.FLASK,
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Binding:
+    """What stands for what."""
+
+    vessels: Mapping[str, str]
+    """Id of the recipe → id of the graph."""
+
+    reagents: Mapping[str, tuple[str, ...]]
+    """Reagent → the flasks of the graph that it can be taken from."""
+
+    notes: tuple[str, ...] = ()
+
+    def flasks(self) -> frozenset[str]:
+        """Return every flask that some reagent is taken from."""
+        return frozenset(key for keys in self.reagents.values() for key in keys)
+
+
+@dataclass(slots=True)
+class _Use:
+    """What the recipe does with a vessel."""
+
+    place: Place = NOWHERE
+    is_stirred: bool = False
+    temperatures: list[Decimal] = field(default_factory=list)
+
+
+def bind(
+    procedure: Procedure,
+    operations: Iterable[BasicOperation],
+    equipment: Equipment,
+    given: Mapping[str, str],
+    told: Findings,
+) -> Binding:
+    """Bind every vessel and liquid reagent that the recipe uses; tell all that cannot be.
+
+    A vessel is the one of the same id and sort, the one that `given` names, or the only one of
+    its sort that can do what is asked of it. A reagent is in the flasks that hold exactly it.
+    """
+    operations = list(operations)
+    _check_given(procedure, equipment, given, told)
+    uses = _uses(operations)
+    binder = _Binder(procedure, equipment, given, told)
+    reagents = binder.reagents(operations, uses)
+    vessels = binder.vessels({name: use for name, use in uses.items() if name not in reagents})
+    return Binding(vessels=vessels, reagents=reagents, notes=tuple(binder.notes))
+
+
+def _uses(operations: Iterable[BasicOperation]) -> dict[str, _Use]:
+    uses: dict[str, _Use] = {}
+    for operation in operations:
+        for name in _VESSEL_FIELDS:
+            value = operation.fields.get(name)
+            if not isinstance(value, str) or value.startswith("@"):
+                continue
+            use = uses.setdefault(value, _Use(place=operation.place))
+            use.is_stirred |= operation.kind is Kind.START_STIR
+            temperature = operation.fields.get("temperature_c")
+            if isinstance(temperature, Decimal):
+                use.temperatures.append(temperature)
+    return uses
+
+
+def _check_given(
+    procedure: Procedure, equipment: Equipment, given: Mapping[str, str], told: Findings
+) -> None:
+    names = {c.id for c in procedure.hardware} | {r.id for r in procedure.reagents}
+    for name, key in given.items():
+        if name not in names:
+            hint = nearest(name, names)
+            told.all.append(
+                Finding("plan.unknown_role", f"the recipe declares no {name!r}{hint}", name)
+            )
+        if key not in equipment.elements:
+            hint = nearest(key, equipment.elements)
+            message = f"{name} is bound to {key!r}, which is not in the graph{hint}"
+            told.all.append(Finding("plan.unknown_vessel", message, key))
+
+
+class _Binder:
+    def __init__(
+        self,
+        procedure: Procedure,
+        equipment: Equipment,
+        given: Mapping[str, str],
+        told: Findings,
+    ) -> None:
+        self._procedure = procedure
+        self._equipment = equipment
+        self._given = given
+        self._told = told
+        self.notes: list[str] = []
+
+    def reagents(
+        self, operations: Iterable[BasicOperation], uses: Mapping[str, _Use]
+    ) -> dict[str, tuple[str, ...]]:
+        wanted: dict[str, Place] = {}
+        for operation in operations:
+            name = operation.fields.get(_REAGENT_FIELDS.get(operation.kind, ""))
+            if isinstance(name, str):
+                wanted.setdefault(name, operation.place)
+        for name, use in uses.items():
+            is_reagent = any(r.id == name for r in self._procedure.reagents)
+            if is_reagent and name not in self._equipment.vessels:
+                wanted.setdefault(name, use.place)
+        for reagent in self._procedure.reagents:
+            if reagent.values.get("use_for_cleaning") is True and self._flasks(reagent):
+                wanted.setdefault(reagent.id, reagent.place)
+        found = {}
+        for name, place in wanted.items():
+            known = self._procedure.reagent(name)
+            keys = self._flasks(Reagent(id=name, name=name) if known is None else known)
+            if keys:
+                found[name] = keys
+            elif name not in self._given:
+                held = {
+                    label: key
+                    for key in self._equipment.vessels
+                    for label in (self._equipment.chemical(key),)
+                    if label
+                }
+                message = (
+                    f"no flask of the rig holds {name!r}{nearest(name, held)}: name the flask in "
+                    f'the graph, or bind it with --bind "{name}=FLASK"'
+                )
+                self._told.tell("plan.no_reagent", message, place)
+        return found
+
+    def _flasks(self, reagent: Reagent) -> tuple[str, ...]:
+        if reagent.id in self._given:
+            key = self._given[reagent.id]
+            return (key,) if key in self._equipment.vessels else ()
+        names = {reagent.id, reagent.name}
+        return tuple(
+            key
+            for key, sort in self._equipment.vessels.items()
+            if sort in (Sort.FLASK, Sort.PLAIN) and names & self._holds(key)
+        )
+
+    def _holds(self, key: str) -> set[str]:
+        named = self._equipment.chemical(key)
+        return {named} if named else {name for name, _ in self._equipment.contents(key)}
+
+    def vessels(self, uses: Mapping[str, _Use]) -> dict[str, str]:
+        found: dict[str, str] = {}
+        open_: dict[str, list[str]] = {}
+        for name, use in uses.items():
+            component = self._procedure.component(name)
+            key = self._given.get(name, name)
+            if key in self._equipment.vessels:
+                if self._fits(component, key, use):
+                    found[name] = key
+            elif name not in self._given:
+                open_[name] = self._candidates(component, use, name)
+        self._assign(open_, found, uses)
+        return found
+
+    def _fits(self, component: Component | None, key: str, use: _Use) -> bool:
+        kind, sort = _kind(component), self._equipment.sort(key)
+        if kind is None or kind == sort or Sort.PLAIN in (kind, sort):
+            return True
+        # A flask is what holds liquid: a recipe may call any vessel one.
+        if kind is Sort.FLASK or (kind is Sort.REACTOR and sort is Sort.FLASK):
+            return True
+        message = f"{component.id if component else key} is a {kind} and {key} a {sort}"
+        self._told.tell("plan.wrong_kind", message, use.place)
+        return False
+
+    def _candidates(self, component: Component | None, use: _Use, name: str) -> list[str]:
+        kind = _kind(component)
+        if kind is None:
+            message = (
+                f"the rig has no vessel {name!r}{nearest(name, self._equipment.vessels)}, and the "
+                "recipe does not say what sort it is"
+            )
+            self._told.tell("plan.no_vessel", message, use.place)
+            return []
+        of_kind = [
+            key
+            for key, sort in self._equipment.vessels.items()
+            if sort is kind and not self._equipment.chemical(key) and key not in self._named()
+        ]
+        able = [key for key in of_kind if self._is_able(key, use)]
+        if not of_kind:
+            message = f"the rig has no {kind} for {name!r}; bind one with --bind {name}=VESSEL"
+            self._told.tell("plan.no_vessel", message, use.place)
+        return able or of_kind
+
+    def _named(self) -> set[str]:
+        return {*self._given.values(), *(c.id for c in self._procedure.hardware)}
+
+    def _is_able(self, key: str, use: _Use) -> bool:
+        if use.is_stirred and not self._equipment.stirrer(key):
+            return False
+        near = self._equipment.thermostats(key)
+        return all(any(t.covers(temp) for t in near) for temp in use.temperatures)
+
+    def _assign(
+        self, open_: dict[str, list[str]], found: dict[str, str], uses: Mapping[str, _Use]
+    ) -> None:
+        """Give each open vessel the only one that is left for it, as long as there is one."""
+        while True:
+            taken = set(found.values())
+            left = {n: [k for k in keys if k not in taken] for n, keys in open_.items()}
+            forced = next((n for n, keys in left.items() if len(keys) == 1 and n not in found), "")
+            if not forced:
+                break
+            found[forced] = left[forced][0]
+            sort = self._equipment.sort(found[forced])
+            self.notes.append(
+                f"{forced} is {found[forced]}, the only {sort} of the rig that it can be"
+            )
+        for name, keys in left.items():
+            if name in found or not open_[name]:
+                continue
+            listed = ", ".join(keys[:_LISTED])
+            message = (
+                f"{name!r} may be any of {listed}: choose with --bind {name}=VESSEL"
+                if keys
+                else f"every vessel that {name!r} could be is another of the recipe's"
+            )
+            self._told.tell(
+                "plan.vessel_ambiguous" if keys else "plan.no_vessel", message, uses[name].place
+            )
+
+
+def _kind(component: Component | None) -> Sort | None:
+    if component is None:
+        return None
+    return _KINDS.get(component.type.lower().replace("_", "").removeprefix("chemputer"))

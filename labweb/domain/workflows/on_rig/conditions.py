@@ -1,0 +1,260 @@
+"""Steps that stir, heat, chill, light, wait, measure or boil down."""
+
+from __future__ import annotations
+
+from decimal import Decimal
+from typing import Any
+
+from labweb.domain.workflows.on_rig.equipment import Sort, Thermostat
+from labweb.domain.workflows.on_rig.making import BY_HAND, TIMER, Making, estimate, say
+from labweb.domain.workflows.passes.backbone import Group
+from labweb.domain.workflows.xdl.expansion.basic import BasicOperation
+
+RAMP_C_S = 2 / 60
+"""Estimate: vessels warm and cool by 2 °C a minute."""
+
+ROOM_C = 25.0
+EVAPORATION_S = 1800.0
+"""Estimate for boiling down when nobody says a time."""
+
+
+def start_stir(making: Making, operation: BasicOperation) -> None:
+    """Stir; a rotary evaporator turns its flask instead."""
+    vessel, speed = making.vessel(operation), operation.fields.get("speed_rpm")
+    if vessel is None:
+        return
+    if making.equipment.sort(vessel) is Sort.ROTAVAP:
+        start_rotation(making, operation)
+        return
+    stirrer = making.equipment.stirrer(vessel)
+    if stirrer is None:
+        message = f"nothing stirs {vessel}"
+        making.told.tell("plan.no_stirrer", message, operation.place)
+        return
+    making.running["stir", vessel] = stirrer
+    does = {"kind": "stir", "vessel": vessel, "speed_rpm": number(speed)}
+    making.add(operation.place, does, [[say(stirrer, "stir", speed_rpm=number(speed))]])
+
+
+def stop_stir(making: Making, operation: BasicOperation) -> None:
+    """Stop stirring what is stirred."""
+    vessel = making.vessel(operation)
+    if vessel is None:
+        return
+    if making.equipment.sort(vessel) is Sort.ROTAVAP:
+        stop_rotation(making, operation)
+        return
+    stirrer = making.stopped("stir", vessel)
+    if stirrer is not None:
+        does = {"kind": "stop_stir", "vessel": vessel}
+        making.add(operation.place, does, [[say(stirrer, "stop_stirring")]])
+
+
+def start_rotation(making: Making, operation: BasicOperation) -> None:
+    """Turn the flask of a rotary evaporator."""
+    vessel = _rotavap(making, operation)
+    speed = number(operation.fields.get("speed_rpm"))
+    if vessel is not None:
+        making.running["rotate", vessel] = vessel
+        does = {"kind": "rotate", "vessel": vessel, "speed_rpm": speed}
+        making.add(operation.place, does, [[say(vessel, "start_rotation", speed_rpm=speed)]])
+
+
+def stop_rotation(making: Making, operation: BasicOperation) -> None:
+    """Stop turning it."""
+    vessel = making.vessel(operation)
+    if vessel is not None and making.stopped("rotate", vessel):
+        does = {"kind": "stop_rotate", "vessel": vessel}
+        making.add(operation.place, does, [[say(vessel, "stop_rotation")]])
+
+
+def lower_flask(making: Making, operation: BasicOperation) -> None:
+    """Put the flask into the bath."""
+    vessel = _rotavap(making, operation)
+    if vessel is not None:
+        making.running["lower", vessel] = vessel
+        does = {"kind": "lower", "vessel": vessel}
+        making.add(operation.place, does, [[say(vessel, "lower_flask")]])
+
+
+def raise_flask(making: Making, operation: BasicOperation) -> None:
+    """Take the flask out of the bath."""
+    vessel = making.vessel(operation)
+    if vessel is not None and making.stopped("lower", vessel):
+        does = {"kind": "raise", "vessel": vessel}
+        making.add(operation.place, does, [[say(vessel, "raise_flask")]])
+
+
+def _rotavap(making: Making, operation: BasicOperation) -> str | None:
+    vessel = making.vessel(operation)
+    if vessel is None or making.equipment.sort(vessel) is Sort.ROTAVAP:
+        return vessel
+    message = f"{vessel} is a {making.equipment.sort(vessel)} and no rotary evaporator"
+    making.told.tell("plan.no_rotavap", message, operation.place)
+    return None
+
+
+def set_temperature(making: Making, operation: BasicOperation) -> None:
+    """Heat or chill with the device that reaches the temperature."""
+    vessel, wanted = making.vessel(operation), operation.fields.get("temperature_c")
+    if vessel is None or not isinstance(wanted, Decimal):
+        return
+    device = _thermostat(making, operation, vessel, wanted)
+    if device is None:
+        return
+    actions: list[Group] = making.take_checks()
+    before = making.running.get(("heat", vessel))
+    if before is not None and before != device:
+        actions.append([say(before, "stop_temperature")])
+    actions.append([say(device, "set_temperature", temperature_c=float(wanted))])
+    making.running["heat", vessel] = device
+    does = {"kind": "heat", "vessel": vessel, "temperature_c": float(wanted)}
+    making.add(operation.place, does, actions)
+
+
+def _thermostat(
+    making: Making, operation: BasicOperation, vessel: str, wanted: Decimal
+) -> str | None:
+    near = making.equipment.thermostats(vessel)
+    running = making.running.get(("heat", vessel))
+    able = [t for t in near if t.covers(wanted)]
+    # The one that runs already, then a heater for what is warm and a chiller for what is cold.
+    able.sort(key=lambda t: (t.key != running, _fitness(t, wanted), t.key))
+    if able:
+        return able[0].key
+    unknown = [t.key for t in near if t.low_c is None or t.high_c is None]
+    if unknown:
+        making.ask_first(f"{unknown[0]} brings {vessel} to {wanted.normalize():f} °C")
+        return unknown[0]
+    if near:
+        ranges = ", ".join(f"{t.key} from {t.low_c} to {t.high_c} °C" for t in near)
+        message = f"{vessel} cannot be brought to {wanted.normalize():f} °C: {ranges}"
+        making.told.tell("plan.out_of_range", message, operation.place)
+    else:
+        message = f"nothing heats or chills {vessel}"
+        making.told.tell("plan.no_thermostat", message, operation.place)
+    return None
+
+
+def _fitness(thermostat: Thermostat, wanted: Decimal) -> int:
+    is_heater = (thermostat.low_c or Decimal(0)) > 0
+    return int(is_heater != (wanted >= Decimal(int(ROOM_C))))
+
+
+def await_temperature(making: Making, operation: BasicOperation) -> None:
+    """Wait until the vessel is in the window, driven or drifting."""
+    vessel = making.vessel(operation)
+    if vessel is None:
+        return
+    near = [t.key for t in making.equipment.thermostats(vessel)]
+    device = making.running.get(("heat", vessel)) or next(iter(near), None)
+    low, high = number(operation.fields.get("low_c")), number(operation.fields.get("high_c"))
+    if device is None or low is None or high is None:
+        if device is None:
+            message = f"nothing tells the temperature of {vessel}"
+            making.told.tell("plan.no_thermostat", message, operation.place)
+        return
+    middle = (low + high) / 2
+    seconds = abs(middle - making.temperatures_c.get(vessel, ROOM_C)) / RAMP_C_S
+    making.temperatures_c[vessel] = middle
+    does = {"kind": "reach", "vessel": vessel, "low_c": low, "high_c": high}
+    action = say(device, "await_temperature", low_c=low, high_c=high)
+    making.add(operation.place, does, [[action]], round(seconds, 3))
+
+
+def stop_temperature(making: Making, operation: BasicOperation) -> None:
+    """Stop heating and chilling."""
+    vessel = making.vessel(operation)
+    device = None if vessel is None else making.stopped("heat", vessel)
+    if device is not None:
+        does = {"kind": "stop_heat", "vessel": vessel}
+        making.add(operation.place, does, [[say(device, "stop_temperature")]])
+
+
+def wait(making: Making, operation: BasicOperation) -> None:
+    """Let time pass."""
+    seconds = number(operation.fields.get("seconds"))
+    if seconds is None:
+        message = f"{making.operation} does not say how long"
+        making.told.tell("xdl.left_open", message, operation.place)
+        return
+    if seconds > 0:
+        does = {"kind": "wait", "duration_s": seconds}
+        making.add(operation.place, does, [[say(TIMER, "wait", duration_s=seconds)]])
+
+
+def evaporate(making: Making, operation: BasicOperation) -> None:
+    """Boil down: that long, or until nothing comes, at most that long."""
+    vessel = _rotavap(making, operation)
+    if vessel is None:
+        return
+    seconds = number(operation.fields.get("seconds"))
+    name = "most_s" if operation.fields.get("is_automatic") else "duration_s"
+    gone = making.matter.loosen(vessel)
+    collect = f"{vessel}#collect"
+    capacity = making.capacity_nl(collect)
+    making.matter.add(collect, gone)
+    if capacity is not None and making.matter.liquid(collect).most > capacity:
+        making.ask_first(f"The collecting flask of {vessel} has room for what boils off")
+    given = {} if seconds is None else {name: seconds}
+    actions = [*making.take_checks(), [say(vessel, "evaporate", **given)]]
+    does = {"kind": "evaporate", "vessel": vessel, **given}
+    lasts = estimate(actions) if seconds is not None else EVAPORATION_S
+    making.add(operation.place, does, actions, lasts)
+
+
+def start_light(making: Making, operation: BasicOperation) -> None:
+    """Light a vessel."""
+    vessel = making.vessel(operation)
+    if vessel is None:
+        return
+    lamp = making.equipment.lamp(vessel)
+    if lamp is None:
+        making.told.tell("plan.no_lamp", f"nothing lights {vessel}", operation.place)
+        return
+    names = ("wavelength_nm", "power_w", "intensity_percent")
+    given: dict[str, Any] = {name: number(operation.fields.get(name)) for name in names}
+    given["color"] = operation.fields.get("color")
+    making.running["light", vessel] = lamp
+    does = {"kind": "light", "vessel": vessel}
+    making.add(operation.place, does, [[say(lamp, "start_light", **given)]])
+
+
+def stop_light(making: Making, operation: BasicOperation) -> None:
+    """Turn the lamp off."""
+    vessel = making.vessel(operation)
+    lamp = None if vessel is None else making.stopped("light", vessel)
+    if lamp is not None:
+        does = {"kind": "stop_light", "vessel": vessel}
+        making.add(operation.place, does, [[say(lamp, "stop_light")]])
+
+
+def measure(making: Making, operation: BasicOperation) -> None:
+    """Take one reading."""
+    vessel = making.vessel(operation)
+    quantity = str(operation.fields.get("quantity", ""))
+    if vessel is None:
+        return
+    sensor = making.equipment.sensor(vessel, quantity)
+    if sensor is None:
+        message = f"no sensor at {vessel} reads {quantity}"
+        making.told.tell("plan.no_sensor", message, operation.place)
+        return
+    does = {"kind": "measure", "vessel": vessel, "quantity": quantity}
+    making.add(operation.place, does, [[say(sensor, "measure", quantity=quantity)]])
+
+
+def ask(making: Making, operation: BasicOperation) -> None:
+    """Ask a person."""
+    text = str(operation.fields.get("message", "")) or "Go on?"
+    making.add(operation.place, {"kind": "ask", "text": text}, [[say(BY_HAND, "check", text=text)]])
+
+
+def await_lane(making: Making, operation: BasicOperation) -> None:
+    """Let the next step wait for what runs beside."""
+    making.waits_for |= {f"async {operation.fields.get('pid')}"}
+
+
+def number(value: object) -> float | None:
+    """Return a number of a recipe as JSON has it."""
+    return float(value) if isinstance(value, Decimal | int) else None

@@ -1,0 +1,277 @@
+"""What a rig offers at each vessel, by class and type of its nodes and never by their names."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from decimal import Decimal, InvalidOperation
+from enum import StrEnum
+from functools import cached_property
+from typing import Any
+
+from labweb.domain.graph.elements import Element, Role
+from labweb.domain.graph.rig.elements import volume_nl
+from labweb.domain.graph.rig.model import Rig
+
+COLLECT = "collect"
+"""Port of a rotary evaporator that its collecting flask is drawn from."""
+
+
+class Sort(StrEnum):
+    """What a vessel is for."""
+
+    REACTOR = "reactor"
+    FILTER = "filter"
+    SEPARATOR = "separator"
+    ROTAVAP = "rotavap"
+    WASTE = "waste"
+    FLASK = "flask"
+    PLAIN = "vessel"
+    """A vessel whose class says no more than that it is one."""
+
+
+_SORTS = (
+    (r"rotavap|rotovap|rv_?10|r300", Sort.ROTAVAP),
+    (r"waste", Sort.WASTE),
+    (r"separator", Sort.SEPARATOR),
+    (r"filter", Sort.FILTER),
+    (r"reactor", Sort.REACTOR),
+    (r"flask|bottle", Sort.FLASK),
+)
+_STIRS = re.compile(
+    r"heitorque|rzr_?2052|microstar|stirrer|hot_?plate|rct|ret_?control|ret_?visc|heater_?stirrer"
+)
+_HEATS = re.compile(
+    r"hot_?plate|rct|ret_?control|ret_?visc|heat|julabo|cf41|huber|chill|cool|cryo|thermostat"
+)
+_LIGHTS = re.compile(r"lamp|light|led")
+_CONDUCTS = re.compile(r"conductivity")
+_PNEUMATIC = re.compile(r"pneumatic")
+_RANGES_C = (
+    (re.compile(r"julabo|cf41|huber"), (Decimal(-40), Decimal(100))),
+    (re.compile(r"rv_?10"), (Decimal(18), Decimal(180))),
+    (re.compile(r"rct|ret_?control|ret_?visc"), (Decimal(18), Decimal(360))),
+)
+"""What a class reaches when its node does not say.
+
+Source:
+    Limits that the published XDL compiler checks for these classes."""
+
+GASES: Mapping[str, str] = {
+    "nitrogen": "nitrogen",
+    "n2": "nitrogen",
+    "argon": "argon",
+    "ar": "argon",
+    "air": "air",
+    "hydrogen": "hydrogen",
+    "h2": "hydrogen",
+}
+INERT = frozenset({"nitrogen", "argon"})
+
+
+@dataclass(frozen=True, slots=True)
+class Thermostat:
+    """A heater or chiller at a vessel, and what it reaches; None: nobody says."""
+
+    key: str
+    low_c: Decimal | None
+    high_c: Decimal | None
+
+    def covers(self, temperature_c: Decimal) -> bool:
+        """Tell whether it surely reaches a temperature."""
+        if self.low_c is None or self.high_c is None:
+            return False
+        return self.low_c <= temperature_c <= self.high_c
+
+
+class Equipment:
+    """A rig as the passes ask about it."""
+
+    def __init__(self, rig: Rig) -> None:
+        self.rig = rig
+        self.elements = {element.key: element for element in rig.elements}
+        self._near: dict[str, list[str]] = {key: [] for key in self.elements}
+        for tube in rig.tubes:
+            self._near[tube.source].append(tube.target)
+            self._near[tube.target].append(tube.source)
+
+    def near(self, key: str) -> list[str]:
+        """Return what a link of any sort joins an element to, in order of ids."""
+        return sorted(set(self._near.get(key, ())))
+
+    @cached_property
+    def vessels(self) -> dict[str, Sort]:
+        """Return the vessels with what each is for; sources of gas are none."""
+        return {
+            key: _sort(element)
+            for key, element in sorted(self.elements.items())
+            if element.role is Role.VESSEL and self.gas(key) == ""
+        }
+
+    @cached_property
+    def cartridges(self) -> dict[str, str]:
+        """Return cartridges and columns with their filling."""
+        return {
+            key: self.chemical(key)
+            for key, element in sorted(self.elements.items())
+            if element.role is Role.CARTRIDGE
+        }
+
+    def sort(self, key: str) -> Sort:
+        """Return what a vessel is for."""
+        return self.vessels.get(key, Sort.PLAIN)
+
+    def chemical(self, key: str) -> str:
+        """Return the substance that the graph names at a node."""
+        for place in _places(self.elements[key]):
+            value = place.get("chemical")
+            if isinstance(value, str) and value.strip():
+                return value.strip()
+        return ""
+
+    def gas(self, key: str) -> str:
+        """Return which gas an element gives, "" when it gives none."""
+        element = self.elements[key]
+        if element.role is Role.GAS:
+            found = next((p["gas_type"] for p in _places(element) if p.get("gas_type")), "")
+            return GASES.get(str(found).strip().lower(), str(found))
+        if element.role is Role.VESSEL:
+            return GASES.get(self.chemical(key).lower(), "")
+        return ""
+
+    def capacity_nl(self, key: str) -> int | None:
+        """Return how much a vessel holds; None: nobody says."""
+        owner, _, part = key.partition("#")
+        name = "max_volume" if not part else "collection_flask_volume"
+        for place in _places(self.elements[owner]):
+            found = volume_nl(place.get(name))
+            if found is None and isinstance(place.get("capacity_ul"), int | float) and not part:
+                found = round(place["capacity_ul"] * 1000)
+            if found:
+                return found
+        return None
+
+    def contents(self, key: str) -> list[tuple[str, int]]:
+        """Return what the graph says is in a vessel: names and nanolitres."""
+        element = self.elements[key]
+        level = volume_nl(element.attributes.get("current_volume"))
+        if level:
+            return [(self.chemical(key) or f"contents of {key}", level)]
+        data = element.attributes.get("data")
+        found = list(_liquids(data)) if isinstance(data, Mapping) else []
+        return [(name, amount) for name, amount in found if amount]
+
+    def stirrer(self, key: str) -> str | None:
+        """Return what stirs a vessel."""
+        return next((near for near in self.near(key) if _is(self.elements[near], _STIRS)), None)
+
+    def thermostats(self, key: str) -> list[Thermostat]:
+        """Return what heats or chills a vessel; a rotary evaporator has its own bath."""
+        if self.sort(key) is Sort.ROTAVAP:
+            return [_thermostat(self.elements[key])]
+        return [
+            _thermostat(self.elements[near])
+            for near in self.near(key)
+            if _is(self.elements[near], _HEATS)
+        ]
+
+    def conductivity(self, key: str) -> str | None:
+        """Return the conductivity sensor of a separator."""
+        return next((near for near in self.near(key) if _is(self.elements[near], _CONDUCTS)), None)
+
+    def lamp(self, key: str) -> str | None:
+        """Return what lights a vessel."""
+        return next((near for near in self.near(key) if _is(self.elements[near], _LIGHTS)), None)
+
+    def sensor(self, key: str, quantity: str) -> str | None:
+        """Return the sensor of a quantity at a vessel."""
+        wanted = re.compile(re.escape(quantity.lower()))
+        return next((near for near in self.near(key) if _is(self.elements[near], wanted)), None)
+
+    def pneumatic(self, key: str) -> tuple[str, str] | None:
+        """Return the pneumatic controller of a vessel, and the port of it."""
+        for tube in sorted(self.rig.tubes, key=lambda tube: tube.key):
+            for own, far, port in (
+                (tube.source, tube.target, tube.target_port),
+                (tube.target, tube.source, tube.source_port),
+            ):
+                if own == key and _is(self.elements[far], _PNEUMATIC):
+                    return far, port
+        return None
+
+    def vacuum_pump(self, line: str) -> str | None:
+        """Return the pump of a vacuum line; the line itself when it is one."""
+        if _is_passive(self.elements[line]):
+            near = (self.elements[key] for key in self.near(line))
+            return next((e.key for e in near if e.role is Role.VACUUM and not _is_passive(e)), None)
+        return line
+
+    def drains(self, key: str) -> bool:
+        """Tell whether the collecting flask of a rotary evaporator has a tube."""
+        return any(
+            (tube.source, tube.source_port) == (key, COLLECT)
+            or (tube.target, tube.target_port) == (key, COLLECT)
+            for tube in self.rig.tubes
+        )
+
+
+def _sort(element: Element) -> Sort:
+    words = (element.kind, str(element.attributes.get("type") or ""))
+    for word in words:
+        for pattern, sort in _SORTS:
+            if re.search(pattern, word.lower()):
+                return sort
+    return Sort.PLAIN
+
+
+def _is(element: Element, pattern: re.Pattern[str]) -> bool:
+    return element.role in (Role.OTHER, Role.VACUUM) and bool(pattern.search(element.kind.lower()))
+
+
+def _is_passive(element: Element) -> bool:
+    return element.kind.lower().replace("_", "") in ("chemputervacuum", "vacuum")
+
+
+def _places(element: Element) -> Iterator[Mapping[str, Any]]:
+    yield element.attributes
+    for name in ("config", "data"):
+        found = element.attributes.get(name)
+        if isinstance(found, Mapping):
+            yield found
+
+
+def _thermostat(element: Element) -> Thermostat:
+    low = next(_numbers(element, "min_temp"), None)
+    high = next(_numbers(element, "max_temp"), None)
+    usual = next((r for p, r in _RANGES_C if p.search(element.kind.lower())), (None, None))
+    return Thermostat(
+        element.key, usual[0] if low is None else low, usual[1] if high is None else high
+    )
+
+
+def _numbers(element: Element, name: str) -> Iterator[Decimal]:
+    for place in _places(element):
+        value = place.get(name)
+        if isinstance(value, int | float | str) and not isinstance(value, bool):
+            try:
+                found = Decimal(str(value).strip())
+            except InvalidOperation:
+                continue
+            if found.is_finite():
+                yield found
+
+
+def _liquids(data: Mapping[str, Any]) -> Iterator[tuple[str, int]]:
+    for name in ("liquid", "liquids"):
+        listed = data.get(name)
+        for entry in listed if isinstance(listed, Iterable) and not isinstance(listed, str) else ():
+            if isinstance(entry, Mapping):
+                found = entry.get("liquid_type"), entry.get("liquid_volume")
+            elif isinstance(entry, list | tuple) and len(entry) == len(("name", "volume")):
+                found = entry[0], entry[1]
+            else:
+                continue
+            amount = volume_nl(found[1])
+            if isinstance(found[0], str) and found[0] and amount:
+                yield found[0], amount

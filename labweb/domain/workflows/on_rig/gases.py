@@ -1,0 +1,173 @@
+"""Steps that put vacuum or gas on a vessel, and take it off again."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from labweb.domain.graph.elements import Role
+from labweb.domain.workflows.on_rig.conditions import number
+from labweb.domain.workflows.on_rig.equipment import INERT, Sort
+from labweb.domain.workflows.on_rig.lines import Line, find_line, resting_port
+from labweb.domain.workflows.on_rig.making import Making, say
+from labweb.domain.workflows.on_rig.moving import Move, move_all, resolve
+from labweb.domain.workflows.passes.backbone import Group
+from labweb.domain.workflows.xdl.expansion.basic import INERT_GAS, WASTE, BasicOperation
+
+
+def start_vacuum(making: Making, operation: BasicOperation) -> None:
+    """Evacuate a vessel; what is liquid in it may boil off."""
+    vessel = making.vessel(operation)
+    if vessel is None:
+        return
+    pressure = number(operation.fields.get("pressure_mbar"))
+    does = {"kind": "vacuum", "vessel": vessel, "pressure_mbar": pressure}
+    controller = making.equipment.pneumatic(vessel)
+    if controller is not None:
+        actions = [[say(controller[0], "set_supply", port=controller[1], supply="vacuum")]]
+        making.evacuated[vessel] = ""
+        making.running["vacuum", vessel] = controller[0]
+    else:
+        found = _vacuum_line(making, operation, vessel)
+        if found is None:
+            return
+        line, pump = found
+        actions = [] if pump is None else [[say(pump, "start_vacuum", pressure_mbar=pressure)]]
+        actions += _join(making, vessel, line)
+        making.evacuated[vessel] = pump or ""
+        making.running["vacuum", vessel] = pump or line.end
+    if making.equipment.sort(vessel) is not Sort.ROTAVAP:
+        making.matter.loosen(vessel)
+    making.add(operation.place, does, actions)
+
+
+def _vacuum_line(
+    making: Making, operation: BasicOperation, vessel: str
+) -> tuple[Line, str | None] | None:
+    elements = making.equipment.elements
+    port = operation.fields.get("port")
+    line = find_line(
+        making.equipment,
+        vessel,
+        lambda key: elements[key].role is Role.VACUUM,
+        str(port) if port else None,
+    )
+    if line is None:
+        if making.operation in ("Filter", "WashSolid"):
+            making.note(f"{vessel} has no vacuum: its solid is not sucked dry")
+        else:
+            message = f"no valve joins {vessel} to a vacuum"
+            making.told.tell("plan.no_vacuum", message, operation.place)
+        return None
+    return line, making.equipment.vacuum_pump(line.end)
+
+
+def _join(making: Making, vessel: str, line: Line) -> list[Group]:
+    actions: list[Group] = _shut(making, vessel)
+    making.joined[vessel] = dict(line.valves)
+    making.opened[vessel] = line.solenoids
+    turned = [say(valve, "set_port", port=port) for valve, port in line.valves]
+    opened = [say(solenoid, "open") for solenoid in line.solenoids]
+    return [*actions, *([turned] if turned else []), *([opened] if opened else [])]
+
+
+def _shut(making: Making, vessel: str) -> list[Group]:
+    closed = [say(solenoid, "close") for solenoid in making.opened.pop(vessel, ())]
+    return [closed] if closed else []
+
+
+def _part(making: Making, vessel: str) -> list[Group]:
+    """Turn the valve nearest to the vessel away from gas and vacuum."""
+    actions = _shut(making, vessel)
+    valves = making.joined.pop(vessel, {})
+    for valve, busy in list(valves.items())[:1]:
+        port = resting_port(making.equipment, valve, busy)
+        if port is None:
+            making.note(f"{valve} has no port to rest at and stays at {busy}")
+        else:
+            actions.append([say(valve, "set_port", port=port)])
+    return actions
+
+
+def stop_vacuum(making: Making, operation: BasicOperation) -> None:
+    """Stop the vacuum and let the vessel come back to ambient pressure."""
+    vessel = making.vessel(operation)
+    if vessel is None or making.evacuated.pop(vessel, None) is None:
+        return
+    device = making.running.pop(("vacuum", vessel))
+    does: dict[str, Any] = {"kind": "vent", "vessel": vessel}
+    gas = operation.fields.get("gas")
+    controller = making.equipment.pneumatic(vessel)
+    if controller is not None:
+        supply = "gas" if gas else "none"
+        actions: list[Group] = [[say(device, "set_supply", port=controller[1], supply=supply)]]
+    else:
+        line = _gas_line(making, operation, vessel, str(gas)) if gas else None
+        actions = _part(making, vessel) if line is None else _join(making, vessel, line)
+        does["gas"] = None if line is None else line.end
+        if making.equipment.elements[device].role is Role.VACUUM and (
+            making.equipment.vacuum_pump(device) == device
+        ):
+            actions += [[say(device, "stop_vacuum")], [say(device, "vent")]]
+    making.add(operation.place, does, actions)
+    if making.equipment.sort(vessel) is Sort.ROTAVAP:
+        _drain(making, vessel, operation)
+
+
+def _drain(making: Making, vessel: str, operation: BasicOperation) -> None:
+    """Let what has boiled off run into a waste, where the collecting flask has a tube."""
+    collect = f"{vessel}#collect"
+    if not making.matter.liquid(collect).most or not making.equipment.drains(vessel):
+        return
+    waste = resolve(making, WASTE, collect, operation.place)
+    if waste is not None:
+        move_all(making, Move(source=collect, target=waste, place=operation.place))
+
+
+def _gas_line(making: Making, operation: BasicOperation, vessel: str, name: str) -> Line | None:
+    wanted = INERT if name == INERT_GAS else frozenset({name.strip().lower()})
+    port = operation.fields.get("port")
+    line = find_line(
+        making.equipment,
+        vessel,
+        lambda key: making.equipment.gas(key) in wanted,
+        str(port) if port else None,
+    )
+    if line is None:
+        what = "an inert gas" if name == INERT_GAS else name
+        message = f"no valve joins {vessel} to {what}"
+        making.told.tell("plan.no_gas", message, operation.place)
+    return line
+
+
+def start_gas(making: Making, operation: BasicOperation) -> None:
+    """Let gas into a vessel."""
+    vessel = making.vessel(operation)
+    if vessel is None:
+        return
+    name = str(operation.fields.get("gas", INERT_GAS))
+    controller = making.equipment.pneumatic(vessel)
+    if controller is not None:
+        device, end = controller[0], controller[0]
+        actions: list[Group] = [[say(device, "set_supply", port=controller[1], supply="gas")]]
+    else:
+        line = _gas_line(making, operation, vessel, name)
+        if line is None:
+            return
+        device = end = line.end
+        actions = _join(making, vessel, line)
+    making.running["gas", vessel] = device
+    making.add(operation.place, {"kind": "gas", "vessel": vessel, "gas": end}, actions)
+
+
+def stop_gas(making: Making, operation: BasicOperation) -> None:
+    """Stop the gas."""
+    vessel = making.vessel(operation)
+    device = None if vessel is None else making.stopped("gas", vessel)
+    if vessel is None or device is None:
+        return
+    controller = making.equipment.pneumatic(vessel)
+    if controller is not None:
+        actions: list[Group] = [[say(device, "set_supply", port=controller[1], supply="none")]]
+    else:
+        actions = _part(making, vessel)
+    making.add(operation.place, {"kind": "stop_gas", "vessel": vessel, "gas": device}, actions)

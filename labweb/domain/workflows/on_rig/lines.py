@@ -1,0 +1,109 @@
+"""Which valves join a vessel to a vacuum line or a source of gas, with no syringe between."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from labweb.domain.graph.elements import Element, Role, Tube
+from labweb.domain.graph.topology import Medium
+from labweb.domain.workflows.on_rig.equipment import Equipment
+
+_CARRIES = frozenset({Medium.LIQUID, Medium.VACUUM, Medium.GAS})
+_PASSED = frozenset({Role.VALVE, Role.SOLENOID, Role.MANIFOLD})
+
+
+@dataclass(frozen=True, slots=True)
+class Line:
+    """A way to a vacuum line or a source of gas, and where each valve on it must stand."""
+
+    end: str
+    valves: tuple[tuple[str, str], ...] = ()
+    """Valve and port or position, in order from the vessel."""
+
+    solenoids: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class _Reached:
+    key: str
+    port: str
+    valves: tuple[tuple[str, str], ...]
+    solenoids: tuple[str, ...]
+
+
+def find_line(
+    equipment: Equipment, start: str, is_end: Callable[[str], bool], port: str | None = None
+) -> Line | None:
+    """Find the line with the fewest tubes; equals are settled by ids. None: there is none."""
+    ways = _ways(equipment)
+    queue = deque([_Reached(start, "", (), ())])
+    seen = {(start, "")}
+    while queue:
+        here = queue.popleft()
+        for own_port, far, far_port in ways.get(here.key, ()):
+            if here.key == start and port is not None and own_port != port:
+                continue
+            there = _through(equipment.elements[here.key], here, own_port, start)
+            if there is None:
+                continue
+            if is_end(far):
+                return Line(far, there.valves, there.solenoids)
+            if equipment.elements[far].role in _PASSED and (far, far_port) not in seen:
+                seen.add((far, far_port))
+                queue.append(_Reached(far, far_port, there.valves, there.solenoids))
+    return None
+
+
+def _through(element: Element, here: _Reached, out_port: str, start: str) -> _Reached | None:
+    """Return what must be set to leave an element by a port; None: it cannot be."""
+    if element.key == start or element.role is Role.MANIFOLD:
+        return here
+    if out_port == here.port:
+        return None
+    if element.role is Role.SOLENOID:
+        return _Reached(here.key, here.port, here.valves, (*here.solenoids, element.key))
+    position = element.position(here.port, out_port)
+    if position is None or any(key == element.key for key, _ in here.valves):
+        return None
+    return _Reached(here.key, here.port, (*here.valves, (element.key, position)), here.solenoids)
+
+
+def _ways(equipment: Equipment) -> dict[str, list[tuple[str, str, str]]]:
+    found: dict[str, list[tuple[str, str, str]]] = {}
+    for tube in equipment.rig.tubes:
+        if tube.medium in _CARRIES or _is_vacuum(equipment, tube):
+            found.setdefault(tube.source, []).append(
+                (tube.source_port, tube.target, tube.target_port)
+            )
+            found.setdefault(tube.target, []).append(
+                (tube.target_port, tube.source, tube.source_port)
+            )
+    return {key: sorted(set(ways)) for key, ways in found.items()}
+
+
+def _is_vacuum(equipment: Equipment, tube: Tube) -> bool:
+    ends = (equipment.elements[tube.source], equipment.elements[tube.target])
+    return any(end.role is Role.VACUUM for end in ends)
+
+
+def resting_port(equipment: Equipment, valve: str, busy: str) -> str | None:
+    """Return where a valve joins neither gas nor vacuum: best a port without a tube."""
+    element = equipment.elements[valve]
+    if element.positions:
+        return next((name for name in sorted(element.positions) if name != busy), None)
+    joined: dict[str, set[str]] = {}
+    for own_port, far, _ in _ways(equipment).get(valve, ()):
+        joined.setdefault(own_port, set()).add(far)
+    free = sorted((element.ports or frozenset()) - joined.keys() - {element.common_port})
+    if free:
+        return free[0]
+    for port, ends in sorted(joined.items()):
+        is_quiet = all(
+            equipment.elements[end].role is not Role.VACUUM and equipment.gas(end) == ""
+            for end in ends
+        )
+        if port not in (element.common_port, busy) and is_quiet:
+            return port
+    return None

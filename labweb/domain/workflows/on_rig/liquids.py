@@ -1,0 +1,190 @@
+"""Steps that bring liquid or solid in, or move liquid."""
+
+from __future__ import annotations
+
+from decimal import Decimal
+from typing import Any
+
+from labweb.domain.workflows.on_rig.making import BY_HAND, Making, say
+from labweb.domain.workflows.on_rig.matter import exactly
+from labweb.domain.workflows.on_rig.moving import (
+    Move,
+    chain_of,
+    conductors,
+    move_all,
+    move_volume,
+    nanolitres,
+    resolve,
+)
+from labweb.domain.workflows.on_rig.rinsing import rinse
+from labweb.domain.workflows.xdl.expansion.basic import BasicOperation
+
+_UL_S_PER_ML_MIN = Decimal(1000) / Decimal(60)
+VISCOUS_UL_S = 2000 / 60
+"""What is viscous is drawn at 2 mL/min.
+
+Source:
+    Default of the published XDL compiler for Chemputers."""
+
+_UG_PER_G = 1_000_000
+
+
+def add_liquid(making: Making, operation: BasicOperation) -> None:
+    """Take a volume of a reagent out of its flask into a vessel."""
+    target = making.vessel(operation)
+    reagent = str(operation.fields.get("reagent", ""))
+    flasks = making.binding.reagents.get(reagent)
+    through = conductors(making, str(operation.fields.get("through", "")), operation.place)
+    if target is None or not flasks or through is None:
+        return
+    source = _nearest(making, flasks, target)
+    if source == target:
+        return
+    amount = _amount(making, operation, source)
+    if amount is None:
+        return
+    draw, push = rates_of(making, operation, amount)
+    move = Move(
+        source=source,
+        target=target,
+        place=operation.place,
+        through=through,
+        source_port=port_of(operation, "from_port"),
+        target_port=port_of(operation, "to_port"),
+        draw_rate_ul_s=draw,
+        push_rate_ul_s=push,
+    )
+    rinse(making, move, reagent)
+    delivered = making.delivered_nl.setdefault(target, {})
+    delivered[reagent] = delivered.get(reagent, 0) + amount
+    move_volume(making, move, amount, lot=reagent)
+
+
+def _nearest(making: Making, flasks: tuple[str, ...], target: str) -> str:
+    """Return the flask of a reagent with the shortest way to a vessel."""
+    ways = [(chain_of(making, flask, target), flask) for flask in flasks]
+    known = [(len(chain.pumps), flask) for chain, flask in ways if chain is not None]
+    return min(known)[1] if known else flasks[0]
+
+
+def _amount(making: Making, operation: BasicOperation, source: str) -> int | None:
+    volume = operation.fields.get("volume_ml")
+    if volume is not None:
+        return nanolitres(making, volume, operation.place)
+    held = making.matter.liquid(source).least
+    stated = sum(amount for _, amount in making.equipment.contents(source))
+    if making.needed_nl is None:
+        held = held or exactly(stated).least
+    if held <= 0:
+        message = f"all of {source} is asked for, and the graph does not say how much is in it"
+        making.told.tell("plan.nothing_there", message, operation.place)
+        return None
+    return int(held)
+
+
+def rates_of(
+    making: Making, operation: BasicOperation, amount_nl: int
+) -> tuple[float | None, float | None]:
+    """Return how fast to draw and to push, where the recipe says so."""
+    fields = operation.fields
+    draw = _rate(fields.get("aspirate_ml_min"))
+    if draw is None and fields.get("is_viscous"):
+        draw = VISCOUS_UL_S
+    push = _rate(fields.get("dispense_ml_min")) or _rate(fields.get("rate_ml_min"))
+    over_s = fields.get("over_s")
+    if isinstance(over_s, Decimal) and over_s > 0:
+        push = float(round(Decimal(amount_nl) / 1000 / over_s, 6))
+    if fields.get("is_dropwise") and push is None:
+        message = "dropwise says no rate: say a time or a speed as well"
+        making.told.tell("xdl.left_open", message, operation.place)
+    return draw, push
+
+
+def _rate(value: Any) -> float | None:  # noqa: ANN401 - a field of an operation
+    return float(round(value * _UL_S_PER_ML_MIN, 6)) if isinstance(value, Decimal) else None
+
+
+def port_of(operation: BasicOperation, name: str) -> str | None:
+    """Return the port that a recipe names, None when it leaves it to the rig."""
+    value = operation.fields.get(name)
+    return str(value) if value not in (None, "") else None
+
+
+def add_solid(making: Making, operation: BasicOperation) -> None:
+    """Let a person add a solid: no rig of the supported formats weighs one in."""
+    target, mass = making.vessel(operation), operation.fields.get("mass_g")
+    if target is None or not isinstance(mass, Decimal):
+        return
+    micrograms = int((mass * _UG_PER_G).to_integral_value())
+    lot = str(operation.fields.get("reagent", ""))
+    if micrograms <= 0:
+        making.told.tell("unit.not_positive", f"{mass} g cannot be added", operation.place)
+        return
+    text = f"Add {mass.normalize():f} g of {lot} to {target}"
+    over_s = operation.fields.get("over_s")
+    if isinstance(over_s, Decimal):
+        text += f", spread over {over_s.normalize():f} s"
+    making.matter.add(target, {(lot, True): exactly(micrograms)})
+    delivered = making.delivered_ug.setdefault(target, {})
+    delivered[lot] = delivered.get(lot, 0) + micrograms
+    does = {"kind": "add_solid", "to": target, "lot": lot, "mass_ug": micrograms}
+    action = say(BY_HAND, "add_solid", vessel=target, lot=lot, mass_ug=micrograms, text=text)
+    making.add(operation.place, does, [[action]])
+
+
+def transfer(making: Making, operation: BasicOperation) -> None:
+    """Move a volume, or all of it, from vessel to vessel."""
+    name, wanted = str(operation.fields["source"]), str(operation.fields["target"])
+    through = conductors(making, str(operation.fields.get("through", "")), operation.place)
+    if name.startswith("@"):
+        source: str | None = making.buffers.pop() if making.buffers else None
+    else:
+        source = resolve(making, name, "", operation.place)
+    target = None if source is None else resolve(making, wanted, source, operation.place)
+    if source is None or target is None or through is None:
+        return
+    if source == target:
+        message = f"{name} and {wanted} are the same vessel of the rig"
+        making.told.tell("plan.same_vessel", message, operation.place)
+        return
+    volume = operation.fields.get("volume_ml")
+    amount = None if volume is None else nanolitres(making, volume, operation.place)
+    if volume is not None and amount is None:
+        return
+    lot = _lot_of(making, source)
+    if amount is None and lot:
+        amount = _amount(making, operation, source)
+    draw, push = rates_of(making, operation, amount or int(making.matter.liquid(source).most) or 1)
+    move = Move(
+        source=source,
+        target=target,
+        place=operation.place,
+        through=through,
+        source_port=port_of(operation, "from_port"),
+        target_port=port_of(operation, "to_port"),
+        draw_rate_ul_s=draw,
+        push_rate_ul_s=push,
+    )
+    rinse(making, move, lot)
+    if amount is None:
+        if not lot:
+            move_all(making, move)
+        return
+    if lot:
+        delivered = making.delivered_nl.setdefault(target, {})
+        delivered[lot] = delivered.get(lot, 0) + amount
+    move_volume(making, move, amount, lot=lot)
+
+
+def _lot_of(making: Making, source: str) -> str:
+    """Return the reagent whose flask this is, "" when it is none."""
+    if source in making.binding.vessels.values():
+        return ""
+    return next((name for name, keys in making.binding.reagents.items() if source in keys), "")
+
+
+def run_column(making: Making, operation: BasicOperation) -> None:
+    """Move all of a vessel over a column."""
+    column = str(operation.fields.get("column", ""))
+    fields = {**operation.fields, "through": column}
+    transfer(making, BasicOperation(kind=operation.kind, fields=fields, place=operation.place))

@@ -1,0 +1,181 @@
+"""A plan while it is made: steps so far, what is where, what runs, and what is still needed."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from typing import Any
+
+from labweb.domain.workflows.on_rig.binding import Binding
+from labweb.domain.workflows.on_rig.equipment import Equipment
+from labweb.domain.workflows.on_rig.matter import Matter
+from labweb.domain.workflows.passes.backbone import Command, Group
+from labweb.domain.workflows.passes.strokes import TURN_S
+from labweb.domain.workflows.xdl.expansion.basic import BasicOperation
+from labweb.domain.workflows.xdl.findings import Findings
+from labweb.domain.workflows.xdl.markup import NOWHERE, Place
+
+BY_HAND, TIMER = "@by_hand", "@timer"
+
+BY_HAND_S = 300.0
+"""Estimate for what a person does."""
+
+
+@dataclass(slots=True, kw_only=True)
+class Draft:
+    """One step of the plan."""
+
+    of: dict[str, Any]
+    does: dict[str, Any]
+    actions: list[Group]
+    estimate_s: float
+    resources: frozenset[str]
+    """Devices and vessels that it holds."""
+
+    lane: str = ""
+    """Queue that it belongs to; "" is the root queue."""
+
+    waits_for: frozenset[str] = frozenset()
+    """Lanes that must have ended."""
+
+
+@dataclass(slots=True, kw_only=True)
+class Making:
+    """What the handlers of basic operations share."""
+
+    equipment: Equipment
+    binding: Binding
+    told: Findings
+    needed_nl: Mapping[str, int] | None = None
+    """Flask → how much the whole recipe takes from it; None: it is being counted."""
+
+    rinses: tuple[str, ...] = ()
+    """Reagents that rinse the lines."""
+
+    matter: Matter = field(default_factory=Matter)
+    steps: list[Draft] = field(default_factory=list)
+    taken_nl: dict[str, int] = field(default_factory=dict)
+    """Flask → how much was taken from it so far."""
+
+    delivered_nl: dict[str, dict[str, int]] = field(default_factory=dict)
+    delivered_ug: dict[str, dict[str, int]] = field(default_factory=dict)
+    rinsed_nl: dict[str, int] = field(default_factory=dict)
+    wetted: dict[str, frozenset[str]] = field(default_factory=dict)
+    """Syringe → lots that were in it last."""
+
+    joined: dict[str, dict[str, str]] = field(default_factory=dict)
+    """Vessel → valves that hold gas or vacuum on it, with their ports."""
+
+    opened: dict[str, tuple[str, ...]] = field(default_factory=dict)
+    """Vessel → solenoids that do so."""
+
+    evacuated: dict[str, str] = field(default_factory=dict)
+    """Vessel → the pump of its vacuum, "" for a line that is always on."""
+
+    running: dict[tuple[str, str], str] = field(default_factory=dict)
+    """What was set going: (sort, vessel) → device."""
+
+    buffers: list[str] = field(default_factory=list)
+    notes: dict[str, None] = field(default_factory=dict)
+    checks: list[str] = field(default_factory=list)
+    """What a person has to look at before the next step."""
+
+    temperatures_c: dict[str, float] = field(default_factory=dict)
+    """Vessel → the temperature it was last brought to, for estimates."""
+
+    act: int = 0
+    lane: str = ""
+    waits_for: frozenset[str] = frozenset()
+    operation: str = ""
+
+    def note(self, text: str) -> None:
+        """Say something to the person who reads the plan, once."""
+        self.notes.setdefault(text)
+
+    @contextmanager
+    def naming(self, operation: str) -> Iterator[None]:
+        """Call the steps that are added meanwhile the compiler's own."""
+        before, self.operation = self.operation, operation
+        yield
+        self.operation = before
+
+    def add(
+        self,
+        place: Place,
+        does: dict[str, Any],
+        actions: list[Group],
+        estimate_s: float | None = None,
+    ) -> None:
+        """Add a step. What it holds is what it names."""
+        of: dict[str, Any] = {"operation": self.operation}
+        if place is not NOWHERE and place.line:
+            of |= {"line": place.line, "column": place.column}
+        of["act"] = self.act
+        named = {c["device"] for group in actions for c in group}
+        named |= {
+            str(does[n]) for n in ("from", "to", "vessel", "lower_to", "upper_to") if n in does
+        }
+        draft = Draft(
+            of=of,
+            does={name: value for name, value in does.items() if value is not None},
+            actions=actions,
+            estimate_s=estimate(actions) if estimate_s is None else estimate_s,
+            resources=frozenset(name for name in named if name != TIMER),
+            lane=self.lane,
+            waits_for=self.waits_for,
+        )
+        self.waits_for = frozenset()
+        self.steps.append(draft)
+
+    def ask_first(self, text: str) -> None:
+        """Let a person look before the next step."""
+        self.checks.append(text)
+
+    def take_checks(self) -> list[Group]:
+        """Return what a person has to look at, as actions."""
+        checks, self.checks = self.checks, []
+        return [[say(BY_HAND, "check", text=text)] for text in dict.fromkeys(checks)]
+
+    def stopped(self, sort: str, vessel: str) -> str | None:
+        """Note that something is stopped; return the device that did it, None: none did."""
+        return self.running.pop((sort, vessel), None)
+
+    def vessel(self, operation: BasicOperation, name: str = "vessel") -> str | None:
+        """Return the vessel of the rig that a field names; None: it was told already."""
+        wanted = operation.fields.get(name)
+        if not isinstance(wanted, str):
+            self.told.tell(
+                "xdl.left_open", f"{self.operation} does not say the {name}", operation.place
+            )
+            return None
+        if wanted in self.binding.vessels:
+            return self.binding.vessels[wanted]
+        flasks = self.binding.reagents.get(wanted)
+        return flasks[0] if flasks else None
+
+    def capacity_nl(self, key: str) -> int | None:
+        """Return how much a vessel holds."""
+        return self.equipment.capacity_nl(key)
+
+
+def say(device: str, action: str, **parameters: str | float | None) -> Command:
+    """Make one action; what is None is not named."""
+    kept = {name: value for name, value in parameters.items() if value is not None}
+    return Command(device=device, action=action, parameters=kept)
+
+
+def estimate(actions: list[Group]) -> float:
+    """Return how long groups take, in seconds: plungers, waits, and 2 s for each turn."""
+    return round(sum(max((_lasts(c) for c in group), default=0.0) for group in actions), 3)
+
+
+def _lasts(command: Command) -> float:
+    given = command["parameters"]
+    if command["action"] in ("aspirate", "dispense"):
+        return float(given["volume_ul"]) / float(given["rate_ul_s"])
+    if command["action"] in ("wait", "evaporate"):
+        return float(given.get("duration_s", given.get("most_s", 0)))
+    if command["device"] == BY_HAND:
+        return BY_HAND_S
+    return TURN_S

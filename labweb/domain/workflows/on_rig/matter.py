@@ -1,0 +1,132 @@
+"""What is in each vessel while a plan is made: of every lot the least and the most there can be."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from fractions import Fraction
+
+
+@dataclass(frozen=True, slots=True)
+class Share:
+    """How much of one lot there is: nanolitres of a liquid, micrograms of a solid."""
+
+    least: Fraction
+    most: Fraction
+
+    def __add__(self, other: Share) -> Share:
+        return Share(self.least + other.least, self.most + other.most)
+
+    @property
+    def is_certain(self) -> bool:
+        """Tell whether nothing is left open."""
+        return self.least == self.most
+
+
+Key = tuple[str, bool]
+"""A lot, and whether it is solid."""
+
+Portion = dict[Key, Share]
+_NOTHING = Share(Fraction(0), Fraction(0))
+
+
+def exactly(amount: int) -> Share:
+    """Return a known amount."""
+    return Share(Fraction(amount), Fraction(amount))
+
+
+class Matter:
+    """The contents of all vessels. A vessel that was never named is empty."""
+
+    def __init__(self) -> None:
+        self._held: dict[str, Portion] = {}
+
+    def held(self, vessel: str) -> Portion:
+        """Return what is in a vessel."""
+        return dict(self._held.get(vessel, {}))
+
+    def liquid(self, vessel: str) -> Share:
+        """Return how much liquid is in a vessel, in nanolitres."""
+        shares = [share for (_, is_solid), share in self.held(vessel).items() if not is_solid]
+        return sum(shares, _NOTHING)
+
+    def add(self, vessel: str, portion: Portion) -> None:
+        """Bring something in."""
+        held = self._held.setdefault(vessel, {})
+        for key, share in portion.items():
+            held[key] = held.get(key, _NOTHING) + share
+
+    def empty(self, vessel: str) -> None:
+        """Take everything out."""
+        self._held.pop(vessel, None)
+
+    def draw(self, vessel: str, amount_nl: int, *, keeps_solids: bool = False) -> Portion:
+        """Take a volume out; of known contents its share of each lot, else what it may be."""
+        held, total = self._held.get(vessel, {}), self.liquid(vessel)
+        wanted = Fraction(amount_nl)
+        is_known = total.is_certain and all(share.is_certain for share in held.values())
+        taken: Portion = {}
+        for key, share in list(held.items()):
+            if key[1] and keeps_solids:
+                continue
+            if is_known and total.most:
+                part = share.most * min(wanted / total.most, Fraction(1))
+                taken[key], held[key] = (
+                    Share(part, part),
+                    Share(share.most - part, share.most - part),
+                )
+            elif not is_known:
+                most = share.most if key[1] else min(share.most, wanted)
+                taken[key] = Share(Fraction(0), most)
+                least = Fraction(0) if key[1] else max(share.least - wanted, Fraction(0))
+                held[key] = Share(least, share.most)
+        self._forget(vessel)
+        return taken
+
+    def draw_all(self, vessel: str, *, keeps_solids: bool = False) -> Portion:
+        """Take all liquid out, and solids with it unless they are kept back."""
+        held = self._held.get(vessel, {})
+        taken = {key: share for key, share in held.items() if not (key[1] and keeps_solids)}
+        if not self.liquid(vessel).most:
+            taken = {}
+        for key in taken:
+            del held[key]
+        self._forget(vessel)
+        return taken
+
+    def part(self, vessel: str) -> Portion:
+        """Take all out as two phases: each lot may be in either, so each is told as at most."""
+        return {key: Share(Fraction(0), s.most) for key, s in self._held.pop(vessel, {}).items()}
+
+    def loosen(self, vessel: str) -> Portion:
+        """Let liquids boil off: what stays and what goes are each at most what there was."""
+        held = self._held.get(vessel, {})
+        gone: Portion = {}
+        for key, share in held.items():
+            if not key[1]:
+                gone[key] = held[key] = Share(Fraction(0), share.most)
+        return gone
+
+    def _forget(self, vessel: str) -> None:
+        held = self._held.get(vessel, {})
+        self._held[vessel] = {key: share for key, share in held.items() if share.most}
+
+
+def plain(portion: Portion) -> list[dict[str, str | float]]:
+    """Render known contents for a plan, in order of lots."""
+    return [
+        {"lot": lot, "phase": "solid", "mass_ug": float(share.most)}
+        if is_solid
+        else {"lot": lot, "phase": "liquid", "volume_ul": micro(share.most)}
+        for (lot, is_solid), share in sorted(portion.items())
+    ]
+
+
+def micro(amount_nl: Fraction | int) -> float:
+    """Return nanolitres as microlitres."""
+    return float(Fraction(amount_nl) / 1000)
+
+
+def lots(portions: Iterable[Key]) -> list[str]:
+    """List the lots of a portion."""
+    return sorted({lot for lot, _ in portions})

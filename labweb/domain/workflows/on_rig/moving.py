@@ -1,0 +1,336 @@
+"""Liquid from vessel to vessel: the route, the strokes, flasks refilled, room looked after."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from decimal import Decimal
+from fractions import Fraction
+from typing import Any
+
+from labweb.domain.graph.chain import Chain, Wanted, find_chain
+from labweb.domain.graph.elements import Role
+from labweb.domain.units import render_volume
+from labweb.domain.workflows.on_rig.equipment import COLLECT, Sort
+from labweb.domain.workflows.on_rig.making import BY_HAND, Making, say
+from labweb.domain.workflows.on_rig.matter import Portion, exactly, lots, micro
+from labweb.domain.workflows.passes.backbone import Command, Group
+from labweb.domain.workflows.rig_transfers import TransferRequest, plan_on_rig
+from labweb.domain.workflows.xdl.expansion.basic import BUFFER, WASTE
+from labweb.domain.workflows.xdl.markup import Place
+
+NL_PER_ML = 1_000_000
+MOST_NL = 10**12
+"""Nothing in a laboratory is larger than 1000 L."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Move:
+    """A transfer that is asked for, between vessels of the rig."""
+
+    source: str
+    target: str
+    place: Place
+    through: tuple[str, ...] = ()
+    source_port: str | None = None
+    target_port: str | None = None
+    draw_rate_ul_s: float | None = None
+    push_rate_ul_s: float | None = None
+    kind: str = "transfer"
+
+
+def route(making: Making, move: Move, amount_nl: int) -> list[Group] | None:
+    """Plan the strokes of a move; None: there is no way, which is told."""
+    owner, _, part = move.source.partition("#")
+    request = TransferRequest(
+        source=owner,
+        target=move.target,
+        amount_nl=amount_nl,
+        source_port=COLLECT if part else move.source_port,
+        target_port=move.target_port,
+        draw_rate_ul_s=move.draw_rate_ul_s,
+        push_rate_ul_s=move.push_rate_ul_s,
+        through=move.through,
+    )
+    groups, findings = plan_on_rig(making.equipment.rig, request)
+    for finding in findings:
+        making.told.tell(
+            finding.code, f"{move.source} to {move.target}: {finding.message}", move.place
+        )
+    return None if findings else groups
+
+
+def chain_of(making: Making, source: str, target: str) -> Chain | None:
+    """Return the way from one vessel to another, or None."""
+    network = making.equipment.rig.network
+    owner, _, part = source.partition("#")
+    if owner == target:
+        return None
+    wanted = Wanted(
+        source=network.index[owner],
+        target=network.index[target],
+        source_port=COLLECT if part else None,
+    )
+    return find_chain(network, wanted)
+
+
+def _length(chain: Chain) -> int:
+    return len(chain.pumps)
+
+
+def choose(making: Making, name: str, source: str, place: Place) -> str | None:
+    """Choose the waste or the buffer that is nearest to a vessel; None: there is none."""
+    equipment = making.equipment
+    busy = {*making.binding.vessels.values(), *making.binding.flasks(), source}
+    found: list[tuple[int, str]] = []
+    for key, sort in equipment.vessels.items():
+        is_waste = sort is Sort.WASTE
+        is_buffer = sort is Sort.FLASK and not (
+            equipment.chemical(key) or key in busy or making.matter.held(key)
+        )
+        if not (is_waste if name == WASTE else is_buffer):
+            continue
+        chain = chain_of(making, source, key)
+        back = chain_of(making, key, source.partition("#")[0]) if name == BUFFER else chain
+        if chain is not None and back is not None:
+            found.append((_length(chain), key))
+    if not found:
+        what = "waste" if name == WASTE else "empty flask that gives back what it is given"
+        message = f"{source} reaches no {what} of the rig"
+        making.told.tell("plan.no_waste" if name == WASTE else "plan.no_buffer", message, place)
+        return None
+    return min(found)[1]
+
+
+def resolve(making: Making, name: str, source: str, place: Place) -> str | None:
+    """Return the vessel behind the name of a target, which may be a waste or a buffer."""
+    if name == WASTE:
+        return choose(making, WASTE, source, place)
+    if name == BUFFER:
+        found = choose(making, BUFFER, source, place)
+        making.buffers += [found] if found else []
+        return found
+    if name in making.binding.vessels:
+        return making.binding.vessels[name]
+    flasks = making.binding.reagents.get(name)
+    return flasks[0] if flasks else None
+
+
+def conductors(making: Making, name: str, place: Place) -> tuple[str, ...] | None:
+    """Return the cartridge that is meant: by its id, or by its filling; None is told."""
+    if not name:
+        return ()
+    known = making.equipment.cartridges
+    element = making.equipment.elements.get(name)
+    if name in known or (element is not None and element.role is Role.MANIFOLD):
+        return (name,)
+    found = [key for key, filling in known.items() if filling == name]
+    if len(found) == 1:
+        return (found[0],)
+    if found:
+        message = f"{name!r} is in {', '.join(found)}: name one of them"
+        making.told.tell("plan.cartridge_ambiguous", message, place)
+    else:
+        message = f"the rig has no cartridge with {name!r}"
+        making.told.tell("plan.no_cartridge", message, place)
+    return None
+
+
+def nanolitres(making: Making, volume_ml: Any, place: Place) -> int | None:  # noqa: ANN401
+    """Return a volume of a recipe; None: it is no volume that can be moved, which is told."""
+    amount = Decimal(volume_ml) * NL_PER_ML
+    rounded = int(amount.to_integral_value())
+    if not 0 < rounded < MOST_NL:
+        making.told.tell("unit.not_positive", f"{volume_ml} mL cannot be moved", place)
+        return None
+    return rounded
+
+
+def move_volume(making: Making, move: Move, amount_nl: int, lot: str = "") -> None:
+    """Move a volume: in as many parts as flask and waste ask for."""
+    if _is_under_vacuum(making, move):
+        return
+    is_waste = making.equipment.sort(move.target) is Sort.WASTE
+    if not is_waste:
+        look_for_room(making, move, Fraction(amount_nl), Fraction(amount_nl))
+    left = amount_nl
+    while left:
+        part = _supply(making, move, left, lot) if lot else left
+        if is_waste:
+            part = min(part, making.capacity_nl(move.target) or part)
+            look_for_room(making, move, Fraction(part), Fraction(part))
+        is_enough = bool(lot) or _holds(making, move, part)
+        groups = route(making, move, part) if is_enough else None
+        if groups is None:
+            return
+        keeps = _keeps_solids(making, move)
+        portion = making.matter.draw(move.source, part, keeps_solids=keeps)
+        does = {"kind": move.kind, "from": move.source, "to": move.target, "volume_ul": micro(part)}
+        does |= {"through": list(move.through) or None, "lot": lot or None}
+        _finish(making, move, portion, does, groups)
+        if lot:
+            making.taken_nl[move.source] = making.taken_nl.get(move.source, 0) + part
+        left -= part
+
+
+def move_all(making: Making, move: Move) -> None:
+    """Move all liquid of a vessel, drawing until nothing more comes."""
+    if _is_under_vacuum(making, move):
+        return
+    liquid = making.matter.liquid(move.source)
+    if not liquid.most:
+        message = (
+            f"{move.source} holds nothing that could be moved to {move.target}; what is in it from "
+            "before is said with --holds VESSEL=REAGENT:VOLUME"
+        )
+        making.told.tell("plan.nothing_there", message, move.place)
+        return
+    capacity = making.capacity_nl(move.target)
+    is_waste = making.equipment.sort(move.target) is Sort.WASTE
+    while is_waste and capacity and liquid.is_certain and liquid.most > capacity:
+        before = liquid.most
+        move_volume(making, replace(move, kind="transfer"), capacity)
+        liquid = making.matter.liquid(move.source)
+        if liquid.most == before:
+            return
+    most_nl = -(-liquid.most.numerator // liquid.most.denominator)
+    look_for_room(making, move, liquid.least, liquid.most)
+    groups = route(making, move, most_nl)
+    if groups is None:
+        return
+    portion = making.matter.draw_all(move.source, keeps_solids=_keeps_solids(making, move))
+    does = {"kind": move.kind, "from": move.source, "to": move.target, "all": True}
+    does |= {"most_ul": micro(most_nl), "through": list(move.through) or None}
+    if move.kind == "filter":
+        does = {"kind": "filter", "vessel": move.source, "to": move.target}
+        does |= {"most_ul": micro(most_nl)}
+    _finish(making, move, portion, does, until(groups, "empty"))
+
+
+def until(groups: list[Group], end: str) -> list[Group]:
+    """Let the strokes out of the source end when nothing more comes, or at the boundary."""
+    first = next((c["device"] for g in groups for c in g if c["action"] == "aspirate"), "")
+    return [[_until(c, end) if c["device"] == first else c for c in group] for group in groups]
+
+
+def _until(command: Command, end: str) -> Command:
+    if command["action"] != "aspirate":
+        return command
+    parameters = {**command["parameters"], "until": end}
+    return Command(device=command["device"], action=command["action"], parameters=parameters)
+
+
+def _finish(
+    making: Making, move: Move, portion: Portion, does: dict[str, Any], groups: list[Group]
+) -> None:
+    if move.through:
+        portion = {key: share for key, share in portion.items() if not key[1]}
+    making.matter.add(move.target, portion)
+    pumps = {c["device"] for g in groups for c in g if c["action"] == "aspirate"}
+    making.wetted |= dict.fromkeys(pumps, frozenset(lots(portion)))
+    checks = making.take_checks()
+    making.add(move.place, does, [*checks, *groups, *_rejoin(making, groups)])
+
+
+def _rejoin(making: Making, groups: list[Group]) -> list[Group]:
+    """Turn valves that held gas on a vessel back to where they stood."""
+    turned = {c["device"] for g in groups for c in g if c["action"] == "set_port"}
+    back = [
+        say(valve, "set_port", port=port)
+        for valves in making.joined.values()
+        for valve, port in valves.items()
+        if valve in turned
+    ]
+    return [back] if back else []
+
+
+def _supply(making: Making, move: Move, wanted_nl: int, lot: str) -> int:
+    """See to it that a flask holds what is to be drawn; return how much of it at once."""
+    held = making.matter.liquid(move.source).least
+    capacity = making.capacity_nl(move.source)
+    if making.needed_nl is None:
+        making.matter.add(move.source, {(lot, False): exactly(wanted_nl)})
+        return wanted_nl
+    if held >= wanted_nl:
+        return wanted_nl
+    if held > 0 and capacity is not None:
+        return int(held)
+    left = making.needed_nl.get(move.source, wanted_nl) - making.taken_nl.get(move.source, 0)
+    fill(making, move.source, lot, max(left, wanted_nl), move.place)
+    return min(wanted_nl, int(making.matter.liquid(move.source).least))
+
+
+def fill(making: Making, flask: str, lot: str, needed_nl: int, place: Place) -> None:
+    """Let a person fill a flask with what is still needed, as far as it holds it."""
+    held = making.matter.liquid(flask).least
+    capacity = making.capacity_nl(flask)
+    amount = needed_nl - int(held)
+    if capacity is not None:
+        amount = min(amount, capacity - int(held))
+    if amount <= 0:
+        return
+    making.matter.add(flask, {(lot, False): exactly(amount)})
+    text = f"Fill {render_volume(amount)} of {lot} into {flask}"
+    action = say(BY_HAND, "fill", vessel=flask, lot=lot, volume_ul=amount / 1000, text=text)
+    does = {"kind": "fill", "to": flask, "lot": lot, "volume_ul": amount / 1000}
+    with making.naming("Prepare"):
+        making.add(place, does, [[action]])
+
+
+def _holds(making: Making, move: Move, amount_nl: int) -> bool:
+    liquid = making.matter.liquid(move.source)
+    if liquid.least >= amount_nl:
+        return True
+    if liquid.most >= amount_nl:
+        text = f"At least {render_volume(amount_nl)} can be drawn from {move.source}"
+        making.ask_first(text)
+        return True
+    message = (
+        f"{render_volume(amount_nl)} is to be drawn from {move.source}, which holds at most "
+        f"{render_volume(int(liquid.most))}"
+    )
+    making.told.tell("plan.too_little", message, move.place)
+    return False
+
+
+def look_for_room(making: Making, move: Move, least: Fraction, most: Fraction) -> None:
+    """Look for room in the target: empty a waste, ask where nobody knows, refuse what overflows."""
+    capacity, held = making.capacity_nl(move.target), making.matter.liquid(move.target)
+    if capacity is None or held.most + most <= capacity:
+        return
+    if making.equipment.sort(move.target) is Sort.WASTE and most <= capacity:
+        empty(making, move.target, move.place)
+        return
+    if held.least + least <= capacity:
+        text = f"{move.target} has room for {render_volume(int(most))}"
+        making.ask_first(text)
+        return
+    message = (
+        f"{move.target} holds {render_volume(capacity)}; {render_volume(int(held.least))} is in it "
+        f"and {render_volume(int(least))} is to come"
+    )
+    # What follows is judged as if there were room, so that everything is told at once.
+    making.told.tell("plan.overflow", message, move.place)
+
+
+def empty(making: Making, vessel: str, place: Place) -> None:
+    """Let a person empty a waste."""
+    making.matter.empty(vessel)
+    action = say(BY_HAND, "empty", vessel=vessel, text=f"Empty {vessel}")
+    with making.naming("Prepare"):
+        making.add(place, {"kind": "empty", "vessel": vessel}, [[action]])
+
+
+def _keeps_solids(making: Making, move: Move) -> bool:
+    if making.equipment.sort(move.source) is not Sort.FILTER:
+        return False
+    element = making.equipment.elements[move.source]
+    return (move.source_port or element.leave_by or "bottom") == "bottom"
+
+
+def _is_under_vacuum(making: Making, move: Move) -> bool:
+    for end in (move.source.partition("#")[0], move.target):
+        if end in making.evacuated:
+            message = f"{end} is under vacuum: liquid cannot be moved into or out of it"
+            making.told.tell("plan.under_vacuum", message, move.place)
+            return True
+    return False

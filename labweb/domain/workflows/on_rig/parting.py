@@ -1,0 +1,177 @@
+"""Steps that part: phases in a separator, liquid from a solid on a filter."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from labweb.domain.workflows.on_rig.equipment import Sort
+from labweb.domain.workflows.on_rig.liquids import port_of, rates_of
+from labweb.domain.workflows.on_rig.making import BY_HAND, Making, say
+from labweb.domain.workflows.on_rig.matter import micro
+from labweb.domain.workflows.on_rig.moving import (
+    Move,
+    conductors,
+    move_all,
+    resolve,
+    route,
+    until,
+)
+from labweb.domain.workflows.on_rig.rinsing import rinse
+from labweb.domain.workflows.passes.backbone import Command, Group
+from labweb.domain.workflows.xdl.expansion.basic import BUFFER, WASTE, BasicOperation
+from labweb.domain.workflows.xdl.markup import Place
+
+
+def draw_filtrate(making: Making, operation: BasicOperation) -> None:
+    """Draw the liquid of a filter off; solids stay."""
+    source = making.vessel(operation)
+    if source is None:
+        return
+    if making.equipment.sort(source) not in (Sort.FILTER, Sort.ROTAVAP):
+        message = f"{source} is a {making.equipment.sort(source)}: nothing keeps a solid back in it"
+        making.told.tell("plan.no_filter", message, operation.place)
+        return
+    target = resolve(making, str(operation.fields.get("target", WASTE)), source, operation.place)
+    if target is None:
+        return
+    draw, push = rates_of(making, operation, 1)
+    move = Move(
+        source=source, target=target, place=operation.place, kind="filter",
+        draw_rate_ul_s=draw, push_rate_ul_s=push,
+    )  # fmt: skip
+    rinse(making, move, "")
+    move_all(making, move)
+
+
+def separate_phases(making: Making, operation: BasicOperation) -> None:
+    """Draw the lower phase off until the boundary is seen, then the upper one."""
+    vessel = making.vessel(operation)
+    if vessel is None:
+        return
+    if making.equipment.sort(vessel) is not Sort.SEPARATOR:
+        message = f"{vessel} is a {making.equipment.sort(vessel)} and no separator"
+        making.told.tell("plan.no_separator", message, operation.place)
+        return
+    liquid = making.matter.liquid(vessel)
+    if not liquid.most:
+        message = f"{vessel} holds nothing that could be parted"
+        making.told.tell("plan.nothing_there", message, operation.place)
+        return
+    ends = _phase_ends(making, operation, vessel)
+    if ends is not None:
+        _draw_phases(making, operation, vessel, ends)
+
+
+def _draw_phases(
+    making: Making, operation: BasicOperation, vessel: str, ends: tuple[str, str | None, str]
+) -> None:
+    liquid = making.matter.liquid(vessel)
+    lower, upper, back = ends
+    most_nl = -(-liquid.most.numerator // liquid.most.denominator)
+    does: dict[str, Any] = {"kind": "separate", "vessel": vessel, "most_ul": micro(most_nl)}
+    does["lower_to"], does["upper_to"] = vessel if back else lower, upper or vessel
+    moves = _phase_moves(making, operation, ends, vessel)
+    if moves is None:
+        return
+    for side, move in moves.items():
+        does[f"{side}_through"] = list(move.through) or None
+    actions: list[Group] | None = [[_watch(making, vessel, begins=True)]]
+    actions = _drawn(making, actions, moves["lower"], most_nl, "boundary")
+    if actions is not None:
+        actions.append([_watch(making, vessel, begins=False)])
+    if upper is not None:
+        actions = _drawn(making, actions, moves["upper"], most_nl, "empty")
+    if back:
+        move = Move(source=back, target=vessel, place=operation.place)
+        actions = _drawn(making, actions, move, most_nl, "empty")
+    if actions is not None:
+        _parted(making, operation.place, does, actions)
+
+
+def _phase_moves(
+    making: Making, operation: BasicOperation, ends: tuple[str, str | None, str], vessel: str
+) -> dict[str, Move] | None:
+    """Return how each phase goes; None: through what is not known, which is told."""
+    moves = {}
+    for side, target in zip(("lower", "upper"), ends[:2], strict=True):
+        name = str(operation.fields.get(f"{side}_through", ""))
+        through = conductors(making, name, operation.place)
+        if through is None:
+            return None
+        is_waiting = side == "lower" and bool(ends[2])
+        moves[side] = Move(
+            source=vessel,
+            target=target or vessel,
+            place=operation.place,
+            through=() if is_waiting or target is None else through,
+            target_port=None if is_waiting else port_of(operation, f"{side}_port"),
+        )
+    return moves
+
+
+def _drawn(
+    making: Making, actions: list[Group] | None, move: Move, most_nl: int, end: str
+) -> list[Group] | None:
+    """Add the strokes of one phase; None: there is no way, which is told."""
+    groups = route(making, move, most_nl)
+    if groups is None or actions is None:
+        return None
+    return [*actions, *until(groups, end)]
+
+
+def _phase_ends(
+    making: Making, operation: BasicOperation, vessel: str
+) -> tuple[str, str | None, str] | None:
+    """Return where the lower phase is drawn, where the upper one, and a flask it comes back from.
+
+    An upper phase that stays is not moved; a lower one that stays waits in a flask meanwhile.
+    """
+    names = [str(operation.fields.get(f"{side}_to", WASTE)) for side in ("lower", "upper")]
+    found = []
+    back = ""
+    for side, name in zip(("lower", "upper"), names, strict=True):
+        target = resolve(making, name, vessel, operation.place)
+        if target == vessel and side == "lower":
+            back = resolve(making, BUFFER, vessel, operation.place) or ""
+            making.buffers = [key for key in making.buffers if key != back]
+            target = back or None
+        if target is None:
+            return None
+        found.append(target)
+    lower, upper = found
+    if upper == vessel and back:
+        message = "both phases are to stay where they are: nothing is parted"
+        making.told.tell("plan.same_vessel", message, operation.place)
+        return None
+    return lower, None if upper == vessel else upper, back
+
+
+def _watch(making: Making, vessel: str, *, begins: bool) -> Command:
+    sensor = making.equipment.conductivity(vessel)
+    if sensor is not None:
+        return say(sensor, "watch_boundary" if begins else "stop_watching")
+    if begins:
+        text = f"Watch {vessel}, and stop the drawing when the boundary of the phases comes"
+        return say(BY_HAND, "watch", vessel=vessel, text=text)
+    text = f"The lower phase of {vessel} is out"
+    return say(BY_HAND, "stop_watching", vessel=vessel, text=text)
+
+
+def _parted(making: Making, place: Place, does: dict[str, Any], actions: list[Group]) -> None:
+    vessel = does["vessel"]
+    whole = making.matter.liquid(vessel)
+    portion = making.matter.part(vessel)
+    for side in ("lower", "upper"):
+        target = does[f"{side}_to"]
+        kept = portion
+        if does.get(f"{side}_through"):
+            kept = {key: share for key, share in portion.items() if not key[1]}
+        held, capacity = making.matter.liquid(target), making.capacity_nl(target)
+        if target != vessel and capacity is not None:
+            if held.least > capacity:
+                message = f"{target} holds more than it can"
+                making.told.tell("plan.overflow", message, place)
+            elif held.most + whole.most > capacity:
+                making.ask_first(f"{target} has room for the {side} phase of {vessel}")
+        making.matter.add(target, kept)
+    making.add(place, does, [*making.take_checks(), *actions])

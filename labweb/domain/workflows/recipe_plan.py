@@ -1,0 +1,291 @@
+"""From a recipe to the plan of one rig: what each device does, in which order, or why not."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from typing import Any
+
+from labweb.domain.errors import Finding, InfeasibleError, ProtocolError
+from labweb.domain.graph.rig.model import Rig
+from labweb.domain.workflows.on_rig import conditions, gases, liquids, parting, rinsing
+from labweb.domain.workflows.on_rig.binding import Binding, bind
+from labweb.domain.workflows.on_rig.equipment import Equipment
+from labweb.domain.workflows.on_rig.making import BY_HAND, Making
+from labweb.domain.workflows.on_rig.matter import exactly, micro, plain
+from labweb.domain.workflows.on_rig.moving import fill
+from labweb.domain.workflows.on_rig.safety import shut_down
+from labweb.domain.workflows.on_rig.scheduling import critical_path_s, earlier_steps
+from labweb.domain.workflows.xdl.expansion.basic import BasicOperation, Kind
+from labweb.domain.workflows.xdl.expansion.expand import Expansion, all_operations, expand
+from labweb.domain.workflows.xdl.findings import Findings
+from labweb.domain.workflows.xdl.markup import NOWHERE
+from labweb.domain.workflows.xdl.recipe import Procedure, Recipe
+from labweb.domain.workflows.xdl.unfold import unfold
+
+VERSION = 1
+MOST_STEPS = 100_000
+"""Most steps that a plan has."""
+
+_HANDLERS: Mapping[Kind, Callable[[Making, BasicOperation], None]] = {
+    Kind.ADD_LIQUID: liquids.add_liquid,
+    Kind.ADD_SOLID: liquids.add_solid,
+    Kind.TRANSFER: liquids.transfer,
+    Kind.SEPARATE_PHASES: parting.separate_phases,
+    Kind.DRAW_FILTRATE: parting.draw_filtrate,
+    Kind.RUN_COLUMN: liquids.run_column,
+    Kind.RINSE_LINES: rinsing.rinse_lines,
+    Kind.FLUSH_LINES: rinsing.flush_lines,
+    Kind.START_STIR: conditions.start_stir,
+    Kind.STOP_STIR: conditions.stop_stir,
+    Kind.SET_TEMPERATURE: conditions.set_temperature,
+    Kind.AWAIT_TEMPERATURE: conditions.await_temperature,
+    Kind.STOP_TEMPERATURE: conditions.stop_temperature,
+    Kind.WAIT: conditions.wait,
+    Kind.START_VACUUM: gases.start_vacuum,
+    Kind.STOP_VACUUM: gases.stop_vacuum,
+    Kind.START_GAS: gases.start_gas,
+    Kind.STOP_GAS: gases.stop_gas,
+    Kind.START_ROTATION: conditions.start_rotation,
+    Kind.STOP_ROTATION: conditions.stop_rotation,
+    Kind.LOWER_FLASK: conditions.lower_flask,
+    Kind.RAISE_FLASK: conditions.raise_flask,
+    Kind.EVAPORATE: conditions.evaporate,
+    Kind.START_LIGHT: conditions.start_light,
+    Kind.STOP_LIGHT: conditions.stop_light,
+    Kind.MEASURE: conditions.measure,
+    Kind.ASK: conditions.ask,
+    Kind.AWAIT: conditions.await_lane,
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Wish:
+    """What whoever compiles a recipe says beside the recipe."""
+
+    bind: Mapping[str, str] = field(default_factory=dict)
+    """Vessel or reagent of the recipe → id of the graph."""
+
+    holds_nl: Mapping[str, Mapping[str, int]] = field(default_factory=dict)
+    """Vessel of the graph → reagent → what is in it before the first step."""
+
+    rinse: tuple[str, ...] = ()
+    """Reagents that rinse the lines; without any, those that the recipe cleans with."""
+
+    parameters: Mapping[str, str] = field(default_factory=dict)
+    equiv_reference: str = ""
+    equiv_amount: str = ""
+
+
+def compile_recipe(recipe: Recipe, rig: Rig, wish: Wish | None = None) -> dict[str, Any]:
+    """Plan the synthesis of a recipe on a rig.
+
+    Every volume is followed from its flask on, so that a plan that is returned runs no vessel dry
+    or over, as far as anybody can know before the run.
+
+    Returns:
+        The plan as `docs/plan.md` says it, without the ids and hashes of files.
+
+    Raises:
+        ProtocolError: The recipe itself does not say enough.
+        InfeasibleError: The rig cannot do it. Either carries all findings.
+
+    Effect:
+        None.
+    """
+    asked = wish or Wish()
+    if recipe.is_compiled or len(recipe.syntheses) != 1:
+        what = "is compiled already" if recipe.is_compiled else "holds not exactly one synthesis"
+        raise ProtocolError(f"the file {what}", code="plan.no_recipe")
+    acts = unfold(
+        recipe,
+        parameters=asked.parameters,
+        equiv_reference=asked.equiv_reference,
+        equiv_amount=asked.equiv_amount,
+    )
+    expanded = expand(acts)
+    equipment, told = Equipment(rig), Findings()
+    binding = bind(recipe.synthesis, all_operations(expanded), equipment, asked.bind, told)
+    rinses = _rinses(recipe.synthesis, binding, asked, told)
+    told.all += check_holds(equipment, asked)
+    counting = Making(equipment=equipment, binding=binding, told=Findings(), rinses=rinses)
+    _make(counting, expanded, asked)
+    making = Making(
+        equipment=equipment,
+        binding=binding,
+        told=told,
+        rinses=rinses,
+        needed_nl=dict(counting.taken_nl),
+    )
+    contents = _make(making, expanded, asked)
+    if told.all:
+        raise _infeasible(told.all)
+    for text in binding.notes:
+        making.note(text)
+    return _render(making, contents)
+
+
+def check_holds(equipment: Equipment, wish: Wish) -> list[Finding]:
+    """List what is said to be in vessels that the graph does not have."""
+    return [
+        Finding("plan.unknown_vessel", f"{key!r} is no vessel of the graph", key)
+        for key in wish.holds_nl
+        if key not in equipment.vessels
+    ]
+
+
+def _infeasible(findings: Iterable[Finding]) -> InfeasibleError:
+    unique = list({(f.code, f.message, f.subject): f for f in findings}.values())
+    more = f" (and {len(unique) - 1} more)" if len(unique) > 1 else ""
+    first = unique[0]
+    return InfeasibleError(first.message + more, code=first.code, findings=unique)
+
+
+def _rinses(procedure: Procedure, binding: Binding, wish: Wish, told: Findings) -> tuple[str, ...]:
+    for name in wish.rinse:
+        if name not in binding.reagents:
+            message = f"nothing can be rinsed with {name!r}: no flask of the rig holds it"
+            told.tell("plan.no_reagent", message, procedure.place)
+    if wish.rinse:
+        return tuple(name for name in wish.rinse if name in binding.reagents)
+    return tuple(
+        reagent.id
+        for reagent in procedure.reagents
+        if reagent.values.get("use_for_cleaning") is True and reagent.id in binding.reagents
+    )
+
+
+def _make(
+    making: Making, expanded: tuple[Expansion, ...], wish: Wish
+) -> dict[str, list[dict[str, str | float]]]:
+    """Make all steps; return what was in the vessels before the first."""
+    _charge(making, wish)
+    contents = {
+        key: plain(making.matter.held(key))
+        for key in making.equipment.vessels
+        if making.matter.held(key)
+    }
+    for flask, needed in sorted((making.needed_nl or {}).items()):
+        lot = next(n for n, keys in making.binding.reagents.items() if flask in keys)
+        fill(making, flask, lot, needed, NOWHERE)
+    _Walk(making).run(expanded)
+    shut_down(making)
+    return contents
+
+
+def _charge(making: Making, wish: Wish) -> None:
+    """Put into the vessels what the graph and whoever asks say is in them."""
+    lots = {key: name for name, keys in making.binding.reagents.items() for key in keys}
+    for key in making.equipment.vessels:
+        for name, amount in making.equipment.contents(key):
+            making.matter.add(key, {(lots.get(key, name), False): exactly(amount)})
+    for key, held in wish.holds_nl.items():
+        for name, amount in held.items():
+            making.matter.add(key, {(name, False): exactly(amount)})
+
+
+class _Walk:
+    """Goes through the acts of a recipe in its order, counted loops as often as they say."""
+
+    def __init__(self, making: Making) -> None:
+        self._making = making
+
+    def run(self, expanded: Iterable[Expansion]) -> None:
+        making = self._making
+        for one in expanded:
+            making.act += 1
+            making.operation = one.act.name
+            with self._lane(one):
+                for operation in one.operations:
+                    self._one(operation)
+                for _ in self._rounds(one):
+                    self.run(one.children)
+
+    def _one(self, operation: BasicOperation) -> None:
+        making = self._making
+        handler = _HANDLERS.get(operation.kind)
+        if handler is None:
+            message = f"{making.operation}: no rig can be told to {operation.kind.value} yet"
+            making.told.tell("plan.not_compiled", message, operation.place)
+            return
+        if len(making.steps) >= MOST_STEPS:
+            message = f"the plan has more than {MOST_STEPS} steps"
+            raise InfeasibleError(message, code="plan.too_many_steps")
+        for text in operation.assumed:
+            making.note(f"{making.operation}: {text}, of the table of defaults")
+        handler(making, operation)
+
+    def _rounds(self, one: Expansion) -> range:
+        act, told = one.act, self._making.told
+        if act.name == "Loop" or (act.name == "Repeat" and act.repeats is None):
+            message = f"{act.name} goes on until a reading ends it: a plan says all of it before"
+            told.tell("plan.open_loop", message, act.place)
+            return range(1)
+        return range((act.repeats or 1) if act.name == "Repeat" else 1)
+
+    @contextmanager
+    def _lane(self, one: Expansion) -> Iterator[None]:
+        making = self._making
+        before = making.lane
+        if one.act.name == "Async":
+            pid = one.act.values.get("pid", making.act)
+            making.lane = f"async {pid}"
+        elif one.act.queue:
+            making.lane = f"{before}/{one.act.queue}"
+        yield
+        making.lane = before
+
+
+def _render(making: Making, contents: Mapping[str, Any]) -> dict[str, Any]:
+    earlier = earlier_steps(making.steps)
+    steps = [
+        {
+            "id": place + 1,
+            "of": step.of,
+            "does": step.does,
+            "actions": step.actions,
+            "after": [other + 1 for other in after],
+            "estimate_s": step.estimate_s,
+        }
+        for place, (step, after) in enumerate(zip(making.steps, earlier, strict=True))
+    ]
+    equipment = making.equipment
+    keys = [*equipment.vessels, *(f"{k}#collect" for k in equipment.vessels if equipment.drains(k))]
+    capacities = {key: equipment.capacity_nl(key) for key in keys}
+    return {
+        "plan": VERSION,
+        "bindings": {
+            "vessels": dict(sorted(making.binding.vessels.items())),
+            "reagents": {n: keys[0] for n, keys in sorted(making.binding.reagents.items())},
+        },
+        "contents": dict(contents),
+        "capacities_ul": {k: micro(c) for k, c in sorted(capacities.items()) if c},
+        "steps": steps,
+        "totals": _totals(making, critical_path_s(making.steps, earlier)),
+        "notes": list(making.notes),
+    }
+
+
+def _totals(making: Making, critical_s: float) -> dict[str, Any]:
+    needed_nl: dict[str, int] = {}
+    for flask, amount in making.taken_nl.items():
+        lot = next(n for n, keys in making.binding.reagents.items() if flask in keys)
+        needed_nl[lot] = needed_nl.get(lot, 0) + amount
+    needed_ug: dict[str, int] = {}
+    for held in making.delivered_ug.values():
+        for lot, mass in held.items():
+            needed_ug[lot] = needed_ug.get(lot, 0) + mass
+    by_hand = [c for s in making.steps for g in s.actions for c in g if c["device"] == BY_HAND]
+    return {
+        "duration_s": round(sum(step.estimate_s for step in making.steps), 3),
+        "critical_path_s": critical_s,
+        "delivered_ul": {
+            key: {lot: micro(amount) for lot, amount in sorted(held.items())}
+            for key, held in sorted(making.delivered_nl.items())
+        },
+        "delivered_ug": {key: dict(held) for key, held in sorted(making.delivered_ug.items())},
+        "needed_ul": {lot: micro(amount) for lot, amount in sorted(needed_nl.items())},
+        "needed_ug": dict(sorted(needed_ug.items())),
+        "by_hand_count": len(by_hand),
+    }

@@ -1,0 +1,196 @@
+"""Compile a recipe against a physical graph in a file. No database is asked."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from argparse import ArgumentParser
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from django.core.management.base import BaseCommand, CommandError
+
+from labweb.domain.errors import Finding, LabError, LabFileError, UnitError
+from labweb.domain.graph.rig.model import Rig
+from labweb.domain.graph.rig.read import read_rig
+from labweb.domain.units import parse_volume_nl
+from labweb.domain.workflows.on_rig.equipment import Equipment
+from labweb.domain.workflows.recipe_plan import Wish, compile_recipe
+from labweb.domain.workflows.xdl.json_form import parse_json
+from labweb.domain.workflows.xdl.markup import MAX_BYTES, Document, parse_markup
+from labweb.domain.workflows.xdl.read import check_document, refusal
+from labweb.domain.workflows.xdl.to_workflow import parse_pairs
+from labweb.workflows.management.commands.compile_transfers import read_graph
+
+REFUSED = 2
+_HOUR_S, _MINUTE_S = 3600, 60
+
+
+class Command(BaseCommand):
+    """`manage.py compile_protocol`."""
+
+    help = (
+        "Compile a recipe in XDL (XML or JSON) against the physical graph of a lab: every pump, "
+        "valve and device in order, with time, amounts and what a person does. Exit code: 0 there "
+        "is a plan, 2 it is refused with every reason, 1 a file cannot be read. Needs no database."
+    )
+    requires_system_checks = ()
+
+    def add_arguments(self, parser: ArgumentParser) -> None:
+        """Declare the options."""
+        parser.add_argument("recipe", type=Path, help="recipe to compile")
+        parser.add_argument(
+            "--lab",
+            type=Path,
+            required=True,
+            metavar="GRAPH",
+            help="JSON or GraphML of a Chemputer or Uni-Lab-OS, or a lab.json",
+        )
+        parser.add_argument(
+            "--bind", nargs="+", default=[], metavar="ROLE=VESSEL", help="vessel or flask to use"
+        )
+        parser.add_argument(
+            "--holds",
+            nargs="+",
+            default=[],
+            metavar="VESSEL=REAGENT:VOLUME",
+            help="what a vessel of the graph holds before the first step",
+        )
+        parser.add_argument(
+            "--rinse", nargs="+", default=[], metavar="REAGENT", help="rinses the lines"
+        )
+        parser.add_argument(
+            "--blueprints", type=Path, nargs="+", default=[], help="files with blueprints it uses"
+        )
+        parser.add_argument(
+            "--parameter", nargs="+", default=[], metavar="ID=VALUE", help="value of a Parameter"
+        )
+        parser.add_argument("--equiv-reference", default="", help="reagent that counts equivalents")
+        parser.add_argument("--equiv-amount", default="", help="how much of it is one equivalent")
+        parser.add_argument("--json", action="store_true", help="print plan or findings as JSON")
+
+    def handle(self, *_args: object, **options: Any) -> None:  # noqa: ANN401 - parsed options
+        """Compile, or say why not.
+
+        Raises:
+            CommandError: Exit code 1: a file cannot be read, or an option. Exit code 2: the
+                recipe is refused.
+        """
+        raw_graph = _read(options["lab"])
+        try:
+            rig = read_rig(raw_graph)
+        except LabFileError as error:
+            self._print(error, as_json=options["json"])
+            raise CommandError(f"{options['lab']}: {error.code}: {error.message}") from error
+        wish = _wish(options)
+        raw_recipe = _read_recipe(options["recipe"])
+        try:
+            plan = _compile(raw_recipe, rig, wish, options["blueprints"])
+        except LabError as error:
+            self._print(error, as_json=options["json"])
+            raise CommandError(f"{error.code}: {error.message}", returncode=REFUSED) from error
+        head = {
+            "plan": plan["plan"],
+            "recipe": {"id": options["recipe"].stem, "sha256": _digest(raw_recipe)},
+            "graph_sha256": _digest(raw_graph),
+        }
+        self._write(head | plan, as_json=options["json"])
+
+    def _print(self, error: LabError, *, as_json: bool) -> None:
+        findings: Sequence[Finding] = error.findings or (Finding(error.code, error.message),)
+        if as_json:
+            plain = {"ok": False, "findings": [finding.to_json() for finding in findings]}
+            self.stdout.write(json.dumps(plain, ensure_ascii=False))
+            return
+        for finding in findings:
+            self.stderr.write(f"{finding.subject or '-'}  {finding.code}  {finding.message}")
+
+    def _write(self, plan: dict[str, Any], *, as_json: bool) -> None:
+        if as_json:
+            self.stdout.write(json.dumps({"ok": True, "plan": plan}, ensure_ascii=False))
+            return
+        for step in plan["steps"]:
+            self.stdout.write(f"{step['id']:5}  {_time(step['estimate_s']):>8}  {_sentence(step)}")
+        totals = plan["totals"]
+        self.stdout.write(f"\nTime       {_time(totals['duration_s'])}")
+        self.stdout.write(f"At least   {_time(totals['critical_path_s'])}")
+        self.stdout.write(f"By hand    {totals['by_hand_count']} times")
+        for lot, volume in totals["needed_ul"].items():
+            self.stdout.write(f"{volume / 1000:10.3f} mL  {lot}")
+        for lot, mass in totals["needed_ug"].items():
+            self.stdout.write(f"{mass / 1_000_000:10.3f} g   {lot}")
+        for note in plan["notes"]:
+            self.stdout.write(f"Note: {note}")
+
+
+def _compile(raw: bytes, rig: Rig, wish: Wish, blueprints: Sequence[Path]) -> dict[str, Any]:
+    library = [_document(_read_recipe(path)) for path in blueprints]
+    vessels = frozenset(Equipment(rig).vessels)
+    recipe, findings = check_document(_document(raw), rig_vessels=vessels, library=library)
+    if findings:
+        raise refusal(findings)
+    return compile_recipe(recipe, rig, wish)
+
+
+def _wish(options: dict[str, Any]) -> Wish:
+    holds: dict[str, dict[str, int]] = {}
+    try:
+        bind, parameters = parse_pairs(options["bind"]), parse_pairs(options["parameter"])
+        for text in options["holds"]:
+            vessel, equals, rest = text.partition("=")
+            reagent, colon, volume = rest.rpartition(":")
+            if not (vessel and equals and reagent and colon):
+                raise CommandError(f"--holds {text}: write VESSEL=REAGENT:VOLUME")
+            holds.setdefault(vessel, {})[reagent] = parse_volume_nl(volume)
+    except ValueError as error:
+        raise CommandError(str(error)) from error
+    except UnitError as error:
+        raise CommandError(f"--holds: {error.message}") from error
+    return Wish(
+        bind=bind,
+        holds_nl=holds,
+        rinse=tuple(options["rinse"]),
+        parameters=parameters,
+        equiv_reference=options["equiv_reference"],
+        equiv_amount=options["equiv_amount"],
+    )
+
+
+def _read(path: Path) -> bytes:
+    try:
+        return read_graph(path)
+    except OSError as error:
+        raise CommandError(f"cannot read {path}: {error.strerror}") from error
+    except LabFileError as error:
+        raise CommandError(f"{path}: {error.code}: {error.message}") from error
+
+
+def _read_recipe(path: Path) -> bytes:
+    try:
+        with path.open("rb") as file:
+            return file.read(MAX_BYTES + 1)
+    except OSError as error:
+        raise CommandError(f"cannot read {path}: {error.strerror}") from error
+
+
+def _document(raw: bytes) -> Document:
+    is_json = raw.lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"{")
+    return parse_json(raw) if is_json else parse_markup(raw)
+
+
+def _digest(raw: bytes) -> str:
+    return hashlib.sha256(raw).hexdigest()
+
+
+def _time(seconds: float) -> str:
+    whole = round(seconds)
+    hours, rest = divmod(whole, _HOUR_S)
+    return f"{hours}:{rest // _MINUTE_S:02}:{rest % _MINUTE_S:02}"
+
+
+def _sentence(step: dict[str, Any]) -> str:
+    does = step["does"]
+    told = ", ".join(f"{name} {value}" for name, value in does.items() if name != "kind")
+    line = f" (line {step['of']['line']})" if "line" in step["of"] else ""
+    return f"{step['of']['operation']}{line}: {does['kind']} {told}"

@@ -1,0 +1,86 @@
+"""The command, as a process, where no database answers."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.domain.workflows.xdl.plans import bench, recipe
+
+ROOT = Path(__file__).parents[3]
+ADD = 'Add vessel="reactor" reagent="water" volume="60 mL"'
+
+
+def run(folder: Path, text: str, *options: str, graph: str = "") -> tuple[int, str, str]:
+    (folder / "graph.json").write_text(graph or json.dumps(bench()))
+    (folder / "recipe.xdl").write_text(text)
+    done = subprocess.run(
+        [
+            *(sys.executable, "manage.py", "compile_protocol", str(folder / "recipe.xdl")),
+            *("--lab", str(folder / "graph.json"), *options),
+        ],
+        cwd=ROOT,
+        env={**os.environ, "DATABASE_URL": "postgresql://nobody@127.0.0.1:1/nothing"},
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+    )
+    return done.returncode, done.stdout, done.stderr
+
+
+def test_a_plan_is_exit_code_0_and_names_its_files(tmp_path: Path) -> None:
+    code, out, err = run(tmp_path, recipe(ADD), "--json")
+    assert (code, err) == (0, "")
+    answer: dict[str, Any] = json.loads(out)
+    assert answer["ok"]
+    plan = answer["plan"]
+    assert plan["plan"] == 1
+    assert plan["recipe"]["id"] == "recipe"
+    raw = (tmp_path / "graph.json").read_bytes()
+    assert plan["graph_sha256"] == hashlib.sha256(raw).hexdigest()
+
+
+def test_a_table_for_people_has_time_amounts_and_places(tmp_path: Path) -> None:
+    code, out, _ = run(tmp_path, recipe(ADD))
+    assert code == 0
+    assert "60.000 mL  water" in out
+    assert "By hand    1 times" in out
+    assert "Add (line 1): transfer" in out
+
+
+def test_a_refusal_is_exit_code_2_with_all_findings(tmp_path: Path) -> None:
+    text = recipe(ADD, 'Stir vessel="flask_spare" time="1 min"', 'Purge vessel="reactor"')
+    code, out, err = run(tmp_path, text, "--json", "--bind", "water=flask_ether")
+    assert code == 2
+    findings = json.loads(out)["findings"]
+    assert {f["code"] for f in findings} == {"plan.no_stirrer", "plan.no_gas"}
+    assert all(f["context"]["line"] == 1 for f in findings)
+    assert "plan.no_stirrer" in err
+
+
+@pytest.mark.parametrize(
+    ("text", "graph", "options", "code"),
+    [
+        ("<Synthesis", "", (), 2),
+        (recipe(ADD), "{}", (), 1),
+        (recipe(ADD), "", ("--bind", "water"), 1),
+        (recipe(ADD), "", ("--holds", "reactor=water"), 1),
+        (recipe(ADD), "", ("--holds", "reactor=water:much"), 1),
+        (recipe(ADD), "", ("--holds", "nowhere=water:1 mL"), 2),
+    ],
+)
+def test_what_cannot_be_read_is_told_without_a_traceback(
+    tmp_path: Path, text: str, graph: str, options: tuple[str, ...], code: int
+) -> None:
+    found, _, err = run(tmp_path, text, *options, graph=graph)
+    assert found == code
+    assert err
+    assert "Traceback" not in err
