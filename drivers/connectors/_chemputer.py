@@ -1,7 +1,9 @@
 r"""The network protocol of Chemputer pumps and valves: text with a NUL at its end.
 
 A move is answered twice: `RESPOND: … SUCCESS` when it is accepted, `RESPOND: … DONE` when it is
-finished. There is no command that stops one.
+finished. There is no command that stops one. A device whose firmware expects it stops by itself
+when the datagram `reset_wdt` stays away: the address of one device of the network names where it
+goes, `tcp://192.168.1.10:5000?beat=192.168.255.255:3000`.
 
 Source:
     Cronin group, Chemputer pumps and valves, control software, table of commands; times from logs
@@ -19,6 +21,7 @@ from drivers.transports.base import ByteTransport
 from labweb.domain.errors import DeviceError, Effect, FrameError, RejectedError
 
 ANSWER_S = 2.0
+KEEP_ALIVE, KEEP_ALIVE_S = b"reset_wdt\0", 0.5
 ENDED = re.compile(
     rb"SUCCESS[^\0]*\0(?:[^\0]*\0)*?[^\0]*(?:DONE|FAILURE|[Ss]tall)[^\0]*\0"
     rb"|FAILURE[^\0]*\0|[Ss]tall[^\0]*\0"
@@ -53,6 +56,7 @@ class ChemputerUnit:
         Raises:
             RejectedError: The other sort of device answers, or an error stays.
         """
+        self.driver.transport.keep_alive(KEEP_ALIVE, KEEP_ALIVE_S)
         found = CONFIG.search(self._ask("read_config", CONFIG))
         if found is None or found[1].decode("ascii") != wanted:
             raise RejectedError(f"{self.driver.transport.line} is no {wanted.lower()}")

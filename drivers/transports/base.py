@@ -203,6 +203,9 @@ class ByteTransport(Transport):
         with self.lock:
             self._write(data)
 
+    def keep_alive(self, payload: bytes, every_s: float) -> None:
+        """Tell a device's watchdog that somebody is there; nothing where the URL names no place."""
+
     def _write(self, data: bytes) -> None:
         self._require_open()
         with self._broken(Effect.NONE):
