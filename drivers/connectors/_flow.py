@@ -7,8 +7,8 @@ from collections.abc import Callable
 from contextlib import suppress
 from typing import Any
 
-from drivers.base import DeviceStoppedError, Driver, Report, after_acting
-from drivers.connectors._motion import FULL_STROKE_S, POLL_S
+from drivers.base import DeviceStoppedError, Driver, Report
+from drivers.connectors._motion import FULL_STROKE_S, POLL_S, once_begun
 from labweb.domain.errors import DeviceError, Effect, PreconditionError
 
 SHORTEST_S = 0.2
@@ -54,25 +54,33 @@ def deliver(
         DeviceError: UNKNOWN: the pump stood on its way, or its link was lost.
     """
     duration_s = check_delivery(volume_ul, rate_ul_s)
-    begin()
     started_s = time.monotonic()
-    with after_acting():
-        try:
+    try:
+        begin()
+        started_s = time.monotonic()
+        with once_begun():
             _run(driver, started_s + duration_s, is_running)
             end()
-        except DeviceStoppedError as error:
-            end()
+    except DeviceError as error:
+        _end_after(error, end)
+        if isinstance(error, DeviceStoppedError):
             error.effect = Effect.PARTIAL
             error.context["moved_ul"] = _moved_ul(rate_ul_s, started_s)
-            raise
-        except DeviceError:
-            with suppress(DeviceError):
-                end()
-            raise
+        raise
     ran_s = time.monotonic() - started_s
     moved_ul = _moved_ul(rate_ul_s, started_s)
     evidence = {"duration_s": round(ran_s, 3), "rate_ul_s": round(rate_ul_s, 6)}
     return Report(moved_ul, evidence, resolution_ul=round(rate_ul_s * POLL_S, 3))
+
+
+def _end_after(error: DeviceError, end: Callable[[], None]) -> None:
+    """Stop a pump that may run; only where somebody asked for it does a failure to stop count."""
+    if isinstance(error, DeviceStoppedError):
+        with once_begun():
+            end()
+    elif error.effect is not Effect.NONE:
+        with suppress(DeviceError):
+            end()
 
 
 def _run(driver: Driver[Any, Any], until_s: float, is_running: Callable[[], bool]) -> None:

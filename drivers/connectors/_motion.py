@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
 from typing import Any, Protocol
 
-from drivers.base import DeviceStoppedError, Driver, Report, after_acting, before_acting
+from drivers.base import DeviceStoppedError, Driver, Report, before_acting
 from labweb.domain.errors import DeviceError, Effect, PreconditionError
 
 POLL_S = 0.1
@@ -43,6 +44,20 @@ class Mechanism(Protocol):
 
     def knows_position(self) -> bool:
         """Tell whether the position is counted from a zero that was found."""
+
+
+@contextmanager
+def once_begun() -> Iterator[None]:
+    """Mark exchanges after a motion has begun: whatever fails, it cannot have had no effect.
+
+    This holds for refusals, too: a question that is refused then says nothing about the motion.
+    """
+    try:
+        yield
+    except DeviceError as error:
+        if error.effect is Effect.NONE:
+            error.effect = Effect.UNKNOWN
+        raise
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,7 +140,7 @@ def run_stroke(
     target = before + steps
     plunger.check_target(target)
     begin(target)
-    with after_acting():
+    with once_begun():
         progress = partial(_progress, plunger, mechanism, before)
         watch(driver, mechanism.is_idle, limit_of(abs(steps) / speed_steps_s), progress)
         after = mechanism.position()
@@ -181,7 +196,7 @@ def turn_valve(
         DeviceError: PARTIAL with the place it stands at, where it tells one; no liquid moved.
     """
     begin()
-    with after_acting():
+    with once_begun():
         watch(driver, is_idle, VALVE_S, lambda: {"moved_ul": 0.0, name: where()})
         reached = where()
     if reached != wanted:

@@ -26,12 +26,11 @@ from drivers.base import (
     Range,
     Report,
     action,
-    after_acting,
     before_acting,
     status,
 )
 from drivers.connectors._flow import check_delivery
-from drivers.connectors._motion import POLL_S, refuse_rate
+from drivers.connectors._motion import POLL_S, once_begun, refuse_rate
 from drivers.interfaces.continuous_pump import ContinuousPump
 from drivers.transports.base import ByteTransport
 from labweb.domain.errors import DeviceTimeoutError, Effect, FrameError, RejectedError
@@ -137,7 +136,7 @@ class MasterflexLs(Driver[ByteTransport, Config], ContinuousPump):
         Effect:
             Nothing moves any more.
         """
-        with after_acting():
+        with once_begun():
             self.halt()
         return Report(evidence={"is_running": False})
 
@@ -160,7 +159,7 @@ class MasterflexLs(Driver[ByteTransport, Config], ContinuousPump):
         self._do("G")
         self._is_running = True
         started_s = time.monotonic()
-        with after_acting():
+        with once_begun():
             self._await_turns(started_s, duration_s + SETTLE_S, speed_rpm)
             self.halt()
         moved_ul = round(turns * self.config.per_turn_ul, 3)

@@ -20,11 +20,12 @@ from typing import Annotated, ClassVar
 
 import msgspec
 
-from drivers.base import Driver, Range, Report, action, after_acting, before_acting, status
+from drivers.base import Driver, Range, Report, action, before_acting, status
 from drivers.connectors._motion import (
     VALVE_S,
     Plunger,
     limit_of,
+    once_begun,
     refuse_port,
     refuse_rate,
     run_stroke,
@@ -121,7 +122,7 @@ class RunzeSy01(Driver[ByteTransport, Config], Pump, Valve):
             before = self.position() if self.is_initialized() else None
         self._has_zero = False
         self._unit.act(HOME, 0, INITIALIZE_S)
-        with after_acting():
+        with once_begun():
             watch(self, self.is_idle, INITIALIZE_S)
             after = self.position()
         self._has_zero = True
@@ -158,7 +159,7 @@ class RunzeSy01(Driver[ByteTransport, Config], Pump, Valve):
         before, self._port_index = self._port_index, None
         try:
             self._unit.act(VALVE_TO, port_index, VALVE_S)
-            with after_acting():
+            with once_begun():
                 watch(self, self.is_idle, VALVE_S)
         except DeviceError as error:
             self._port_index = before if error.effect is Effect.NONE else None

@@ -5,7 +5,7 @@ from __future__ import annotations
 import importlib
 import re
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from drivers.base import Driver
@@ -38,9 +38,12 @@ class Case:
     is_slow: bool = False
     """It moves by rate and time, so its instrument runs in real time."""
 
+    variant: str = ""
+    """Says which of two firmwares, where both are tried."""
+
     @property
     def id(self) -> str:
-        return self.module
+        return f"{self.module}_{self.variant}" if self.variant else self.module
 
     def driver_class(self) -> type[Driver[Any, Any]]:
         module = importlib.import_module(f"drivers.connectors.{self.module}")
@@ -71,7 +74,7 @@ class Case:
 SYRINGE = {"syringe_ul": SYRINGE_UL}
 BARREL = {"syringe_ul": 10_000.0, "diameter_mm": 14.567}
 
-CASES = (
+CASES: tuple[Case, ...] = (
     Case(
         "tricontinent_c3000",
         "TricontinentC3000",
@@ -236,6 +239,27 @@ CASES = (
         carrier="tcp",
         ports=(),
     ),
+)
+
+_BY_ID = {case.id: case for case in CASES}
+
+CASES += (
+    replace(
+        _BY_ID["runze_sy01"],
+        variant="when_done",
+        settings={**_BY_ID["runze_sy01"].settings, "answers": "when_done"},
+    ),
+    replace(
+        _BY_ID["runze_sv06"],
+        variant="when_done",
+        settings={**_BY_ID["runze_sv06"].settings, "answers": "when_done"},
+    ),
+    replace(
+        _BY_ID["vici_multiposition"],
+        variant="old",
+        settings={"ports": 10, "firmware": "old"},
+    ),
+    replace(_BY_ID["vici_injection"], variant="old", settings={"firmware": "old"}),
 )
 
 VALVES = tuple(case for case in CASES if case.last_port)

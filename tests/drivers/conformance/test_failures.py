@@ -36,14 +36,14 @@ FROM_MEMORY = {"chemputer_pump", "chemputer_valve", "masterflex_ls"}
 
 every_driver = pytest.mark.parametrize("rig", CASES, indirect=True, ids=lambda case: case.id)
 every_busy = pytest.mark.parametrize(
-    "rig", [case for case in CASES if case.id in BUSY], indirect=True, ids=lambda case: case.id
+    "rig", [case for case in CASES if case.module in BUSY], indirect=True, ids=lambda case: case.id
 )
 every_pump = pytest.mark.parametrize(
     "rig", [case for case in CASES if "pump" in case.role], indirect=True, ids=lambda case: case.id
 )
 every_teller = pytest.mark.parametrize(
     "rig",
-    [case for case in CASES if case.id not in FROM_MEMORY],
+    [case for case in CASES if case.module not in FROM_MEMORY],
     indirect=True,
     ids=lambda case: case.id,
 )

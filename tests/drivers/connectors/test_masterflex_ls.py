@@ -38,6 +38,14 @@ def test_a_delivery_runs_by_the_drives_own_turns_and_is_halted_after_it(play: Pl
     assert report.moved_ul == 200.0
 
 
+def test_a_halt_that_is_not_taken_leaves_a_delivery_in_doubt(play: Play) -> None:
+    text = "".join(f"> \\x02P01{frame}\\r\n< \\x06\n" for frame in ("S+37.5", "Z", "V0.25", "G"))
+    device = MasterflexLs(play(text=text + "> \\x02P01H\\r\n< \\x15\n"), CONFIG)
+    with pytest.raises(RejectedError) as caught:
+        device.deliver(200.0, 500.0)
+    assert caught.value.effect is Effect.UNKNOWN
+
+
 @pytest.mark.parametrize(
     ("answer", "error", "effect"),
     [

@@ -90,6 +90,14 @@ def test_a_motion_that_fails_is_in_doubt_and_loses_the_zero(play: Play, status: 
     assert device.is_initialized() is False
 
 
+def test_a_position_that_is_refused_after_a_stroke_leaves_it_in_doubt(play: Play) -> None:
+    text = exchange(0x66, 0, reply(0)) + exchange(0x43, 4800, reply(0xFE))
+    text += exchange(0x4A, 0, reply(0)) + exchange(0x66, 0, reply(0x06))
+    with pytest.raises(RejectedError) as caught:
+        ready(play, text).aspirate(400.0, 500.0)
+    assert caught.value.effect is Effect.UNKNOWN
+
+
 def test_an_answer_that_never_comes_is_in_doubt(
     play: Play, monkeypatch: pytest.MonkeyPatch
 ) -> None:

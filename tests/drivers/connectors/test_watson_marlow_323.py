@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers.connectors.watson_marlow_323 import WatsonMarlow323, decode_status
-from labweb.domain.errors import DeviceError, Effect, FrameError, RejectedError
+from labweb.domain.errors import DeviceError, DeviceTimeoutError, Effect, FrameError, RejectedError
 from tests.drivers.conftest import Play
 
 CONFIG = {"per_turn_ul": 800.0}
@@ -40,6 +40,15 @@ def test_a_pump_that_was_told_to_run_and_stands_is_in_doubt(play: Play) -> None:
     with pytest.raises(DeviceError) as caught:
         WatsonMarlow323(play(text=text), CONFIG).start_flow(500.0)
     assert caught.value.effect is Effect.UNKNOWN
+
+
+def test_a_delivery_whose_start_is_not_answered_is_stopped_and_in_doubt(play: Play) -> None:
+    text = SET + "> 1RS\\r\n< 323Du 37.5 CW 0 !\\r\n> 1GO\\r\n> 1RS\\r\n"
+    transport = play(text=text + "> 1ST\\r\n> 1RS\\r\n< 323Du 37.5 CW 0 !\\r\n")
+    with pytest.raises(DeviceTimeoutError) as caught:
+        WatsonMarlow323(transport, CONFIG).deliver(200.0, 500.0)
+    assert caught.value.effect is Effect.UNKNOWN
+    assert b"1ST\r" in transport.sent
 
 
 def test_a_pump_that_was_told_to_stop_and_runs_is_an_error(play: Play) -> None:
