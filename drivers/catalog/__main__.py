@@ -1,4 +1,4 @@
-"""Command line: `python -m drivers.catalog PATH [--json | --check]`."""
+"""Command line: `python -m drivers.catalog PATH [--json | --check | --page]`."""
 
 from __future__ import annotations
 
@@ -26,6 +26,7 @@ def main(arguments: list[str] | None = None) -> int:
     output = parser.add_mutually_exclusive_group()
     output.add_argument("--json", action="store_true", help="print specs and findings as JSON")
     output.add_argument("--check", action="store_true", help="print findings; fail if there are")
+    output.add_argument("--page", action="store_true", help="print a table in Markdown")
     options = parser.parse_args(arguments)
     if not options.path.exists():
         sys.stderr.write(f"{options.path}: no such file or folder\n")
@@ -33,6 +34,9 @@ def main(arguments: list[str] | None = None) -> int:
     catalog = scan(options.path)
     if options.json:
         sys.stdout.write(msgspec.json.encode(catalog, order="sorted").decode() + "\n")
+        return 0
+    if options.page:
+        sys.stdout.write(_render_page(catalog))
         return 0
     sys.stdout.write(_render_findings(catalog) if options.check else _render_table(catalog))
     return 1 if options.check and catalog.all_findings else 0
@@ -46,6 +50,28 @@ def _render_table(catalog: Catalog) -> str:
         for spec in catalog.drivers
     ]
     return "".join(rows) + _render_findings(catalog)
+
+
+def _render_page(catalog: Catalog) -> str:
+    """Render one row per driver; an action has its way of recovery behind it."""
+    rows = [
+        "| driver | class | roles | transport | quality | actions | statuses | safe state |\n",
+        "|---|---|---|---|---|---|---|---|\n",
+    ]
+    for spec in sorted(catalog.drivers, key=lambda spec: spec.module):
+        folder, _, model = spec.module.removeprefix(f"{PACKAGE.name}.").partition(".")
+        cells = (
+            f"`{model or spec.class_name}`",
+            folder,
+            ", ".join(spec.roles),
+            spec.transport,
+            spec.quality,
+            ", ".join(f"`{action.name}` {action.recovery}" for action in spec.actions),
+            ", ".join(f"`{status.name}`" for status in spec.statuses),
+            spec.safe_state.replace("|", "/").rstrip("."),
+        )
+        rows.append(f"| {' | '.join(cell or '–' for cell in cells)} |\n")
+    return "".join(rows)
 
 
 def _render_findings(catalog: Catalog) -> str:

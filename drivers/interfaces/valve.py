@@ -12,7 +12,9 @@ class Valve(ABC):
 
     @abstractmethod
     def select_port(self, port_index: int) -> Report:
-        """Turn to a port, counted from 1, and return once the valve stands there.
+        """Turn to a port by its number on the valve, and return once the valve stands there.
+
+        Numbers count from 1, unless the maker counts otherwise: then the driver says so.
 
         Effect:
             None on matter; what flows next flows through that port.
@@ -20,4 +22,4 @@ class Valve(ABC):
 
     @abstractmethod
     def port_index(self) -> int:
-        """Tell the port that is selected, counted from 1."""
+        """Tell the port that is selected, by its number on the valve."""

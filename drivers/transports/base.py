@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import threading
 import time
 from abc import ABC, abstractmethod
@@ -19,6 +20,8 @@ from labweb.domain.errors import (
 
 Direction = Literal["out", "in"]
 Observer = Callable[[Direction, bytes], None]
+Until = bytes | re.Pattern[bytes]
+"""What ends a reply: its last bytes, or the pattern of a whole frame that has no end mark."""
 
 MAX_FRAME_BYTES = 4096
 """Longest reply that is read; a longer one is noise."""
@@ -28,6 +31,9 @@ QUIET_S = 0.05
 
 MAX_DRAIN_S = 1.0
 """Longest time spent waiting for a talking line to fall silent."""
+
+LISTEN_S = 0.1
+"""How often a wait that may be given up looks whether it should be."""
 
 OPEN_TIMEOUT_S = 3.0
 """Longest time to open a line."""
@@ -155,10 +161,10 @@ class ByteTransport(Transport):
     def _take(self, timeout_s: float) -> bytes:
         """Read what is there, waiting for at most the timeout; b"" when silent."""
 
-    def exchange(self, request: bytes, *, until: bytes, timeout_s: float) -> bytes:
-        """Send a request and return the reply up to and with its terminator.
+    def exchange(self, request: bytes, *, until: Until, timeout_s: float) -> bytes:
+        """Send a request and return the reply up to and with its end.
 
-        Input that was waiting before is thrown away, and so is what follows the terminator.
+        Input that was waiting before is thrown away, and so is what follows the end.
 
         Raises:
             UnreachableError: Line closed or broken; NONE before the first byte, else UNKNOWN.
@@ -167,19 +173,38 @@ class ByteTransport(Transport):
         """
         with self.lock:
             self._write(request)
+            return self.receive(until=until, timeout_s=timeout_s)
+
+    def receive(
+        self, *, until: Until, timeout_s: float, unless: Callable[[], bool] | None = None
+    ) -> bytes:
+        """Return the reply to what was sent before; hold the lock from the one to the other.
+
+        Args:
+            until: What ends the reply.
+            timeout_s: Longest wait.
+            unless: Gives the wait up early, as a timeout, once it is true.
+
+        Raises:
+            UnreachableError, DeviceTimeoutError, FrameError: As `exchange`; UNKNOWN.
+        """
+        with self.lock:
             self._may_owe_bytes = True
-            reply = self._read(until, time.monotonic() + timeout_s)
+            reply = self._read(until, time.monotonic() + timeout_s, unless)
             self._may_owe_bytes = False
             return reply
 
     def send(self, data: bytes) -> None:
-        """Send bytes that have no reply.
+        """Send bytes that have no reply, or one that `receive` waits for.
 
         Raises:
             UnreachableError: Line closed or broken; NONE before the first byte, else UNKNOWN.
         """
         with self.lock:
             self._write(data)
+
+    def keep_alive(self, payload: bytes, every_s: float) -> None:
+        """Tell a device's watchdog that somebody is there; nothing where the URL names no place."""
 
     def _write(self, data: bytes) -> None:
         self._require_open()
@@ -189,10 +214,14 @@ class ByteTransport(Transport):
         with self._broken(Effect.UNKNOWN):
             self._put(data)
 
-    def _read(self, until: bytes, deadline_s: float) -> bytes:
+    def _read(
+        self, until: Until, deadline_s: float, unless: Callable[[], bool] | None = None
+    ) -> bytes:
         buffer = bytearray()
-        while until not in buffer:
+        while (end := end_of_reply(until, buffer)) is None:
             left_s = deadline_s - time.monotonic()
+            if unless is not None:
+                left_s = min(left_s, 0.0 if unless() else LISTEN_S)
             if left_s <= 0:
                 raise DeviceTimeoutError(
                     "no whole answer in time",
@@ -207,7 +236,7 @@ class ByteTransport(Transport):
                 raise FrameError(
                     f"answer of more than {MAX_FRAME_BYTES} bytes", context={"line": self.line}
                 )
-        return bytes(buffer[: buffer.index(until) + len(until)])
+        return bytes(buffer[:end])
 
     def _drain(self) -> None:
         """Throw away waiting input; after a failed exchange, also what still arrives."""
@@ -232,6 +261,20 @@ class ByteTransport(Transport):
             raise UnreachableError(
                 f"the line broke: {error}", effect=effect, context={"line": self.line}
             ) from error
+
+
+def end_of_reply(until: Until, buffer: bytes | bytearray) -> int | None:
+    r"""Return where the reply ends in what has come, None while it is not whole.
+
+    Example:
+        >>> end_of_reply(b"\r", b"ok\rnoise"), end_of_reply(re.compile(rb"\xcc.{3}"), b"\xcc12")
+        (3, None)
+    """
+    if isinstance(until, bytes):
+        start = buffer.find(until)
+        return None if start < 0 else start + len(until)
+    found = until.search(buffer)
+    return None if found is None else found.end()
 
 
 def _claim(line: str, owner: int) -> None:

@@ -14,11 +14,11 @@ A request without an answer line is met with silence.
 from __future__ import annotations
 
 import ast
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from drivers.transports.base import ByteTransport
+from drivers.transports.base import ByteTransport, Until, end_of_reply
 
 _ONCE, _REPEATED, _ANYTIME = ">", ">*", ">?"
 
@@ -83,9 +83,11 @@ class ReplayTransport(ByteTransport):
         reply, self._pending = self._pending, b""
         return reply
 
-    def _read(self, until: bytes, deadline_s: float) -> bytes:
-        is_whole = until in self._pending
-        return super()._read(until, deadline_s if is_whole else 0.0)
+    def _read(
+        self, until: Until, deadline_s: float, unless: Callable[[], bool] | None = None
+    ) -> bytes:
+        is_whole = end_of_reply(until, self._pending) is not None
+        return super()._read(until, deadline_s if is_whole else 0.0, unless)
 
     def _answer(self, request: bytes) -> bytes:
         if request in self._anytime:

@@ -6,15 +6,20 @@ import select
 import socket
 
 from drivers.transports.base import MAX_FRAME_BYTES, OPEN_TIMEOUT_S, ByteTransport
+from drivers.transports.beat import Beat
 from labweb.domain.errors import Effect, UnreachableError
 
 
 class TcpTransport(ByteTransport):
     """One connection to one address."""
 
-    def __init__(self, url: str, host: str, port: int) -> None:
+    def __init__(
+        self, url: str, host: str, port: int, *, beat: tuple[str, int] | None = None
+    ) -> None:
         super().__init__(url, tcp_line(host, port))
         self._address = (host, port)
+        self._beat_address = beat
+        self._beat: Beat | None = None
         self._socket: socket.socket | None = None
 
     @property
@@ -32,7 +37,16 @@ class TcpTransport(ByteTransport):
             ) from error
         self._socket = opened
 
+    def keep_alive(self, payload: bytes, every_s: float) -> None:
+        """Send a datagram every so often to where the URL's `beat` says, while the line is open."""
+        with self.lock:
+            if self._beat_address is not None and self._beat is None and self.is_open:
+                self._beat = Beat(self._beat_address, payload, every_s)
+
     def _close(self) -> None:
+        beat, self._beat = self._beat, None
+        if beat is not None:
+            beat.end()
         opened, self._socket = self._socket, None
         if opened is not None:
             opened.close()

@@ -16,6 +16,7 @@ from labweb.domain.errors import DefinitionError
 FORMS = (
     "serial:///dev/ttyUSB0?baud=9600&format=8N1&flow=none",
     "tcp://127.0.0.1:4305",
+    "tcp://192.168.1.10:5000?beat=192.168.255.255:3000",
     "modbus+tcp://127.0.0.1:502?device=1",
     "modbus+serial:///dev/ttyUSB0?baud=9600&format=8N1&device=1",
     "virtual:timer",
@@ -76,8 +77,8 @@ def _make_serial(url: str) -> Transport:
 
 
 def _make_tcp(url: str) -> Transport:
-    host, port = _address(url, frozenset())
-    return TcpTransport(url, host, port)
+    host, port = _address(url, frozenset({"beat"}))
+    return TcpTransport(url, host, port, beat=_beat(url))
 
 
 def _make_modbus_tcp(url: str) -> Transport:
@@ -100,7 +101,7 @@ def _serial_line(url: str) -> str:
 
 
 def _tcp_line(url: str) -> str:
-    return tcp_line(*_address(url, frozenset({"device"})))
+    return tcp_line(*_address(url, frozenset({"device", "beat"})))
 
 
 def _virtual_line(url: str) -> str:
@@ -133,6 +134,17 @@ def _address(url: str, keys: frozenset[str]) -> tuple[str, int]:
         raise _bad(url, "an address is host and port")
     port = parts.netloc.rpartition(":")[2]
     return parts.hostname, _number(url, port, 1, _HIGHEST_PORT)
+
+
+def _beat(url: str) -> tuple[str, int] | None:
+    """Return where datagrams go that keep the device's watchdog quiet, None without them."""
+    text = dict(parse_qsl(_split(url).query)).get("beat")
+    if text is None:
+        return None
+    host, _, port = text.rpartition(":")
+    if not re.fullmatch(r"[0-9]{1,3}(?:\.[0-9]{1,3}){3}", host):
+        raise _bad(url, "beat is an IPv4 address and a port")
+    return host, _number(url, port, 1, _HIGHEST_PORT)
 
 
 def _device(url: str) -> int:

@@ -31,10 +31,13 @@ URLS = {
 every_driver = pytest.mark.parametrize("spec", SPECS, ids=lambda spec: spec.class_name)
 
 
-def test_the_catalog_holds_the_starter_labs_instruments() -> None:
+def test_the_catalog_holds_every_role_that_a_lab_is_built_of() -> None:
     assert {role for spec in SPECS for role in spec.roles} == {
         "balance",
+        "continuous_pump",
         "heater_stirrer",
+        "infusion_pump",
+        "injection_valve",
         "ph_sensor",
         "pump",
         "timer",

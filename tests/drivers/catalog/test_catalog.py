@@ -193,3 +193,11 @@ def test_the_command_line_prints_a_table_findings_or_json(
     found = json.loads(capsys.readouterr().out)
     assert found["version"] == 1
     assert found["drivers"][0]["digest"] == hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+def test_the_page_has_a_row_for_each_driver(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main([str(PACKAGE), "--page"]) == 0
+    rows = capsys.readouterr().out.splitlines()[2:]
+    assert len(rows) == len(scan(PACKAGE).drivers)
+    assert any(row.startswith("| `seeed_ph` | sensors | ph_sensor |") for row in rows)
+    assert {row.count(" | ") for row in rows} == {7}

@@ -10,8 +10,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers.base import DeviceStoppedError
-from drivers.connectors import tricontinent_c3000 as module
-from drivers.connectors.tricontinent_c3000 import TricontinentC3000, decode_reply, encode_command
+from drivers.connectors import _motion as module
+from drivers.connectors._dt import decode_reply, encode_command
+from drivers.connectors.tricontinent_c3000 import TricontinentC3000
 from drivers.transports.base import Direction
 from drivers.transports.replay import ReplayTransport
 from labweb.domain.errors import (
@@ -26,12 +27,8 @@ from labweb.domain.errors import (
 )
 from tests.drivers.conftest import Play
 
+KNOWN = "> /1?19\\r\n< /0`1\\x03\\r\\n\n"
 READY = "> /1?6\\r\n< /0`2\\x03\\r\\n\n> /1?\\r\n< /0`{steps}\\x03\\r\\n\n"
-
-
-@pytest.fixture(autouse=True)
-def fast(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(module, "POLL_S", 0.001)
 
 
 def pump(transport: ReplayTransport, **config: object) -> TricontinentC3000:
@@ -95,6 +92,7 @@ def test_a_stop_in_mid_stroke_is_partial_with_the_volume_that_moved(play: Play) 
                 for one in transport._script
             ]
             transport._anytime[b"/1?\r"] = b"/0`450\x03\r\n"
+            transport._anytime[b"/1?19\r"] = b"/0`1\x03\r\n"
 
     def stop() -> None:
         is_running.wait(5)
@@ -172,8 +170,9 @@ def test_a_line_that_breaks_while_the_plunger_moves_is_unknown(play: Play) -> No
 def test_a_stop_between_the_check_and_the_command_still_halts_the_stroke(play: Play) -> None:
     text = (
         ready()
-        + "> /1V300A600R\\r\n< /0@\\x03\\r\\n\n> /1Q\\r\n< /0@\\x03\\r\\n\n"
+        + "> /1V300A600R\\r\n< /0@\\x03\\r\\n\n"
         + "> /1TR\\r\n< /0`\\x03\\r\\n\n> /1Q\\r\n< /0`\\x03\\r\\n\n"
+        + KNOWN
         + "> /1?\\r\n< /0`6\\x03\\r\\n\n"
     )
     transport = play(text=text)
@@ -202,11 +201,24 @@ def test_a_plunger_that_stops_short_is_partial(play: Play) -> None:
         ready()
         + "> /1V300A600R\\r\n< /0@\\x03\\r\\n\n> /1Q\\r\n< /0`\\x03\\r\\n\n"
         + "> /1?\\r\n< /0`599\\x03\\r\\n\n"
+        + KNOWN
+        + "> /1?\\r\n< /0`599\\x03\\r\\n\n"
     )
     with pytest.raises(DeviceError) as caught:
         pump(play(text=text)).aspirate(1000.0, 500.0)
     assert caught.value.effect is Effect.PARTIAL
     assert caught.value.context["moved_ul"] == pytest.approx(998.333)
+
+
+def test_a_plunger_that_lost_its_zero_on_the_way_is_unknown(play: Play) -> None:
+    text = (
+        ready()
+        + "> /1V300A600R\\r\n< /0@\\x03\\r\\n\n> /1Q\\r\n< /0`\\x03\\r\\n\n"
+        + "> /1?\\r\n< /0`0\\x03\\r\\n\n> /1?19\\r\n< /0`0\\x03\\r\\n\n"
+    )
+    with pytest.raises(DeviceError) as caught:
+        pump(play(text=text)).aspirate(1000.0, 500.0)
+    assert caught.value.effect is Effect.UNKNOWN
 
 
 def test_a_pump_that_stays_busy_is_halted_and_told_how_far_it_came(
@@ -218,6 +230,7 @@ def test_a_pump_that_stays_busy_is_halted_and_told_how_far_it_came(
         ready()
         + "> /1V300A600R\\r\n< /0@\\x03\\r\\n\n>* /1Q\\r\n< /0@\\x03\\r\\n\n"
         + "> /1TR\\r\n< /0`\\x03\\r\\n\n> /1Q\\r\n< /0`\\x03\\r\\n\n"
+        + KNOWN
         + "> /1?\\r\n< /0`300\\x03\\r\\n\n"
     )
     with pytest.raises(DeviceError) as caught:
@@ -238,8 +251,14 @@ def test_a_stroke_beyond_the_syringe_is_refused_before_it_is_sent(
     play: Play, volume_ul: float, rate_ul_s: float, code: str
 ) -> None:
     with pytest.raises(PreconditionError) as caught:
-        pump(play(text=ready())).aspirate(volume_ul, rate_ul_s)
+        pump(play(text="")).aspirate(volume_ul, rate_ul_s)
     assert caught.value.code == code
+
+
+def test_a_stroke_beyond_the_end_of_travel_is_refused_before_it_is_sent(play: Play) -> None:
+    with pytest.raises(PreconditionError) as caught:
+        pump(play(text=ready(2900))).aspirate(1000.0, 500.0)
+    assert caught.value.code == "device.stroke_out_of_range"
 
 
 @pytest.mark.parametrize("rate_ul_s", [0.1, 20_000.0, 1001.0])

@@ -1,0 +1,85 @@
+"""Chemputer selection valve.
+
+Protocol: TCP 5000, text and NUL; a move answers SUCCESS when accepted and DONE when finished.
+Quality: bronze, simulated instrument.
+Safe state: the valve stands at a position; a turn that has begun cannot be stopped.
+
+The valve does not tell where it stands, so the driver keeps the last position that was done. Its
+ports are numbered 0 to 5 as on the valve and in graphs of Chemputers; -1 is the common one.
+
+Source:
+    Cronin group, Chemputer pumps and valves, control software, table of commands.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Annotated, Any, ClassVar
+
+import msgspec
+
+from drivers.base import Driver, Range, Report, action, status
+from drivers.connectors._chemputer import ChemputerUnit
+from drivers.connectors._motion import VALVE_S
+from drivers.interfaces.valve import Valve
+from drivers.transports.base import ByteTransport
+from labweb.domain.errors import DeviceError, Effect, PreconditionError, RejectedError
+
+LAST_PORT = 5
+
+
+class Config(msgspec.Struct, frozen=True, kw_only=True):
+    """One valve at its address; there is nothing to set."""
+
+
+class ChemputerValve(Driver[ByteTransport, Config], Valve):
+    """One valve."""
+
+    transport_type: ClassVar[type] = ByteTransport
+    config_type: ClassVar[type[msgspec.Struct]] = Config
+
+    def __init__(self, transport: ByteTransport, config: Mapping[str, Any]) -> None:
+        """Hold transport and settings; nothing is opened and nothing is sent."""
+        super().__init__(transport, config)
+        self._unit = ChemputerUnit(self)
+        self._port_index: int | None = None
+
+    def identify(self) -> None:
+        """Ask what answers, and clear the errors that a start leaves. Nothing moves."""
+        self._port_index = None
+        self._unit.identify("VALVE")
+
+    def halt(self) -> None:
+        """Do nothing where nothing moves; a turn that runs cannot be stopped."""
+        self._unit.halt()
+
+    @status(every_s=1.0)
+    def port_index(self) -> int:
+        """Tell the port of the last turn that was done, counted from 0 as on the valve."""
+        if self._port_index is None:
+            raise RejectedError("nobody knows where the valve stands: select a port")
+        return self._port_index
+
+    @action(timeout_s=30.0, recovery="R1")
+    def select_port(self, port_index: Annotated[int, Range(0, 5)]) -> Report:
+        """Turn to a port, counted from 0 as on the valve, and return once the turn is done.
+
+        Effect:
+            None on matter; what flows next flows through that port.
+        """
+        self.refuse_if_stopped()
+        if not 0 <= port_index <= LAST_PORT:
+            raise PreconditionError(
+                f"port {port_index} was asked for; the valve has 0 to {LAST_PORT}",
+                code="device.no_port",
+            )
+        before, self._port_index = self._port_index, None
+        stands = {"moved_ul": 0.0, "port_index": port_index}
+        try:
+            self._unit.act(f"pos {port_index}", VALVE_S, stands)
+        except DeviceError as error:
+            if error.effect is not Effect.UNKNOWN:
+                self._port_index = before if error.effect is Effect.NONE else port_index
+            raise
+        self._port_index = port_index
+        return Report(evidence={"port_index": port_index})

@@ -1,0 +1,195 @@
+"""Watson-Marlow 323Du peristaltic pump.
+
+Protocol: RS-232, 9600 8N1, pump number, command, CR; setters are silent, RS answers model, speed,
+direction, running flag and `!`.
+Quality: bronze, simulated instrument.
+Safe state: the pump stands; on a lost link it goes on, no watchdog is known.
+
+Setters have no answer, so each is proved by the answer to RS that follows it.
+
+Source:
+    Watson-Marlow, 323Du user manual, section "RS232 commands".
+"""
+
+from __future__ import annotations
+
+import re
+from typing import Annotated, ClassVar, Literal, NamedTuple
+
+import msgspec
+
+from drivers.base import Driver, Range, Report, action, before_acting, status
+from drivers.connectors._flow import check_delivery, deliver
+from drivers.connectors._motion import once_begun, refuse_rate
+from drivers.interfaces.continuous_pump import ContinuousPump
+from drivers.transports.base import ByteTransport
+from labweb.domain.errors import DeviceError, Effect, FrameError, RejectedError
+
+MODEL = "323Du"
+END = b"!"
+ANSWER_S = 1.0
+SLOWEST_RPM, STEP_RPM = 3.0, 0.1
+"""Lowest speed, and what one digit of SP is."""
+
+Rate = Annotated[float, Range(0.001, 100_000.0)]
+Volume = Annotated[float, Range(0.001, 10_000_000.0)]
+
+
+class Config(msgspec.Struct, frozen=True, kw_only=True):
+    """One pump on its line."""
+
+    per_turn_ul: Annotated[float, Range(0.01, 100_000.0)]
+    """Volume of one turn of the head with the tube that is in it: calibrate it."""
+
+    address_index: Annotated[int, Range(1, 16)] = 1
+    """Pump number."""
+
+    direction: Literal["CW", "CCW"] = "CW"
+    """Sense of rotation that moves liquid from inlet to outlet."""
+
+    max_speed_rpm: Annotated[float, Range(3.0, 400.0)] = 400.0
+
+
+class Told(NamedTuple):
+    """What RS tells."""
+
+    model: str
+    speed_rpm: float
+    direction: str
+    is_running: bool
+
+
+def encode_command(address: int, command: str) -> bytes:
+    r"""Build the frame of a command.
+
+    Example:
+        >>> encode_command(1, "SP 50.0")
+        b'1SP 50.0\r'
+    """
+    return f"{address}{command}\r".encode("ascii")
+
+
+def decode_status(frame: bytes) -> Told:
+    """Read the answer to RS.
+
+    Raises:
+        FrameError: Not such an answer.
+
+    Example:
+        >>> decode_status(b"323Du 50.0 CW 1 !")
+        Told(model='323Du', speed_rpm=50.0, direction='CW', is_running=True)
+    """
+    match = re.search(rb"(\w+) +(\d{1,4}(?:\.\d+)?) +(CW|CCW) +([01]) +!\Z", frame)
+    if match is None:
+        raise FrameError("answer is no status of the pump", context={"frame": frame.hex()})
+    model, speed, direction, running = (part.decode("ascii") for part in match.groups())
+    return Told(model, float(speed), direction, running == "1")
+
+
+class WatsonMarlow323(Driver[ByteTransport, Config], ContinuousPump):
+    """One pump at one number of the line."""
+
+    transport_type: ClassVar[type] = ByteTransport
+    config_type: ClassVar[type[msgspec.Struct]] = Config
+
+    def identify(self) -> None:
+        """Ask for the status, and refuse another model. Nothing moves."""
+        if (model := self._status().model) != MODEL:
+            raise RejectedError(f"{self.transport.line} answers as {model!r}, expected {MODEL!r}")
+
+    def halt(self) -> None:
+        """Stop the pump, and make sure that it stands."""
+        self._send("ST")
+        if self._status().is_running:
+            raise DeviceError("the pump was told to stop, and runs", effect=Effect.UNKNOWN)
+
+    @status(every_s=1.0)
+    def rate_setpoint_ul_s(self) -> float:
+        """Tell the rate of the speed that is set."""
+        return self._rate_ul_s(self._status().speed_rpm)
+
+    @status(every_s=1.0)
+    def is_running(self) -> bool:
+        """Tell whether the pump runs."""
+        return self._status().is_running
+
+    @action(timeout_s=30.0, recovery="R1", hazards=("expels_liquid",))
+    def start_flow(self, rate_ul_s: Rate) -> Report:
+        """Pump from inlet to outlet at a rate, and return while it goes on.
+
+        Effect:
+            Liquid moves until `stop_flow`; how much is the rate by the time.
+        """
+        self.refuse_if_stopped()
+        speed_rpm = self._speed_rpm(rate_ul_s)
+        self._set(speed_rpm)
+        self._start()
+        return Report(evidence={"speed_rpm": speed_rpm, "rate_ul_s": self._rate_ul_s(speed_rpm)})
+
+    @action(timeout_s=30.0, recovery="R1")
+    def stop_flow(self) -> Report:
+        """Stop pumping.
+
+        Effect:
+            Nothing moves any more.
+        """
+        with once_begun():
+            self.halt()
+        return Report(evidence={"is_running": False})
+
+    @action(timeout_s=1260.0, recovery="R2", hazards=("expels_liquid",), operation="transfer")
+    def deliver(self, volume_ul: Volume, rate_ul_s: Rate) -> Report:
+        """Pump a volume from inlet to outlet, and return once the pump stands.
+
+        Effect:
+            `moved_ul` from the inlet to the outlet, by rate and time.
+        """
+        self.refuse_if_stopped()
+        speed_rpm = self._speed_rpm(rate_ul_s)
+        actual_ul_s = self._rate_ul_s(speed_rpm)
+        check_delivery(volume_ul, actual_ul_s)
+        self._set(speed_rpm)
+        return deliver(
+            self,
+            volume_ul=volume_ul,
+            rate_ul_s=actual_ul_s,
+            begin=self._start,
+            end=self.halt,
+            is_running=self.is_running,
+        )
+
+    def _set(self, speed_rpm: float) -> None:
+        """Set speed and direction of a pump that stands, and prove both."""
+        with before_acting():
+            if self._status().is_running:
+                raise RejectedError("the pump already runs: stop it first")
+            self._send(f"SP {speed_rpm:.1f}")
+            self._send("RR" if self.config.direction == "CW" else "RL")
+            told = self._status()
+            is_set = abs(told.speed_rpm - speed_rpm) < STEP_RPM / 2
+            if not is_set or told.direction != self.config.direction:
+                raise RejectedError(
+                    f"the pump holds {told.speed_rpm:g} rpm {told.direction}, "
+                    f"not {speed_rpm:g} rpm {self.config.direction}"
+                )
+
+    def _start(self) -> None:
+        self._send("GO")
+        with once_begun():
+            if not self._status().is_running:
+                raise DeviceError("the pump was told to run, and stands", effect=Effect.UNKNOWN)
+
+    def _speed_rpm(self, rate_ul_s: float) -> float:
+        slowest_ul_s = self._rate_ul_s(SLOWEST_RPM)
+        refuse_rate(rate_ul_s, slowest_ul_s, self._rate_ul_s(self.config.max_speed_rpm))
+        return round(rate_ul_s * 60 / self.config.per_turn_ul, 1)
+
+    def _rate_ul_s(self, speed_rpm: float) -> float:
+        return speed_rpm * self.config.per_turn_ul / 60
+
+    def _status(self) -> Told:
+        frame = encode_command(self.config.address_index, "RS")
+        return decode_status(self.transport.exchange(frame, until=END, timeout_s=ANSWER_S))
+
+    def _send(self, command: str) -> None:
+        self.transport.send(encode_command(self.config.address_index, command))

@@ -1,0 +1,38 @@
+"""A datagram that is sent again and again, for devices that stop when nobody is there."""
+
+from __future__ import annotations
+
+import socket
+import threading
+from contextlib import suppress
+
+
+class Beat:
+    """Sends from its making on, until it is ended or the process dies.
+
+    A datagram that cannot be sent is not reported: the device misses it and does what it does
+    then, which is what its watchdog is for.
+    """
+
+    def __init__(self, address: tuple[str, int], payload: bytes, every_s: float) -> None:
+        self._address = address
+        self._payload = payload
+        self._every_s = every_s
+        self._is_over = threading.Event()
+        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_BROADCAST, 1)
+        self._thread = threading.Thread(target=self._run, daemon=True)
+        self._thread.start()
+
+    def end(self) -> None:
+        """Send no more. May be called twice."""
+        self._is_over.set()
+        self._thread.join()
+        self._socket.close()
+
+    def _run(self) -> None:
+        while True:
+            with suppress(OSError):
+                self._socket.sendto(self._payload, self._address)
+            if self._is_over.wait(self._every_s):
+                return

@@ -1,0 +1,65 @@
+"""The 323Du against bytes of its published command table."""
+
+from __future__ import annotations
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from drivers.connectors.watson_marlow_323 import WatsonMarlow323, decode_status
+from labweb.domain.errors import DeviceError, DeviceTimeoutError, Effect, FrameError, RejectedError
+from tests.drivers.conftest import Play
+
+CONFIG = {"per_turn_ul": 800.0}
+STANDS = "> 1RS\\r\n< 323Du 0.0 CW 0 !\\r\n"
+SET = STANDS + "> 1SP 37.5\\r\n> 1RR\\r\n"
+
+
+def test_a_transcript_of_a_flow(play: Play) -> None:
+    device = WatsonMarlow323(play("watson_marlow_323"), CONFIG)
+    device.connect()
+    assert device.start_flow(500.0).evidence["speed_rpm"] == 37.5
+    assert device.stop_flow().evidence == {"is_running": False}
+
+
+def test_another_model_is_refused(play: Play) -> None:
+    with pytest.raises(RejectedError, match="323Du"):
+        WatsonMarlow323(play(text="> 1RS\\r\n< 530Du 0.0 CW 0 !\\r\n"), CONFIG).connect()
+
+
+@pytest.mark.parametrize("held", ["30.0 CW", "37.5 CCW"])
+def test_a_setting_that_was_not_taken_starts_nothing(play: Play, held: str) -> None:
+    text = SET + f"> 1RS\\r\n< 323Du {held} 0 !\\r\n"
+    with pytest.raises(RejectedError) as caught:
+        WatsonMarlow323(play(text=text), CONFIG).start_flow(500.0)
+    assert caught.value.effect is Effect.NONE
+
+
+def test_a_pump_that_was_told_to_run_and_stands_is_in_doubt(play: Play) -> None:
+    text = SET + "> 1RS\\r\n< 323Du 37.5 CW 0 !\\r\n> 1GO\\r\n> 1RS\\r\n< 323Du 37.5 CW 0 !\\r\n"
+    with pytest.raises(DeviceError) as caught:
+        WatsonMarlow323(play(text=text), CONFIG).start_flow(500.0)
+    assert caught.value.effect is Effect.UNKNOWN
+
+
+def test_a_delivery_whose_start_is_not_answered_is_stopped_and_in_doubt(play: Play) -> None:
+    text = SET + "> 1RS\\r\n< 323Du 37.5 CW 0 !\\r\n> 1GO\\r\n> 1RS\\r\n"
+    transport = play(text=text + "> 1ST\\r\n> 1RS\\r\n< 323Du 37.5 CW 0 !\\r\n")
+    with pytest.raises(DeviceTimeoutError) as caught:
+        WatsonMarlow323(transport, CONFIG).deliver(200.0, 500.0)
+    assert caught.value.effect is Effect.UNKNOWN
+    assert b"1ST\r" in transport.sent
+
+
+def test_a_pump_that_was_told_to_stop_and_runs_is_an_error(play: Play) -> None:
+    text = "> 1ST\\r\n> 1RS\\r\n< 323Du 37.5 CW 1 !\\r\n"
+    with pytest.raises(DeviceError, match="told to stop"):
+        WatsonMarlow323(play(text=text), CONFIG).stop()
+
+
+@given(st.binary(max_size=48))
+def test_any_bytes_are_a_status_or_a_frame_error(frame: bytes) -> None:
+    try:
+        decode_status(frame)
+    except FrameError:
+        return
