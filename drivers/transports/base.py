@@ -20,6 +20,10 @@ from labweb.domain.errors import (
 Direction = Literal["out", "in"]
 Observer = Callable[[Direction, bytes], None]
 
+Ending = bytes | Callable[[bytes], int | None]
+"""How a reply ends: with a terminator, or at the length that its first bytes tell. The function
+takes what has come and returns the length of the whole reply, None while that is too little."""
+
 MAX_FRAME_BYTES = 4096
 """Longest reply that is read; a longer one is noise."""
 
@@ -146,6 +150,7 @@ class ByteTransport(Transport):
     def __init__(self, url: str, line: str) -> None:
         super().__init__(url, line)
         self._may_owe_bytes = False
+        self._last_used_s = float("-inf")
 
     @abstractmethod
     def _put(self, data: bytes) -> None:
@@ -155,43 +160,62 @@ class ByteTransport(Transport):
     def _take(self, timeout_s: float) -> bytes:
         """Read what is there, waiting for at most the timeout; b"" when silent."""
 
-    def exchange(self, request: bytes, *, until: bytes, timeout_s: float) -> bytes:
-        """Send a request and return the reply up to and with its terminator.
+    def exchange(
+        self,
+        request: bytes,
+        *,
+        until: Ending,
+        timeout_s: float,
+        gap_s: float = 0.0,
+        longest_bytes: int = MAX_FRAME_BYTES,
+    ) -> bytes:
+        """Send a request and return the reply up to and with its end.
 
-        Input that was waiting before is thrown away, and so is what follows the terminator.
+        Input that was waiting before is thrown away, and so is what follows the end.
+
+        Args:
+            request: All bytes of it.
+            until: The reply's terminator, or what tells its length.
+            timeout_s: Longest time to wait for the whole reply.
+            gap_s: Least time since the line was last used, for instruments that lose what
+                comes too soon.
+            longest_bytes: A longer reply is noise.
 
         Raises:
             UnreachableError: Line closed or broken; NONE before the first byte, else UNKNOWN.
             DeviceTimeoutError: No whole reply in time; UNKNOWN.
-            FrameError: More than 4 KiB without a terminator; UNKNOWN.
+            FrameError: Longer than is allowed; UNKNOWN.
         """
         with self.lock:
-            self._write(request)
+            self._write(request, gap_s)
             self._may_owe_bytes = True
-            reply = self._read(until, time.monotonic() + timeout_s)
+            reply = self._read(until, time.monotonic() + timeout_s, longest_bytes)
             self._may_owe_bytes = False
+            self._last_used_s = time.monotonic()
             return reply
 
-    def send(self, data: bytes) -> None:
+    def send(self, data: bytes, *, gap_s: float = 0.0) -> None:
         """Send bytes that have no reply.
 
         Raises:
             UnreachableError: Line closed or broken; NONE before the first byte, else UNKNOWN.
         """
         with self.lock:
-            self._write(data)
+            self._write(data, gap_s)
 
-    def _write(self, data: bytes) -> None:
+    def _write(self, data: bytes, gap_s: float) -> None:
         self._require_open()
+        threading.Event().wait(max(0.0, self._last_used_s + gap_s - time.monotonic()))
         with self._broken(Effect.NONE):
             self._drain()
         self._observe("out", data)
         with self._broken(Effect.UNKNOWN):
             self._put(data)
+        self._last_used_s = time.monotonic()
 
-    def _read(self, until: bytes, deadline_s: float) -> bytes:
+    def _read(self, until: Ending, deadline_s: float, longest_bytes: int) -> bytes:
         buffer = bytearray()
-        while until not in buffer:
+        while (length := whole_length(bytes(buffer), until)) is None or length > len(buffer):
             left_s = deadline_s - time.monotonic()
             if left_s <= 0:
                 raise DeviceTimeoutError(
@@ -203,11 +227,11 @@ class ByteTransport(Transport):
             if part:
                 self._observe("in", part)
             buffer += part
-            if len(buffer) > MAX_FRAME_BYTES:
+            if max(len(buffer), length or 0) > longest_bytes:
                 raise FrameError(
-                    f"answer of more than {MAX_FRAME_BYTES} bytes", context={"line": self.line}
+                    f"answer of more than {longest_bytes} bytes", context={"line": self.line}
                 )
-        return bytes(buffer[: buffer.index(until) + len(until)])
+        return bytes(buffer[:length])
 
     def _drain(self) -> None:
         """Throw away waiting input; after a failed exchange, also what still arrives."""
@@ -232,6 +256,14 @@ class ByteTransport(Transport):
             raise UnreachableError(
                 f"the line broke: {error}", effect=effect, context={"line": self.line}
             ) from error
+
+
+def whole_length(received: bytes, until: Ending) -> int | None:
+    """Tell how long the reply is that starts what has come; None: not known yet."""
+    if callable(until):
+        return until(received)
+    at = received.find(until)
+    return at + len(until) if at >= 0 else None
 
 
 def _claim(line: str, owner: int) -> None:

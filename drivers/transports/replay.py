@@ -18,7 +18,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from drivers.transports.base import ByteTransport
+from drivers.transports.base import ByteTransport, Ending, whole_length
 
 _ONCE, _REPEATED, _ANYTIME = ">", ">*", ">?"
 
@@ -83,9 +83,10 @@ class ReplayTransport(ByteTransport):
         reply, self._pending = self._pending, b""
         return reply
 
-    def _read(self, until: bytes, deadline_s: float) -> bytes:
-        is_whole = until in self._pending
-        return super()._read(until, deadline_s if is_whole else 0.0)
+    def _read(self, until: Ending, deadline_s: float, longest_bytes: int) -> bytes:
+        length = whole_length(self._pending, until)
+        is_whole = length is not None and length <= len(self._pending)
+        return super()._read(until, deadline_s if is_whole else 0.0, longest_bytes)
 
     def _answer(self, request: bytes) -> bytes:
         if request in self._anytime:

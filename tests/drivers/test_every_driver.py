@@ -31,13 +31,18 @@ URLS = {
 every_driver = pytest.mark.parametrize("spec", SPECS, ids=lambda spec: spec.class_name)
 
 
-def test_the_catalog_holds_the_starter_labs_instruments() -> None:
+def test_the_catalog_holds_every_role() -> None:
     assert {role for spec in SPECS for role in spec.roles} == {
         "balance",
         "heater_stirrer",
         "ph_sensor",
+        "power_supply",
         "pump",
+        "rotary_evaporator",
+        "stirrer",
+        "thermostat",
         "timer",
+        "vacuum_controller",
         "valve",
     }
 
