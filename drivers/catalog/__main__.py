@@ -5,14 +5,20 @@ from __future__ import annotations
 import argparse
 import resource
 import sys
+from collections.abc import Iterable
 from pathlib import Path
 
 import msgspec
 
 from drivers.catalog.inspect import PACKAGE
 from drivers.catalog.scan import Catalog, scan
+from labweb.domain.enrollment.spec import ActionSpec, StatusSpec
 from labweb.domain.errors import Finding
 
+_HEAD = (
+    "| role | class | transport | quality | actions | statuses |\n",
+    "|---|---|---|---|---|---|\n",
+)
 MAX_CPU_S = 60
 MAX_MEMORY_BYTES = 1024**3
 
@@ -43,13 +49,17 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def _render_table(catalog: Catalog) -> str:
+    """Render as Markdown, by role and name."""
     rows = [
-        f"{spec.class_name}  {','.join(spec.roles) or '-'}  {spec.quality or '-'}  "
-        f"{len(spec.actions)} actions  {len(spec.statuses)} statuses  "
-        f"{len(spec.findings)} findings  {spec.digest[:12]}\n"
-        for spec in catalog.drivers
+        f"| {', '.join(spec.roles) or '-'} | `{spec.class_name}` | {spec.transport or '-'} "
+        f"| {spec.quality or '-'} | {_names(spec.actions)} | {_names(spec.statuses)} |\n"
+        for spec in sorted(catalog.drivers, key=lambda spec: (spec.roles, spec.class_name))
     ]
-    return "".join(rows) + _render_findings(catalog)
+    return "".join((*_HEAD, *rows)) + _render_findings(catalog)
+
+
+def _names(members: Iterable[ActionSpec | StatusSpec]) -> str:
+    return ", ".join(f"`{member.name}`" for member in members) or "-"
 
 
 def _render_page(catalog: Catalog) -> str:

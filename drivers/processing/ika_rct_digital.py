@@ -12,7 +12,6 @@ Source:
 
 from __future__ import annotations
 
-import re
 import time
 from typing import Annotated, ClassVar, Literal
 
@@ -30,16 +29,15 @@ from drivers.base import (
     status,
 )
 from drivers.interfaces.heater_stirrer import HeaterStirrer
+from drivers.processing._namur import END, decode_value, encode_line
 from drivers.transports.base import ByteTransport
 from labweb.domain.errors import (
     DeviceError,
     Effect,
-    FrameError,
     PreconditionError,
     RejectedError,
 )
 
-END = b"\r\n"
 MODEL = "RCT digital"
 TEMPERATURE, PLATE, SPEED = 1, 2, 4
 """Channels: 1 is the external reading and the temperature setpoint."""
@@ -72,32 +70,6 @@ class Config(msgspec.Struct, frozen=True, kw_only=True):
     """How long a held temperature may leave its tolerance."""
 
     poll_s: Annotated[float, Range(0.005, 10.0)] = 0.5
-
-
-def encode_line(command: str) -> bytes:
-    r"""Build the frame of a command.
-
-    Example:
-        >>> encode_line("OUT_SP_1 60.0")
-        b'OUT_SP_1 60.0\r\n'
-    """
-    return f"{command}\r\n".encode("ascii")
-
-
-def decode_value(frame: bytes, channel: int) -> float:
-    r"""Read a value and make sure that it is of the channel asked for.
-
-    Raises:
-        FrameError: Not a value, or of another channel.
-
-    Example:
-        >>> decode_value(b"25.3 1\r\n", 1)
-        25.3
-    """
-    match = re.fullmatch(rb"(-?[0-9]{1,6}(?:\.[0-9]{1,4})?) ([0-9]{1,2})\r\n", frame)
-    if match is None or int(match[2]) != channel:
-        raise FrameError(f"answer is no value of channel {channel}", context={"frame": frame.hex()})
-    return float(match[1])
 
 
 class IkaRctDigital(Driver[ByteTransport, Config], HeaterStirrer):

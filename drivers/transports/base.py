@@ -20,8 +20,10 @@ from labweb.domain.errors import (
 
 Direction = Literal["out", "in"]
 Observer = Callable[[Direction, bytes], None]
-Until = bytes | re.Pattern[bytes]
-"""What ends a reply: its last bytes, or the pattern of a whole frame that has no end mark."""
+Ending = bytes | re.Pattern[bytes] | Callable[[bytes], int | None]
+"""How a reply ends: with a terminator, where the pattern of a whole frame does, or at the length
+that its first bytes tell. The function takes what has come and returns the length of the whole
+reply, None while that is too little."""
 
 MAX_FRAME_BYTES = 4096
 """Longest reply that is read; a longer one is noise."""
@@ -152,6 +154,7 @@ class ByteTransport(Transport):
     def __init__(self, url: str, line: str) -> None:
         super().__init__(url, line)
         self._may_owe_bytes = False
+        self._last_used_s = float("-inf")
 
     @abstractmethod
     def _put(self, data: bytes) -> None:
@@ -161,28 +164,50 @@ class ByteTransport(Transport):
     def _take(self, timeout_s: float) -> bytes:
         """Read what is there, waiting for at most the timeout; b"" when silent."""
 
-    def exchange(self, request: bytes, *, until: Until, timeout_s: float) -> bytes:
+    def exchange(
+        self,
+        request: bytes,
+        *,
+        until: Ending,
+        timeout_s: float,
+        gap_s: float = 0.0,
+        longest_bytes: int = MAX_FRAME_BYTES,
+    ) -> bytes:
         """Send a request and return the reply up to and with its end.
 
         Input that was waiting before is thrown away, and so is what follows the end.
 
+        Args:
+            request: All bytes of it.
+            until: How the reply ends.
+            timeout_s: Longest time to wait for the whole reply.
+            gap_s: Least time since the line was last used, for instruments that lose what
+                comes too soon.
+            longest_bytes: A longer reply is noise.
+
         Raises:
             UnreachableError: Line closed or broken; NONE before the first byte, else UNKNOWN.
             DeviceTimeoutError: No whole reply in time; UNKNOWN.
-            FrameError: More than 4 KiB without a terminator; UNKNOWN.
+            FrameError: Longer than is allowed; UNKNOWN.
         """
         with self.lock:
-            self._write(request)
-            return self.receive(until=until, timeout_s=timeout_s)
+            self._write(request, gap_s)
+            return self.receive(until=until, timeout_s=timeout_s, longest_bytes=longest_bytes)
 
     def receive(
-        self, *, until: Until, timeout_s: float, unless: Callable[[], bool] | None = None
+        self,
+        *,
+        until: Ending,
+        timeout_s: float,
+        longest_bytes: int = MAX_FRAME_BYTES,
+        unless: Callable[[], bool] | None = None,
     ) -> bytes:
         """Return the reply to what was sent before; hold the lock from the one to the other.
 
         Args:
-            until: What ends the reply.
+            until: How the reply ends.
             timeout_s: Longest wait.
+            longest_bytes: A longer reply is noise.
             unless: Gives the wait up early, as a timeout, once it is true.
 
         Raises:
@@ -190,35 +215,43 @@ class ByteTransport(Transport):
         """
         with self.lock:
             self._may_owe_bytes = True
-            reply = self._read(until, time.monotonic() + timeout_s, unless)
+            deadline_s = time.monotonic() + timeout_s
+            reply = self._read(until, deadline_s, longest_bytes, unless)
             self._may_owe_bytes = False
+            self._last_used_s = time.monotonic()
             return reply
 
-    def send(self, data: bytes) -> None:
+    def send(self, data: bytes, *, gap_s: float = 0.0) -> None:
         """Send bytes that have no reply, or one that `receive` waits for.
 
         Raises:
             UnreachableError: Line closed or broken; NONE before the first byte, else UNKNOWN.
         """
         with self.lock:
-            self._write(data)
+            self._write(data, gap_s)
 
     def keep_alive(self, payload: bytes, every_s: float) -> None:
         """Tell a device's watchdog that somebody is there; nothing where the URL names no place."""
 
-    def _write(self, data: bytes) -> None:
+    def _write(self, data: bytes, gap_s: float) -> None:
         self._require_open()
+        threading.Event().wait(max(0.0, self._last_used_s + gap_s - time.monotonic()))
         with self._broken(Effect.NONE):
             self._drain()
         self._observe("out", data)
         with self._broken(Effect.UNKNOWN):
             self._put(data)
+        self._last_used_s = time.monotonic()
 
     def _read(
-        self, until: Until, deadline_s: float, unless: Callable[[], bool] | None = None
+        self,
+        until: Ending,
+        deadline_s: float,
+        longest_bytes: int,
+        unless: Callable[[], bool] | None = None,
     ) -> bytes:
         buffer = bytearray()
-        while (end := end_of_reply(until, buffer)) is None:
+        while (length := whole_length(bytes(buffer), until)) is None or length > len(buffer):
             left_s = deadline_s - time.monotonic()
             if unless is not None:
                 left_s = min(left_s, 0.0 if unless() else LISTEN_S)
@@ -232,11 +265,11 @@ class ByteTransport(Transport):
             if part:
                 self._observe("in", part)
             buffer += part
-            if len(buffer) > MAX_FRAME_BYTES:
+            if max(len(buffer), length or 0) > longest_bytes:
                 raise FrameError(
-                    f"answer of more than {MAX_FRAME_BYTES} bytes", context={"line": self.line}
+                    f"answer of more than {longest_bytes} bytes", context={"line": self.line}
                 )
-        return bytes(buffer[:end])
+        return bytes(buffer[:length])
 
     def _drain(self) -> None:
         """Throw away waiting input; after a failed exchange, also what still arrives."""
@@ -263,18 +296,20 @@ class ByteTransport(Transport):
             ) from error
 
 
-def end_of_reply(until: Until, buffer: bytes | bytearray) -> int | None:
-    r"""Return where the reply ends in what has come, None while it is not whole.
+def whole_length(received: bytes, until: Ending) -> int | None:
+    r"""Tell how long the reply is that starts what has come; None: not known yet.
 
     Example:
-        >>> end_of_reply(b"\r", b"ok\rnoise"), end_of_reply(re.compile(rb"\xcc.{3}"), b"\xcc12")
+        >>> whole_length(b"ok\rnoise", b"\r"), whole_length(b"\xcc12", re.compile(rb"\xcc.{3}"))
         (3, None)
     """
-    if isinstance(until, bytes):
-        start = buffer.find(until)
-        return None if start < 0 else start + len(until)
-    found = until.search(buffer)
-    return None if found is None else found.end()
+    if isinstance(until, re.Pattern):
+        found = until.search(received)
+        return None if found is None else found.end()
+    if callable(until):
+        return until(received)
+    at = received.find(until)
+    return at + len(until) if at >= 0 else None
 
 
 def _claim(line: str, owner: int) -> None:

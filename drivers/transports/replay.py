@@ -18,7 +18,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from drivers.transports.base import ByteTransport, Until, end_of_reply
+from drivers.transports.base import ByteTransport, Ending, whole_length
 
 _ONCE, _REPEATED, _ANYTIME = ">", ">*", ">?"
 
@@ -84,10 +84,15 @@ class ReplayTransport(ByteTransport):
         return reply
 
     def _read(
-        self, until: Until, deadline_s: float, unless: Callable[[], bool] | None = None
+        self,
+        until: Ending,
+        deadline_s: float,
+        longest_bytes: int,
+        unless: Callable[[], bool] | None = None,
     ) -> bytes:
-        is_whole = end_of_reply(until, self._pending) is not None
-        return super()._read(until, deadline_s if is_whole else 0.0, unless)
+        length = whole_length(self._pending, until)
+        is_whole = length is not None and length <= len(self._pending)
+        return super()._read(until, deadline_s if is_whole else 0.0, longest_bytes, unless)
 
     def _answer(self, request: bytes) -> bytes:
         if request in self._anytime:

@@ -39,8 +39,13 @@ def test_the_catalog_holds_every_role_that_a_lab_is_built_of() -> None:
         "infusion_pump",
         "injection_valve",
         "ph_sensor",
+        "power_supply",
         "pump",
+        "rotary_evaporator",
+        "stirrer",
+        "thermostat",
         "timer",
+        "vacuum_controller",
         "valve",
     }
 

@@ -39,6 +39,8 @@ UNITS: Mapping[str, tuple[str, str]] = {
     "v": ("voltage", "V"),
     "ma": ("current", "mA"),
     "hz": ("frequency", "Hz"),
+    "us_cm": ("conductivity", "µS/cm"),
+    "ncm": ("torque", "N·cm"),
     "ratio": ("ratio", ""),
     "count": ("count", ""),
     "index": ("index", ""),

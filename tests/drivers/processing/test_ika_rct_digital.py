@@ -9,7 +9,8 @@ import pytest
 from drivers.base import DeviceStoppedError
 from drivers.load import read_statuses
 from drivers.processing import ika_rct_digital as module
-from drivers.processing.ika_rct_digital import IkaRctDigital, decode_value
+from drivers.processing._namur import decode_value
+from drivers.processing.ika_rct_digital import IkaRctDigital
 from drivers.transports.base import Direction
 from drivers.transports.replay import ReplayTransport
 from labweb.domain.errors import (

@@ -1,0 +1,225 @@
+"""Every driver of stirrers, thermostats, supplies, sensors, movers and cyclers, with its model."""
+
+from tests.drivers.conformance.placed_models import Action, Case
+
+WARM: Action = ("heat_to", {"temperature_c": 60.0, "tolerance_c": 1.0})
+STIR: Action = ("stir", {"speed_rpm": 300.0})
+STIR_FAST: Action = ("stir", {"speed_rpm": 900.0})
+TEMPER: Action = ("reach_temperature", {"temperature_c": 60.0, "tolerance_c": 1.0})
+SUPPLY: Action = ("supply", {"voltage_v": 2.0, "current_ma": 3000.0})
+
+_PLATE_PHYSICS = {"plate_tau_s": 2.0, "vessel_tau_s": 2.0}
+_BATH_PHYSICS = {"bath_tau_s": 4.0, "vessel_tau_s": 2.0}
+_PLATE = {"sensor": "plate", "max_temperature_c": 200.0, "max_speed_rpm": 1000.0}
+_PLATE_BEYOND: tuple[Action, ...] = (
+    ("heat_to", {"temperature_c": 201.0, "tolerance_c": 1.0}),
+    ("heat_to", {"temperature_c": 5000.0, "tolerance_c": 1.0}),
+    ("stir", {"speed_rpm": 1001.0}),
+    ("stir", {"speed_rpm": 10_000.0}),
+)
+_SUPPLY = {"max_voltage_v": 12.0, "max_current_ma": 4000.0}
+_SUPPLY_BEYOND: tuple[Action, ...] = (
+    ("supply", {"voltage_v": 12.5, "current_ma": 1000.0}),
+    ("supply", {"voltage_v": 2.0, "current_ma": 4100.0}),
+    ("supply", {"voltage_v": -1.0, "current_ma": 1000.0}),
+)
+
+HEATER_STIRRERS = [
+    Case(
+        module="processing.ika_rct_digital",
+        model="ika_rct_digital",
+        config=_PLATE,
+        settings=_PLATE_PHYSICS,
+        act=WARM,
+        verb="heater",
+        beyond=_PLATE_BEYOND,
+        status="temperature_c",
+    ),
+    Case(
+        module="processing.ika_ret_control_visc",
+        model="ika_ret_control_visc",
+        config=_PLATE,
+        settings={**_PLATE_PHYSICS, "external_sensor": False},
+        act=WARM,
+        verb="heater",
+        beyond=_PLATE_BEYOND,
+        status="temperature_c",
+    ),
+    Case(
+        module="processing.heidolph_hei_connect",
+        model="heidolph_hei_connect",
+        config={**_PLATE, "gap_s": 0.005},
+        settings={**_PLATE_PHYSICS, "external_sensor": False},
+        act=WARM,
+        verb="heater",
+        beyond=_PLATE_BEYOND,
+        status="temperature_c",
+    ),
+]
+
+STIRRERS = [
+    Case(
+        module="processing.ika_microstar_75",
+        model="ika_microstar_75",
+        config={"max_speed_rpm": 1000.0, "gap_s": 0.01},
+        act=STIR_FAST,
+        starts=2,
+        verb="motor",
+        beyond=(("stir", {"speed_rpm": 29.0}), ("stir", {"speed_rpm": 1001.0})),
+        status="speed_rpm",
+    ),
+    Case(
+        module="processing.heidolph_stirrer",
+        model="heidolph_hei_torque_100",
+        config={"model": "hei_torque_100", "max_speed_rpm": 1000.0},
+        is_latching=True,
+        act=STIR_FAST,
+        verb="motor",
+        beyond=(("stir", {"speed_rpm": 9.0}), ("stir", {"speed_rpm": 1001.0})),
+        status="speed_rpm",
+    ),
+    Case(
+        module="processing.heidolph_stirrer",
+        model="heidolph_rzr_2052",
+        config={"model": "rzr_2052", "max_speed_rpm": 1000.0},
+        is_latching=True,
+        act=STIR_FAST,
+        verb="motor",
+        beyond=(("stir", {"speed_rpm": 49.0}), ("stir", {"speed_rpm": 1001.0})),
+        status="speed_rpm",
+    ),
+]
+
+EVAPORATORS = [
+    Case(
+        module="processing.ika_rv10_digital",
+        model="ika_rv10_digital",
+        config={"max_temperature_c": 90.0, "max_speed_rpm": 200.0, "lift_s": 0.3},
+        settings={"bath_tau_s": 4.0},
+        act=("heat_bath_to", {"temperature_c": 60.0, "tolerance_c": 1.0}),
+        verb="bath",
+        beyond=(
+            ("heat_bath_to", {"temperature_c": 91.0, "tolerance_c": 1.0}),
+            ("rotate", {"speed_rpm": 201.0}),
+            ("rotate", {"speed_rpm": 0.0}),
+        ),
+        status="bath_temperature_c",
+    )
+]
+
+_BATH_BEYOND: tuple[Action, ...] = (
+    ("reach_temperature", {"temperature_c": 91.0, "tolerance_c": 1.0}),
+    ("reach_temperature", {"temperature_c": 5000.0, "tolerance_c": 1.0}),
+    ("hold", {"duration_s": 1.0, "temperature_c": 91.0, "tolerance_c": 1.0}),
+)
+THERMOSTATS = [
+    Case(
+        module="processing.huber_pb",
+        model="huber_pb",
+        config={"max_temperature_c": 90.0, "start_s": 0.05},
+        settings=_BATH_PHYSICS,
+        act=TEMPER,
+        outer={"sensor": "process"},
+        verb="control",
+        beyond=_BATH_BEYOND,
+        status="temperature_c",
+    ),
+    Case(
+        module="processing.julabo_cf41",
+        model="julabo_cf41",
+        config={"max_temperature_c": 90.0, "gap_s": 0.01},
+        settings=_BATH_PHYSICS,
+        act=TEMPER,
+        outer={"sensor": "external"},
+        verb="circulator",
+        beyond=_BATH_BEYOND,
+        status="temperature_c",
+    ),
+]
+
+VACUUM_CONTROLLERS = [
+    Case(
+        module="processing.vacuubrand_cvc3000",
+        model="vacuubrand_cvc3000",
+        config={"min_pressure_kpa": 1.0, "gap_s": 0.003},
+        settings={"evacuation_s": 10.0},
+        act=("evacuate_to", {"pressure_kpa": 20.0, "tolerance_kpa": 1.0}),
+        verb="pump",
+        beyond=(
+            ("evacuate_to", {"pressure_kpa": 0.5, "tolerance_kpa": 1.0}),
+            ("evacuate_to", {"pressure_kpa": 200.0, "tolerance_kpa": 1.0}),
+        ),
+        status="pressure_kpa",
+    )
+]
+
+SUPPLIES = [
+    Case(
+        module="processing.scpi_supply",
+        model="keysight_e3633a",
+        config={"model": "keysight_e3633a", **_SUPPLY},
+        act=SUPPLY,
+        verb="output",
+        beyond=_SUPPLY_BEYOND,
+        status="voltage_v",
+    ),
+    Case(
+        module="processing.scpi_supply",
+        model="itech_it6300",
+        carrier="tcp",
+        config={"model": "itech_it6300", **_SUPPLY},
+        settings={"max_a": 5.0},
+        act=SUPPLY,
+        verb="output",
+        beyond=_SUPPLY_BEYOND,
+        status="voltage_v",
+    ),
+    Case(
+        module="processing.tti_pl",
+        model="tti_pl",
+        carrier="tcp",
+        config=_SUPPLY,
+        act=SUPPLY,
+        verb="output",
+        beyond=(*_SUPPLY_BEYOND, ("supply", {"voltage_v": 2.0005, "current_ma": 1000.0})),
+        status="voltage_v",
+    ),
+    Case(
+        module="processing.tdk_genesys",
+        model="tdk_genesys",
+        config=_SUPPLY,
+        act=SUPPLY,
+        verb="output",
+        beyond=_SUPPLY_BEYOND,
+        status="voltage_v",
+    ),
+    Case(
+        module="processing.manson_hcs",
+        model="manson_hcs",
+        config={"model": "HCS-3102", **_SUPPLY},
+        act=SUPPLY,
+        verb="output",
+        beyond=(*_SUPPLY_BEYOND, ("supply", {"voltage_v": 1.82, "current_ma": 1500.0})),
+        status="voltage_v",
+    ),
+    Case(
+        module="processing.riden_rd6006",
+        model="riden_rd6006",
+        config=_SUPPLY,
+        act=SUPPLY,
+        verb="output",
+        beyond=(*_SUPPLY_BEYOND, ("supply", {"voltage_v": 2.005, "current_ma": 1000.0})),
+        status="voltage_v",
+    ),
+]
+
+CONTROLLERS: list[Case] = []
+
+EVERY = [
+    *HEATER_STIRRERS,
+    *STIRRERS,
+    *EVAPORATORS,
+    *THERMOSTATS,
+    *VACUUM_CONTROLLERS,
+    *SUPPLIES,
+]

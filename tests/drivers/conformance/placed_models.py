@@ -1,0 +1,230 @@
+"""Drivers against the simulated instruments of their models, through the real transport."""
+
+import importlib
+import json
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+from drivers.base import Driver, Report
+from drivers.load import call_action, load_driver, read_spec
+from drivers.transports import modbus
+from drivers.transports.urls import make_transport
+from fixtures.instruments.models import MODELS
+from labweb.domain.errors import DeviceError
+from tests.fixtures.hand_bench import a_document, a_vessel
+from tests.fixtures.running import Process, until
+
+SPEED = 50
+"""Simulated seconds in a real one."""
+
+QUICK = {
+    "poll_s": 0.02,
+    "settle_s": 0.05,
+    "heat_limit_s": 6.0,
+    "reach_limit_s": 6.0,
+    "speed_limit_s": 3.0,
+    "vent_limit_s": 6.0,
+    "grace_s": 0.2,
+}
+"""Settings with which a driver is as fast as the simulated instruments."""
+
+Action = tuple[str, dict[str, Any]]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Case:
+    """One driver, the model that it drives, and what its role is asked to do."""
+
+    module: str
+    """Below `drivers`."""
+
+    model: str
+    carrier: str = "pty"
+    config: dict[str, Any] = field(default_factory=dict)
+    settings: dict[str, Any] = field(default_factory=dict)
+    act: Action = ("", {})
+    """What takes a while."""
+
+    outer: dict[str, Any] = field(default_factory=dict)
+    """Settings that control by a sensor outside the instrument."""
+
+    verb: str = ""
+    """How the simulated instrument records that act."""
+
+    beyond: tuple[Action, ...] = ()
+    """What is refused before a byte is sent."""
+
+    status: str = ""
+    """A number that the instrument tells."""
+
+    starts: int = 1
+    """How many starts the instrument records for one such act."""
+
+    is_latching: bool = False
+    """A fault of the instrument stays until it is switched off and on."""
+
+    @property
+    def dotted(self) -> str:
+        return f"drivers.{self.module}"
+
+
+class Bench:
+    """One running process with an instrument for each case."""
+
+    def __init__(self, process: Process, folder: Path) -> None:
+        self._process = process
+        self._folder = folder
+
+    def url(self, case: Case) -> str:
+        is_register = read_spec(case.dotted).transport == "register"
+        if case.carrier == "pty":
+            return f"{'modbus+serial' if is_register else 'serial'}://{self._folder}/{case.model}"
+        return f"{'modbus+tcp' if is_register else 'tcp'}://127.0.0.1:{self._port(case)}"
+
+    def driver(self, case: Case, **config: object) -> Driver[Any, Any]:
+        """Load the driver as an edge host does; nothing is opened."""
+        spec = read_spec(case.dotted)
+        known = {one.name for one in spec.config}
+        quick = {name: value for name, value in QUICK.items() if name in known}
+        transport = make_transport(self.url(case))
+        settings = {**quick, **case.config, **config}
+        return load_driver(case.dotted, spec.class_name, spec.digest, transport, settings)
+
+    @contextmanager
+    def connected(self, case: Case, **config: object) -> Iterator[Driver[Any, Any]]:
+        """Connect to a cured instrument; afterwards it is brought to its safe state."""
+        self.cure(case)
+        if case.is_latching:
+            self.inflict(case, "power_loss", for_s=0.5)
+        driver = self.driver(case, **config)
+        until(lambda: _connects(driver), 3)
+        try:
+            yield driver
+        finally:
+            self.cure(case)
+            until(lambda: _halts(driver), 3)
+            driver.close()
+
+    def inflict(self, case: Case, fault: str, **options: object) -> None:
+        status, answer = self._process.call(
+            "POST", f"/instruments/{case.model}/faults", {"fault": fault, **options}
+        )
+        assert status == 201, answer
+
+    def cure(self, case: Case) -> None:
+        assert self._process.call("DELETE", f"/instruments/{case.model}/faults")[0] == 200
+
+    def state(self, case: Case) -> dict[str, Any]:
+        return dict(self._process.get(f"/instruments/{case.model}")["state"])
+
+    def acts(self, case: Case, verb: str = "") -> list[dict[str, Any]]:
+        """List what the instrument physically started, in order."""
+        found = self._process.get(f"/instruments/{case.model}/actuations?since=0")
+        return [one for one in found if not verb or one["verb"] == verb]
+
+    def is_over(self, case: Case, verb: str = "") -> bool:
+        """Tell whether nothing of this sort goes on."""
+        return all(one["ending"] for one in self.acts(case, verb or case.verb))
+
+    def _port(self, case: Case) -> int:
+        return self._process.port_of(case.model)
+
+
+@contextmanager
+def running(cases: list[Case]) -> Iterator[Bench]:
+    """Run one process with an instrument and a vessel of its own for each case."""
+    with TemporaryDirectory(prefix="lw") as name:
+        folder = Path(name)
+        vessels = [a_vessel(f"{case.model}_flask", 10_000.0) for case in cases]
+        entries = [
+            {
+                "id": case.model,
+                "model": case.model,
+                "endpoint": (
+                    f"pty:{folder}/{case.model}" if case.carrier == "pty" else "tcp:127.0.0.1:0"
+                ),
+                "settings": case.settings,
+                "attached": (
+                    {"vessel": f"{case.model}_flask"}
+                    if MODELS[case.model].ATTACHES == "vessel"
+                    else {}
+                ),
+            }
+            for case in cases
+        ]
+        process = Process(folder)
+        (folder / "bench.json").write_text(json.dumps(a_document(*entries, vessels=vessels)))
+        process.start("--speed", str(SPEED))
+        try:
+            yield Bench(process, folder)
+        finally:
+            process.stop()
+
+
+def do(driver: Driver[Any, Any], act: Action) -> Report:
+    return call_action(driver, *act)
+
+
+class Doing:
+    """An action that runs on a thread of its own."""
+
+    def __init__(self, driver: Driver[Any, Any], act: Action) -> None:
+        self.error: DeviceError | None = None
+        self._driver, self._act = driver, act
+        self._thread = threading.Thread(target=self._run)
+        self._thread.start()
+
+    @property
+    def is_over(self) -> bool:
+        return not self._thread.is_alive()
+
+    def failure(self) -> DeviceError:
+        """Wait for the end, which has to be a failure."""
+        self._thread.join(20)
+        assert self.is_over, "the action goes on for ever"
+        assert self.error is not None, "the action succeeded"
+        return self.error
+
+    def _run(self) -> None:
+        try:
+            do(self._driver, self._act)
+        except DeviceError as error:
+            self.error = error
+
+
+def impatient(monkeypatch: Any, case: Case, answer_s: float = 0.2) -> None:  # noqa: ANN401
+    """Let the driver wait for an answer no longer than a test can."""
+    module = importlib.import_module(case.dotted)
+    if hasattr(module, "ANSWER_S"):
+        monkeypatch.setattr(module, "ANSWER_S", answer_s)
+    monkeypatch.setattr(modbus, "OPEN_TIMEOUT_S", answer_s)
+
+
+def sent_by(driver: Driver[Any, Any]) -> list[bytes]:
+    """Collect every byte that goes out from here on."""
+    sent: list[bytes] = []
+    driver.transport.observer = lambda way, data: sent.append(data) if way == "out" else None
+    return sent
+
+
+def _connects(driver: Driver[Any, Any]) -> bool:
+    try:
+        driver.connect()
+    except DeviceError:
+        return False
+    return True
+
+
+def _halts(driver: Driver[Any, Any]) -> bool:
+    try:
+        if not driver.transport.is_open:
+            driver.transport.open()
+        driver.halt()
+    except DeviceError:
+        return False
+    return True

@@ -1,0 +1,121 @@
+"""Each driver against the faults of its instrument: silence, noise, being busy, losing power."""
+
+from collections.abc import Iterator
+
+import pytest
+
+from drivers.load import read_spec, read_status
+from fixtures.instruments.models import MODELS
+from labweb.domain.errors import DeviceError, Effect, PreconditionError
+from tests.drivers.conformance.cases import EVERY
+from tests.drivers.conformance.placed_models import (
+    Bench,
+    Case,
+    Doing,
+    do,
+    impatient,
+    running,
+    sent_by,
+)
+from tests.fixtures.running import until
+
+every = pytest.mark.parametrize("case", EVERY, ids=lambda case: case.model)
+ACTORS = [case for case in EVERY if case.verb]
+every_actor = pytest.mark.parametrize("case", ACTORS, ids=lambda case: case.model)
+BUSY = [case for case in EVERY if "busy" in MODELS[case.model].FAULTS]
+every_busy = pytest.mark.parametrize("case", BUSY, ids=lambda case: case.model)
+
+
+@pytest.fixture(scope="module")
+def bench() -> Iterator[Bench]:
+    with running(EVERY) as bench:
+        yield bench
+
+
+@every
+def test_a_silent_instrument_is_not_connected_and_the_line_is_free_again(
+    bench: Bench, case: Case, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    impatient(monkeypatch, case)
+    bench.cure(case)
+    bench.inflict(case, "no_answer")
+    device = bench.driver(case)
+    with pytest.raises(DeviceError) as caught:
+        device.connect()
+    assert caught.value.effect is Effect.NONE
+    assert not device.transport.is_open
+
+
+@every
+@pytest.mark.parametrize("mode", ["flip", "truncate"])
+def test_a_garbled_answer_is_never_a_value(
+    bench: Bench, case: Case, mode: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    impatient(monkeypatch, case)
+    with bench.connected(case) as device:
+        assert isinstance(read_status(device, case.status), float | int | str)
+        bench.inflict(case, "garbled", mode=mode)
+        with pytest.raises(DeviceError) as caught:
+            read_status(device, case.status)
+        assert caught.value.effect is Effect.NONE
+
+
+@pytest.mark.parametrize(
+    ("case", "index"),
+    [(case, index) for case in EVERY for index in range(len(case.beyond))],
+    ids=lambda value: value.model if isinstance(value, Case) else str(value),
+)
+def test_what_is_out_of_range_is_refused_before_a_byte_is_sent(
+    bench: Bench, case: Case, index: int
+) -> None:
+    with bench.connected(case) as device:
+        sent = sent_by(device)
+        with pytest.raises(PreconditionError) as caught:
+            do(device, case.beyond[index])
+        assert caught.value.effect is Effect.NONE
+        assert sent == []
+
+
+@every_busy
+def test_a_busy_instrument_starts_nothing(
+    bench: Bench, case: Case, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    impatient(monkeypatch, case)
+    with bench.connected(case) as device:
+        before = len(bench.acts(case))
+        bench.inflict(case, "busy")
+        error = Doing(device, case.act).failure()
+        assert error.effect is Effect.NONE
+        assert len(bench.acts(case)) == before
+
+
+@every_actor
+def test_power_lost_in_mid_action_leaves_it_unknown(
+    bench: Bench, case: Case, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    impatient(monkeypatch, case)
+    slow = {"settle_s": 1.0, "poll_s": 0.5}
+    known = {one.name for one in read_spec(case.dotted).config}
+    with bench.connected(case, **{key: slow[key] for key in known & slow.keys()}) as device:
+        before = len(bench.acts(case, case.verb))
+        doing = Doing(device, case.act)
+        until(lambda: len(bench.acts(case, case.verb)) == before + case.starts)
+        bench.inflict(case, "power_loss", for_s=1000.0)
+        assert doing.failure().effect is Effect.UNKNOWN
+        assert len(bench.acts(case, case.verb)) == before + case.starts
+        assert bench.is_over(case)
+
+
+@every_actor
+@pytest.mark.parametrize("after", [1, 3, 5])
+def test_a_lost_answer_is_never_followed_by_a_second_try(
+    bench: Bench, case: Case, after: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    impatient(monkeypatch, case, 0.1)
+    with bench.connected(case) as device:
+        before = len(bench.acts(case, case.verb))
+        bench.inflict(case, "no_answer", after_commands=after, executes=True)
+        error = Doing(device, case.act).failure()
+        started = len(bench.acts(case, case.verb)) - before
+        assert started <= case.starts
+        assert error.effect is not Effect.NONE or started == 0
