@@ -1,4 +1,4 @@
-"""Ring the doorbell of an edge host: a Celery message by task name."""
+"""Ring the doorbell of an edge host, or of the server's own worker: a message by task name."""
 
 from __future__ import annotations
 
@@ -12,6 +12,8 @@ from labweb.celery import app
 from labweb.domain.messages import Signed
 
 ACCEPT_TASK = "edge.accept"
+SERVER_QUEUE = "server"
+"""Of the worker that touches no device."""
 
 
 def queue_of(host_id: UUID) -> str:
@@ -37,6 +39,20 @@ def ring(host_id: UUID, signed: Signed) -> bool:
             ignore_result=True,
             retry=False,
         )
+    except (OperationalError, OSError):
+        return False
+    return True
+
+
+def ask(task: str, *args: str) -> bool:
+    """Ask the server's own worker for a task.
+
+    Returns:
+        False when the broker is away. What is to be done stands in the database, where the
+        dispatcher finds it again.
+    """
+    try:
+        app.send_task(task, args=args, queue=SERVER_QUEUE, ignore_result=True, retry=False)
     except (OperationalError, OSError):
         return False
     return True

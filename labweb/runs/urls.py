@@ -24,6 +24,8 @@ urlpatterns = [
     path("runs/<uuid:run_id>/crate", crate.RunCrate.as_view()),
     path("runs/<uuid:run_id>/eln", crate.RunEln.as_view()),
     path("files", files.Files.as_view()),
+    path("files/incoming", files.IncomingFiles.as_view()),
+    path("files/incoming/<uuid:incoming_id>", files.IncomingFile.as_view()),
     path("files/<uuid:file_id>", files.FileDetail.as_view()),
     path("files/<uuid:file_id>/content", files.FileContent.as_view()),
     path("files/<uuid:file_id>/provenance", provenance.FileProvenance.as_view()),

@@ -1,4 +1,4 @@
-"""Samples of device statuses, kept files, and readings."""
+"""Samples of device statuses, files that come, kept files, and readings."""
 
 from __future__ import annotations
 
@@ -76,6 +76,63 @@ class File(Base):
 
     def __str__(self) -> str:
         return self.name
+
+
+class Incoming(Base):
+    """A file that was brought and waits to be read, and what became of it.
+
+    Its bytes wait in the data directory under its id; read, they are kept as a `File`; refused,
+    they are gone and the reason stays.
+    """
+
+    class State(models.TextChoices):
+        """Where the reading stands."""
+
+        PENDING = "pending"
+        PARSED = "parsed"
+        REFUSED = "refused"
+
+    lab = models.ForeignKey("resources.Lab", on_delete=models.PROTECT, related_name="+")
+    sha256 = models.CharField(max_length=64)
+    size_bytes = models.BigIntegerField()
+    name = models.CharField(max_length=255)
+    format = models.CharField(max_length=16)
+    resource = models.ForeignKey(
+        "resources.Resource", null=True, on_delete=models.PROTECT, related_name="+"
+    )
+    device = models.ForeignKey(
+        "enrollment.Device", null=True, on_delete=models.PROTECT, related_name="+"
+    )
+    job = models.ForeignKey("runs.Job", null=True, on_delete=models.PROTECT, related_name="+")
+    brought_by = models.ForeignKey("accounts.User", on_delete=models.PROTECT, related_name="+")
+    brought_at = models.DateTimeField()
+    state = models.CharField(max_length=8, choices=State.choices, default=State.PENDING)
+    asked_at = models.DateTimeField()
+    """When a worker was last asked to read it."""
+
+    tries = models.PositiveIntegerField(default=0)
+    """How often a worker began."""
+
+    ended_at = models.DateTimeField(null=True)
+    file = models.ForeignKey(File, null=True, on_delete=models.PROTECT, related_name="+")
+    code = models.CharField(max_length=100, blank=True)
+    message = models.TextField(blank=True)
+    findings = models.JSONField(default=list)
+    """Why it was refused."""
+
+    class Meta:
+        ordering = ["-id"]
+        constraints = [
+            models.CheckConstraint(
+                condition=Q(state="parsed", file__isnull=False)
+                | Q(file__isnull=True) & ~Q(state="parsed"),
+                name="incoming_parsed_has_file",
+            )
+        ]
+        indexes = [models.Index(fields=["state", "asked_at"])]
+
+    def __str__(self) -> str:
+        return f"{self.name} {self.state}"
 
 
 class Reading(Base):

@@ -15,6 +15,7 @@ from labweb.domain.errors import NotFoundError
 from labweb.enrollment import selectors as enrollment_selectors
 from labweb.resources.selectors import Lab
 from labweb.telemetry.models import File as File
+from labweb.telemetry.models import Incoming as Incoming
 from labweb.telemetry.models import Reading as Reading
 from labweb.telemetry.models import Sample
 
@@ -91,6 +92,23 @@ def find_file(lab: Lab, file_id: UUID, seen: Collection[UUID]) -> File:
     row = visible_files(lab, seen).filter(pk=file_id).first()
     if row is None:
         raise NotFoundError(f"no file {file_id}", code="file.not_found")
+    return row
+
+
+def visible_incoming(lab: Lab, seen: Collection[UUID]) -> QuerySet[Incoming]:
+    """Return what was brought about something of what may be seen, newest first."""
+    return Incoming.objects.filter(_is_about(lab, seen), lab=lab).select_related("brought_by")
+
+
+def find_incoming(lab: Lab, incoming_id: UUID, seen: Collection[UUID]) -> Incoming:
+    """Return a file that was brought about something of what may be seen.
+
+    Raises:
+        NotFoundError: There is none.
+    """
+    row = visible_incoming(lab, seen).filter(pk=incoming_id).first()
+    if row is None:
+        raise NotFoundError(f"no file {incoming_id}", code="file.not_found")
     return row
 
 

@@ -1,7 +1,7 @@
 /** What pages read of kept files. */
 
 import { keepPreviousData, useQuery, type UseQueryResult } from "@tanstack/react-query";
-import type { Drawn, FileDetail, FileRow } from "@/model/wirefiles";
+import type { Drawn, FileDetail, FileRow, IncomingFile } from "@/model/wirefiles";
 import { call } from "./client";
 import { keys } from "./keys";
 
@@ -11,15 +11,33 @@ export interface About {
   job: string | null;
 }
 
-export function useFiles(about: About): UseQueryResult<FileRow[]> {
+function queryOf(about: About, limit: number): string {
   const told = Object.entries(about).flatMap(([name, id]) => (id ? [[name, id as string]] : []));
-  const query = new URLSearchParams([...(told as [string, string][]), ["limit", "200"]]).toString();
+  const all = [...(told as [string, string][]), ["limit", String(limit)]];
+  return new URLSearchParams(all).toString();
+}
+
+export function useFiles(about: About): UseQueryResult<FileRow[]> {
+  const query = queryOf(about, 200);
   return useQuery({
     queryKey: keys.fileList(query),
     queryFn: ({ signal }) =>
       call<{ files: FileRow[] }>("GET", `/files?${query}`, undefined, signal),
     select: (answer: { files: FileRow[] }) => answer.files,
     placeholderData: keepPreviousData,
+  });
+}
+
+/** What waits to be read or was refused; asked for again while something waits. */
+export function useIncoming(about: About): UseQueryResult<IncomingFile[]> {
+  const query = queryOf(about, 20);
+  return useQuery({
+    queryKey: keys.incoming(query),
+    queryFn: ({ signal }) =>
+      call<{ incoming: IncomingFile[] }>("GET", `/files/incoming?${query}`, undefined, signal),
+    select: (answer: { incoming: IncomingFile[] }) => answer.incoming,
+    refetchInterval: ({ state }) =>
+      state.data?.incoming.some((row) => row.state === "pending") ? 1000 : false,
   });
 }
 

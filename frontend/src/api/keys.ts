@@ -27,6 +27,7 @@ export const keys = {
   hosts: ["hosts"] as const,
   files: ["files"] as const,
   fileList: (query: string) => ["files", "list", query] as const,
+  incoming: (query: string) => ["files", "incoming", query] as const,
   file: (id: string) => ["files", "one", id] as const,
   points: (id: string, scan: number | null) => ["points", id, scan] as const,
   host: (id: string) => ["hosts", id] as const,

@@ -2,8 +2,8 @@
 
 import { useMutation, type UseMutationResult } from "@tanstack/react-query";
 import { useState } from "react";
-import type { FileDetail } from "@/model/wirefiles";
-import { ApiError, csrfToken, readRefusal, refusal } from "./client";
+import type { FileDetail, IncomingFile } from "@/model/wirefiles";
+import { ApiError, call, csrfToken, readRefusal, refusal, spoken } from "./client";
 import { keys } from "./keys";
 import { client } from "./live";
 
@@ -13,6 +13,20 @@ export interface Brought {
   resource: string | null;
   device: string | null;
   job: string | null;
+}
+
+const ASK_AGAIN_MS = 400;
+
+/** Wait until the server's worker has read a file, or has said what is wrong with it. */
+async function whenRead(incoming: IncomingFile): Promise<FileDetail> {
+  let row = incoming;
+  while (row.state === "pending") {
+    await new Promise((wake) => setTimeout(wake, ASK_AGAIN_MS));
+    row = await call<IncomingFile>("GET", `/files/incoming/${row.id}`);
+  }
+  if (row.file_id) return call<FileDetail>("GET", `/files/${row.file_id}`);
+  const told = { ...refusal(row.code, row.message), findings: row.findings.map(spoken) };
+  throw new ApiError(422, told);
 }
 
 export function sendFile(brought: Brought, onShare: (share: number) => void): Promise<FileDetail> {
@@ -38,6 +52,11 @@ export function sendFile(brought: Brought, onShare: (share: number) => void): Pr
         resolve(JSON.parse(request.responseText) as FileDetail);
         return;
       }
+      if (request.status === 202) {
+        onShare(1);
+        resolve(whenRead(JSON.parse(request.responseText) as IncomingFile));
+        return;
+      }
       const answer = new Response(request.responseText, { status: request.status });
       void readRefusal(answer).then((found) => reject(new ApiError(request.status, found)));
     };
@@ -56,7 +75,7 @@ export function useSendFile(): {
       setShare(0);
       return sendFile(brought, setShare);
     },
-    onSuccess: () => client.invalidateQueries({ queryKey: keys.files }),
+    onSettled: () => client.invalidateQueries({ queryKey: keys.files }),
   });
   return { send, share };
 }

@@ -4,7 +4,7 @@ import userEvent from "@testing-library/user-event";
 import { Route, Routes } from "react-router";
 import { beforeEach, expect, test, vi } from "vitest";
 import { aRow } from "@/model/samples";
-import type { FileDetail, FileRow } from "@/model/wirefiles";
+import type { FileDetail, FileRow, IncomingFile } from "@/model/wirefiles";
 import { serve, show } from "@/testpage";
 import { FilesPage } from "./list";
 import { FilePage } from "./page";
@@ -63,8 +63,34 @@ const points = {
   is_time: false,
 };
 
-function page(at: string, rows: FileRow[] = [row]) {
+const waiting: IncomingFile = {
+  id: "i",
+  name: "trace.csv",
+  format: "csv",
+  size_bytes: 1500,
+  state: "pending",
+  file_id: null,
+  code: "",
+  message: "",
+  findings: [],
+  brought_by: "Cleo Chemist",
+  brought_at: "2026-11-20T06:02:07Z",
+};
+const refused: IncomingFile = {
+  ...waiting,
+  state: "refused",
+  code: "instrument.invalid",
+  message: "the file is wrong in 1 place",
+  findings: [
+    { code: "x", subject: "line 4, absorbance", message: "'much' is no number", context: {} },
+  ],
+};
+
+function page(at: string, rows: FileRow[] = [row], told: IncomingFile[] = []) {
+  const states = [...told];
   const sent = serve((path) => {
+    if (path.startsWith("/files/incoming?")) return [200, { incoming: told.slice(0, 1) }];
+    if (path.startsWith("/files/incoming/")) return [200, states.shift() ?? told.at(-1)];
     if (path.startsWith("/files?")) return [200, { files: rows }];
     if (path.startsWith("/files/")) return [200, detail];
     if (path.includes("/points")) return [200, points];
@@ -172,4 +198,33 @@ test("a refused file says what is wrong by row", async () => {
   expect(refused).toHaveTextContent("line 4, absorbance");
   expect(refused).toHaveTextContent("Two values are missing");
   expect(refused).toHaveTextContent("instrument.invalid");
+});
+
+test("a file that is read elsewhere is waited for, and then opened", async () => {
+  FakeRequest.answer = [202, waiting];
+  page("/files?resource=flask_1", [row], [waiting, { ...waiting, state: "parsed", file_id: "f" }]);
+  await choose("a.csv");
+  await userEvent.click(screen.getByTestId("bring-send"));
+  await waitFor(() =>
+    expect(screen.getByTestId("upload-progress")).toHaveTextContent("Reading it…"),
+  );
+  expect(await screen.findByTestId("file", {}, { timeout: 4000 })).toBeInTheDocument();
+});
+
+test("a file that its reader refuses says what is wrong by row", async () => {
+  FakeRequest.answer = [202, waiting];
+  page("/files?resource=flask_1", [], [refused]);
+  expect(await screen.findByTestId("incoming-row")).toHaveTextContent(
+    /Refused: line 4, absorbance/,
+  );
+  await choose("a.csv");
+  await userEvent.click(screen.getByTestId("bring-send"));
+  const found = await screen.findByTestId("refused", {}, { timeout: 4000 });
+  expect(found).toHaveTextContent("'much' is no number");
+  expect(found).toHaveTextContent("instrument.invalid");
+});
+
+test("a file that waits is shown in the list", async () => {
+  page("/files", [row], [waiting]);
+  expect(await screen.findByTestId("incoming-row")).toHaveTextContent("Waits to be read");
 });

@@ -3,9 +3,9 @@
 import "./files.css";
 import { useState } from "react";
 import { Link, useSearchParams } from "react-router";
-import { useFiles, type About } from "@/api/files";
+import { useFiles, useIncoming, type About } from "@/api/files";
 import { formatBytes, formatLabel } from "@/model/files";
-import type { FileRow } from "@/model/wirefiles";
+import type { FileRow, IncomingFile } from "@/model/wirefiles";
 import { Card, Empty, Loaded } from "@/ui/card";
 import { Button } from "@/ui/controls";
 import { At } from "@/ui/time";
@@ -20,6 +20,7 @@ export function FilesPage() {
     job: params.get("job"),
   };
   const files = useFiles(about);
+  const incoming = useIncoming(about);
   const [isBringing, setBringing] = useState(false);
   const isNarrowed = Object.values(about).some(Boolean);
   const bring = (
@@ -39,6 +40,7 @@ export function FilesPage() {
         <i className="sp" />
         {bring}
       </div>
+      {incoming.data && incoming.data.length > 0 && <Incoming rows={incoming.data} />}
       <Card title={words.title} note={files.data ? String(files.data.length) : null}>
         <Loaded source={files} what="files">
           {(rows) =>
@@ -52,6 +54,37 @@ export function FilesPage() {
       </Card>
       <BringDialog isOpen={isBringing} onClose={() => setBringing(false)} about={about} />
     </div>
+  );
+}
+
+/** What has not become a file: it waits for its reader, or was refused. */
+function Incoming({ rows }: { rows: IncomingFile[] }) {
+  return (
+    <Card title={words.incoming.title} note={String(rows.length)} testId="incoming">
+      <table className="runs filerows">
+        <tbody>
+          {rows.map((row) => (
+            <tr key={row.id} data-testid="incoming-row">
+              <td className="b">{row.name}</td>
+              <td>
+                {row.state === "pending" ? (
+                  words.incoming.pending
+                ) : (
+                  <span className="bad">
+                    {words.incoming.refused} {row.findings[0]?.subject} {row.message}{" "}
+                    <span className="mono m">{row.code}</span>
+                  </span>
+                )}
+              </td>
+              <td className="wide s">
+                <At at={row.brought_at} />
+              </td>
+              <td className="wide s">{row.brought_by}</td>
+            </tr>
+          ))}
+        </tbody>
+      </table>
+    </Card>
   );
 }
 

@@ -6,6 +6,11 @@ export const words = {
   noneHere: "No file is about this.",
   all: "All files",
   bring: "Bring a file…",
+  incoming: {
+    title: "Not read",
+    pending: "Waits to be read…",
+    refused: "Refused:",
+  },
   form: {
     title: "Bring a file",
     file: "File",

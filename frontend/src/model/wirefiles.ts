@@ -1,6 +1,6 @@
 /** What crosses the border about kept files and readings. */
 
-import type { Id, Iso } from "./wire";
+import type { Finding, Id, Iso } from "./wire";
 
 interface Named {
   id: Id;
@@ -16,6 +16,21 @@ export interface KeptFile {
   sha256: string;
   kept_by: string;
   kept_at: Iso;
+}
+
+/** A file that waits to be read, or what became of it. */
+export interface IncomingFile {
+  id: Id;
+  name: string;
+  format: string;
+  size_bytes: number;
+  state: "pending" | "parsed" | "refused";
+  file_id: Id | null;
+  code: string;
+  message: string;
+  findings: Finding[];
+  brought_by: string;
+  brought_at: Iso;
 }
 
 export interface FileRow extends KeptFile {

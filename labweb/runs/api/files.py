@@ -31,7 +31,7 @@ from labweb.runs.api.runs import visible
 from labweb.runs.models import Job
 from labweb.telemetry import selectors as telemetry_selectors
 from labweb.telemetry import services as telemetry_services
-from labweb.telemetry.selectors import File, Reading
+from labweb.telemetry.selectors import File, Incoming, Reading
 from labweb.telemetry.services.files import (
     KEPT_ONLY,
     MEDIA_TYPES,
@@ -100,7 +100,11 @@ class Files(APIView):
         return Response({"files": rendered(found, user_of(request))})
 
     def post(self, request: Request) -> Response:
-        """Keep a file: a form with `file`, `format` and `resource`, `device` or `job`."""
+        """Take a file in: a form with `file`, `format` and `resource`, `device` or `job`.
+
+        One that is only kept is kept (201); one that is read waits for that (202), and
+        `files/incoming/ID` says what became of it.
+        """
         form, file = _form(request)
         user = user_of(request)
         job = _job(form, user)
@@ -115,8 +119,33 @@ class Files(APIView):
             device=_device(form, job, _seen(request)),
             job_id=None if job is None else job.pk,
         )
-        row = telemetry_services.keep_file(upload, lab=resource_selectors.the_lab(), actor=user)
-        return Response(_detail(row, user), status=201)
+        lab = resource_selectors.the_lab()
+        if upload.format == KEPT_ONLY:
+            row = telemetry_services.keep_file(upload, lab=lab, actor=user)
+            return Response(_detail(row, user), status=201)
+        incoming = telemetry_services.bring(upload, lab=lab, actor=user)
+        return Response(_render_incoming(incoming), status=202)
+
+
+class IncomingFiles(APIView):
+    """Files that were brought to be read."""
+
+    def get(self, request: Request) -> Response:
+        """List those that wait or were refused, newest first; `resource`… narrow it."""
+        rows = telemetry_selectors.visible_incoming(resource_selectors.the_lab(), _seen(request))
+        rows = rows.filter(file__isnull=True, **_narrowed(request))
+        limit = whole_number(request, "limit", default=50, low=1, high=_MOST_ROWS)
+        return Response({"incoming": [_render_incoming(row) for row in rows[:limit]]})
+
+
+class IncomingFile(APIView):
+    """A file that was brought to be read."""
+
+    def get(self, request: Request, incoming_id: UUID) -> Response:
+        """Return whether it was read, and into which file, or why not."""
+        lab = resource_selectors.the_lab()
+        row = telemetry_selectors.find_incoming(lab, incoming_id, _seen(request))
+        return Response(_render_incoming(row))
 
 
 class FileDetail(APIView):
@@ -299,6 +328,27 @@ def _job_told(job: Job | None) -> dict[str, Any] | None:
         return None
     run = {"id": str(job.run_id), "number": job.run.number}
     return {"id": str(job.pk), "index": job.index, "sentence": job.sentence, "run": run}
+
+
+def _render_incoming(row: Incoming) -> dict[str, Any]:
+    return {
+        "id": str(row.pk),
+        "name": row.name,
+        "format": row.format,
+        "size_bytes": row.size_bytes,
+        "sha256": row.sha256,
+        "state": str(row.state),
+        "file_id": _text(row.file_id),
+        "code": row.code,
+        "message": row.message,
+        "findings": row.findings,
+        "resource_id": _text(row.resource_id),
+        "device_id": _text(row.device_id),
+        "job_id": _text(row.job_id),
+        "brought_by": row.brought_by.printed_name,
+        "brought_at": iso(row.brought_at),
+        "ended_at": None if row.ended_at is None else iso(row.ended_at),
+    }
 
 
 def render_file(row: File) -> dict[str, Any]:

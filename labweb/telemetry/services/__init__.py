@@ -4,6 +4,20 @@ from __future__ import annotations
 
 from labweb.telemetry.services.drawing import drawn
 from labweb.telemetry.services.files import Upload, check_links, keep_file
+from labweb.telemetry.services.incoming import READ_TASK, bring, read_incoming, ring_incoming
 from labweb.telemetry.services.samples import KEEP_S, SILENT_S, take_in, trim
 
-__all__ = ["KEEP_S", "SILENT_S", "Upload", "check_links", "drawn", "keep_file", "take_in", "trim"]
+__all__ = [
+    "KEEP_S",
+    "READ_TASK",
+    "SILENT_S",
+    "Upload",
+    "bring",
+    "check_links",
+    "drawn",
+    "keep_file",
+    "read_incoming",
+    "ring_incoming",
+    "take_in",
+    "trim",
+]

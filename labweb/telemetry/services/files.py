@@ -67,6 +67,11 @@ class Upload:
     job_id: UUID | None = None
 
 
+def subject_of(upload: Upload) -> dict[str, Any]:
+    """Return what a file is about, as columns."""
+    return {"resource": upload.resource, "device": upload.device, "job_id": upload.job_id}
+
+
 def check_links(lab: Lab, resource: Resource | None, device: Device | None, actor: User) -> None:
     """See to it that a file has a subject, in one lab, on which the actor may work.
 
@@ -99,21 +104,51 @@ def keep_file(upload: Upload, *, lab: Lab, actor: User) -> File:
     Effect:
         None on matter. Writes bytes under the data directory, rows, and one line of audit.
     """
+    name = check_upload(upload, lab, actor)
+    with room() as folder:
+        raw = folder / "raw"
+        sha256 = received(upload.stream, raw)
+        return read_and_keep(upload, name, raw, sha256, lab=lab, actor=actor)
+
+
+def check_upload(upload: Upload, lab: Lab, actor: User) -> str:
+    """Check what can be known before a byte is read, and return the name to keep it under.
+
+    Raises:
+        DefinitionError: It has no subject, or its name or format cannot be.
+        ForbiddenError: The actor may not work there.
+    """
     check_links(lab, upload.resource, upload.device, actor)
     name = _name(upload.name)
     if upload.format not in {*MEDIA_TYPES, KEPT_ONLY}:
         known = ", ".join([*MEDIA_TYPES, KEPT_ONLY])
         raise DefinitionError(f"the format is one of {known}", code="file.format")
+    return name
+
+
+@contextmanager
+def room() -> Iterator[Path]:
+    """Give a folder beside the kept files, which is gone after."""
     root = Path(settings.DATA_DIR) / "files"
     root.mkdir(mode=0o700, parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(prefix=".incoming-", dir=root) as folder:
-        raw = Path(folder) / "raw"
-        sha256 = _received(upload.stream, raw)
-        made = Made()
-        if upload.format != KEPT_ONLY:
-            made = read_instrument_file(upload.format, raw, Path(folder))
-        with _placed([raw, *made.tables]):
-            return _recorded(upload, name, sha256, made, lab=lab, actor=actor)
+        yield Path(folder)
+
+
+def read_and_keep(
+    upload: Upload, name: str, raw: Path, sha256: str, *, lab: Lab, actor: User
+) -> File:
+    """Keep bytes that lie in a `room`, with their series and readings, or nothing of them.
+
+    Raises:
+        DefinitionError: The reader refuses them; findings name lines or fields.
+        StateError: `file.exists`.
+    """
+    made = Made()
+    if upload.format != KEPT_ONLY:
+        made = read_instrument_file(upload.format, raw, raw.parent)
+    with _placed([raw, *made.tables]):
+        return _recorded(upload, name, sha256, made, lab=lab, actor=actor)
 
 
 def _name(told: str) -> str:
@@ -124,7 +159,7 @@ def _name(told: str) -> str:
     return name
 
 
-def _received(stream: IO[bytes], target: Path) -> str:
+def received(stream: IO[bytes], target: Path) -> str:
     """Write a stream to disk block by block, and return the digest of its bytes."""
     digest, size = hashlib.sha256(), 0
     with target.open("xb") as file:
@@ -185,20 +220,10 @@ def _lock_store() -> None:
 def _recorded(upload: Upload, name: str, sha256: str, made: Made, *, lab: Lab, actor: User) -> File:
     links: dict[str, Any] = {
         "lab": lab,
-        "resource": upload.resource,
-        "device": upload.device,
-        "job_id": upload.job_id,
+        **subject_of(upload),
         "kept_at": now(),
     }
-    before = File.objects.filter(
-        sha256=sha256, made_from=None, **{k: v for k, v in links.items() if k != "kept_at"}
-    ).first()
-    if before is not None:
-        raise StateError(
-            f"the same bytes were kept as {before.name!r} already",
-            code="file.exists",
-            context={"file_id": str(before.pk), "sha256": sha256},
-        )
+    check_new(upload, sha256, lab)
     row = File.objects.create(
         **links,
         sha256=sha256,
@@ -222,6 +247,22 @@ def _recorded(upload: Upload, name: str, sha256: str, made: Made, *, lab: Lab, a
         detail={"sha256": sha256, "format": upload.format, "readings_count": len(made.readings)},
     )
     return row
+
+
+def check_new(upload: Upload, sha256: str, lab: Lab) -> None:
+    """See to it that the same bytes were not kept for the same subject before.
+
+    Raises:
+        StateError: `file.exists`; `context` names the file.
+    """
+    kept = File.objects.filter(sha256=sha256, made_from=None, lab=lab)
+    before = kept.filter(**subject_of(upload)).first()
+    if before is not None:
+        raise StateError(
+            f"the same bytes were kept as {before.name!r} already",
+            code="file.exists",
+            context={"file_id": str(before.pk), "sha256": sha256},
+        )
 
 
 def _series(row: File, digest: str, place: int, links: dict[str, Any], actor: User) -> File:

@@ -26,8 +26,8 @@ from labweb.enrollment.models import EdgeHost
 from labweb.resources.models import Lot, Resource
 from labweb.runs import services as run_services
 from labweb.runs.models import Attempt, Custody
-from labweb.telemetry.selectors import File
-from labweb.telemetry.services import Upload, keep_file
+from labweb.telemetry.selectors import File, Incoming
+from labweb.telemetry.services import Upload, bring, keep_file
 from labweb.workflows import services as workflow_services
 from tests.builders import HEAT, PASSWORD, Bench, a_started_run, an_edge, to_transfer
 from tests.labweb.instrument_files import TRACE
@@ -108,6 +108,8 @@ API: dict[tuple[str, str], tuple[tuple[str, ...], Any]] = {
     ("GET", "runs/<run>/eln"): (MEMBERS, None),
     ("GET", "files"): (MEMBERS, None),
     ("POST", "files"): (WORKERS, Form({"resource": "<resource>", "format": "csv"})),
+    ("GET", "files/incoming"): (MEMBERS, None),
+    ("GET", "files/incoming/<incoming>"): (MEMBERS, None),
     ("GET", "files/<file>"): (MEMBERS, None),
     ("GET", "files/<file>/content"): (MEMBERS, None),
     ("GET", "files/<file>/provenance"): (MEMBERS, None),
@@ -151,6 +153,17 @@ def a_file(bench: Bench) -> File:
         resource=bench.node("water"),
     )
     return keep_file(upload, lab=bench.lab, actor=bench.people["chemist"])
+
+
+def an_incoming_file(bench: Bench) -> Incoming:
+    upload = Upload(
+        stream=io.BytesIO(b"a file that waits"),
+        name="b.csv",
+        media_type="text/csv",
+        format="csv",
+        resource=bench.node("water"),
+    )
+    return bring(upload, lab=bench.lab, actor=bench.people["chemist"])
 
 
 def a_second_host(bench: Bench) -> tuple[EdgeHost, Resource]:
@@ -224,6 +237,7 @@ def ids(bench: Bench, settings: Settings, tmp_path: Path) -> dict[str, str]:
         "run": str(run.id),
         "job": str(attempt.job_id),
         "file": str(file.pk),
+        "incoming": str(an_incoming_file(bench).pk),
         "reading": str(file.readings.all()[0].pk),
         "ticket": str(crutd_services.open_ticket(bench.lab, "host.gap", "a gap", {}).id),
         "request": str(ApprovalRequest.objects.get(run_id=request_run.id).id),

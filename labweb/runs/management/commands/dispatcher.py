@@ -110,6 +110,7 @@ class Command(BaseCommand):
         enrollment_services.withdraw_fences()
         services.expire_requests()
         services.isolate_hosts()
+        telemetry_services.ring_incoming()
         for lab in resource_selectors.labs().filter(is_stopped=True):
             if lab.stop_id is None or lab.stopped_at is None:
                 continue

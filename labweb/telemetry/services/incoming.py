@@ -1,0 +1,188 @@
+"""Files that wait to be read: brought in a request, read by the server's own worker.
+
+The row is the queue of record, and the message to the worker a doorbell: one that is lost is
+rung again, one that comes twice finds nothing to do.
+"""
+
+from __future__ import annotations
+
+import io
+import os
+from datetime import timedelta
+from functools import partial
+from pathlib import Path
+from uuid import UUID
+
+from django.conf import settings
+from django.db.transaction import atomic, on_commit
+
+from labweb.accounts.selectors import User
+from labweb.common import queue
+from labweb.common.clock import now
+from labweb.domain.errors import DefinitionError, LabError, StateError
+from labweb.resources.selectors import Lab
+from labweb.telemetry.models import File, Incoming
+from labweb.telemetry.services.files import (
+    Upload,
+    check_new,
+    check_upload,
+    digest_of,
+    read_and_keep,
+    received,
+    room,
+    subject_of,
+)
+
+READ_TASK = "telemetry.read_file"
+RING_AGAIN_AFTER = timedelta(seconds=10)
+MOST_TRIES = 3
+"""A file at which the worker itself ended so often is refused."""
+
+
+def bring(upload: Upload, *, lab: Lab, actor: User) -> Incoming:
+    """Take the bytes of a file in, and have them read; nothing of them is read here.
+
+    Raises:
+        DefinitionError: It is too large or empty, or its subject, name or format cannot be.
+        ForbiddenError: The actor may not work there.
+        StateError: `file.exists`, `file.being_read`: the same bytes for the same subject are
+            kept, or wait to be.
+
+    Effect:
+        None on matter. Writes bytes under the data directory and one row.
+    """
+    name = check_upload(upload, lab, actor)
+    with room() as folder:
+        raw = folder / "raw"
+        sha256 = received(upload.stream, raw)
+        check_new(upload, sha256, lab)
+        _check_not_waiting(upload, sha256, lab)
+        row = Incoming(
+            lab=lab,
+            sha256=sha256,
+            size_bytes=raw.stat().st_size,
+            name=name,
+            format=upload.format,
+            **subject_of(upload),
+            brought_by=actor,
+            brought_at=now(),
+            asked_at=now(),
+        )
+        waiting = _path(row.pk)
+        waiting.parent.mkdir(mode=0o700, exist_ok=True)
+        raw.rename(waiting)
+    try:
+        with atomic():
+            row.save(force_insert=True)
+            on_commit(partial(queue.ask, READ_TASK, str(row.pk)))
+    except BaseException:
+        if not Incoming.objects.filter(pk=row.pk).exists():
+            waiting.unlink(missing_ok=True)
+        raise
+    return row
+
+
+def _check_not_waiting(upload: Upload, sha256: str, lab: Lab) -> None:
+    waiting = Incoming.objects.filter(lab=lab, sha256=sha256, state=Incoming.State.PENDING)
+    before = waiting.filter(**subject_of(upload)).first()
+    if before is not None:
+        raise StateError(
+            f"the same bytes are being read as {before.name!r}",
+            code="file.being_read",
+            context={"incoming_id": str(before.pk), "sha256": sha256},
+        )
+
+
+def _path(incoming_id: UUID) -> Path:
+    return Path(settings.DATA_DIR) / "files" / ".waiting" / str(incoming_id)
+
+
+def read_incoming(incoming_id: UUID) -> None:
+    """Read a file that waits, and keep it with its readings, or write down why not.
+
+    Its row stays locked while it is read, so that nobody reads it twice, and so that the end
+    of this process, whatever it is, gives it free at once.
+    """
+    with atomic():
+        row = _held(incoming_id)
+        if row is None:
+            return
+        row.tries += 1
+        row.save(update_fields=["tries"])
+    with atomic():
+        row = _held(incoming_id)
+        if row is None:
+            return
+        try:
+            with atomic():
+                row.file = _read(row)
+            row.state = Incoming.State.PARSED
+        except (DefinitionError, StateError) as error:
+            _refuse(row, error)
+        row.ended_at = now()
+        row.save()
+        on_commit(partial(_path(row.pk).unlink, missing_ok=True))
+
+
+def _held(incoming_id: UUID) -> Incoming | None:
+    rows = Incoming.objects.filter(pk=incoming_id, state=Incoming.State.PENDING)
+    return rows.select_for_update(skip_locked=True).first()
+
+
+def _refuse(row: Incoming, error: LabError) -> None:
+    row.state = Incoming.State.REFUSED
+    row.file = None
+    row.code, row.message = error.code, error.message
+    row.findings = [finding.to_json() for finding in error.findings]
+
+
+def _read(row: Incoming) -> File:
+    if row.tries > MOST_TRIES:
+        raise DefinitionError(
+            f"the worker ended {MOST_TRIES} times while it read this file",
+            code="instrument.unreadable",
+        )
+    upload = Upload(
+        stream=io.BytesIO(),
+        name=row.name,
+        media_type="",
+        format=row.format,
+        resource=row.resource,
+        device=row.device,
+        job_id=row.job_id,
+    )
+    with room() as folder:
+        raw = folder / "raw"
+        try:
+            # A second name, since what is kept is moved: should this fail, the first is there.
+            os.link(_path(row.pk), raw)
+        except FileNotFoundError as error:
+            raise _lost(row) from error
+        if digest_of(raw) != row.sha256:
+            raise _lost(row)
+        return read_and_keep(upload, row.name, raw, row.sha256, lab=row.lab, actor=row.brought_by)
+
+
+def _lost(row: Incoming) -> StateError:
+    return StateError(
+        f"the bytes of {row.name!r} are not those that were brought: bring them again",
+        code="file.damaged",
+        context={"sha256": row.sha256},
+    )
+
+
+def ring_incoming() -> int:
+    """Ask again for files of which a worker has not been heard; those being read are locked.
+
+    Returns:
+        How many were asked for.
+    """
+    due = Incoming.objects.filter(
+        state=Incoming.State.PENDING, asked_at__lt=now() - RING_AGAIN_AFTER
+    )
+    with atomic():
+        rows = list(due.select_for_update(skip_locked=True).order_by("id")[:100])
+        Incoming.objects.filter(pk__in=[row.pk for row in rows]).update(asked_at=now())
+    for row in rows:
+        queue.ask(READ_TASK, str(row.pk))
+    return len(rows)
