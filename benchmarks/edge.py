@@ -12,6 +12,7 @@ import sys
 import tempfile
 import threading
 import time
+from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
@@ -38,11 +39,16 @@ FINAL = frozenset({"complete", "aborted", "rejected", "stopped", "in_doubt"})
 class Watched(Ledger):
     """A server's end that says at once when something came."""
 
-    came = threading.Condition()
+    def __init__(self, server: Server, devices: list[DeviceConfig], public_key: str) -> None:
+        super().__init__(server, devices, public_key)
+        self.came = threading.Condition()
+        self.counts: Counter[str] = Counter()
 
     def _keep(self, events: list[EdgeEvent]) -> None:
         with self.came:
+            known = self.head
             super()._keep(events)
+            self.counts.update(event.kind for event in events if event.seq > known)
             self.came.notify_all()
 
 
@@ -62,7 +68,7 @@ class Host:
         self.celery = Celery("server", broker=broker_url, set_as_current=False, fixups=[])
         self._known: set[UUID] = set()
         self.ends: dict[UUID, str] = {}
-        self._read = 0
+        self.pid = 0
 
     def _device(self, number: int) -> DeviceConfig:
         return DeviceConfig(
@@ -102,6 +108,7 @@ class Host:
                     stdout=log,
                     stderr=subprocess.STDOUT,
                 )
+            self.pid = popen.pid
             stack.callback(popen.wait)
             stack.callback(popen.terminate)
             wait_for(lambda: self.hub.hellos and self.server.epoch, START_S)

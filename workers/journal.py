@@ -33,7 +33,7 @@ from labweb.domain.runs.moment import Moment
 from labweb.domain.runs.standing import state_of
 from workers import faults
 from workers.bell import ring
-from workers.journal_schema import migrate, to_action
+from workers.journal_schema import FROM_UNFINISHED, migrate, to_action
 from workers.seal import create_seal, raise_seal, read_seal
 from workers.transaction import Transaction
 
@@ -162,15 +162,20 @@ class Journal:
 
     def open_ids(self) -> list[UUID]:
         """Return every action that is not final, in dispatch order."""
-        query = (
-            "SELECT action_id FROM action WHERE st IN "
-            "('accepted', 'started', 'actuated', 'in_doubt') ORDER BY dseq"
-        )
+        query = f"SELECT action_id {FROM_UNFINISHED} ORDER BY dseq"
         return [UUID(row[0]) for row in self._all(query)]
+
+    def open_count(self) -> int:
+        """Return how many actions are not final."""
+        row = self._one(f"SELECT count(*) {FROM_UNFINISHED}")
+        return 0 if row is None else int(row[0])
 
     def waiting_lines(self) -> list[str]:
         """Return the lines that have something to do."""
-        query = "SELECT DISTINCT line FROM action WHERE st IN ('accepted', 'actuated')"
+        query = (
+            f"SELECT DISTINCT line {FROM_UNFINISHED} AND st IN ('accepted', 'actuated')"
+            " ORDER BY line"
+        )
         return [str(row[0]) for row in self._all(query)]
 
     def is_line_acting(self, line: str) -> bool:

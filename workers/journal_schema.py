@@ -56,6 +56,15 @@ MIGRATIONS = (VERSION_1,)
 """Script by version; forward only, one entry per released version."""
 
 
+_UNFINISHED = "st IN ('accepted', 'started', 'actuated', 'in_doubt')"
+
+FROM_UNFINISHED = f"FROM action INDEXED BY action_unfinished WHERE {_UNFINISHED}"
+"""The actions that have not ended, however many have."""
+
+INDEXES = (f"CREATE INDEX IF NOT EXISTS action_unfinished ON action (dseq) WHERE {_UNFINISHED}",)
+"""Change no answer, only how soon it comes; a journal gets them whatever its version."""
+
+
 def to_action(row: sqlite3.Row) -> ActionRow:
     """Read one row of the table `action`."""
     values = {key: row[key] for key in row.keys()}  # noqa: SIM118 - a Row iterates over values
@@ -87,6 +96,8 @@ def migrate(connection: sqlite3.Connection) -> None:
             for statement in MIGRATIONS[number].split(";"):
                 connection.execute(statement)
             connection.execute(f"PRAGMA user_version = {number + 1}")
+        for statement in INDEXES:
+            connection.execute(statement)
         connection.execute("COMMIT")
     except BaseException:
         connection.execute("ROLLBACK")

@@ -13,7 +13,7 @@ from labweb.domain.messages import EdgeEvent, ResourceView, canonical, event_has
 from labweb.domain.runs.edge import ActionState, HostState
 from labweb.domain.runs.journal import ActionRow, HeldResource, JournalError
 from labweb.domain.runs.standing import state_of
-from workers.journal_schema import to_action
+from workers.journal_schema import FROM_UNFINISHED, to_action
 
 PROGRESS = frozenset({"accepted", "started", "actuated"})
 """Events that need not be told at once: more of the same action follows."""
@@ -100,10 +100,7 @@ class Transaction:
 
     def open_rows(self) -> list[ActionRow]:
         """Return the actions that have not ended, in dispatch order."""
-        query = (
-            "SELECT * FROM action WHERE st IN ('accepted', 'started', 'actuated', 'in_doubt')"
-            " ORDER BY dseq"
-        )
+        query = f"SELECT * {FROM_UNFINISHED} ORDER BY dseq"
         return [to_action(row) for row in self._run(query)]
 
     def insert_action(self, row: ActionRow) -> None:

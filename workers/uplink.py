@@ -264,7 +264,7 @@ class Uplink:
             disk_free_bytes=shutil.disk_usage(self._config.folder).free,
             lines={line: now_s - at_s for line, at_s in self._store.alive().items()},
             wall_s=time.time(),
-            open_count=len(self._journal.open_ids()),
+            open_count=self._journal.open_count(),
         )
 
     async def _tell_samples(self, socket: ClientConnection) -> None:

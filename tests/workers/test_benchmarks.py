@@ -14,16 +14,17 @@ from benchmarks.figures import fsync_ms
 @pytest.mark.timeout(300)
 def test_every_figure_of_the_steps_is_measured(capsys: pytest.CaptureFixture[str]) -> None:
     with tempfile.TemporaryDirectory(prefix="bm", dir="/tmp") as folder:
-        figures = steps.run(Path(folder), 4, (6,), 2)
+        figures = steps.run(Path(folder), 4, (6,), 2, with_peers=False)
     assert {one.name for one in figures} == {
         "peer: plain Celery, nothing durable",
         "one device, 4 steps",
+        "of it, processor of its line",
         "two devices of a host, in turn",
         "two hosts, in turn",
         "20 steps on 2 devices",
         "dearest over cheapest of 4, 6 steps",
     }
-    assert all(one.value > 0 for one in figures)
+    assert all(one.value > 0 for one in figures if not one.name.startswith("of it"))
     parallel = next(one for one in figures if one.name.startswith("20 steps"))
     assert parallel.value >= 10 * steps.PARALLEL_STEP_S
     assert "fsync" in capsys.readouterr().out

@@ -12,7 +12,7 @@ import pytest
 
 from labweb.domain.runs.edge import ActionState
 from labweb.domain.runs.journal import JournalError
-from tests.workers.bench import HOST_ID, Host, a_do
+from tests.workers.bench import DEVICE_ID, HOST_ID, Host, a_do
 from workers import journal_schema
 from workers.journal import Journal, check_journal, create_journal
 from workers.keys import create_key
@@ -272,3 +272,36 @@ def test_a_frame_of_events_stays_within_its_size(host: Host) -> None:
     with host.journal.write() as tx:
         tx.append("boot", None, {"text": "x" * 500_000})
     assert len(host.journal.events_after(21)) == 1
+
+
+def test_no_question_of_the_journal_reads_the_actions_that_have_ended(host: Host) -> None:
+    """They stay for ever, and what is asked each second or each step must not grow with them."""
+    asked: list[str] = []
+    host.take(a_do(host.server))
+    host.journal._connection.set_trace_callback(asked.append)
+    host.journal.open_ids()
+    host.journal.open_count()
+    host.journal.waiting_lines()
+    host.journal.is_line_acting(host.line)
+    host.journal.actions(host.line, ActionState.ACCEPTED, limit_count=4)
+    host.journal.actions(host.line, ActionState.ACTUATED)
+    host.journal.blocked_by(DEVICE_ID)
+    with host.journal.write() as tx:
+        tx.open_rows()
+        tx.blocked_by(DEVICE_ID)
+    host.journal._connection.set_trace_callback(None)
+    questions = [query for query in asked if "FROM action" in query]
+    assert len(questions) == 9
+    for query in questions:
+        plan = host.journal._connection.execute(f"EXPLAIN QUERY PLAN {query}").fetchall()
+        steps = [str(row["detail"]) for row in plan]
+        assert all("SCAN action" not in one or "action_unfinished" in one for one in steps), query
+
+
+def test_an_older_journal_gets_its_indexes(host: Host) -> None:
+    host.take(a_do(host.server))
+    host.journal._connection.execute("DROP INDEX action_unfinished")
+    host.journal.close()
+    host.journal = Journal(host.path)
+    assert host.journal.waiting_lines() == [host.line]
+    assert host.journal.open_count() == 1

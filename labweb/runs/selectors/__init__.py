@@ -97,7 +97,7 @@ def run_for_update(run_id: UUID) -> Run:
         NotFoundError: There is none.
     """
     rows = Run.objects.filter(pk=run_id).select_for_update(of=("self",), no_key=True)
-    row = rows.first()
+    row = rows.defer("plan").first()
     if row is None:
         raise NotFoundError(f"no run {run_id}", code="run.not_found")
     return row
@@ -110,7 +110,7 @@ def job_for_update(job_id: UUID) -> Job:
         NotFoundError: There is none.
     """
     rows = Job.objects.select_for_update(of=("self",), no_key=True)
-    rows = rows.select_related("run__lab", "device__host")
+    rows = rows.select_related("run__lab", "device__host").defer("run__plan")
     row = rows.filter(pk=job_id).first()
     if row is None:
         raise NotFoundError(f"no job {job_id}", code="job.not_found")
@@ -198,7 +198,8 @@ def execution_of(run: Run) -> Execution | None:
 def runs_to_schedule() -> QuerySet[Run]:
     """Runs with work left, oldest first; none of a stopped lab."""
     states = [RunState.QUEUED.value, RunState.RUNNING.value]
-    return Run.objects.filter(state__in=states, lab__is_stopped=False).order_by("created_at")
+    rows = Run.objects.filter(state__in=states, lab__is_stopped=False).order_by("created_at")
+    return rows.defer("plan")
 
 
 def hold_run_of(action_id: UUID) -> None:
@@ -224,6 +225,7 @@ def attempt_for_update(action_id: UUID) -> Attempt | None:
     return (
         Attempt.objects.filter(pk=action_id)
         .select_related("job__run", "transaction")
+        .defer("job__run__plan")
         .select_for_update(of=("self",))
         .first()
     )

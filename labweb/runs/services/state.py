@@ -32,7 +32,8 @@ def move_job(job: Job, state: JobState, mover: Mover, **fields: Any) -> None:  #
         job.ended_at = job.state_at
     for name, value in fields.items():
         setattr(job, name, value)
-    job.save()
+    moved = ["state", "state_at", "started_at", "ended_at", *fields]
+    job.save(update_fields=moved)
     if mover is not Mover.SCHEDULER and (state is JobState.QUEUED or state in FINAL):
         wake_dispatcher()
     on_commit(partial(announce, job.run_id, job.id))

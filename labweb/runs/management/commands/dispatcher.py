@@ -13,7 +13,6 @@ from uuid import UUID
 
 from django.core.management.base import BaseCommand
 from django.db import connection, connections
-from django.db.transaction import atomic
 from django.db.utils import InterfaceError, OperationalError
 
 from labweb.common import wake
@@ -55,6 +54,9 @@ class Command(BaseCommand):
 
     help = "Dispatch queued jobs to edge hosts, ring their doorbells and watch over them."
 
+    _led_by: object | None = None
+    """Connection that holds the leader's lock."""
+
     def handle(self, *_args: object, **_options: object) -> None:
         """Run until SIGTERM; a database that is away is waited for."""
         stop = threading.Event()
@@ -95,13 +97,19 @@ class Command(BaseCommand):
             services.publish_outbox()
 
     def _is_leader(self) -> bool:
-        with atomic(), connection.cursor() as cursor:
+        """Tell whether this process leads; its lock lives as long as its connection."""
+        if self._led_by is not None and self._led_by is connection.connection:
+            return True
+        with connection.cursor() as cursor:
             cursor.execute("SELECT pg_try_advisory_lock(%s)", [_LEADER_LOCK])
             row = cursor.fetchone()
-            return bool(row and row[0])
+        is_leader = bool(row and row[0])
+        self._led_by = connection.connection if is_leader else None
+        return is_leader
 
     def _resign(self) -> None:
         """Let another dispatcher lead; a pool would keep the connection, and the lock with it."""
+        self._led_by = None
         with contextlib.suppress(OperationalError, InterfaceError), connection.cursor() as cursor:
             cursor.execute("SELECT pg_advisory_unlock_all()")
 
