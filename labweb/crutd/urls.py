@@ -9,7 +9,6 @@ from labweb.crutd.api import desk
 
 urlpatterns = [
     path("resources", api.Resources.as_view()),
-    path("operations", api.Operations.as_view()),
     path("operations/check", api.OperationCheck.as_view()),
     path("resources/<uuid:resource_id>", api.ResourceDetail.as_view()),
     path("resources/<uuid:resource_id>/lineage", api.Lineage.as_view()),

@@ -167,6 +167,11 @@ class Custody(Base):
     )
     """Host that writes its facts; null while it is in transit."""
 
+    origin = models.ForeignKey(
+        "enrollment.EdgeHost", null=True, on_delete=models.PROTECT, related_name="+"
+    )
+    """Host that it comes from."""
+
     target = models.ForeignKey(
         "enrollment.EdgeHost", null=True, on_delete=models.PROTECT, related_name="+"
     )
@@ -186,6 +191,9 @@ class Custody(Base):
         "accounts.User", null=True, on_delete=models.PROTECT, related_name="+"
     )
     at = models.DateTimeField()
+    released_at = models.DateTimeField(null=True)
+    """When its host said that it has let it go."""
+
     ended_at = models.DateTimeField(null=True)
     """One move of one vessel is one row; its end stays."""
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from django.urls import path
 
-from labweb.runs.api import approvals, crate, drawing, files, hosts, lab, provenance, runs
+from labweb.runs.api import approvals, crate, custody, drawing, files, hosts, lab, provenance, runs
 
 urlpatterns = [
     path("lab", lab.LabView.as_view()),
@@ -37,8 +37,10 @@ urlpatterns = [
     path("resources/<uuid:resource_id>/conditions", provenance.Conditions.as_view()),
     path("jobs/<uuid:job_id>/resolve", runs.ResolveJob.as_view()),
     path("jobs/<uuid:job_id>/recover", runs.RecoverJob.as_view()),
-    path("resources/<uuid:resource_id>/handover", hosts.HandOvers.as_view()),
-    path("handovers/<uuid:custody_id>/arrived", hosts.Arrival.as_view()),
+    path("operations", custody.Operations.as_view()),
+    path("resources/<uuid:resource_id>/custody", custody.InWhoseHands.as_view()),
+    path("resources/<uuid:resource_id>/handover", custody.HandOvers.as_view()),
+    path("handovers/<uuid:custody_id>/arrived", custody.Arrival.as_view()),
     path("hosts/<uuid:host_id>/fence", hosts.HostAct.as_view(act="fence")),
     path("hosts/<uuid:host_id>/revoke", hosts.HostAct.as_view(act="revoke")),
     path("hosts/<uuid:host_id>/readmit", hosts.HostAct.as_view(act="readmit")),

@@ -178,8 +178,29 @@ export function useArrival(): UseMutationResult<{ state: string }, Error, string
   return useMutation({
     mutationFn: (id) => call("POST", `/handovers/${id}/arrived`, {}),
     onSuccess: () => {
+      void client.invalidateQueries({ queryKey: ["custody"] });
       void client.invalidateQueries({ queryKey: keys.hosts });
       void client.invalidateQueries({ queryKey: keys.resources });
+    },
+  });
+}
+
+export interface Carrying {
+  resource_id: string;
+  from_id: string;
+  to_id: string;
+  note: string;
+}
+
+/** Tell that a vessel is carried elsewhere; between two hosts this only begins it. */
+export function useCarry(): UseMutationResult<unknown, Error, Carrying> {
+  return useMutation({
+    mutationFn: ({ note, ...move }) =>
+      call("POST", "/operations", { operation: { op: "transfer_resource", ...move }, note }),
+    onSuccess: () => {
+      void client.invalidateQueries({ queryKey: ["custody"] });
+      void client.invalidateQueries({ queryKey: keys.resources });
+      void client.invalidateQueries({ queryKey: keys.hosts });
     },
   });
 }

@@ -16,6 +16,7 @@ export const keys = {
   resources: ["resources"] as const,
   past: (at: string) => ["past", at] as const,
   resource: (id: string) => ["resources", id] as const,
+  custody: (id: string) => ["custody", id] as const,
   stock: (id: string) => ["resources", id, "stock"] as const,
   ticket: (id: string) => ["tickets", id] as const,
   lineage: (id: string, direction: string, depth: number) =>

@@ -24,7 +24,7 @@ const FIXED: Record<string, QueryKey[]> = {
   lab: [keys.session, keys.home],
   runs: [keys.runs, keys.home, keys.session],
   approvals: [keys.approvals, keys.home, keys.session],
-  hosts: [keys.hosts, keys.home],
+  hosts: [keys.hosts, keys.home, ["custody"]],
   devices: [keys.devices, keys.home],
   events: [keys.resources],
   workflows: [keys.workflows, keys.home],

@@ -5,6 +5,7 @@ import type {
   ApprovalDetail,
   ApprovalRequest,
   Device,
+  Custody,
   DeviceRow,
   Home,
   Host,
@@ -162,6 +163,13 @@ export function useResource(id: string | null): UseQueryResult<Resource> {
     queryKey: keys.resource(id ?? ""),
     queryFn: get<Resource>(`/resources/${id ?? ""}`),
     enabled: id !== null,
+  });
+}
+
+export function useCustody(id: string): UseQueryResult<Custody> {
+  return useQuery({
+    queryKey: keys.custody(id),
+    queryFn: get<Custody>(`/resources/${id}/custody`),
   });
 }
 

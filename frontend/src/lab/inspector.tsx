@@ -10,6 +10,7 @@ import { Empty, Failed } from "@/ui/card";
 import { EventTable } from "@/ui/events";
 import { Glyph } from "@/ui/glyph";
 import { Amount, FillBar } from "@/ui/number";
+import { Carry, OnItsWay } from "./custody";
 import { RecordReaction } from "./reaction";
 import { TakeStock, type StockAsked } from "./stock";
 import { WellGrid } from "./wellmap";
@@ -56,6 +57,9 @@ function Details(props: { resource: Resource; isShort: boolean; ask: StockAsked 
         {ask && resource.holds_liquid && (
           <RecordReaction key={`reaction ${resource.id}`} resource={resource} />
         )}
+        {ask && resource.holds_liquid && resource.parent_id !== null && (
+          <Carry key={`carry ${resource.id}`} resource={resource} />
+        )}
         {ask && hasStock && <TakeStock key={resource.id} resource={resource} ask={ask} />}
       </header>
       {resource.is_quarantined && (
@@ -67,6 +71,7 @@ function Details(props: { resource: Resource; isShort: boolean; ask: StockAsked 
           {words.tree.unknown}
         </p>
       )}
+      {ask && resource.holds_liquid && <OnItsWay key={`way ${resource.id}`} resource={resource} />}
       {resource.holds_liquid && <ContentsTable resource={resource} />}
       <WellsNow resource={resource} />
       <Facts resource={resource} isShort={isShort} />

@@ -91,6 +91,25 @@ export interface Resource extends ResourceRow {
   events: LabEvent[];
 }
 
+/** Which edge host writes a vessel's facts, and the move it is on. */
+export interface Custody {
+  host: { id: Id; name: string } | null;
+  move: {
+    id: Id;
+    state: string;
+    from: { id: Id; name: string } | null;
+    to: { id: Id; name: string } | null;
+    place: { id: Id; name: string } | null;
+    asked_by: string | null;
+    asked_at: Iso;
+    released_at: Iso | null;
+    is_told: boolean;
+  } | null;
+  is_allowed: boolean;
+  /** Kinds of resource that carry others. */
+  place_kinds: string[];
+}
+
 export interface StockLot {
   lot_id: Id;
   lot: string;

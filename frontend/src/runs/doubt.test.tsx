@@ -108,3 +108,8 @@ test("the last action that did not happen ends its run", async () => {
   await userEvent.setup().click(screen.getByTestId("answer-did_not"));
   expect(screen.getByText("The run then waits for you.")).toBeInTheDocument();
 });
+
+test("an action in doubt says what could tell how far it came", () => {
+  show(<DoubtCard run={run} job={{ ...job, recovery_class: "R2" }} question={question} />);
+  expect(screen.getByTestId("doubt-class")).toHaveTextContent(/A measurement tells/);
+});

@@ -43,6 +43,9 @@ export function DoubtCard({ run, job, question }: { run: Run; job: Job; question
       <div className="pb">
         <h2>{question.text}</h2>
         <Evidence job={job} />
+        <p className="help" data-testid="doubt-class">
+          {words.recovery.classes[job.recovery_class]}
+        </p>
         {question.answer_sent ? (
           <p className="s" role="status" data-testid="answer-sent">
             {words.doubt.sent}

@@ -31,6 +31,16 @@ it("offers what may be done, and says why the rest may not", () => {
   expect(screen.getByTestId("recover-send")).toBeDisabled();
 });
 
+it.each([
+  ["R0", /device can be asked/],
+  ["R1", /set-point/],
+  ["R2", /measurement tells how far/],
+  ["R3", /No device and no measurement/],
+])("says what tells how far an action of class %s came", (recovery, text) => {
+  show(<Recovery run={aRun([job])} job={job} card={{ ...card, recovery }} />);
+  expect(screen.getByTestId("recovery-class")).toHaveTextContent(text);
+});
+
 it("lists what a skip leads to before it is sent", () => {
   show(<Recovery run={aRun([job])} job={job} card={card} />);
   fireEvent.click(screen.getByTestId("recover-skip"));

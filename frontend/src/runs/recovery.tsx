@@ -84,6 +84,9 @@ function Choices(props: {
 }) {
   return (
     <div className="ans" role="radiogroup" aria-label={words.recovery.title}>
+      <p className="help" data-testid="recovery-class">
+        {words.recovery.classes[props.card.recovery]}
+      </p>
       {orderedChoices(props.card).map((one) => (
         <label key={one.name} title={one.why_not ?? undefined}>
           <input

@@ -27,6 +27,12 @@ export const words = {
     note: "Note, required",
     noteHelp: "What you found and what you did about it.",
     then: "The run goes on when you resume it.",
+    classes: {
+      R0: "The device can be asked whether it did this: compare its own count before you decide.",
+      R1: "A set-point: sending it again does no harm.",
+      R2: "A measurement tells how far it came: read the level, the balance or the plunger before you decide.",
+      R3: "No device and no measurement tells how far it came: look at it before you decide.",
+    } as Record<string, string>,
     nothingRelies: "Nothing later in this run counts on it.",
     done: { skip: "Skipped", hand: "Done by hand", change: "Planned anew" },
   },

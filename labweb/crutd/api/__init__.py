@@ -115,8 +115,11 @@ class Act(msgspec.Struct, forbid_unknown_fields=True):
     note: Annotated[str, msgspec.Meta(max_length=2000)] = ""
 
 
-class Operations(APIView):
-    """Operations that people carry out by hand and tell of."""
+class HandOperations(APIView):
+    """Operations that people carry out by hand and tell of.
+
+    A transfer between two edge hosts does not end here: `labweb.runs.api.custody` takes it.
+    """
 
     bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": Act}
 
@@ -124,7 +127,7 @@ class Operations(APIView):
         """Check an operation under locks and write it down as done: all of it, or nothing."""
         act = body(request, Act)
         user = user_of(request)
-        _require(user, act.operation)
+        require_act(user, act.operation)
         row = services.carry_out(
             act.operation, lab=resource_selectors.the_lab(), actor_id=user.pk, note=act.note
         )
@@ -140,12 +143,12 @@ class OperationCheck(APIView):
     def post(self, request: Request) -> Response:
         """List every finding against an operation as things stand; change nothing."""
         act = body(request, Act)
-        _require(user_of(request), act.operation)
+        require_act(user_of(request), act.operation)
         findings = services.check_operation(act.operation, lab=resource_selectors.the_lab())
         return Response({"findings": [finding.to_json() for finding in findings]})
 
 
-def _require(user: User, operation: operations.Operation) -> None:
+def require_act(user: User, operation: operations.Operation) -> None:
     """Refuse who may not do this, or may not know of a resource it names."""
     wanted = Permission.RUN
     if isinstance(operation, operations.Correct):

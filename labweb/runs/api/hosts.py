@@ -17,43 +17,6 @@ from labweb.runs import services
 from labweb.runs.api.runs import Reason
 
 
-class HandOver(msgspec.Struct, forbid_unknown_fields=True):
-    """Body of a move to another host."""
-
-    place_id: UUID
-    note: str
-
-
-class Nothing(msgspec.Struct, forbid_unknown_fields=True):
-    """Body of an act that takes no arguments."""
-
-
-class HandOvers(APIView):
-    """Move a vessel to a place of another host."""
-
-    bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": HandOver}
-
-    def post(self, request: Request, resource_id: UUID) -> Response:
-        """Ask its host to let it go."""
-        wanted = body(request, HandOver)
-        made = services.hand_over(
-            resource_id, wanted.place_id, actor=user_of(request), note=wanted.note
-        )
-        return Response({"id": str(made.id), "state": made.state}, status=201)
-
-
-class Arrival(APIView):
-    """A vessel in transit is where it was sent."""
-
-    bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": Nothing}
-
-    def post(self, request: Request, custody_id: UUID) -> Response:
-        """Tell its new host to take it over."""
-        body(request, Nothing)
-        made = services.confirm_arrival(custody_id, actor=user_of(request))
-        return Response({"id": str(made.id), "state": made.state})
-
-
 class HostAct(APIView):
     """Fence, revoke or readmit."""
 

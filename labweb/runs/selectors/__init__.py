@@ -25,7 +25,11 @@ from labweb.runs.models import Attempt, HostEvent, Outbox
 from labweb.runs.models import Custody as Custody
 from labweb.runs.models import Job as Job
 from labweb.runs.models import Run as Run
+from labweb.runs.selectors.custody import carries_others as carries_others
+from labweb.runs.selectors.custody import hosts_between as hosts_between
+from labweb.runs.selectors.custody import is_told as is_told
 from labweb.runs.selectors.custody import moves_of as moves_of
+from labweb.runs.selectors.custody import open_move_of as open_move_of
 from labweb.runs.selectors.custody import owner_of as owner_of
 from labweb.runs.selectors.recovery import ended_job as ended_job
 from labweb.runs.selectors.recovery import later_jobs as later_jobs

@@ -10,7 +10,7 @@ from labweb.runs.services.control import (
     resume_run,
     stop_lab,
 )
-from labweb.runs.services.custody import confirm_arrival, hand_over
+from labweb.runs.services.custody import begin_transfer, confirm_arrival, hand_over
 from labweb.runs.services.dispatch import publish_outbox
 from labweb.runs.services.expiry import expire_requests
 from labweb.runs.services.fencing import (
@@ -34,6 +34,7 @@ from labweb.runs.services.start import (
 
 __all__ = [
     "abort_run",
+    "begin_transfer",
     "check_named",
     "confirm_arrival",
     "decide_request",

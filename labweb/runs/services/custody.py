@@ -27,7 +27,7 @@ from labweb.domain.runs import custody as rules
 from labweb.domain.runs.custody import CustodyState
 from labweb.enrollment.selectors import EdgeHost
 from labweb.resources import selectors as resource_selectors
-from labweb.resources.selectors import Lab, Resource
+from labweb.resources.selectors import Resource
 from labweb.runs import selectors
 from labweb.runs.models import Custody, Outbox
 from labweb.runs.services import dispatch
@@ -50,26 +50,62 @@ def hand_over(resource_id: UUID, place_id: UUID, *, actor: User, note: str) -> C
         Nothing moves yet: its host is asked to let it go. Locks hold until it has arrived.
     """
     resource_selectors.require(actor, Permission.RUN, [resource_id, place_id])
-    if not note.strip():
-        raise DefinitionError("say why it is moved: the note is empty", code="run.note_missing")
     rows = {row.id: row for row in resource_selectors.rows([resource_id, place_id])}
     row = rows.get(resource_id)
     if row is None or place_id not in rows or row.parent_id is None:
         raise NotFoundError("no such vessel or place", code="resource.not_found")
-    lab = resource_selectors.the_lab()
-    owner, target = _two_hosts(lab, row, place_id)
+    if selectors.carries_others(row):
+        text = f"{row.name} carries other things: only a single vessel goes to another host"
+        raise DefinitionError(text, code="custody.not_single")
+    operation = TransferResource(resource_id=resource_id, from_id=row.parent_id, to_id=place_id)
+    hosts = selectors.hosts_between(row, operation)
+    if hosts is None:
+        text = "vessel and place do not belong to two hosts: a plain transfer does"
+        raise DefinitionError(text, code="custody.same_host")
+    return _ask(row, operation, *hosts, actor=actor, note=note)
+
+
+@atomic
+def begin_transfer(operation: TransferResource, *, actor: User, note: str) -> Custody | None:
+    """Begin a transfer that a person tells of, where two hosts have to agree on it.
+
+    Returns:
+        None when no two hosts do: a plain transfer writes it down at once. Labware that
+        carries other things goes so, too, when nothing uses it.
+
+    Raises:
+        DefinitionError: No note.
+        LockedError, PreconditionError: It is in use, or may not go there.
+
+    Effect:
+        As `hand_over`.
+    """
+    row = resource_selectors.find_resource(operation.resource_id)
+    hosts = None if selectors.carries_others(row) else selectors.hosts_between(row, operation)
+    return None if hosts is None else _ask(row, operation, *hosts, actor=actor, note=note)
+
+
+def _ask(
+    row: Resource,
+    operation: TransferResource,
+    owner: EdgeHost,
+    target: EdgeHost,
+    *,
+    actor: User,
+    note: str,
+) -> Custody:
+    if not note.strip():
+        raise DefinitionError("say why it is moved: the note is empty", code="run.note_missing")
     transaction = crutd_services.lock_operation(
-        TransferResource(resource_id=resource_id, from_id=row.parent_id, to_id=place_id),
-        lab=lab,
-        targets=[resource_id],
-        actor_id=actor.pk,
+        operation, lab=row.lab, targets=[row.id], actor_id=actor.pk
     )
     made = Custody.objects.create(
-        resource_id=resource_id,
+        resource_id=row.id,
         state=CustodyState.LEAVING.value,
         owner=owner,
+        origin=owner,
         target=target,
-        place_id=place_id,
+        place_id=operation.to_id,
         transfer_id=new_id(),
         transaction_id=transaction.pk,
         asked_by=actor,
@@ -83,27 +119,15 @@ def hand_over(resource_id: UUID, place_id: UUID, *, actor: User, note: str) -> C
             epoch=owner.epoch,
             dseq=owner.last_dseq,
             transfer_id=_transfer_id(made),
-            resource_id=resource_id,
+            resource_id=row.id,
             view=dispatch.view_of(row, states[row.id]),
             issued_by=str(actor.pk),
         ),
         made,
     )
-    account_services.write_audit("custody.ask", str(resource_id), actor=actor, reason=note)
+    account_services.write_audit("custody.ask", str(row.id), actor=actor, reason=note)
     _tell(made)
     return made
-
-
-def _two_hosts(lab: Lab, row: Resource, place_id: UUID) -> tuple[EdgeHost, EdgeHost]:
-    """Return the host that has a vessel and the one that it goes to."""
-    if resource_selectors.resources_of(lab).filter(parent_id=row.id).exists():
-        text = f"{row.name} carries other things: only a single vessel goes to another host"
-        raise DefinitionError(text, code="custody.not_single")
-    owner, target = selectors.owner_of(lab, row.id), selectors.owner_of(lab, place_id)
-    if owner is None or target is None or owner.pk == target.pk:
-        text = "vessel and place do not belong to two hosts: a plain transfer does"
-        raise DefinitionError(text, code="custody.same_host")
-    return owner, target
 
 
 @atomic
@@ -121,10 +145,7 @@ def confirm_arrival(custody_id: UUID, *, actor: User) -> Custody:
     resource_selectors.require(actor, Permission.RUN, [made.resource_id])
     if made.state != CustodyState.IN_TRANSIT.value or made.target is None or made.view is None:
         raise StateError("it is not in transit", code="custody.not_in_transit")
-    waiting = Outbox.objects.filter(
-        action_id=_transfer_id(made), kind="receive", settled_at__isnull=True
-    )
-    if waiting.exists():
+    if selectors.is_told(made):
         raise StateError("its new host was told already", code="custody.told")
     view = msgspec.convert({**made.view, "parent_id": str(made.place_id)}, ResourceView)
     target = made.target
@@ -204,7 +225,8 @@ def _released(host: EdgeHost, made: Custody, event: EdgeEvent) -> None:
         _record(made), host=host.id, transfer_id=_transfer_id(made), view=view
     )
     made.state, made.owner, made.view = after.state.value, None, event.body["view"]
-    made.save(update_fields=["state", "owner", "view"])
+    made.released_at = now()
+    made.save(update_fields=["state", "owner", "view", "released_at"])
     dispatch.settle_outbox(_transfer_id(made), ["release"])
 
 

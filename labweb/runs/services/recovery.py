@@ -40,7 +40,8 @@ def recover_job(
 ) -> Job:
     """Carry out what a person chose about a job that ended undone.
 
-    The run stays paused until a person resumes it, so that several choices can be made.
+    The run stays paused until a person resumes it, so that several choices can be made; one
+    of which nothing is left ends.
 
     Raises:
         DefinitionError: No such choice, no note, or an amount that cannot be.

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import json
+from typing import Any
 from uuid import uuid4
 
 import pytest
+from django.http import HttpResponse
 
-from labweb.crutd.models import ResourceLock, Ticket
+from labweb.crutd.models import Event, ResourceLock, Ticket
 from labweb.domain.errors import DefinitionError, LockedError, StateError
 from labweb.enrollment import services as enrollment_services
 from labweb.enrollment.models import EdgeHost
@@ -14,6 +17,7 @@ from labweb.resources.models import Resource
 from labweb.runs import services
 from labweb.runs.models import Custody, Outbox
 from tests.builders import Bench, Edge, host_key, public_half
+from tests.labweb.web import call, signed_in
 
 
 class Second(Edge):
@@ -173,3 +177,120 @@ def test_a_move_within_one_host_needs_no_hand_over(
     with pytest.raises(DefinitionError) as refusal:
         asked(bench, flask, bench.node("flask_2"))
     assert refusal.value.code == "custody.same_host"
+
+
+# --- over REST, as a person does it ---
+
+
+def carried(
+    bench: Bench, flask: Resource, to: Resource, *, who: str = "chemist", note: str = "for the oven"
+) -> HttpResponse:
+    operation = {
+        "op": "transfer_resource",
+        "resource_id": str(flask.id),
+        "from_id": str(flask.parent_id),
+        "to_id": str(to.id),
+    }
+    body = {"operation": operation, "note": note}
+    return call(signed_in(bench.people[who]), "POST", "/api/v1/operations", body)
+
+
+def hands(bench: Bench, flask: Resource, who: str = "chemist") -> dict[str, Any]:
+    path = f"/api/v1/resources/{flask.id}/custody"
+    found: dict[str, Any] = signed_in(bench.people[who]).get(path).json()
+    return found
+
+
+def test_a_transfer_between_two_hosts_goes_through_the_hands_of_nobody(
+    bench: Bench, flask: Resource, place: Resource, hosts: tuple[Edge, Edge]
+) -> None:
+    before = hands(bench, flask)
+    assert (before["host"]["name"], before["move"]) == ("Host 1", None)
+    assert "bench" in before["place_kinds"]
+    answer = carried(bench, flask, place)
+    assert answer.status_code == 202, answer.content
+    assert json.loads(answer.content)["handover"]["state"] == "leaving"
+    assert bench.node("flask_1").parent_id == flask.parent_id, "nothing moves before its host says"
+    made = Custody.objects.get()
+    move = hands(bench, flask)["move"]
+    assert (move["state"], move["from"]["name"], move["to"]["name"]) == (
+        "leaving",
+        "Host 1",
+        "bench 9",
+    )
+    assert (move["released_at"], move["is_told"]) == (None, False)
+    release(made, hosts[0])
+    move = hands(bench, flask)["move"]
+    assert (move["state"], move["from"]["name"]) == ("in_transit", "Host 1")
+    assert move["released_at"] >= move["asked_at"]
+    arrived = f"/api/v1/handovers/{made.id}/arrived"
+    assert call(signed_in(bench.people["observer"]), "POST", arrived, {}).status_code == 403
+    assert call(signed_in(bench.people["chemist"]), "POST", arrived, {}).status_code == 200
+    assert hands(bench, flask)["move"]["is_told"] is True
+    receive(made, hosts[1])
+    after = hands(bench, flask)
+    assert (after["host"]["name"], after["move"]) == ("bench 9", None)
+    assert bench.node("flask_1").parent_id == place.id
+
+
+@pytest.mark.parametrize(
+    ("who", "note", "status", "code"),
+    [
+        ("observer", "for the oven", 403, "governance.forbidden"),
+        ("chemist", " ", 422, "run.note_missing"),
+    ],
+)
+def test_a_transfer_between_two_hosts_is_refused_and_changes_nothing(
+    bench: Bench,
+    flask: Resource,
+    place: Resource,
+    hosts: tuple[Edge, Edge],
+    who: str,
+    note: str,
+    status: int,
+    code: str,
+) -> None:
+    answer = carried(bench, flask, place, who=who, note=note)
+    assert (answer.status_code, json.loads(answer.content)["code"]) == (status, code)
+    assert not Custody.objects.exists()
+    assert not ResourceLock.objects.exists()
+    assert not Outbox.objects.exists()
+    assert hands(bench, flask, "observer")["is_allowed"] is False
+
+
+def test_a_vessel_that_does_not_stand_there_is_not_asked_for(
+    bench: Bench, flask: Resource, place: Resource, hosts: tuple[Edge, Edge]
+) -> None:
+    flask.parent_id = place.id
+    answer = carried(bench, flask, place)
+    assert json.loads(answer.content)["code"] == "crutd.not_there"
+    assert not Custody.objects.exists()
+
+
+def test_a_transfer_within_one_host_or_to_a_place_of_nobody_is_written_at_once(
+    bench: Bench, flask: Resource, hosts: tuple[Edge, Edge]
+) -> None:
+    shelf = Resource.objects.create(
+        id=uuid4(), lab=bench.lab, key="shelf", name="Shelf", kind="bench", parent=bench.node("lab")
+    )
+    assert carried(bench, flask, shelf).status_code == 201
+    assert bench.node("flask_1").parent_id == shelf.id
+    assert not Custody.objects.exists()
+
+
+def test_a_vessel_of_a_host_that_was_declared_lost_is_carried_without_asking_it(
+    bench: Bench, flask: Resource, place: Resource, hosts: tuple[Edge, Edge]
+) -> None:
+    EdgeHost.objects.filter(pk=hosts[0].host_id).update(state="fenced")
+    assert carried(bench, flask, place).status_code == 201
+    assert bench.node("flask_1").parent_id == place.id
+
+
+def test_labware_that_carries_others_goes_by_a_plain_transfer(
+    bench: Bench, flask: Resource, place: Resource, hosts: tuple[Edge, Edge]
+) -> None:
+    Resource.objects.create(
+        id=uuid4(), lab=bench.lab, key="bar", name="Stir bar", kind="vial", parent=flask
+    )
+    assert carried(bench, flask, place).status_code == 201
+    assert Event.objects.filter(name="transfer").count() == 1

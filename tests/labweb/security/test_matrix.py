@@ -79,6 +79,7 @@ API: dict[tuple[str, str], tuple[tuple[str, ...], Any]] = {
     ("GET", "resources/<resource>"): (MEMBERS, None),
     ("GET", "resources/<resource>/lineage"): (MEMBERS, None),
     ("GET", "resources/<resource>/provenance"): (MEMBERS, None),
+    ("GET", "resources/<resource>/custody"): (MEMBERS, None),
     ("GET", "resources/<resource>/stock"): (MEMBERS, None),
     ("GET", "resources/<resource>/reaction"): (MEMBERS, None),
     ("GET", "tickets/<ticket>"): (MEMBERS, None),

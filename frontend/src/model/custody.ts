@@ -1,0 +1,48 @@
+/** In whose hands a vessel is, and how far it is on its way to another edge host. */
+
+import type { Custody, ResourceRow } from "./wire";
+
+export type MoveStep = "asked" | "released" | "told";
+
+/** What has happened of a move, and what is waited for. */
+export function stepOf(move: NonNullable<Custody["move"]>): MoveStep {
+  if (move.state !== "in_transit") return "asked";
+  return move.is_told ? "told" : "released";
+}
+
+/** Where it is now, in one sentence. */
+export function whereText(move: NonNullable<Custody["move"]>): string {
+  const from = move.from?.name ?? "its host";
+  const to = move.to?.name ?? "another host";
+  const place = move.place?.name ?? "its place";
+  switch (stepOf(move)) {
+    case "asked":
+      return `It stays in the hands of ${from} until ${from} says that it lets it go to ${place} at ${to}.`;
+    case "released":
+      return `It is nobody’s. Carry it to ${place}, then say that it is there: ${to} takes it over.`;
+    case "told":
+      return `${to} was told that it is at ${place}, and has not answered yet.`;
+  }
+}
+
+/** Places to which a vessel may be carried: no part of itself, and not where it stands. */
+export function placesFor(
+  resource: Pick<ResourceRow, "id" | "parent_id">,
+  rows: readonly ResourceRow[],
+  kinds: readonly string[],
+): ResourceRow[] {
+  const parents = new Map(rows.map((row) => [row.id, row.parent_id]));
+  const isInside = (id: string): boolean => {
+    for (let at: string | null = id; at !== null; at = parents.get(at) ?? null) {
+      if (at === resource.id) return true;
+    }
+    return false;
+  };
+  return rows.filter(
+    (row) =>
+      kinds.includes(row.kind) &&
+      !row.is_archived &&
+      row.id !== resource.parent_id &&
+      !isInside(row.id),
+  );
+}

@@ -1,0 +1,118 @@
+"""REST of vessels that go from one edge host's hands into another's."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar
+from uuid import UUID
+
+import msgspec
+from rest_framework.request import Request
+from rest_framework.response import Response
+from rest_framework.views import APIView
+
+from labweb.accounts.selectors import user_of
+from labweb.common.render import iso
+from labweb.common.requests import body
+from labweb.crutd.api import Act, HandOperations, require_act, visible
+from labweb.domain.approvals.roles import Permission
+from labweb.domain.crutd.operations import TransferResource
+from labweb.domain.resources.kinds import KINDS
+from labweb.domain.runs.custody import CustodyState
+from labweb.enrollment.selectors import EdgeHost
+from labweb.resources import selectors as resource_selectors
+from labweb.runs import selectors, services
+from labweb.runs.selectors import Custody
+
+_PLACES = sorted(name for name, kind in KINDS.items() if kind.is_place)
+
+
+class HandOver(msgspec.Struct, forbid_unknown_fields=True):
+    """Body of a move to another host."""
+
+    place_id: UUID
+    note: str
+
+
+class Nothing(msgspec.Struct, forbid_unknown_fields=True):
+    """Body of an act that takes no arguments."""
+
+
+class Operations(HandOperations):
+    """Operations by hand, a transfer between two edge hosts among them."""
+
+    def post(self, request: Request) -> Response:
+        """Carry it out at once; where two hosts have to agree, ask the first (202)."""
+        act = body(request, Act)
+        if isinstance(act.operation, TransferResource):
+            user = user_of(request)
+            require_act(user, act.operation)
+            made = services.begin_transfer(act.operation, actor=user, note=act.note)
+            if made is not None:
+                return Response({"handover": {"id": str(made.id), "state": made.state}}, status=202)
+        return super().post(request)
+
+
+class InWhoseHands(APIView):
+    """Which host writes a resource's facts, and the move it is on."""
+
+    def get(self, request: Request, resource_id: UUID) -> Response:
+        """Tell its host, its move if there is one, and whether the caller may act on it."""
+        row = visible(request, resource_id)
+        user = user_of(request)
+        move = selectors.open_move_of(row.id)
+        owner = None if move is not None else selectors.owner_of(row.lab, row.id)
+        return Response(
+            {
+                "host": _named(owner),
+                "move": None if move is None else _move(move, request),
+                "is_allowed": row.id in resource_selectors.allowed_ids(user, Permission.RUN),
+                "place_kinds": _PLACES,
+            }
+        )
+
+
+def _named(host: EdgeHost | None) -> dict[str, str] | None:
+    return None if host is None else {"id": str(host.id), "name": host.name}
+
+
+def _move(move: Custody, request: Request) -> dict[str, Any]:
+    seen = resource_selectors.allowed_ids(user_of(request), Permission.VIEW)
+    place = move.place
+    is_seen = place is not None and place.id in seen
+    return {
+        "id": str(move.id),
+        "state": move.state,
+        "from": _named(move.origin),
+        "to": _named(move.target),
+        "place": {"id": str(place.id), "name": place.name} if place and is_seen else None,
+        "asked_by": None if move.asked_by is None else move.asked_by.printed_name,
+        "asked_at": iso(move.at),
+        "released_at": iso(move.released_at),
+        "is_told": move.state == CustodyState.IN_TRANSIT.value and selectors.is_told(move),
+    }
+
+
+class HandOvers(APIView):
+    """Move a vessel to a place of another host."""
+
+    bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": HandOver}
+
+    def post(self, request: Request, resource_id: UUID) -> Response:
+        """Ask its host to let it go."""
+        wanted = body(request, HandOver)
+        made = services.hand_over(
+            resource_id, wanted.place_id, actor=user_of(request), note=wanted.note
+        )
+        return Response({"id": str(made.id), "state": made.state}, status=201)
+
+
+class Arrival(APIView):
+    """A vessel in transit is where it was sent."""
+
+    bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": Nothing}
+
+    def post(self, request: Request, custody_id: UUID) -> Response:
+        """Tell its new host to take it over."""
+        body(request, Nothing)
+        made = services.confirm_arrival(custody_id, actor=user_of(request))
+        return Response({"id": str(made.id), "state": made.state})

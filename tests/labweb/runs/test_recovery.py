@@ -1,0 +1,217 @@
+"""What a person decides about a job that ended undone, over REST: skip, by hand, other values."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import pytest
+
+from labweb.accounts.models import AuditEntry
+from labweb.crutd.models import Entry, Event, ResourceLock
+from labweb.crutd.selectors.past import rebuild_differences
+from labweb.crutd.selectors.verifying import ledger_violations
+from labweb.domain.crutd.decide import Outcome, OutcomeKind
+from labweb.runs.models import Attempt, Job, Outbox, Run
+from tests.builders import Bench, Edge, a_started_run, an_edge, dispatched, to_transfer
+from tests.labweb.web import call, signed_in
+
+NOTHING = Outcome(kind=OutcomeKind.PARTIAL, moved_nl=0)
+
+
+@pytest.fixture
+def edge(bench: Bench) -> Edge:
+    return an_edge(bench)
+
+
+@pytest.fixture
+def run(bench: Bench) -> Run:
+    return a_started_run(bench)
+
+
+def fail(edge: Edge, attempt: Attempt, outcome: Outcome = NOTHING) -> Job:
+    """Have an action end undone; by default nothing has moved."""
+    edge.act(attempt)
+    body = {**edge.settled(attempt, outcome), "code": "device.stuck", "message": "it is stuck"}
+    edge.report("aborted", attempt.id, **body)
+    return Job.objects.get(pk=attempt.job_id)
+
+
+def choose(bench: Bench, job: Job, who: str = "chemist", **choice: object) -> tuple[int, Any]:
+    path = f"/api/v1/jobs/{job.id}/recover"
+    answer = call(signed_in(bench.people[who]), "POST", path, {"note": "looked at it", **choice})
+    return answer.status_code, json.loads(answer.content)
+
+
+def card(bench: Bench, job: Job) -> dict[str, Any]:
+    path = f"/api/v1/runs/{job.run_id}"
+    run = signed_in(bench.people["chemist"]).get(path).json()
+    found: dict[str, Any] = next(one for one in run["jobs"] if one["id"] == str(job.id))["recovery"]
+    return found
+
+
+def resume(bench: Bench, run: Run) -> int:
+    path = f"/api/v1/runs/{run.id}/resume"
+    return call(signed_in(bench.people["chemist"]), "POST", path, {}).status_code
+
+
+def volume_nl(bench: Bench, key: str) -> int:
+    path = f"/api/v1/resources/{bench.node(key).id}"
+    return int(signed_in(bench.people["chemist"]).get(path).json()["volume_nl"])
+
+
+def is_sound(bench: Bench) -> bool:
+    return ledger_violations(bench.lab) == [] and rebuild_differences(bench.lab) == []
+
+
+def test_a_skipped_job_takes_the_rest_of_its_step_along_and_moves_nothing(
+    bench: Bench, run: Run, edge: Edge
+) -> None:
+    job = fail(edge, to_transfer(run, edge))
+    behind = [one.sentence for one in Job.objects.filter(run=run, index__gt=job.index)]
+    assert card(bench, job)["skips"] == behind
+    before, entries = volume_nl(bench, "water"), Entry.objects.count()
+    assert resume(bench, run) == 409, "nobody has said what becomes of it"
+    status, told = choose(bench, job, choice="skip")
+    assert status == 200, told
+    states = dict(Job.objects.filter(run=run).values_list("index", "state"))
+    passed = set(Job.objects.filter(run=run, passed_by="skip").values_list("index", flat=True))
+    assert passed == {index for index in states if index >= job.index}
+    assert {states[index] for index in passed} == {"aborted", "stopped"}
+    assert (volume_nl(bench, "water"), Entry.objects.count()) == (before, entries)
+    assert not ResourceLock.objects.filter(released_at__isnull=True).exists()
+    kept = Run.objects.get(pk=run.pk).recoveries
+    assert [(one["choice"], one["note"], one["by"]) for one in kept] == [
+        ("skip", "looked at it", bench.people["chemist"].printed_name)
+    ]
+    assert AuditEntry.objects.filter(action="job.recover", subject=str(job.id)).count() == 1
+    assert Run.objects.get(pk=run.pk).state == "complete", "nothing is left to resume"
+    assert is_sound(bench)
+
+
+def test_what_was_done_by_hand_is_in_the_record_with_its_amount_and_the_run_goes_on(
+    bench: Bench, run: Run, edge: Edge
+) -> None:
+    job = fail(edge, to_transfer(run, edge))
+    asked_ul = card(bench, job)["asked_ul"]
+    assert asked_ul == job.operation["amount_nl"] / 1000
+    before, sent = volume_nl(bench, "water"), Outbox.objects.count()
+    status, told = choose(bench, job, choice="done_by_hand", moved_ul=asked_ul)
+    assert status == 200, told
+    assert before - volume_nl(bench, "water") == job.operation["amount_nl"]
+    assert Outbox.objects.count() == sent, "nothing is sent to a device"
+    event = Event.objects.filter(name="transfer").latest("seq")
+    assert event.body["job_id"] is None, "a person did it"
+    job.refresh_from_db()
+    assert (job.state, job.passed_by) == ("aborted", "hand")
+    assert Run.objects.get(pk=run.pk).state == "paused"
+    assert resume(bench, run) == 200
+    edge.work_off(run)
+    assert Run.objects.get(pk=run.pk).state == "complete"
+    assert is_sound(bench)
+    assert choose(bench, job, choice="skip")[1]["code"] in {"run.ended", "run.recovered"}
+
+
+def test_less_done_by_hand_than_was_asked_is_written_as_that_and_no_more(
+    bench: Bench, run: Run, edge: Edge
+) -> None:
+    job = fail(edge, to_transfer(run, edge))
+    before = volume_nl(bench, "water")
+    assert choose(bench, job, choice="done_by_hand", moved_ul=1250.5)[0] == 200
+    assert before - volume_nl(bench, "water") == 1_250_500
+    assert is_sound(bench)
+
+
+@pytest.mark.parametrize(
+    ("choice", "code"),
+    [
+        ({"choice": "done_by_hand"}, "run.bad_amount"),
+        ({"choice": "done_by_hand", "moved_ul": 0}, "run.bad_amount"),
+        ({"choice": "done_by_hand", "moved_ul": -5}, "run.bad_amount"),
+        ({"choice": "done_by_hand", "moved_ul": 0.0001}, "run.bad_amount"),
+        ({"choice": "done_by_hand", "moved_ul": 9e6}, "crutd.insufficient_volume"),
+        ({"choice": "change", "params": {"volume": "2 mL"}}, "run.not_offered"),
+        ({"choice": "skip", "note": " "}, "run.note_missing"),
+        ({"choice": "forget"}, "run.bad_choice"),
+    ],
+)
+def test_a_choice_that_cannot_be_is_refused_and_changes_nothing(
+    bench: Bench, run: Run, edge: Edge, choice: dict[str, Any], code: str
+) -> None:
+    job = fail(edge, to_transfer(run, edge))
+    before = (volume_nl(bench, "water"), Entry.objects.count(), Event.objects.count())
+    status, told = choose(bench, job, **choice)
+    assert status in {409, 412, 422}, told
+    assert told["code"] == code
+    assert (volume_nl(bench, "water"), Entry.objects.count(), Event.objects.count()) == before
+    job.refresh_from_db()
+    assert (job.state, job.passed_by) == ("aborted", "")
+    assert Run.objects.get(pk=run.pk).recoveries == []
+    assert card(bench, job) is not None
+
+
+def test_who_may_not_run_things_decides_nothing(bench: Bench, run: Run, edge: Edge) -> None:
+    job = fail(edge, to_transfer(run, edge))
+    assert choose(bench, job, who="observer", choice="skip")[0] == 403
+    assert Run.objects.get(pk=run.pk).recoveries == []
+
+
+def test_a_second_try_of_what_has_poured_a_part_is_not_offered(
+    bench: Bench, run: Run, edge: Edge
+) -> None:
+    job = fail(edge, to_transfer(run, edge), Outcome(kind=OutcomeKind.PARTIAL, moved_nl=1_000_000))
+    offered = {one["name"]: one["why_not"] for one in card(bench, job)["choices"]}
+    assert "a part has moved" in offered["retry"]
+    assert (offered["skip"], offered["done_by_hand"]) == (None, None)
+    assert choose(bench, job, choice="retry")[1]["code"] == "run.not_offered"
+
+
+def test_nothing_is_poured_by_hand_for_a_job_that_pours_nothing(
+    bench: Bench, run: Run, edge: Edge
+) -> None:
+    job = fail(edge, dispatched(run))
+    assert job.operation["op"] != "transfer_liquid"
+    assert card(bench, job)["asked_ul"] is None
+    refused = choose(bench, job, choice="done_by_hand", moved_ul=5)
+    assert (refused[0], refused[1]["code"]) == (422, "run.bad_amount")
+    before = volume_nl(bench, "water")
+    assert choose(bench, job, choice="done_by_hand")[0] == 200
+    assert volume_nl(bench, "water") == before
+    assert choose(bench, job, choice="skip")[1]["code"] == "run.recovered"
+
+
+def test_a_step_with_other_values_is_planned_anew_and_moves_those(
+    bench: Bench, run: Run, edge: Edge
+) -> None:
+    job = fail(edge, dispatched(run))
+    before = volume_nl(bench, "water")
+    old = set(Job.objects.filter(run=run).values_list("id", flat=True))
+    old_digest = Run.objects.get(pk=run.pk).plan_digest
+    assert "volume" in card(bench, job)["params"]
+    status, told = choose(bench, job, choice="change", params={"volume": "2 mL"})
+    assert status == 200, told
+    assert set(Job.objects.filter(run=run, passed_by="change").values_list("id", flat=True)) == old
+    made = Job.objects.filter(run=run).exclude(id__in=old)
+    assert set(made.values_list("state", flat=True)) == {"held"}
+    entry = Run.objects.get(pk=run.pk).recoveries[0]
+    assert (entry["params"], entry["plan_before"]) == ({"volume": "2 mL"}, old_digest)
+    assert entry["before"]["volume"] != "2 mL"
+    assert Run.objects.get(pk=run.pk).plan_digest == entry["plan_after"] != old_digest
+    assert resume(bench, run) == 200
+    edge.work_off(run)
+    assert Run.objects.get(pk=run.pk).state == "complete"
+    assert before - volume_nl(bench, "water") == 2_000_000
+    assert is_sound(bench)
+
+
+@pytest.mark.parametrize("params", [{}, {"volume": "9 L"}, {"volume": "much"}, {"colour": "red"}])
+def test_values_that_cannot_be_planned_leave_the_run_as_it_was(
+    bench: Bench, run: Run, edge: Edge, params: dict[str, str]
+) -> None:
+    job = fail(edge, dispatched(run))
+    jobs, digest = Job.objects.filter(run=run).count(), Run.objects.get(pk=run.pk).plan_digest
+    status, told = choose(bench, job, choice="change", params=params)
+    assert status == 422, told
+    after = Run.objects.get(pk=run.pk)
+    assert (Job.objects.filter(run=run).count(), after.plan_digest) == (jobs, digest)
+    assert (after.recoveries, card(bench, job)["tries"]) == ([], 1)
