@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
 from uuid import UUID
 
 from labweb.domain.graph.elements import Element, Role, Tube
+from labweb.domain.graph.lab_file.model import LabFile
 from labweb.domain.graph.lab_file.read import read_lab
 from labweb.domain.graph.rig.elements import find_defects
 from labweb.domain.graph.rig.model import Rig, RigFormat
@@ -15,6 +18,8 @@ from labweb.domain.resources.node import Resource
 
 COMMON_PORT = "common"
 """Name of a rotary valve's fixed port, unless its `config.common_port` says otherwise."""
+
+_NL_PER_ML = 1_000_000
 
 _ROLES: Mapping[str, Role] = {
     "rotary_valve": Role.VALVE,
@@ -46,9 +51,26 @@ def rig_of_lab(raw: bytes) -> Rig:
         element_of_resource(resource, selects=resource.id in selecting)
         for resource in lab.resources
     )
+    elements = tuple(
+        replace(element, attributes=_attributes(lab, resource, keys))
+        for element, resource in zip(elements, lab.resources, strict=True)
+    )
     tubes = tuple(tube_of_connection(connection, keys) for connection in lab.connections)
     defects = find_defects(elements, tubes)
     return Rig(RigFormat.LABWEB, elements, tubes, defects, {}, raw.decode("utf-8-sig"))
+
+
+def _attributes(lab: LabFile, resource: Resource, keys: Mapping[UUID, str]) -> dict[str, Any]:
+    """Return what the file says beside the plumbing: settings, what it stands on, contents."""
+    names = {
+        lot: lab.materials_by_id[lot_.material_id].name for lot, lot_ in lab.lots_by_id.items()
+    }
+    liquid = [
+        {"liquid_type": names[lot], "liquid_volume": amount_nl / _NL_PER_ML}
+        for lot, amount_nl in lab.contents.get(resource.id, {}).items()
+    ]
+    parent = keys.get(resource.parent_id) if resource.parent_id else None
+    return {"config": dict(resource.config), "parent": parent, "data": {"liquid": liquid}}
 
 
 def element_of_resource(resource: Resource, *, selects: bool = False) -> Element:

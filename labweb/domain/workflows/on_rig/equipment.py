@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from decimal import Decimal, InvalidOperation
 from enum import StrEnum
 from functools import cached_property
+from itertools import product
 from typing import Any
 
 from labweb.domain.graph.elements import Element, Role
@@ -37,7 +38,7 @@ _SORTS = (
     (r"separator", Sort.SEPARATOR),
     (r"filter", Sort.FILTER),
     (r"reactor", Sort.REACTOR),
-    (r"flask|bottle", Sort.FLASK),
+    (r"flask|bottle|vial", Sort.FLASK),
 )
 _STIRS = re.compile(
     r"heitorque|rzr_?2052|microstar|stirrer|hot_?plate|rct|ret_?control|ret_?visc|heater_?stirrer"
@@ -67,6 +68,9 @@ GASES: Mapping[str, str] = {
     "hydrogen": "hydrogen",
     "h2": "hydrogen",
 }
+_NO_CHEMICAL = frozenset({"none", "None"})
+"""What graphs write at a flask for nothing."""
+
 INERT = frozenset({"nitrogen", "argon"})
 
 
@@ -93,11 +97,18 @@ class Equipment:
         self.elements = {element.key: element for element in rig.elements}
         self._near: dict[str, list[str]] = {key: [] for key in self.elements}
         for tube in rig.tubes:
-            self._near[tube.source].append(tube.target)
-            self._near[tube.target].append(tube.source)
+            self._join(tube.source, tube.target)
+        for element in rig.elements:
+            carrier = self.elements.get(str(element.attributes.get("parent")))
+            if carrier is not None:
+                self._join(element.key, carrier.key)
+
+    def _join(self, one: str, other: str) -> None:
+        self._near[one].append(other)
+        self._near[other].append(one)
 
     def near(self, key: str) -> list[str]:
-        """Return what a link of any sort joins an element to, in order of ids."""
+        """Return what a link of any sort joins an element to, and what it stands on, by id."""
         return sorted(set(self._near.get(key, ())))
 
     @cached_property
@@ -127,7 +138,7 @@ class Equipment:
         for place in _places(self.elements[key]):
             value = place.get("chemical")
             if isinstance(value, str) and value.strip():
-                return value.strip()
+                return "" if value.strip() in _NO_CHEMICAL else value.strip()
         return ""
 
     def gas(self, key: str) -> str:
@@ -242,16 +253,16 @@ def _places(element: Element) -> Iterator[Mapping[str, Any]]:
 
 
 def _thermostat(element: Element) -> Thermostat:
-    low = next(_numbers(element, "min_temp"), None)
-    high = next(_numbers(element, "max_temp"), None)
+    low = next(_numbers(element, "min_temp", "min_temperature_c"), None)
+    high = next(_numbers(element, "max_temp", "max_temperature_c"), None)
     usual = next((r for p, r in _RANGES_C if p.search(element.kind.lower())), (None, None))
     return Thermostat(
         element.key, usual[0] if low is None else low, usual[1] if high is None else high
     )
 
 
-def _numbers(element: Element, name: str) -> Iterator[Decimal]:
-    for place in _places(element):
+def _numbers(element: Element, *names: str) -> Iterator[Decimal]:
+    for place, name in product(_places(element), names):
         value = place.get(name)
         if isinstance(value, int | float | str) and not isinstance(value, bool):
             try:

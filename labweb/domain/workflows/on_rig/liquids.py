@@ -17,7 +17,7 @@ from labweb.domain.workflows.on_rig.moving import (
     resolve,
 )
 from labweb.domain.workflows.on_rig.rinsing import rinse
-from labweb.domain.workflows.xdl.expansion.basic import BasicOperation
+from labweb.domain.workflows.xdl.expansion.basic import KEPT, BasicOperation
 
 _UL_S_PER_ML_MIN = Decimal(1000) / Decimal(60)
 VISCOUS_UL_S = 2000 / 60
@@ -137,7 +137,8 @@ def transfer(making: Making, operation: BasicOperation) -> None:
     name, wanted = str(operation.fields["source"]), str(operation.fields["target"])
     through = conductors(making, str(operation.fields.get("through", "")), operation.place)
     if name.startswith("@"):
-        source: str | None = making.buffers.pop() if making.buffers else None
+        waiting = making.kept if name == KEPT else making.buffers
+        source: str | None = waiting.pop() if waiting else None
     else:
         source = resolve(making, name, "", operation.place)
     target = None if source is None else resolve(making, wanted, source, operation.place)

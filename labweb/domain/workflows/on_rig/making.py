@@ -77,6 +77,9 @@ class Making:
     """What was set going: (sort, vessel) → device."""
 
     buffers: list[str] = field(default_factory=list)
+    kept: list[str] = field(default_factory=list)
+    """Where a phase collects over the rounds of a Separate: one vessel, or none yet."""
+
     notes: dict[str, None] = field(default_factory=dict)
     checks: list[str] = field(default_factory=list)
     """What a person has to look at before the next step."""

@@ -15,7 +15,7 @@ from labweb.domain.workflows.on_rig.making import BY_HAND, Making, say
 from labweb.domain.workflows.on_rig.matter import Portion, exactly, lots, micro
 from labweb.domain.workflows.passes.backbone import Command, Group
 from labweb.domain.workflows.rig_transfers import TransferRequest, plan_on_rig
-from labweb.domain.workflows.xdl.expansion.basic import BUFFER, WASTE
+from labweb.domain.workflows.xdl.expansion.basic import BUFFER, KEPT, WASTE
 from labweb.domain.workflows.xdl.markup import Place
 
 NL_PER_ML = 1_000_000
@@ -73,42 +73,59 @@ def chain_of(making: Making, source: str, target: str) -> Chain | None:
     return find_chain(network, wanted)
 
 
-def _length(chain: Chain) -> int:
-    return len(chain.pumps)
-
-
-def choose(making: Making, name: str, source: str, place: Place) -> str | None:
-    """Choose the waste or the buffer that is nearest to a vessel; None: there is none."""
-    equipment = making.equipment
-    busy = {*making.binding.vessels.values(), *making.binding.flasks(), source}
-    found: list[tuple[int, str]] = []
-    for key, sort in equipment.vessels.items():
-        is_waste = sort is Sort.WASTE
-        is_buffer = sort is Sort.FLASK and not (
-            equipment.chemical(key) or key in busy or making.matter.held(key)
-        )
-        if not (is_waste if name == WASTE else is_buffer):
-            continue
-        chain = chain_of(making, source, key)
-        back = chain_of(making, key, source.partition("#")[0]) if name == BUFFER else chain
-        if chain is not None and back is not None:
-            found.append((_length(chain), key))
+def choose_waste(making: Making, source: str, place: Place) -> str | None:
+    """Choose the waste that is nearest to a vessel; None: there is none, which is told."""
+    ways = [
+        (chain_of(making, source, key), key)
+        for key, sort in making.equipment.vessels.items()
+        if sort is Sort.WASTE
+    ]
+    found = [(len(chain.pumps), key) for chain, key in ways if chain is not None]
     if not found:
-        what = "waste" if name == WASTE else "empty flask that gives back what it is given"
-        message = f"{source} reaches no {what} of the rig"
-        making.told.tell("plan.no_waste" if name == WASTE else "plan.no_buffer", message, place)
+        message = f"{source} reaches no waste of the rig"
+        making.told.tell("plan.no_waste", message, place)
         return None
     return min(found)[1]
 
 
-def resolve(making: Making, name: str, source: str, place: Place) -> str | None:
+def choose_buffer(making: Making, source: str, place: Place, waits_in: str = "") -> str | None:
+    """Choose an empty vessel that gives back what it is given; None: there is none, as is told.
+
+    The vessel that the recipe names for what waits comes first, then the nearest spare flask.
+    """
+    equipment = making.equipment
+    busy = {*making.binding.vessels.values(), *making.binding.flasks(), source}
+    busy |= {*making.buffers, *making.kept}
+    wanted = making.binding.vessels.get(waits_in)
+    found = []
+    for key, sort in equipment.vessels.items():
+        is_spare = sort is Sort.FLASK and not equipment.chemical(key) and key not in busy
+        is_own = key == wanted and sort is not Sort.WASTE and key != source
+        if making.matter.liquid(key).most or not (is_spare or is_own):
+            continue
+        there, back = chain_of(making, source, key), chain_of(making, key, source)
+        if there is not None and back is not None:
+            found.append((not is_own, len(there.pumps), key))
+    if not found:
+        message = f"{source} reaches no empty flask that gives back what it is given"
+        making.told.tell("plan.no_buffer", message, place)
+        return None
+    return min(found)[2]
+
+
+def resolve(making: Making, name: str, source: str, place: Place, waits_in: str = "") -> str | None:
     """Return the vessel behind the name of a target, which may be a waste or a buffer."""
     if name == WASTE:
-        return choose(making, WASTE, source, place)
+        return choose_waste(making, source, place)
     if name == BUFFER:
-        found = choose(making, BUFFER, source, place)
+        found = choose_buffer(making, source, place, waits_in)
         making.buffers += [found] if found else []
         return found
+    if name == KEPT:
+        if not making.kept:
+            found = choose_buffer(making, source, place)
+            making.kept += [found] if found else []
+        return making.kept[0] if making.kept else None
     if name in making.binding.vessels:
         return making.binding.vessels[name]
     flasks = making.binding.reagents.get(name)

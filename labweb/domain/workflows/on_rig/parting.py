@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from fractions import Fraction
 from typing import Any
 
 from labweb.domain.workflows.on_rig.equipment import Sort
@@ -11,6 +12,7 @@ from labweb.domain.workflows.on_rig.matter import micro
 from labweb.domain.workflows.on_rig.moving import (
     Move,
     conductors,
+    look_for_room,
     move_all,
     resolve,
     route,
@@ -127,10 +129,11 @@ def _phase_ends(
     An upper phase that stays is not moved; a lower one that stays waits in a flask meanwhile.
     """
     names = [str(operation.fields.get(f"{side}_to", WASTE)) for side in ("lower", "upper")]
+    waits_in = str(operation.fields.get("waits_in", ""))
     found = []
     back = ""
     for side, name in zip(("lower", "upper"), names, strict=True):
-        target = resolve(making, name, vessel, operation.place)
+        target = resolve(making, name, vessel, operation.place, waits_in)
         if target == vessel and side == "lower":
             back = resolve(making, BUFFER, vessel, operation.place) or ""
             making.buffers = [key for key in making.buffers if key != back]
@@ -166,12 +169,8 @@ def _parted(making: Making, place: Place, does: dict[str, Any], actions: list[Gr
         kept = portion
         if does.get(f"{side}_through"):
             kept = {key: share for key, share in portion.items() if not key[1]}
-        held, capacity = making.matter.liquid(target), making.capacity_nl(target)
-        if target != vessel and capacity is not None:
-            if held.least > capacity:
-                message = f"{target} holds more than it can"
-                making.told.tell("plan.overflow", message, place)
-            elif held.most + whole.most > capacity:
-                making.ask_first(f"{target} has room for the {side} phase of {vessel}")
+        if target != vessel:
+            move = Move(source=vessel, target=target, place=place)
+            look_for_room(making, move, Fraction(0), whole.most)
         making.matter.add(target, kept)
     making.add(place, does, [*making.take_checks(), *actions])

@@ -18,6 +18,7 @@ from labweb.domain.workflows.xdl.expansion.basic import (
     BUFFER,
     EFFECTS,
     INERT_GAS,
+    KEPT,
     WASTE,
     BasicOperation,
     Effect,
@@ -279,7 +280,7 @@ def test_only_vessels_of_the_recipe_are_named() -> None:
     for path, expanded in expansions():
         synthesis = read_xdl(path.read_bytes()).synthesis
         known = {c.id for c in synthesis.hardware} | {r.id for r in synthesis.reagents}
-        known |= {WASTE, BUFFER}
+        known |= {WASTE, BUFFER, KEPT}
         for operation in all_operations(expanded):
             for name in ("vessel", "source", "target", "lower_to", "upper_to"):
                 vessel = operation.fields.get(name)

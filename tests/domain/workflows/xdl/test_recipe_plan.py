@@ -11,6 +11,9 @@ Each valve has a pump of 25 mL at its common port.
 
 from __future__ import annotations
 
+import json
+from pathlib import Path
+
 import pytest
 
 from labweb.domain.workflows.recipe_plan import Wish
@@ -24,6 +27,7 @@ from tests.domain.workflows.xdl.plans import (
     recipe,
 )
 
+ROOT = Path(__file__).parents[4]
 ADD = 'Add vessel="reactor" reagent="water" volume="60 mL"'
 
 
@@ -205,6 +209,30 @@ def test_phases_are_drawn_to_the_boundary_and_what_follows_is_uncertain() -> Non
     assert back["most_ul"] == 80000.0
 
 
+def test_a_phase_that_ends_in_the_separator_collects_outside_until_the_last_round() -> None:
+    washed = SEPARATE.replace('"extract"', '"wash"') + ' waste_phase_to_vessel="separator"'
+    graph = bench()
+    plan = compiled(recipe(ADD, washed), graph)
+    parts = claims(plan, "separate")
+    assert [(p["lower_to"], p["upper_to"]) for p in parts] == [
+        ("flask_spare", "separator"),
+        ("flask_spare", "filter"),
+    ]
+    assert claims(plan, "transfer")[-1]["from"] == "flask_spare"
+    assert claims(plan, "transfer")[-1]["to"] == "separator"
+
+
+def test_what_waits_does_so_where_the_recipe_lets_it_go_anyway() -> None:
+    graph = bench()
+    hardware = (
+        '<Component id="reactor" type="reactor"/><Component id="separator" type="separator"/>'
+        '<Component id="filter" type="filter"/><Component id="flask_spare" type="flask"/>'
+    )
+    text = recipe(ADD, SEPARATE + ' waste_phase_to_vessel="flask_spare"', hardware=hardware)
+    plan = compiled(text, graph)
+    assert [p["lower_to"] for p in claims(plan, "separate")] == ["flask_spare"] * 2
+
+
 def test_without_a_sensor_a_person_watches_the_boundary() -> None:
     graph = bench()
     graph["nodes"] = [n for n in graph["nodes"] if n["id"] != "sensor"]
@@ -283,6 +311,25 @@ def test_queues_overlap_and_a_step_without_one_waits_for_all() -> None:
     totals = compiled(recipe(*steps), bench())["totals"]
     assert totals["duration_s"] == 41 * 60 + 8
     assert totals["critical_path_s"] == 31 * 60 + 4
+
+
+def test_a_lab_of_ours_is_a_rig_too() -> None:
+    """The reactor of the starter lab stands on its heater; no edge joins the two."""
+    lab = json.loads((ROOT / "fixtures/labs/starter/lab.json").read_text("utf-8"))
+    steps = (
+        'Add vessel="reactor_1" reagent="Water" volume="12 mL"',
+        'HeatChill vessel="reactor_1" temp="40 °C" time="10 min"',
+    )
+    hardware = '<Component id="reactor_1" type="reactor"/>'
+    plan = compiled(recipe(*steps, hardware=hardware, reagents=("Water",)), lab)
+    assert plan["contents"]["water"] == [{"lot": "Water", "phase": "liquid", "volume_ul": 400000.0}]
+    assert plan["bindings"] == {
+        "vessels": {"reactor_1": "reactor_1"},
+        "reagents": {"Water": "water"},
+    }
+    heat = next(s for s in plan["steps"] if s["does"]["kind"] == "heat")
+    told = [c["action"] for group in heat["actions"] for c in group]
+    assert told == ["check", "set_temperature"]
 
 
 @pytest.mark.parametrize("time", ["", ' time="10 min"'])

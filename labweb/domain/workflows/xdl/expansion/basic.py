@@ -23,6 +23,9 @@ INERT_GAS = "@inert_gas"
 BUFFER = "@buffer"
 """An empty vessel of the rig that keeps a phase for a while."""
 
+KEPT = "@kept"
+"""An empty vessel of the rig that collects a phase over all rounds of a Separate."""
+
 
 class Kind(StrEnum):
     """What a basic operation does."""
@@ -58,7 +61,8 @@ class Kind(StrEnum):
     STOP_GAS = "stop_gas"
     SEPARATE_PHASES = "separate_phases"
     """`vessel`, `lower_to`, `upper_to`, `lower_through`, `upper_through`. A phase that goes to the
-    vessel itself is in it afterwards, alone."""
+    vessel itself is in it afterwards, alone. `waits_in`: where the recipe would let a phase wait
+    that goes to `@buffer`."""
 
     DRAW_FILTRATE = "draw_filtrate"
     """`vessel`, `target`, `volume_ml` (or all of it)."""

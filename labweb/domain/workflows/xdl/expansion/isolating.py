@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from decimal import Decimal
 
-from labweb.domain.workflows.xdl.expansion.basic import BUFFER, WASTE, BasicOperation, Kind
+from labweb.domain.workflows.xdl.expansion.basic import BUFFER, KEPT, WASTE, BasicOperation, Kind
 from labweb.domain.workflows.xdl.expansion.conditioning import (
     return_to_room_temperature,
     to_temperature,
@@ -24,7 +24,6 @@ def separate(act: ActReading) -> Operations:
     """
     separator = act.text("separation_vessel")
     yield from _into(act, act.text("from_vessel"), separator)
-    is_top = act.text("product_phase") == "top"
     rounds = max(act.count("repeats"), 1)
     if not act.text("solvent"):
         if rounds > 1:
@@ -33,8 +32,7 @@ def separate(act: ActReading) -> Operations:
     is_wash = act.text("purpose") == "wash" and bool(act.text("solvent"))
     for turn in range(rounds):
         yield from _shaken(act, separator)
-        is_last = turn == rounds - 1
-        yield from _parted(act, separator, is_top=is_top, is_wash=is_wash, is_last=is_last)
+        yield from _parted(act, separator, is_wash=is_wash, turn=turn, rounds=rounds)
 
 
 def _into(act: ActReading, source: str, separator: str) -> Operations:
@@ -64,8 +62,9 @@ def _mixed(act: ActReading, separator: str) -> Operations:
 
 
 def _parted(
-    act: ActReading, separator: str, *, is_top: bool, is_wash: bool, is_last: bool
+    act: ActReading, separator: str, *, is_wash: bool, turn: int, rounds: int
 ) -> Operations:
+    is_top, is_last = act.text("product_phase") == "top", turn == rounds - 1
     product_to, waste_to = act.text("to_vessel"), act.text("waste_phase_to_vessel", WASTE)
     through = act.text("through")
     if not is_last and is_wash:
@@ -73,19 +72,31 @@ def _parted(
         product_to, through = (separator, "") if is_top else (BUFFER, "")
     elif not is_last:
         waste_to = BUFFER if is_top else separator
+    leaving = waste_to if is_wash else product_to
+    if rounds > 1 and leaving == separator:
+        # It is in the separator after the last round, and until then out of the way.
+        product_to, waste_to = (product_to, KEPT) if is_wash else (KEPT, waste_to)
     upper, lower = (product_to, waste_to) if is_top else (waste_to, product_to)
+    ports = {waste_to: act.text("waste_phase_to_port"), product_to: act.text("to_port")}
+    ports = {name: port for name, port in ports.items() if name not in (BUFFER, KEPT, separator)}
+    # What waits between two rounds is best in the vessel that the recipe has for it anyway.
+    own = "to_vessel" if product_to == BUFFER else "waste_phase_to_vessel"
+    waits_in = act.text(own) if BUFFER in (upper, lower) else ""
     yield act.make(
         Kind.SEPARATE_PHASES,
         vessel=separator,
         lower_to=lower,
         upper_to=upper,
+        waits_in=waits_in if waits_in != separator else "",
         lower_through="" if is_top else through,
         upper_through=through if is_top else "",
-        lower_port=act.text("waste_phase_to_port") if is_top else act.text("to_port"),
-        upper_port=act.text("to_port") if is_top else act.text("waste_phase_to_port"),
+        lower_port=ports.get(lower, ""),
+        upper_port=ports.get(upper, ""),
     )
     if BUFFER in (upper, lower):
         yield act.make(Kind.TRANSFER, source=BUFFER, target=separator)
+    if is_last and rounds > 1 and leaving == separator:
+        yield act.make(Kind.TRANSFER, source=KEPT, target=separator)
 
 
 def separate_phases(act: ActReading) -> Operations:
@@ -108,15 +119,14 @@ def shake_out(act: ActReading) -> Operations:
     """Wash and Extract: as Separate, with the purpose in the name."""
     separator, is_wash = act.text("separation_vessel"), act.name == "Wash"
     yield from _into(act, act.text("vessel"), separator)
-    rounds, is_top = max(act.count("repeats"), 1), act.text("product_phase") == "top"
+    rounds = max(act.count("repeats"), 1)
     for turn in range(rounds):
         volume = act.number("volume")
         yield act.make(
             Kind.ADD_LIQUID, reagent=act.text("solvent"), vessel=separator, volume_ml=volume
         )
         yield from _mixed(act, separator)
-        is_last = turn == rounds - 1
-        yield from _parted(act, separator, is_top=is_top, is_wash=is_wash, is_last=is_last)
+        yield from _parted(act, separator, is_wash=is_wash, turn=turn, rounds=rounds)
 
 
 def filter_off(act: ActReading) -> Operations:
