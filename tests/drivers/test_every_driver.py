@@ -33,13 +33,20 @@ every_driver = pytest.mark.parametrize("spec", SPECS, ids=lambda spec: spec.clas
 
 def test_the_catalog_holds_every_role() -> None:
     assert {role for spec in SPECS for role in spec.roles} == {
+        "arm",
         "balance",
+        "battery_tester",
+        "conductivity_sensor",
         "heater_stirrer",
         "ph_sensor",
         "power_supply",
         "pump",
         "rotary_evaporator",
+        "shaker",
         "stirrer",
+        "storage",
+        "tds_sensor",
+        "temperature_controller",
         "thermostat",
         "timer",
         "vacuum_controller",
