@@ -22,7 +22,7 @@ def bench() -> Iterator[Bench]:
 def test_it_tells_the_conductivity_of_the_liquid(bench: Bench, case: Case) -> None:
     with bench.connected(case) as sensor:
         state = bench.state(case)
-        wanted = state.get("shown_us_cm", state.get("us_cm"))
+        wanted = float(state["shown_us_cm"] if "shown_us_cm" in state else state["us_cm"])
         evidence = do(sensor, ("measure", {})).evidence
         assert wanted > 100
         assert evidence["conductivity_us_cm"] == pytest.approx(wanted, rel=0.05)
