@@ -188,7 +188,7 @@ def refuse_unless_near(read: float, wanted: Wanted) -> None:
 @contextmanager
 def once_started(
     turn_off: Callable[[], object],
-    describe: Callable[[], Mapping[str, Any]],
+    describe: Callable[[], Mapping[str, Any]] | None,
     *,
     lasted: str = "duration_s",
 ) -> Iterator[None]:
@@ -200,7 +200,8 @@ def once_started(
 
     Args:
         turn_off: Sends what ends the action; `context["not_turned_off"]` says if that failed.
-        describe: Reads what is true once it is off.
+        describe: Reads what is true once it is off. None: nobody can tell how far it came,
+            and the effect is UNKNOWN.
         lasted: Name of the time in `context`.
     """
     started_s = time.monotonic()
@@ -211,7 +212,7 @@ def once_started(
         error.effect = Effect.UNKNOWN
         try:
             turn_off()
-            if error.code in KNOWN_ENDS:
+            if describe is not None and error.code in KNOWN_ENDS:
                 error.context.update(describe())
                 error.effect = Effect.PARTIAL
         except DeviceError as second:

@@ -47,7 +47,7 @@ FORBIDDEN_MODULES = frozenset(
 FORBIDDEN_CALLS = frozenset({"open", "eval", "exec", "compile", "__import__", "globals", "vars"})
 
 _SECTION = re.compile(r"§|\b(section|chapter|manual|table|appendix)\b", re.IGNORECASE)
-_SENDERS = frozenset({"exchange", "send", "read_registers", "write_registers"})
+_SENDERS = frozenset({"exchange", "send", "read_registers", "write_registers", "write_register"})
 _PLAIN_NUMBERS = frozenset({0, 1})
 
 

@@ -258,6 +258,7 @@ class HuberPb(Driver[ByteTransport, Config], Thermostat):
         state = self._read(STATE)
         self._refuse_fault(state)
         if not state & CONTROL_BIT:
+            self.pause(0)  # a stop from another thread is told as such
             raise DeviceError("temperature control went off by itself", code="device.alarm")
         return self.temperature_c()
 

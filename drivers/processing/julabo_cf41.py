@@ -253,6 +253,7 @@ class JulaboCf41(Driver[ByteTransport, Config], Thermostat):
     def _reading_under_control(self) -> float:
         self._state()
         if not self.is_controlling():
+            self.pause(0)  # a stop from another thread is told as such
             raise DeviceError("the circulator went off by itself", code="device.alarm")
         return self.temperature_c()
 

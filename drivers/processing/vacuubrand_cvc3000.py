@@ -254,6 +254,7 @@ class VacuubrandCvc3000(Driver[ByteTransport, Config], VacuumController):
     def _reading_under_control(self) -> float:
         self._refuse_fault()
         if not self._state()[CONTROL]:
+            self.pause(0)  # a stop from another thread is told as such
             raise DeviceError("the control went off by itself", code="device.alarm")
         return self.pressure_kpa()
 

@@ -55,7 +55,15 @@ class RegisterTransport(Transport):
 
     @abstractmethod
     def write_registers(self, address: int, values: Sequence[int]) -> None:
-        """Write registers in one frame.
+        """Write registers in one frame, by function 16.
+
+        Raises:
+            DeviceError: As `read_registers`.
+        """
+
+    @abstractmethod
+    def write_register(self, address: int, value: int) -> None:
+        """Write one register by function 6, for devices that know no other.
 
         Raises:
             DeviceError: As `read_registers`.
@@ -98,6 +106,10 @@ class ModbusTransport(RegisterTransport):
         """Write registers of this device."""
         self.write_to(self.device_index, address, values)
 
+    def write_register(self, address: int, value: int) -> None:
+        """Write one register of this device."""
+        self.write_one_to(self.device_index, address, value)
+
     def read_from(
         self, device_index: int, address: int, count: int, table: Table
     ) -> tuple[int, ...]:
@@ -119,6 +131,10 @@ class ModbusTransport(RegisterTransport):
         self._ask(
             lambda client: client.write_registers(address, list(values), device_id=device_index)
         )
+
+    def write_one_to(self, device_index: int, address: int, value: int) -> None:
+        """Write one register of any device on the line."""
+        self._ask(lambda client: client.write_register(address, value, device_id=device_index))
 
     def _ask(self, ask: Callable[[Client], ModbusPDU]) -> ModbusPDU:
         with self.lock:
@@ -202,6 +218,9 @@ class _Companion(RegisterTransport):
 
     def write_registers(self, address: int, values: Sequence[int]) -> None:
         self._owner.write_to(self._device_index, address, values)
+
+    def write_register(self, address: int, value: int) -> None:
+        self._owner.write_one_to(self._device_index, address, value)
 
     def _open(self) -> None:
         self._owner.open()

@@ -33,8 +33,11 @@ every_driver = pytest.mark.parametrize("spec", SPECS, ids=lambda spec: spec.clas
 
 def test_the_catalog_holds_every_role_that_a_lab_is_built_of() -> None:
     assert {role for spec in SPECS for role in spec.roles} == {
+        "arm",
         "balance",
         "continuous_pump",
+        "battery_tester",
+        "conductivity_sensor",
         "heater_stirrer",
         "infusion_pump",
         "injection_valve",
@@ -42,7 +45,11 @@ def test_the_catalog_holds_every_role_that_a_lab_is_built_of() -> None:
         "power_supply",
         "pump",
         "rotary_evaporator",
+        "shaker",
         "stirrer",
+        "storage",
+        "tds_sensor",
+        "temperature_controller",
         "thermostat",
         "timer",
         "vacuum_controller",

@@ -61,7 +61,7 @@ STIRRERS = [
     Case(
         module="processing.ika_microstar_75",
         model="ika_microstar_75",
-        config={"max_speed_rpm": 1000.0, "gap_s": 0.01},
+        config={"max_speed_rpm": 1000.0, "gap_s": 0.03},
         act=STIR_FAST,
         starts=2,
         verb="motor",
@@ -213,13 +213,107 @@ SUPPLIES = [
     ),
 ]
 
-CONTROLLERS: list[Case] = []
+CONTROLLERS = [
+    Case(
+        module="processing.eurotherm_2000",
+        model="eurotherm",
+        config={
+            "decimals_count": 1,
+            "rest_temperature_c": 20.0,
+            "max_temperature_c": 90.0,
+        },
+        settings={"body_tau_s": 40.0, "vessel_tau_s": 2.0},
+        act=TEMPER,
+        beyond=_BATH_BEYOND,
+        status="temperature_c",
+    ),
+    Case(
+        module="processing.bioshake",
+        model="bioshake",
+        config={"max_temperature_c": 90.0, "max_speed_rpm": 2000.0, "stand_s": 0.1},
+        settings={"plate_tau_s": 2.0},
+        act=TEMPER,
+        verb="heater",
+        beyond=(
+            *_BATH_BEYOND,
+            ("shake", {"speed_rpm": 2001.0, "ramp_s": 5.0}),
+            ("shake", {"speed_rpm": 100.0, "ramp_s": 5.0}),
+            ("shake", {"speed_rpm": 500.0, "ramp_s": 60.0}),
+        ),
+        status="temperature_c",
+    ),
+]
+
+CONDUCTIVITY = [
+    Case(
+        module="sensors.seeed_tds",
+        model="modbus_tds",
+        act=("measure", {}),
+        status="conductivity_us_cm",
+    ),
+    Case(
+        module="sensors.cronin_conductivity",
+        model="conductivity_sensor",
+        config={"full_scale_us_cm": 10_000.0},
+        act=("measure", {}),
+        status="conductivity_us_cm",
+    ),
+]
+
+MOVERS = [
+    Case(
+        module="logistics.cytomat",
+        model="cytomat",
+        config={"slots_count": 42},
+        settings={"move_s": 20.0},
+        act=("initialize", {}),
+        verb="initialize",
+        beyond=(("store_plate", {"slot_index": 43}), ("retrieve_plate", {"slot_index": 0})),
+        status="temperature_c",
+    ),
+    Case(
+        module="logistics.ur_dashboard",
+        model="ur_dashboard",
+        carrier="tcp",
+        config={"programs": ["pick.urp"]},
+        settings={"program_s": 20.0},
+        act=("run_program", {"program": "pick.urp"}),
+        beyond=(("run_program", {"program": "place.urp"}),),
+        status="robot_mode",
+    ),
+]
+
+CYCLERS = [
+    Case(
+        module="characterization.neware_bts",
+        model="neware_bts",
+        carrier="tcp",
+        config={"device_index": 21, "subdevice_index": 1, "channel_index": 1, "poll_s": 0.02},
+        act=(
+            "start_test",
+            {"protocol_path": "C:/p.xml", "backup_path": "C:/data", "barcode": "cell-1"},
+        ),
+        verb="test",
+        is_instant=True,
+        beyond=(
+            (
+                "start_test",
+                {"protocol_path": "<p/>", "backup_path": "C:/data", "barcode": "cell-1"},
+            ),
+        ),
+        status="voltage_v",
+    )
+]
 
 EVERY = [
     *HEATER_STIRRERS,
     *STIRRERS,
     *EVAPORATORS,
     *THERMOSTATS,
+    *CONTROLLERS,
     *VACUUM_CONTROLLERS,
     *SUPPLIES,
+    *CONDUCTIVITY,
+    *MOVERS,
+    *CYCLERS,
 ]

@@ -62,6 +62,9 @@ class Case:
     status: str = ""
     """A number that the instrument tells."""
 
+    is_instant: bool = False
+    """The act is over before anything can happen to it."""
+
     starts: int = 1
     """How many starts the instrument records for one such act."""
 
@@ -136,11 +139,14 @@ class Bench:
 
 
 @contextmanager
-def running(cases: list[Case]) -> Iterator[Bench]:
+def running(cases: list[Case], contents: list[dict[str, Any]] | None = None) -> Iterator[Bench]:
     """Run one process with an instrument and a vessel of its own for each case."""
     with TemporaryDirectory(prefix="lw") as name:
         folder = Path(name)
-        vessels = [a_vessel(f"{case.model}_flask", 10_000.0) for case in cases]
+        vessels = [
+            a_vessel(f"{case.model}_flask", 10_000.0) | ({"contents": contents} if contents else {})
+            for case in cases
+        ]
         entries = [
             {
                 "id": case.model,
@@ -222,8 +228,7 @@ def _connects(driver: Driver[Any, Any]) -> bool:
 
 def _halts(driver: Driver[Any, Any]) -> bool:
     try:
-        if not driver.transport.is_open:
-            driver.transport.open()
+        driver.transport.acquire(driver)
         driver.halt()
     except DeviceError:
         return False

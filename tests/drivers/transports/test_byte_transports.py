@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import threading
+import time
 import tty
 from collections.abc import Iterator
 
@@ -37,6 +38,33 @@ def test_the_observer_sees_bytes_before_they_go_and_after_they_came() -> None:
         line.exchange(b"a\n", until=b"\n", timeout_s=2)
         line.close()
     assert seen == [("out", b"a\n"), ("in", b"a\n")]
+
+
+def test_an_answer_may_end_at_the_length_that_its_first_byte_tells() -> None:
+    with answering(lambda request: b"\x03abcleft over") as port:
+        line = opened(f"tcp://127.0.0.1:{port}")
+        answer = line.exchange(b"?", until=lambda data: data[0] + 1 if data else None, timeout_s=2)
+        assert answer == b"\x03abc"
+        line.close()
+
+
+def test_an_answer_longer_than_is_allowed_is_noise() -> None:
+    with answering(lambda request: b"x" * 100 + b"\n") as port:
+        line = opened(f"tcp://127.0.0.1:{port}")
+        with pytest.raises(FrameError):
+            line.exchange(b"?", until=b"#", timeout_s=2, longest_bytes=50)
+        line.close()
+
+
+def test_commands_are_kept_as_far_apart_as_the_instrument_needs() -> None:
+    with answering(lambda request: request) as port:
+        line = opened(f"tcp://127.0.0.1:{port}")
+        line.exchange(b"a\n", until=b"\n", timeout_s=2)
+        started_s = time.monotonic()
+        line.send(b"b\n", gap_s=0.1)
+        line.exchange(b"c\n", until=b"c\n", timeout_s=2, gap_s=0.1)
+        assert time.monotonic() - started_s >= 0.2
+        line.close()
 
 
 def test_an_observer_that_fails_keeps_the_bytes_from_going() -> None:

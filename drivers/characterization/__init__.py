@@ -1,0 +1,1 @@
+"""What tells what a sample is."""
