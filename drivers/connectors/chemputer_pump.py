@@ -79,7 +79,7 @@ class ChemputerPump(Driver[ByteTransport, Config], Pump):
             raise RejectedError("nobody knows where the plunger stands: initialise the pump")
         return float(self._held_ul)
 
-    @action(timeout_s=150.0, recovery="R2", hazards=("expels_liquid",), operation="transfer")
+    @action(timeout_s=150.0, recovery="R3", hazards=("expels_liquid",), operation="transfer")
     def initialize(self) -> Report:
         """Drive the plunger against its base and find the home position.
 

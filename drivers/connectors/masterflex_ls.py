@@ -29,19 +29,25 @@ from drivers.base import (
     before_acting,
     status,
 )
-from drivers.connectors._flow import check_delivery
+from drivers.connectors._flow import check_delivery, refuse_if_running
 from drivers.connectors._motion import POLL_S, once_begun, refuse_rate
 from drivers.interfaces.continuous_pump import ContinuousPump
 from drivers.transports.base import ByteTransport
-from labweb.domain.errors import DeviceTimeoutError, Effect, FrameError, RejectedError
+from labweb.domain.errors import (
+    DeviceTimeoutError,
+    Effect,
+    FrameError,
+    PreconditionError,
+    RejectedError,
+)
 
 STX, ENQ, ACK, NAK = b"\x02", b"\x05", b"\x06", b"\x15"
 ANSWER = re.compile(rb"[\x06\x15]|\x02[^\r]*\r")
 """A whole answer: ACK, NAK, or data from STX to CR."""
 
 ANSWER_S = 1.0
-SLOWEST_RPM, MOST_TURNS = 1.6, 99_999.99
-"""Lowest speed of the drive, and the highest argument of V."""
+SLOWEST_RPM, LEAST_TURNS = 1.6, 0.01
+"""Lowest speed of the drive, and the lowest argument of V."""
 
 SETTLE_S = 0.5
 """What starting adds to the time of the turns."""
@@ -140,7 +146,7 @@ class MasterflexLs(Driver[ByteTransport, Config], ContinuousPump):
             self.halt()
         return Report(evidence={"is_running": False})
 
-    @action(timeout_s=1260.0, recovery="R2", hazards=("expels_liquid",), operation="transfer")
+    @action(timeout_s=1260.0, recovery="R3", hazards=("expels_liquid",), operation="transfer")
     def deliver(self, volume_ul: Volume, rate_ul_s: Rate) -> Report:
         """Pump a volume from inlet to outlet, and return once the pump stands.
 
@@ -151,7 +157,12 @@ class MasterflexLs(Driver[ByteTransport, Config], ContinuousPump):
         speed_rpm = self._speed_of(rate_ul_s)
         turns = round(volume_ul / self.config.per_turn_ul, 2)
         duration_s = check_delivery(volume_ul, self._rate_ul_s(speed_rpm))
-        refuse_rate(turns, 0.01, MOST_TURNS)
+        if turns < LEAST_TURNS:
+            raise PreconditionError(
+                f"{volume_ul:g} µL is less than {LEAST_TURNS:g} turn of the drive",
+                code="device.volume_too_small",
+            )
+        refuse_if_running(self.is_running)
         self._set(speed_rpm)
         with before_acting():
             self._do("Z")
@@ -164,7 +175,7 @@ class MasterflexLs(Driver[ByteTransport, Config], ContinuousPump):
             self.halt()
         moved_ul = round(turns * self.config.per_turn_ul, 3)
         return Report(
-            moved_ul, {"speed_rpm": speed_rpm}, resolution_ul=self.config.per_turn_ul / 100
+            moved_ul, {"speed_rpm": speed_rpm}, resolution_ul=self.config.per_turn_ul * LEAST_TURNS
         )
 
     def _await_turns(self, started_s: float, wait_s: float, speed_rpm: float) -> None:
@@ -181,8 +192,6 @@ class MasterflexLs(Driver[ByteTransport, Config], ContinuousPump):
 
     def _set(self, speed_rpm: float) -> None:
         with before_acting():
-            if self._is_running:
-                raise RejectedError("the pump already runs: stop it first")
             sign = "+" if self.config.direction == "CW" else "-"
             self._do(f"S{sign}{speed_rpm:.1f}")
         self._speed_rpm = speed_rpm
