@@ -36,15 +36,15 @@ def check_delivery(volume_ul: float, rate_ul_s: float) -> float:
     return duration_s
 
 
-def refuse_if_running(is_running: Callable[[], bool]) -> None:
-    """Refuse a delivery while the pump already runs: nobody could tell the two apart.
+def refuse_if_running(is_running: Callable[[], bool | None]) -> None:
+    """Refuse a delivery while the pump runs, or may: nobody could tell the two apart.
 
     Raises:
-        RejectedError: It runs.
+        RejectedError: It is not known to stand.
     """
     with before_acting():
-        if is_running():
-            raise RejectedError("the pump already runs: stop it first")
+        if is_running() is not False:
+            raise RejectedError("the pump is not known to stand: stop it first")
 
 
 def deliver(

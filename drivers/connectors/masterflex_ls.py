@@ -5,7 +5,7 @@ Quality: bronze, simulated instrument.
 Safe state: the pump stands; on a lost link a delivery ends by the drive's count, a flow goes on.
 
 The published commands tell neither speed nor motion, so statuses are those of the last command
-that the drive acknowledged.
+that the drive acknowledged. Before the first one nobody knows whether it runs: stop it once.
 
 Source:
     Cole-Parmer, Masterflex L/S computer-compatible drives, section "Serial commands".
@@ -97,8 +97,13 @@ class MasterflexLs(Driver[ByteTransport, Config], ContinuousPump):
     transport_type: ClassVar[type] = ByteTransport
     config_type: ClassVar[type[msgspec.Struct]] = Config
 
-    _speed_rpm = 0.0
-    _is_running = False
+    _speed_rpm: float | None = None
+    _is_running: bool | None = None
+
+    def connect(self) -> None:
+        """Open the line and make sure that a drive answers; whether it runs is open."""
+        self._speed_rpm = self._is_running = None
+        super().connect()
 
     def identify(self) -> None:
         """Ask who is there, and give the drive its number. Nothing moves."""
@@ -112,13 +117,13 @@ class MasterflexLs(Driver[ByteTransport, Config], ContinuousPump):
         self._is_running = False
 
     @status(every_s=1.0)
-    def rate_setpoint_ul_s(self) -> float:
-        """Tell the rate of the speed that was last acknowledged."""
-        return self._rate_ul_s(self._speed_rpm)
+    def rate_setpoint_ul_s(self) -> float | None:
+        """Tell the rate of the speed that was last acknowledged; None: not known."""
+        return None if self._speed_rpm is None else self._rate_ul_s(self._speed_rpm)
 
     @status(every_s=1.0)
-    def is_running(self) -> bool:
-        """Tell whether the last acknowledged command was to go."""
+    def is_running(self) -> bool | None:
+        """Tell whether the last acknowledged command was to go; None: not known."""
         return self._is_running
 
     @action(timeout_s=30.0, recovery="R1", hazards=("expels_liquid",))
