@@ -86,6 +86,8 @@ class Sampler:
                 self._due_s[key] = float("inf")
                 continue
             self._failures[unit.config.id] = 0
+            if value is None:  # the device cannot tell: a gap stays a gap
+                continue
             samples.append(
                 Sample(
                     device_id=str(unit.config.id),

@@ -7,9 +7,9 @@ from collections.abc import Callable
 from contextlib import suppress
 from typing import Any
 
-from drivers.base import DeviceStoppedError, Driver, Report
+from drivers.base import DeviceStoppedError, Driver, Report, before_acting
 from drivers.connectors._motion import FULL_STROKE_S, POLL_S, once_begun
-from labweb.domain.errors import DeviceError, Effect, PreconditionError
+from labweb.domain.errors import DeviceError, Effect, PreconditionError, RejectedError
 
 SHORTEST_S = 0.2
 """Shortest delivery: below it, starting and stopping weigh more than the flow."""
@@ -34,6 +34,17 @@ def check_delivery(volume_ul: float, rate_ul_s: float) -> float:
             code="device.rate_out_of_range",
         )
     return duration_s
+
+
+def refuse_if_running(is_running: Callable[[], bool | None]) -> None:
+    """Refuse a delivery while the pump runs, or may: nobody could tell the two apart.
+
+    Raises:
+        RejectedError: It is not known to stand.
+    """
+    with before_acting():
+        if is_running() is not False:
+            raise RejectedError("the pump is not known to stand: stop it first")
 
 
 def deliver(

@@ -23,7 +23,7 @@ from drivers.connectors._chemputer import ChemputerUnit
 from drivers.connectors._motion import limit_of, refuse_rate, refuse_slow_stroke
 from drivers.interfaces.pump import Pump
 from drivers.transports.base import ByteTransport
-from labweb.domain.errors import DeviceError, Effect, PreconditionError, RejectedError
+from labweb.domain.errors import DeviceError, Effect, PreconditionError
 
 INITIALIZE_S = 120.0
 STEP_UL = 1.0
@@ -58,9 +58,13 @@ class ChemputerPump(Driver[ByteTransport, Config], Pump):
         self._unit = ChemputerUnit(self)
         self._held_ul: int | None = None
 
+    def connect(self) -> None:
+        """Open the line and make sure that a pump answers; what it holds is not known then."""
+        self._held_ul = None
+        super().connect()
+
     def identify(self) -> None:
         """Ask what answers, and clear the errors that a start leaves. Nothing moves."""
-        self._held_ul = None
         self._unit.identify("PUMP")
 
     def halt(self) -> None:
@@ -73,13 +77,11 @@ class ChemputerPump(Driver[ByteTransport, Config], Pump):
         return self._held_ul is not None
 
     @status(every_s=0.5)
-    def volume_ul(self) -> float:
-        """Tell how much the syringe holds, counted from the last homing."""
-        if self._held_ul is None:
-            raise RejectedError("nobody knows where the plunger stands: initialise the pump")
-        return float(self._held_ul)
+    def volume_ul(self) -> float | None:
+        """Tell how much the syringe holds, counted from the last homing; None: not known."""
+        return None if self._held_ul is None else float(self._held_ul)
 
-    @action(timeout_s=150.0, recovery="R2", hazards=("expels_liquid",), operation="transfer")
+    @action(timeout_s=150.0, recovery="R3", hazards=("expels_liquid",), operation="transfer")
     def initialize(self) -> Report:
         """Drive the plunger against its base and find the home position.
 

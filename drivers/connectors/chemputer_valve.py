@@ -23,7 +23,7 @@ from drivers.connectors._chemputer import ChemputerUnit
 from drivers.connectors._motion import VALVE_S
 from drivers.interfaces.valve import Valve
 from drivers.transports.base import ByteTransport
-from labweb.domain.errors import DeviceError, Effect, PreconditionError, RejectedError
+from labweb.domain.errors import DeviceError, Effect, PreconditionError
 
 LAST_PORT = 5
 
@@ -44,9 +44,13 @@ class ChemputerValve(Driver[ByteTransport, Config], Valve):
         self._unit = ChemputerUnit(self)
         self._port_index: int | None = None
 
+    def connect(self) -> None:
+        """Open the line and make sure that a valve answers; where it stands is not known then."""
+        self._port_index = None
+        super().connect()
+
     def identify(self) -> None:
         """Ask what answers, and clear the errors that a start leaves. Nothing moves."""
-        self._port_index = None
         self._unit.identify("VALVE")
 
     def halt(self) -> None:
@@ -54,10 +58,8 @@ class ChemputerValve(Driver[ByteTransport, Config], Valve):
         self._unit.halt()
 
     @status(every_s=1.0)
-    def port_index(self) -> int:
-        """Tell the port of the last turn that was done, counted from 0 as on the valve."""
-        if self._port_index is None:
-            raise RejectedError("nobody knows where the valve stands: select a port")
+    def port_index(self) -> int | None:
+        """Tell the port of the last turn that was done, from 0 as on the valve; None: not known."""
         return self._port_index
 
     @action(timeout_s=30.0, recovery="R1")

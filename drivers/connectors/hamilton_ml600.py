@@ -123,6 +123,11 @@ class HamiltonMl600(Driver[ByteTransport, Config], Pump, Valve):
 
     _has_zero = False
 
+    def connect(self) -> None:
+        """Open the line and make sure that an ML600 answers; whether it has its zero is open."""
+        self._has_zero = False
+        super().connect()
+
     def identify(self) -> None:
         """Ask for the firmware; a chain that has no addresses yet is given them. Nothing moves."""
         try:

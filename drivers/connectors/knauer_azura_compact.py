@@ -16,7 +16,7 @@ from typing import Annotated, ClassVar, Literal
 import msgspec
 
 from drivers.base import Driver, Range, Report, action, before_acting, status
-from drivers.connectors._flow import check_delivery, deliver
+from drivers.connectors._flow import check_delivery, deliver, refuse_if_running
 from drivers.connectors._motion import once_begun, refuse_rate
 from drivers.interfaces.continuous_pump import ContinuousPump
 from drivers.transports.base import ByteTransport
@@ -125,7 +125,7 @@ class KnauerAzuraCompact(Driver[ByteTransport, Config], ContinuousPump):
             self.halt()
         return Report(evidence={"is_running": False})
 
-    @action(timeout_s=1260.0, recovery="R2", hazards=("expels_liquid",), operation="transfer")
+    @action(timeout_s=1260.0, recovery="R3", hazards=("expels_liquid",), operation="transfer")
     def deliver(self, volume_ul: Volume, rate_ul_s: Rate) -> Report:
         """Pump a volume from inlet to outlet, and return once the pump stands.
 
@@ -135,6 +135,7 @@ class KnauerAzuraCompact(Driver[ByteTransport, Config], ContinuousPump):
         self.refuse_if_stopped()
         flow_ul_min = self._flow_ul_min(rate_ul_s)
         check_delivery(volume_ul, flow_ul_min / UL_MIN_PER_UL_S)
+        refuse_if_running(self.is_running)
         self._set(flow_ul_min)
         return deliver(
             self,
@@ -152,10 +153,8 @@ class KnauerAzuraCompact(Driver[ByteTransport, Config], ContinuousPump):
         return round(rate_ul_s * UL_MIN_PER_UL_S)
 
     def _set(self, flow_ul_min: int) -> None:
-        """Set the flow of a pump that stands, and prove it."""
+        """Set the flow, and prove it."""
         with before_acting():
-            if self.is_running():
-                raise RejectedError("the pump already runs: stop it first")
             self._exchange(f"FLOW:{flow_ul_min}", "FLOW", wanted="OK")
             if (held := self._number("FLOW")) != flow_ul_min:
                 raise RejectedError(f"the pump holds {held} µL/min, not {flow_ul_min} µL/min")

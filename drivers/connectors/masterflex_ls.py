@@ -5,7 +5,7 @@ Quality: bronze, simulated instrument.
 Safe state: the pump stands; on a lost link a delivery ends by the drive's count, a flow goes on.
 
 The published commands tell neither speed nor motion, so statuses are those of the last command
-that the drive acknowledged.
+that the drive acknowledged. Before the first one nobody knows whether it runs: stop it once.
 
 Source:
     Cole-Parmer, Masterflex L/S computer-compatible drives, section "Serial commands".
@@ -29,19 +29,25 @@ from drivers.base import (
     before_acting,
     status,
 )
-from drivers.connectors._flow import check_delivery
+from drivers.connectors._flow import check_delivery, refuse_if_running
 from drivers.connectors._motion import POLL_S, once_begun, refuse_rate
 from drivers.interfaces.continuous_pump import ContinuousPump
 from drivers.transports.base import ByteTransport
-from labweb.domain.errors import DeviceTimeoutError, Effect, FrameError, RejectedError
+from labweb.domain.errors import (
+    DeviceTimeoutError,
+    Effect,
+    FrameError,
+    PreconditionError,
+    RejectedError,
+)
 
 STX, ENQ, ACK, NAK = b"\x02", b"\x05", b"\x06", b"\x15"
 ANSWER = re.compile(rb"[\x06\x15]|\x02[^\r]*\r")
 """A whole answer: ACK, NAK, or data from STX to CR."""
 
 ANSWER_S = 1.0
-SLOWEST_RPM, MOST_TURNS = 1.6, 99_999.99
-"""Lowest speed of the drive, and the highest argument of V."""
+SLOWEST_RPM, LEAST_TURNS = 1.6, 0.01
+"""Lowest speed of the drive, and the lowest argument of V."""
 
 SETTLE_S = 0.5
 """What starting adds to the time of the turns."""
@@ -91,8 +97,13 @@ class MasterflexLs(Driver[ByteTransport, Config], ContinuousPump):
     transport_type: ClassVar[type] = ByteTransport
     config_type: ClassVar[type[msgspec.Struct]] = Config
 
-    _speed_rpm = 0.0
-    _is_running = False
+    _speed_rpm: float | None = None
+    _is_running: bool | None = None
+
+    def connect(self) -> None:
+        """Open the line and make sure that a drive answers; whether it runs is open."""
+        self._speed_rpm = self._is_running = None
+        super().connect()
 
     def identify(self) -> None:
         """Ask who is there, and give the drive its number. Nothing moves."""
@@ -106,13 +117,13 @@ class MasterflexLs(Driver[ByteTransport, Config], ContinuousPump):
         self._is_running = False
 
     @status(every_s=1.0)
-    def rate_setpoint_ul_s(self) -> float:
-        """Tell the rate of the speed that was last acknowledged."""
-        return self._rate_ul_s(self._speed_rpm)
+    def rate_setpoint_ul_s(self) -> float | None:
+        """Tell the rate of the speed that was last acknowledged; None: not known."""
+        return None if self._speed_rpm is None else self._rate_ul_s(self._speed_rpm)
 
     @status(every_s=1.0)
-    def is_running(self) -> bool:
-        """Tell whether the last acknowledged command was to go."""
+    def is_running(self) -> bool | None:
+        """Tell whether the last acknowledged command was to go; None: not known."""
         return self._is_running
 
     @action(timeout_s=30.0, recovery="R1", hazards=("expels_liquid",))
@@ -140,7 +151,7 @@ class MasterflexLs(Driver[ByteTransport, Config], ContinuousPump):
             self.halt()
         return Report(evidence={"is_running": False})
 
-    @action(timeout_s=1260.0, recovery="R2", hazards=("expels_liquid",), operation="transfer")
+    @action(timeout_s=1260.0, recovery="R3", hazards=("expels_liquid",), operation="transfer")
     def deliver(self, volume_ul: Volume, rate_ul_s: Rate) -> Report:
         """Pump a volume from inlet to outlet, and return once the pump stands.
 
@@ -151,7 +162,12 @@ class MasterflexLs(Driver[ByteTransport, Config], ContinuousPump):
         speed_rpm = self._speed_of(rate_ul_s)
         turns = round(volume_ul / self.config.per_turn_ul, 2)
         duration_s = check_delivery(volume_ul, self._rate_ul_s(speed_rpm))
-        refuse_rate(turns, 0.01, MOST_TURNS)
+        if turns < LEAST_TURNS:
+            raise PreconditionError(
+                f"{volume_ul:g} µL is less than {LEAST_TURNS:g} turn of the drive",
+                code="device.volume_too_small",
+            )
+        refuse_if_running(self.is_running)
         self._set(speed_rpm)
         with before_acting():
             self._do("Z")
@@ -164,7 +180,7 @@ class MasterflexLs(Driver[ByteTransport, Config], ContinuousPump):
             self.halt()
         moved_ul = round(turns * self.config.per_turn_ul, 3)
         return Report(
-            moved_ul, {"speed_rpm": speed_rpm}, resolution_ul=self.config.per_turn_ul / 100
+            moved_ul, {"speed_rpm": speed_rpm}, resolution_ul=self.config.per_turn_ul * LEAST_TURNS
         )
 
     def _await_turns(self, started_s: float, wait_s: float, speed_rpm: float) -> None:
@@ -181,8 +197,6 @@ class MasterflexLs(Driver[ByteTransport, Config], ContinuousPump):
 
     def _set(self, speed_rpm: float) -> None:
         with before_acting():
-            if self._is_running:
-                raise RejectedError("the pump already runs: stop it first")
             sign = "+" if self.config.direction == "CW" else "-"
             self._do(f"S{sign}{speed_rpm:.1f}")
         self._speed_rpm = speed_rpm

@@ -80,9 +80,13 @@ class RunzeSy01(Driver[ByteTransport, Config], Pump, Valve):
     _port_index: int | None = None
     _has_zero = False
 
+    def connect(self) -> None:
+        """Open the line and make sure that the pump answers; where its parts stand is open."""
+        self._port_index, self._has_zero = None, False
+        super().connect()
+
     def identify(self) -> None:
         """Ask for the address. Nothing moves."""
-        self._port_index, self._has_zero = None, False
         self._unit.identify()
 
     def halt(self) -> None:
@@ -103,10 +107,8 @@ class RunzeSy01(Driver[ByteTransport, Config], Pump, Valve):
         return self._plunger.volume_ul(self.position())
 
     @status(every_s=1.0)
-    def port_index(self) -> int:
-        """Tell the port of the last turn that the motor ended, counted from 1."""
-        if self._port_index is None:
-            raise RejectedError("nobody knows where the valve stands: select a port")
+    def port_index(self) -> int | None:
+        """Tell the port of the last turn that the motor ended, counted from 1; None: not known."""
         return self._port_index
 
     @action(timeout_s=150.0, recovery="R2", hazards=("expels_liquid",), operation="transfer")
@@ -185,9 +187,9 @@ class RunzeSy01(Driver[ByteTransport, Config], Pump, Valve):
         leeway_ul_s = own_ul_s * RATE_TOLERANCE_RATIO
         refuse_rate(rate_ul_s, own_ul_s - leeway_ul_s, own_ul_s + leeway_ul_s)
         steps = self._plunger.steps(volume_ul)
-        if not self._has_zero:
+        if not self._has_zero or self._port_index is None:
             raise PreconditionError(
-                "nobody knows where the plunger stands: initialise the pump",
+                "nobody knows where plunger and valve stand: initialise and select a port",
                 code="device.not_initialized",
             )
         speed = STEPS_FULL_COUNT / self.config.full_stroke_s

@@ -19,7 +19,7 @@ from typing import Annotated, ClassVar, Literal, NamedTuple
 import msgspec
 
 from drivers.base import Driver, Range, Report, action, before_acting, status
-from drivers.connectors._flow import check_delivery, deliver
+from drivers.connectors._flow import check_delivery, deliver, refuse_if_running
 from drivers.connectors._motion import once_begun, refuse_rate
 from drivers.interfaces.continuous_pump import ContinuousPump
 from drivers.transports.base import ByteTransport
@@ -137,7 +137,7 @@ class WatsonMarlow323(Driver[ByteTransport, Config], ContinuousPump):
             self.halt()
         return Report(evidence={"is_running": False})
 
-    @action(timeout_s=1260.0, recovery="R2", hazards=("expels_liquid",), operation="transfer")
+    @action(timeout_s=1260.0, recovery="R3", hazards=("expels_liquid",), operation="transfer")
     def deliver(self, volume_ul: Volume, rate_ul_s: Rate) -> Report:
         """Pump a volume from inlet to outlet, and return once the pump stands.
 
@@ -148,6 +148,7 @@ class WatsonMarlow323(Driver[ByteTransport, Config], ContinuousPump):
         speed_rpm = self._speed_rpm(rate_ul_s)
         actual_ul_s = self._rate_ul_s(speed_rpm)
         check_delivery(volume_ul, actual_ul_s)
+        refuse_if_running(self.is_running)
         self._set(speed_rpm)
         return deliver(
             self,
@@ -159,10 +160,8 @@ class WatsonMarlow323(Driver[ByteTransport, Config], ContinuousPump):
         )
 
     def _set(self, speed_rpm: float) -> None:
-        """Set speed and direction of a pump that stands, and prove both."""
+        """Set speed and direction, and prove both."""
         with before_acting():
-            if self._status().is_running:
-                raise RejectedError("the pump already runs: stop it first")
             self._send(f"SP {speed_rpm:.1f}")
             self._send("RR" if self.config.direction == "CW" else "RL")
             told = self._status()

@@ -35,9 +35,9 @@ class ContinuousPump(ABC):
         """
 
     @abstractmethod
-    def rate_setpoint_ul_s(self) -> float:
-        """Tell the rate that is set, running or not."""
+    def rate_setpoint_ul_s(self) -> float | None:
+        """Tell the rate that is set, running or not; None: nobody knows."""
 
     @abstractmethod
-    def is_running(self) -> bool:
-        """Tell whether the pump runs."""
+    def is_running(self) -> bool | None:
+        """Tell whether the pump runs; None: nobody knows."""

@@ -35,8 +35,8 @@ class Pump(ABC):
         """
 
     @abstractmethod
-    def volume_ul(self) -> float:
-        """Tell how much the syringe holds, from the plunger's position."""
+    def volume_ul(self) -> float | None:
+        """Tell how much the syringe holds, from the plunger's position; None: nobody knows."""
 
     @abstractmethod
     def is_initialized(self) -> bool:

@@ -21,5 +21,5 @@ class Valve(ABC):
         """
 
     @abstractmethod
-    def port_index(self) -> int:
-        """Tell the port that is selected, by its number on the valve."""
+    def port_index(self) -> int | None:
+        """Tell the port that is selected, by its number on the valve; None: nobody knows."""

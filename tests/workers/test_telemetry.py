@@ -10,9 +10,11 @@ from uuid import uuid4
 import msgspec
 import pytest
 
+from drivers.load import read_spec
 from labweb.domain.errors import EnrollmentError, StateError
 from labweb.domain.messages import StopLab
-from tests.workers.bench import DEVICE_ID, HOST_ID, Host, PumpProcess, until
+from tests.drivers.wire import answering
+from tests.workers.bench import DEVICE_ID, HOST_ID, Host, PumpProcess, a_device, until
 from workers.clock import SystemClock
 from workers.config import HostConfig, ValkeyConfig
 from workers.host import lock_host, main, reset_journal
@@ -63,6 +65,29 @@ def test_a_silent_device_goes_offline_and_comes_back(host: Host, pump: PumpProce
     until(lambda: unit.is_online)
     sampler.stop()
     unit.close()
+
+
+def test_a_device_that_cannot_tell_stays_online_and_leaves_a_gap() -> None:
+    module = "drivers.connectors.chemputer_valve"
+    spec = read_spec(module)
+    answers = {b"read_config\0": b"VALVE_CFG 0\0", b"read_errors\0": b"ERRORS: 0\0"}
+    with answering(lambda request: answers.get(request, b"")) as port:
+        device = a_device(
+            f"tcp://127.0.0.1:{port}",
+            module=module,
+            class_name=spec.class_name,
+            digest=spec.digest,
+            config={},
+            statuses={"port_index": 0.01},
+        )
+        units = make_units([device], SystemClock())
+        unit = units[DEVICE_ID]
+        sampler = Sampler(unit.line, units, None, SystemClock())
+        for _ in range(5):
+            assert list(sampler.sample_once()) == []
+            SystemClock().wait(0.02)
+        assert unit.is_online
+        unit.close()
 
 
 def test_a_valkey_that_is_away_costs_samples_and_nothing_else(

@@ -140,6 +140,8 @@ def rig(request: pytest.FixtureRequest, benches: dict[str, tuple[Process, str]])
             rig.call("initialize")
         if case.last_port:
             rig.call("select_port", port_index=1)
+        if case.role == "continuous_pump":
+            rig.call("stop_flow")
         if case.role == "injection_valve":
             rig.call("select_position", position="load")
         rig.sent.clear()

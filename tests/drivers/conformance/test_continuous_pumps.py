@@ -44,6 +44,16 @@ def test_a_flow_goes_on_until_it_is_stopped(rig: Rig) -> None:
 
 
 @every_pump
+def test_a_flow_may_be_started_twice_and_takes_the_second_rate(rig: Rig) -> None:
+    rig.call("start_flow", rate_ul_s=200.0)
+    rig.call("start_flow", rate_ul_s=500.0)
+    assert read_status(rig.driver, "is_running") is True
+    assert read_status(rig.driver, "rate_setpoint_ul_s") == pytest.approx(500.0, rel=0.01)
+    rig.call("stop_flow")
+    rig.call("stop_flow")
+
+
+@every_pump
 def test_a_rate_or_volume_out_of_range_sends_no_byte(rig: Rig) -> None:
     for name, arguments in (
         ("start_flow", {"rate_ul_s": 9_000.0}),

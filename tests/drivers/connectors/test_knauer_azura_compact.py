@@ -26,7 +26,7 @@ def test_another_pump_head_is_refused(play: Play) -> None:
 
 
 def test_a_setpoint_that_the_pump_refuses_starts_nothing(play: Play) -> None:
-    text = "> IMOTOR?\\n\\r\n< IMOTOR:0\\r\n> FLOW:30000\\n\\r\n< ERROR:2\\r\n"
+    text = "> FLOW:30000\\n\\r\n< ERROR:2\\r\n"
     with pytest.raises(RejectedError, match="setpoint refused") as caught:
         KnauerAzuraCompact(play(text=text), CONFIG).start_flow(500.0)
     assert caught.value.effect is Effect.NONE

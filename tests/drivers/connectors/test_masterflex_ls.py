@@ -32,18 +32,34 @@ def test_the_other_sense_of_rotation_has_the_other_sign(play: Play) -> None:
 
 
 def test_a_delivery_runs_by_the_drives_own_turns_and_is_halted_after_it(play: Play) -> None:
-    frames = ("S+37.5", "Z", "V0.25", "G", "H")
+    frames = ("H", "S+37.5", "Z", "V0.25", "G", "H")
     text = "".join(f"> \\x02P01{frame}\\r\n< \\x06\n" for frame in frames)
-    report = MasterflexLs(play(text=text), CONFIG).deliver(200.0, 500.0)
+    device = MasterflexLs(play(text=text), CONFIG)
+    device.stop_flow()
+    report = device.deliver(200.0, 500.0)
     assert report.moved_ul == 200.0
 
 
 def test_a_halt_that_is_not_taken_leaves_a_delivery_in_doubt(play: Play) -> None:
-    text = "".join(f"> \\x02P01{frame}\\r\n< \\x06\n" for frame in ("S+37.5", "Z", "V0.25", "G"))
+    text = "".join(
+        f"> \\x02P01{frame}\\r\n< \\x06\n" for frame in ("H", "S+37.5", "Z", "V0.25", "G")
+    )
     device = MasterflexLs(play(text=text + "> \\x02P01H\\r\n< \\x15\n"), CONFIG)
+    device.stop_flow()
     with pytest.raises(RejectedError) as caught:
         device.deliver(200.0, 500.0)
     assert caught.value.effect is Effect.UNKNOWN
+
+
+def test_whether_it_runs_is_not_known_before_it_was_told_to(play: Play) -> None:
+    transport = play(text="")
+    device = MasterflexLs(transport, CONFIG)
+    assert device.is_running() is None
+    assert device.rate_setpoint_ul_s() is None
+    with pytest.raises(RejectedError, match="not known to stand") as caught:
+        device.deliver(200.0, 500.0)
+    assert caught.value.effect is Effect.NONE
+    assert transport.sent == []
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,7 @@ from tests.drivers.conftest import Play
 
 CONFIG = {"per_turn_ul": 800.0}
 STANDS = "> 1RS\\r\n< 323Du 0.0 CW 0 !\\r\n"
-SET = STANDS + "> 1SP 37.5\\r\n> 1RR\\r\n"
+SET = "> 1SP 37.5\\r\n> 1RR\\r\n"
 
 
 def test_a_transcript_of_a_flow(play: Play) -> None:
@@ -43,7 +43,8 @@ def test_a_pump_that_was_told_to_run_and_stands_is_in_doubt(play: Play) -> None:
 
 
 def test_a_delivery_whose_start_is_not_answered_is_stopped_and_in_doubt(play: Play) -> None:
-    text = SET + "> 1RS\\r\n< 323Du 37.5 CW 0 !\\r\n> 1GO\\r\n> 1RS\\r\n"
+    text = STANDS + SET
+    text += "> 1RS\\r\n< 323Du 37.5 CW 0 !\\r\n> 1GO\\r\n> 1RS\\r\n"
     transport = play(text=text + "> 1ST\\r\n> 1RS\\r\n< 323Du 37.5 CW 0 !\\r\n")
     with pytest.raises(DeviceTimeoutError) as caught:
         WatsonMarlow323(transport, CONFIG).deliver(200.0, 500.0)

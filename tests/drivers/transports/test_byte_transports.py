@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import threading
 import time
 import tty
@@ -27,6 +28,36 @@ def test_an_exchange_returns_the_answer_up_to_its_terminator() -> None:
         line = opened(f"tcp://127.0.0.1:{port}")
         assert line.exchange(b"hi\r\n", until=b"\r\n", timeout_s=2) == b"HI\r\n"
         assert line.exchange(b"ho\r\n", until=b"\r\n", timeout_s=2) == b"HO\r\n"
+        line.close()
+
+
+def test_an_answer_without_an_end_mark_is_read_by_the_pattern_of_a_whole_one() -> None:
+    frame = re.compile(rb"\xcc.{3}", re.DOTALL)
+    with answering(lambda _: b"\x00noise\xcc\xcc\n1") as port:
+        line = opened(f"tcp://127.0.0.1:{port}")
+        assert line.exchange(b"?", until=frame, timeout_s=2).endswith(b"\xcc\xcc\n1")
+        line.close()
+
+
+def test_a_wait_for_an_answer_can_be_given_up_and_what_comes_late_is_thrown_away() -> None:
+    is_given_up = threading.Event()
+
+    def late(request: bytes) -> bytes:
+        if request == b"move\n":
+            is_given_up.wait(5)
+            return b"moved\n"
+        return request
+
+    with answering(late) as port:
+        line = opened(f"tcp://127.0.0.1:{port}")
+        line.send(b"move\n")
+        began_s = time.monotonic()
+        threading.Timer(0.1, is_given_up.set).start()
+        with pytest.raises(DeviceTimeoutError) as caught:
+            line.receive(until=b"never", timeout_s=30, unless=is_given_up.is_set)
+        assert caught.value.effect is Effect.UNKNOWN
+        assert time.monotonic() - began_s < 10
+        assert line.exchange(b"ask\n", until=b"\n", timeout_s=2) == b"ask\n"
         line.close()
 
 
