@@ -248,6 +248,7 @@ class Edge:
                 capacity_nl=view.capacity_nl,
                 dead_volume_nl=view.dead_volume_nl,
                 data=view.data,
+                knows_masses=False,
             )
             for view in do.resources
         }

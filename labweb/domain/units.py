@@ -177,11 +177,20 @@ def parse_volume_nl(text: object) -> int:
         UnitError: As `parse_exact`, or the volume is no whole number of nanolitres,
             or is not positive.
     """
-    amount = parse_exact(text, "volume") * 1000
+    return _whole(text, "volume", "nanolitre")
+
+
+def parse_mass_ug(text: object) -> int:
+    """Read a mass as whole micrograms; raises as `parse_volume_nl` does."""
+    return _whole(text, "mass", "microgram")
+
+
+def _whole(text: object, dimension: str, grid: str) -> int:
+    amount = parse_exact(text, dimension) * 1000
     if amount <= 0:
-        raise UnitError(f"{text!r} is not a positive volume", code="unit.not_positive")
+        raise UnitError(f"{text!r} is not a positive {dimension}", code="unit.not_positive")
     if amount != amount.to_integral_value():
-        raise UnitError(f"{text!r} is finer than one nanolitre", code="unit.off_grid")
+        raise UnitError(f"{text!r} is finer than one {grid}", code="unit.off_grid")
     return int(amount)
 
 

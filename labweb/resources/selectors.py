@@ -298,6 +298,16 @@ def densities(lab: Lab) -> dict[LotId, float | None]:
     return {LotId(str(lot.id)): lot.material.density_mg_ul for lot in lots_of(lab)}
 
 
+def lot_keys(lab: Lab) -> dict[str, LotId]:
+    """Return lot ids by key."""
+    return {key: LotId(str(pk)) for key, pk in lots_of(lab).values_list("key", "pk")}
+
+
+def material_keys(lab: Lab) -> dict[str, UUID]:
+    """Return material ids by key."""
+    return dict(materials_of(lab).values_list("key", "pk"))
+
+
 def allowed_ids(user: User, permission: Permission) -> set[UUID]:
     """Return every resource on which the user has the permission; two queries."""
     roots = account_selectors.granted_roots(user, permission)

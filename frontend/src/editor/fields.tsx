@@ -1,6 +1,7 @@
 /** The form of a step, drawn from its schema. */
 
-import { useEffect, useId, useRef, type ReactNode } from "react";
+import { useEffect, useId, useRef, useState, type ReactNode } from "react";
+import { amountsOf, amountsText } from "@/model/amounts";
 import { setParam } from "@/model/document";
 import { formatVolume } from "@/model/format";
 import { findChoices } from "@/model/tree";
@@ -40,7 +41,8 @@ export function StepField(props: FieldProps) {
   useEffect(() => {
     if (wantsFocus) box.current?.querySelector<HTMLElement>("input, select")?.focus();
   }, [wantsFocus, step.id]);
-  if (schema.type === "object") return <ArgumentsField {...props} id={id} />;
+  if (schema.type === "object" && !schema.additionalProperties)
+    return <ArgumentsField {...props} id={id} />;
   return (
     <div className="field" ref={box} data-field={name}>
       <label htmlFor={id}>
@@ -98,6 +100,7 @@ function Control(props: FieldProps & { id: string; isInvalid: boolean }) {
     );
   }
   if (schema["x-resource"]) return <ResourceField {...props} />;
+  if (schema.type === "object") return <AmountsField {...props} />;
   if (step.kind === "device_action" && name === "action") return <ActionField {...props} />;
   return (
     <input
@@ -109,6 +112,29 @@ function Control(props: FieldProps & { id: string; isInvalid: boolean }) {
       maxLength={schema.maxLength}
       value={text}
       onChange={(event) => send(event.target.value || undefined)}
+    />
+  );
+}
+
+/** Amounts by the key of a lot: one on each line, `acid-1: 40 uL`. */
+function AmountsField(props: FieldProps & { id: string; isInvalid: boolean }) {
+  const { step, name } = props;
+  const canEdit = useEditor((state) => state.canEdit);
+  const send = useSend(props);
+  const [text, setText] = useState(() => amountsText(step.params[name]));
+  return (
+    <textarea
+      id={props.id}
+      className="inp"
+      rows={3}
+      data-testid={`field-${name}`}
+      disabled={!canEdit}
+      aria-invalid={props.isInvalid ? true : undefined}
+      value={text}
+      onChange={(event) => {
+        setText(event.target.value);
+        send(amountsOf(event.target.value));
+      }}
     />
   );
 }

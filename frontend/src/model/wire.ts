@@ -104,6 +104,7 @@ export interface Schema {
   minimum?: number;
   maximum?: number;
   maxLength?: number;
+  additionalProperties?: boolean | Schema;
   items?: Schema;
   "x-label"?: string;
   "x-help"?: string;

@@ -99,6 +99,7 @@ export function iconOf(kind: string): IconName {
     ["transmitter", "probe"],
     ["timer", "time"],
     ["wait", "time"],
+    ["react", "flask"],
   ];
   return known.find(([part]) => kind.toLowerCase().includes(part))?.[1] ?? "devices";
 }

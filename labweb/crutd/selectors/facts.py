@@ -59,6 +59,13 @@ def facts_for(
     )
 
 
+def lab_facts(lab: Lab) -> Facts:
+    """Return every lot and material of a lab, for compiling a workflow; two queries."""
+    lots = {LotId(str(row.id)): _lot(row) for row in resource_selectors.lots_of(lab)}
+    rows = resource_selectors.materials_of(lab)
+    return Facts(on=today(lab), lots=lots, materials={row.id: _material(row) for row in rows})
+
+
 def holders(operation: operations.Operation) -> dict[UUID, str]:
     """Return the transaction that uses each touched resource now, or something it stands in."""
     ids = set(operations.touched_ids(operation))

@@ -14,6 +14,7 @@ from labweb.domain.workflows.passes.draft import Drafting, DraftJob, DraftStep
 from labweb.domain.workflows.passes.emptying import plan_empty_syringe
 from labweb.domain.workflows.passes.ledger import Ledger
 from labweb.domain.workflows.passes.ordering import check_order
+from labweb.domain.workflows.passes.reacting import plan_react
 from labweb.domain.workflows.passes.references import check_references
 from labweb.domain.workflows.passes.strokes import syringe_tolerance_ul
 from labweb.domain.workflows.passes.transfer import plan_transfer
@@ -22,7 +23,12 @@ from labweb.domain.workflows.plan import Plan, PlannedJob, PlannedStep
 from labweb.domain.workflows.protocol import Step, Workflow, bind_materials
 from labweb.domain.workflows.steps import sentence_text
 
-_PLANNERS = {"transfer": plan_transfer, "empty_syringe": plan_empty_syringe, **PLANNERS}
+_PLANNERS = {
+    "transfer": plan_transfer,
+    "empty_syringe": plan_empty_syringe,
+    "react": plan_react,
+    **PLANNERS,
+}
 
 __all__ = ["LabView", "check_plan", "compile_workflow"]
 

@@ -12,12 +12,11 @@ from uuid import UUID
 
 from labweb.domain.errors import Finding, ProtocolError, UnitError
 from labweb.domain.resources.tree import Tree
-from labweb.domain.units import parse_exact, parse_volume_nl
+from labweb.domain.units import parse_exact, parse_mass_ug, parse_volume_nl
 from labweb.domain.workflows.edges import Edge, check_edges
 from labweb.domain.workflows.execution import read_execution, render_execution
 from labweb.domain.workflows.plan import Execution
 from labweb.domain.workflows.steps import (
-    LONGEST_REFERENCE,
     STEP_KINDS,
     ParameterSort,
     StepParameter,
@@ -37,6 +36,7 @@ _ID = re.compile(r"^[A-Za-z0-9][A-Za-z0-9_.:-]{0,79}$")
 _KEY = re.compile(r"^@[^\s@]{1,79}$")
 _ABSOLUTE_ZERO_C = -273.15
 _MAY_BE_NEGATIVE = frozenset({"temperature"})
+_ON_GRID = {"volume": parse_volume_nl, "mass": parse_mass_ug}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -346,18 +346,18 @@ def _problem(parameter: StepParameter, value: object) -> tuple[str, str] | None:
                 "protocol.bad_reference",
                 f"{parameter.label} is the id of a resource; got {value!r:.60}",
             )
-        case ParameterSort.NAME:
-            if isinstance(value, str) and value.isidentifier() and len(value) <= LONGEST_REFERENCE:
+        case ParameterSort.NAME | ParameterSort.TEXT:
+            if parameter.takes_text(value):
                 return None
             return _wrong("protocol.bad_name", f"{parameter.label} is a name; got {value!r:.60}")
-        case ParameterSort.ARGUMENTS:
+        case ParameterSort.ARGUMENTS | ParameterSort.AMOUNTS:
             return _arguments_problem(value)
 
 
 def _quantity_problem(parameter: StepParameter, value: object) -> tuple[str, str] | None:
     try:
-        if parameter.quantity == "volume":
-            parse_volume_nl(value)
+        if parameter.quantity in _ON_GRID:
+            _ON_GRID[parameter.quantity](value)
             return None
         number = parse_exact(value, parameter.quantity)
     except UnitError as error:

@@ -59,6 +59,10 @@ def _device(name: str, kinds: list[str], label: str, help_text: str) -> StepPara
     return StepParameter(name=name, sort=sort, label=label, help=help_text, wants=wants)
 
 
+def _text(name: str, label: str, help_text: str) -> StepParameter:
+    return StepParameter(name=name, sort=ParameterSort.TEXT, label=label, help=help_text)
+
+
 def _optional(parameter: StepParameter) -> StepParameter:
     return replace(parameter, is_required=False)
 
@@ -178,6 +182,40 @@ STEP_KINDS: Mapping[str, UnitOperation] = {
             help="Do nothing for a time, counted by a timer of the lab.",
             parameters=(_quantity("duration", "time", "Duration", "How long, such as 10 min."),),
             clauses=("Wait {duration}",),
+        ),
+        UnitOperation(
+            kind="react",
+            label="React",
+            help="Let a vessel stand until its reaction is over, and record what came of it.",
+            parameters=(
+                _vessel("vessel", "Vessel", "Vessel in which it happens."),
+                _quantity("duration", "time", "Duration", "How long it takes, such as 2 h."),
+                StepParameter(
+                    name="consumed",
+                    sort=ParameterSort.AMOUNTS,
+                    label="Consumed",
+                    help="What reacts of each lot, by its key: acid-1: 40 uL.",
+                ),
+                _text("product", "Product", "Key of the new lot; no other lot has it."),
+                _text("material", "Of material", "Key of a material of the lab."),
+                _optional(_quantity("volume", "volume", "Volume made", "For a liquid product.")),
+                _optional(_quantity("mass", "mass", "Mass made", "For a solid product.")),
+                _optional(
+                    _quantity(
+                        "residue",
+                        "mass",
+                        "Residue",
+                        "Mass of what was made beside the product; the masses must agree.",
+                    )
+                ),
+                _text("reason", "Known from", "How the amounts are known, such as NMR of run 12."),
+            ),
+            clauses=(
+                "Let {vessel} react for {duration} to {product}",
+                ", {volume}",
+                ", {mass}",
+                ", residue {residue}",
+            ),
         ),
         UnitOperation(
             kind="weigh",

@@ -38,6 +38,12 @@ class ParameterSort(StrEnum):
     NAME = "name"
     """Short text: the name of an action."""
 
+    TEXT = "text"
+    """One line of text: the key of a lot, a reason."""
+
+    AMOUNTS = "amounts"
+    """Object: an amount as typed by the key of a lot."""
+
     ARGUMENTS = "arguments"
     """Object: what the action of a device is called with."""
 
@@ -73,6 +79,12 @@ class StepParameter:
         """Tell whether this names a vessel, which material ports carry."""
         return self.wants.get("holds") == "liquid"
 
+    def takes_text(self, value: object) -> bool:
+        """Tell whether a name or a line of text may stand here."""
+        if not isinstance(value, str) or not 0 < len(value.strip()) <= LONGEST_REFERENCE:
+            return False
+        return value.isidentifier() if self.sort is ParameterSort.NAME else value.isprintable()
+
     def schema(self, order: int) -> dict[str, Any]:
         """Render as JSON Schema 2020-12 with the hints a form is drawn from."""
         schema: dict[str, Any] = {
@@ -89,8 +101,11 @@ class StepParameter:
             case ParameterSort.RESOURCE:
                 hint = {"x-resource": dict(self.wants)}
                 return {"type": "string", "maxLength": LONGEST_REFERENCE, **hint, **schema}
-            case ParameterSort.NAME:
+            case ParameterSort.NAME | ParameterSort.TEXT:
                 return {"type": "string", "maxLength": LONGEST_REFERENCE, **schema}
+            case ParameterSort.AMOUNTS:
+                amount = {"type": "string", "maxLength": LONGEST_QUANTITY}
+                return {"type": "object", "additionalProperties": amount, **schema}
             case ParameterSort.ARGUMENTS:
                 return {"type": "object", **schema}
 

@@ -21,6 +21,7 @@ from labweb.approvals.selectors import ApprovalRequest
 from labweb.common.clock import now
 from labweb.common.wake import wake_dispatcher
 from labweb.crutd import selectors as crutd_selectors
+from labweb.crutd.selectors.facts import lab_facts
 from labweb.domain.approvals.roles import Permission
 from labweb.domain.crutd import operations
 from labweb.domain.crutd.decide import ResourceState
@@ -52,6 +53,9 @@ def lab_view(lab: Lab) -> LabView:
         devices=tuple(enrollment_selectors.to_domain(row) for row in devices),
         snapshot=_as_devices_say(crutd_selectors.lab_snapshot(lab), devices),
         densities_mg_ul=resource_selectors.densities(lab),
+        facts=lab_facts(lab),
+        lots=resource_selectors.lot_keys(lab),
+        materials=resource_selectors.material_keys(lab),
     )
 
 

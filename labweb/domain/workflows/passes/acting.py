@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from uuid import UUID
 
+from labweb.domain.crutd.operations import Operation
 from labweb.domain.enrollment.device import Device
 from labweb.domain.errors import NotFoundError
 from labweb.domain.units import parse
@@ -56,7 +57,7 @@ def plan_heat_chill(step: Step, drafting: Drafting) -> DraftStep:
     )
     if "hold_for" in step.params:
         jobs += _hold(step, drafting, heater, stirrer, target_c)
-    return _draft(step, jobs)
+    return draft_of(step, jobs)
 
 
 def _hold(
@@ -91,10 +92,10 @@ def plan_stir(step: Step, drafting: Drafting) -> DraftStep:
         return DraftStep(step=step)
     jobs = [
         _stir(step, drafting, stirrer, vessel),
-        _wait(step, drafting, (vessel, *stirrer.nodes.values())),
+        wait_job(step, drafting, (vessel, *stirrer.nodes.values())),
         _stop(step, drafting, stirrer, "stop_stirring", vessel),
     ]
-    return _draft(step, jobs)
+    return draft_of(step, jobs)
 
 
 def plan_stop(step: Step, drafting: Drafting) -> DraftStep:
@@ -107,12 +108,12 @@ def plan_stop(step: Step, drafting: Drafting) -> DraftStep:
     if not jobs:
         message = f"{drafting.name(vessel)} stands on nothing that heats or stirs"
         drafting.refuse(step, "plan.no_device", message, "params.vessel")
-    return _draft(step, jobs)
+    return draft_of(step, jobs)
 
 
 def plan_wait(step: Step, drafting: Drafting) -> DraftStep:
     """Wait on a timer of the lab."""
-    return _draft(step, [_wait(step, drafting, ())])
+    return draft_of(step, [wait_job(step, drafting, ())])
 
 
 def plan_weigh(step: Step, drafting: Drafting) -> DraftStep:
@@ -151,10 +152,10 @@ def plan_device_action(step: Step, drafting: Drafting) -> DraftStep:
         locks=drafting.view.vessels_on(device),
         estimate_s=min(action.timeout_s or READ_S, READ_S),
     )
-    return _draft(step, [job])
+    return draft_of(step, [job])
 
 
-def _draft(step: Step, jobs: list[DraftJob | None]) -> DraftStep:
+def draft_of(step: Step, jobs: list[DraftJob | None]) -> DraftStep:
     """Keep the jobs of a step only when every one of them could be planned."""
     made = tuple(job for job in jobs if job is not None)
     return DraftStep(step=step, jobs=made if len(made) == len(jobs) else ())
@@ -233,7 +234,15 @@ def _stop(
     )
 
 
-def _wait(step: Step, drafting: Drafting, locks: tuple[UUID, ...]) -> DraftJob | None:
+def wait_job(
+    step: Step,
+    drafting: Drafting,
+    locks: tuple[UUID, ...],
+    *,
+    sentence: str = "",
+    operation: Operation | None = None,
+) -> DraftJob | None:
+    """Make a job that waits on a timer, for what the operation says happens meanwhile."""
     timer = _free_timer(step, drafting)
     if timer is None:
         message = "no device of this lab is a timer"
@@ -245,7 +254,8 @@ def _wait(step: Step, drafting: Drafting, locks: tuple[UUID, ...]) -> DraftJob |
         timer,
         "wait",
         {"duration_s": duration_s},
-        sentence=f"Wait {duration_s:g} s",
+        sentence=sentence or f"Wait {duration_s:g} s",
+        operation=operation,
         locks=locks,
         estimate_s=duration_s,
     )
@@ -281,7 +291,7 @@ def _plan_reading(
         locks=drafting.view.vessels_on(device),
         estimate_s=READ_S,
     )
-    return _draft(step, [job])
+    return draft_of(step, [job])
 
 
 def _ramp_s(drafting: Drafting, heater: Device, vessel: UUID, target_c: float) -> float:

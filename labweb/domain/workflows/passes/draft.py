@@ -87,6 +87,9 @@ class Drafting:
     """By step: the steps that are done before it starts."""
 
     findings: list[Finding] = field(default_factory=list)
+    products: set[str] = field(default_factory=set)
+    """Keys of the lots that reactions of this plan make."""
+
     timer_users: dict[UUID, list[str]] = field(default_factory=dict)
 
     def refuse(self, step: Step, code: str, message: str, at: str = "", **context: object) -> None:

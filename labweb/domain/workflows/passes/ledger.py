@@ -15,7 +15,8 @@ from labweb.domain.crutd.decide import (
     check,
     settle,
 )
-from labweb.domain.crutd.operations import Operation, TransferLiquid
+from labweb.domain.crutd.ledger import Account
+from labweb.domain.crutd.operations import Operation, React, TransferLiquid
 from labweb.domain.errors import Finding
 from labweb.domain.resources.contents import Contents, LotId, add, remove, take, total_nl
 from labweb.domain.units import render_volume
@@ -123,7 +124,9 @@ class Ledger:
         return False
 
     def _apply(self, step: Step, operation: Operation) -> bool:
-        found = check(operation, self._states)
+        # What only the server knows of lots is asked for where the masses have to agree.
+        facts = self._view.facts if isinstance(operation, React) else None
+        found = check(operation, self._states, facts)
         if found:
             self.findings += [_blame(finding, step) for finding in found]
             return False
@@ -133,10 +136,16 @@ class Ledger:
 
     def _write(self, change: Change) -> None:
         for posting in change.postings:
-            part = {posting.lot: posting.amount_nl}
             for account, move in ((posting.debit, remove), (posting.credit, add)):
+                if account in Account.__members__:
+                    continue
                 state = self._states[UUID(account)]
-                self._states[state.id] = replace(state, contents=move(state.contents, part))
+                if posting.amount_nl:
+                    held = move(state.contents, {posting.lot: posting.amount_nl})
+                    self._states[state.id] = replace(state, contents=held)
+                else:
+                    held = move(state.masses, {posting.lot: posting.amount_ug})
+                    self._states[state.id] = replace(state, masses=held)
         for resource_id, data in change.data.items():
             state = self._states[resource_id]
             self._states[resource_id] = replace(state, data={**state.data, **data})

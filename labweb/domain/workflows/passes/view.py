@@ -8,6 +8,7 @@ from functools import cached_property
 from uuid import UUID
 
 from labweb.domain.crutd.decide import ResourceState, Snapshot
+from labweb.domain.crutd.snapshot import Facts
 from labweb.domain.enrollment.device import Device
 from labweb.domain.graph.topology import Medium, PhysicalGraph
 from labweb.domain.resources.contents import LotId
@@ -32,6 +33,15 @@ class LabView:
 
     densities_mg_ul: Mapping[LotId, float | None] = field(default_factory=dict)
     """Density by lot. None, or no entry: nobody knows."""
+
+    facts: Facts | None = None
+    """Every lot and material of the lab; None where nobody knows them."""
+
+    lots: Mapping[str, LotId] = field(default_factory=dict)
+    """Lot by its key."""
+
+    materials: Mapping[str, UUID] = field(default_factory=dict)
+    """Material by its key."""
 
     @cached_property
     def devices_by_key(self) -> tuple[Device, ...]:

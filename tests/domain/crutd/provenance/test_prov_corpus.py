@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import pytest
@@ -15,6 +16,7 @@ from tests.domain.crutd.provenance import prov_xml
 
 pytestmark = pytest.mark.skipif(not PROV.is_dir(), reason=NO_PROV)
 
+ROOT = Path(__file__).parents[4]
 JSON = sorted((PROV / "json").glob("*.json"))
 MALFORMED = sorted((PROV / "malformed").glob("*"))
 JUDGED = sorted(p for p in (PROV / "unification").glob("*") if p.suffix != ".md")
@@ -90,3 +92,11 @@ def test_every_exception_is_in_the_corpus() -> None:
     named_so = {is_ok: {p.name for p in JUDGED if is_valid(p) == is_ok} for is_ok in (True, False)}
     assert named_so[False] >= CALLED_INVALID
     assert named_so[True] >= CALLED_VALID
+
+
+def test_the_page_names_these_exceptions_and_no_other() -> None:
+    page = (ROOT / "docs" / "provenance.md").read_text("utf-8")
+    rows = re.findall(r"^\| (.+?) \| (valid|invalid) \| (?:valid|invalid) \|", page, re.MULTILINE)
+    told = {(name, there) for names, there in rows for name in re.findall(r"`(.+?)`", names)}
+    invalid = {(Path(name).stem, "invalid") for name in CALLED_INVALID}
+    assert told == invalid | {(Path(name).stem, "valid") for name in CALLED_VALID}
