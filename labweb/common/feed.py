@@ -12,6 +12,7 @@ from queue import Full, Queue
 from typing import Any
 
 from channels.layers import get_channel_layer
+from redis.exceptions import RedisError
 
 logger = logging.getLogger(__name__)
 
@@ -62,8 +63,10 @@ def _speak(waiting: Queue[dict[str, Any]]) -> None:
             one = waiting.get()
             try:
                 runner.run(_send(one))
-            except Exception as error:
+            except (OSError, RedisError) as error:
                 logger.warning("feed is away, %s was not announced: %s", one["topic"], error)
+            except Exception:
+                logger.exception("%s was not announced", one["topic"])
             finally:
                 waiting.task_done()
 
@@ -77,12 +80,12 @@ async def _send(one: dict[str, Any]) -> None:
 def _say_last_words() -> None:
     deadline_s = time.monotonic() + LAST_WORD_S
     while _started is not None and _started.unfinished_tasks and time.monotonic() < deadline_s:
-        time.sleep(0.01)
+        threading.Event().wait(0.01)
 
 
 def _begin_anew() -> None:
     """Threads do not follow into the child of a fork."""
-    global _started, _starting  # noqa: PLW0603 - one for each process
+    global _started, _starting
     _started, _starting = None, threading.Lock()
 
 
