@@ -134,6 +134,7 @@ PEERS: dict[str, Callable[[int], None]] = {
 def main() -> None:
     """Run one peer in the present folder."""
     os.environ["PREFECT_HOME"] = str(Path("prefect").resolve())
+    os.environ["PREFECT_SERVER_EPHEMERAL_STARTUP_TIMEOUT_SECONDS"] = "300"
     os.environ["DO_NOT_TRACK"] = "1"
     name, count = sys.argv[1], int(sys.argv[2])
     PEERS[name](count)

@@ -125,6 +125,8 @@ class Executor:
         for row in self._journal.actions(self._line, ActionState.ACTUATED):
             if self._confirm_again(row):
                 return True
+        if self._is_held():
+            return False
         # The next ones first: a long queue is read whole only when none of them may start.
         accepted = self._journal.actions(self._line, ActionState.ACCEPTED, limit_count=NEXT_COUNT)
         if any(self._try(row) for row in acting.in_turn(accepted)):
@@ -139,7 +141,7 @@ class Executor:
 
     def _try(self, row: ActionRow) -> bool:
         """Start an action if it may; False: it waits."""
-        if self._is_held(row.device_id):
+        if self._journal.blocked_by(row.device_id) is not None:
             return False
         do = row.do
         if self._is_waiting(do):
@@ -175,11 +177,10 @@ class Executor:
         self._carry_out(found, unit, before)
         return True
 
-    def _is_held(self, device_id: UUID) -> bool:
-        """Say whether a person or the server has to act first; spares the device a question."""
+    def _is_held(self) -> bool:
+        """Say whether the server has to act first; spares the queue and the devices a look."""
         host = self._journal.host_state()
-        is_armed = host.armed_boot_id == host.boot_id
-        return host.stop_latched or not is_armed or self._journal.blocked_by(device_id) is not None
+        return host.stop_latched or host.armed_boot_id != host.boot_id
 
     def _is_waiting(self, do: Do) -> bool:
         """Say whether its batch lets an action wait; spares the device a question too."""

@@ -249,6 +249,7 @@ def test_a_fault_of_the_uplink_loses_nothing_and_repeats_nothing(
         assert acked <= bench.hub.acked
         if first.is_alive() and kind in {"disk_full", "fsync"}:
             first.kill()  # its disk stays broken for life
+            first.join(15)
         first.join(0.1)
         second = context.Process(target=connect, args=(bench.config, {"LABWEB_BOOT_ID": BOOT_ID}))
         if not first.is_alive():

@@ -175,6 +175,20 @@ def test_nothing_starts_while_the_host_is_not_armed_or_stopped(
     assert pump.moves == []
 
 
+def test_a_line_that_is_held_does_not_read_its_queue(host: Host, pump: PumpProcess) -> None:
+    """It is woken each second, and the queue may be long."""
+    host.take(a_do(host.server))
+    latch_stop(host.journal, StopLab(stop_id=uuid4(), issued_by="ada"))
+    asked: list[str] = []
+    with host.executor() as executor:
+        host.journal._connection.set_trace_callback(asked.append)
+        assert executor.drain() == 0
+        host.journal._connection.set_trace_callback(None)
+    assert any("'actuated'" in query for query in asked)
+    assert not any("'accepted'" in query for query in asked)
+    assert pump.moves == []
+
+
 def test_a_journal_that_cannot_be_written_holds_the_line(host: Host, pump: PumpProcess) -> None:
     do = a_do(host.server)
     host.take(do)
