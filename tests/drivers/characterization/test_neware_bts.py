@@ -1,6 +1,5 @@
 """The BTS interface against answers that a real cycler gave, and a simulated one."""
 
-from pathlib import Path
 
 import pytest
 
@@ -13,14 +12,13 @@ from drivers.characterization.neware_bts import (
 )
 from drivers.transports.replay import Exchange, ReplayTransport
 from labweb.domain.errors import DeviceError, Effect, FrameError, PreconditionError, RejectedError
+from tests.corpus import INSTRUMENTS, NO_INSTRUMENTS
 from tests.drivers.conformance.cases import CYCLERS
 from tests.drivers.conformance.placed_models import Doing, do, running
 from tests.fixtures.running import until
 
-RECORDED = Path(__file__).parents[4] / "shared/data/5_instruments/neware"
-recorded = pytest.mark.skipif(
-    not RECORDED.is_dir(), reason="recorded answers are not on this machine"
-)
+RECORDED = INSTRUMENTS / "neware"
+recorded = pytest.mark.skipif(not RECORDED.is_dir(), reason=NO_INSTRUMENTS)
 CASE = CYCLERS[0]
 SETTINGS = {"device_index": 21, "subdevice_index": 1, "channel_index": 1, "poll_s": 0.005}
 ADDRESS = 'ip="127.0.0.1" devtype="27" devid="21" subdevid="1" chlid="1"'

@@ -1,7 +1,6 @@
 """The PB command set against the vectors of its manual."""
 
 import json
-from pathlib import Path
 
 import pytest
 
@@ -13,9 +12,10 @@ from drivers.processing.huber_pb import (
     encode_write,
 )
 from labweb.domain.errors import DeviceError, Effect, FrameError, RejectedError
+from tests.corpus import INSTRUMENTS, NO_INSTRUMENTS
 from tests.drivers.conftest import Play
 
-VECTORS = Path(__file__).parents[4] / "shared/data/5_instruments/huber_pb_vectors.json"
+VECTORS = INSTRUMENTS / "huber_pb_vectors.json"
 
 CHECKS = (
     "> {M30****\\r\\n\n< {S30C504\\r\\n\n".replace("C504", "F060")
@@ -31,7 +31,7 @@ def thermostat(transport: object, **config: object) -> HuberPb:
     return HuberPb(transport, {"poll_s": 0.005, "settle_s": 0.0, "start_s": 0.0, **config})  # type: ignore[arg-type]
 
 
-@pytest.mark.skipif(not VECTORS.is_file(), reason="the manual's vectors are not on this machine")
+@pytest.mark.skipif(not VECTORS.is_file(), reason=NO_INSTRUMENTS)
 def test_the_vectors_of_the_manual() -> None:
     checked = 0
     for vector in json.loads(VECTORS.read_text())["pb"]:

@@ -160,7 +160,8 @@ class Host:
                 self.open[event.action_id] = (do, float("inf"))
             if event.kind in {"complete", "aborted", "rejected", "in_doubt"}:
                 self.open.pop(event.action_id, None)  # type: ignore[arg-type]
-                self.ends.append((time.monotonic(), event.kind))
+                code = str(event.body.get("code") or "")
+                self.ends.append((time.monotonic(), f"{event.kind} {code}".strip()))
         if not self.open and is_fed:
             self._submit()
         for action_id, (do, sent_s) in list(self.open.items()):

@@ -12,7 +12,8 @@ from types import FrameType
 from uuid import UUID
 
 from django.core.management.base import BaseCommand
-from django.db import connection, connections
+from django.db import DEFAULT_DB_ALIAS, connection, connections
+from django.db.backends.postgresql.base import DatabaseWrapper
 from django.db.utils import InterfaceError, OperationalError
 
 from labweb.common import wake
@@ -47,6 +48,18 @@ class Monitor:
             if host_id not in self._seen or self._seen[host_id][0] != seen:
                 self._seen[host_id] = (seen, at)
         return {host_id: at - since for host_id, (_, since) in self._seen.items()}
+
+
+def close_connections() -> None:
+    """Close every connection for good, and with it the leader's lock, which lives in one.
+
+    Only given back, it would keep the lock in the pool, and this process could take another
+    connection and wait for its own lock.
+    """
+    connections.close_all()
+    wrapper = connections[DEFAULT_DB_ALIAS]
+    if isinstance(wrapper, DatabaseWrapper):
+        wrapper.close_pool()
 
 
 class Command(BaseCommand):
@@ -84,7 +97,7 @@ class Command(BaseCommand):
                     telemetry_services.trim()
             except (OperationalError, InterfaceError) as error:
                 logger.warning("the database is away: %s", error)
-                connections.close_all()
+                close_connections()
                 stop.wait(1.0)
             listener.wait(_TICK_S)
         listener.close()
