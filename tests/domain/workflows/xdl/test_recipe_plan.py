@@ -49,6 +49,15 @@ def test_what_is_added_is_filled_in_by_hand_and_reaches_the_vessel() -> None:
     check_claims(plan)
 
 
+def test_the_judge_of_these_tests_sees_a_valve_at_another_port() -> None:
+    graph = bench()
+    plan = compiled(recipe(ADD), graph)
+    turn = next(c for g in plan["steps"][1]["actions"] for c in g if c["action"] == "set_port")
+    turn["parameters"]["port"] = "1"
+    with pytest.raises(AssertionError):
+        check_strokes(plan, graph)
+
+
 def test_what_the_graph_says_is_in_a_flask_is_not_filled_in_again() -> None:
     graph = bench()
     next(n for n in graph["nodes"] if n["id"] == "flask_water")["current_volume"] = 40
