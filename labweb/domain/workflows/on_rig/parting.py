@@ -10,6 +10,7 @@ from labweb.domain.workflows.on_rig.liquids import port_of, rates_of
 from labweb.domain.workflows.on_rig.making import BY_HAND, Making, say
 from labweb.domain.workflows.on_rig.matter import micro
 from labweb.domain.workflows.on_rig.moving import (
+    NL_PER_ML,
     Move,
     conductors,
     look_for_room,
@@ -55,26 +56,28 @@ def separate_phases(making: Making, operation: BasicOperation) -> None:
         making.told.tell("plan.no_separator", message, operation.place)
         return
     liquid = making.matter.liquid(vessel)
-    if not liquid.most:
+    if not liquid.most and vessel not in making.lost:
         message = f"{vessel} holds nothing that could be parted"
         making.told.tell("plan.nothing_there", message, operation.place)
         return
     ends = _phase_ends(making, operation, vessel)
-    if ends is not None:
-        _draw_phases(making, operation, vessel, ends)
+    if ends is None or not _draw_phases(making, operation, vessel, ends):
+        found = [end for end in ends or () if end]
+        making.lost |= {vessel, *found, *making.buffers, *making.kept}
 
 
 def _draw_phases(
     making: Making, operation: BasicOperation, vessel: str, ends: tuple[str, str | None, str]
-) -> None:
+) -> bool:
+    """Add the step; False: it cannot be, which is told."""
     liquid = making.matter.liquid(vessel)
     lower, upper, back = ends
-    most_nl = -(-liquid.most.numerator // liquid.most.denominator)
+    most_nl = -(-liquid.most.numerator // liquid.most.denominator) or NL_PER_ML
     does: dict[str, Any] = {"kind": "separate", "vessel": vessel, "most_ul": micro(most_nl)}
     does["lower_to"], does["upper_to"] = vessel if back else lower, upper or vessel
     moves = _phase_moves(making, operation, ends, vessel)
     if moves is None:
-        return
+        return False
     for side, move in moves.items():
         does[f"{side}_through"] = list(move.through) or None
     actions: list[Group] | None = [[_watch(making, vessel, begins=True)]]
@@ -88,6 +91,7 @@ def _draw_phases(
         actions = _drawn(making, actions, move, most_nl, "empty")
     if actions is not None:
         _parted(making, operation.place, does, actions)
+    return actions is not None
 
 
 def _phase_moves(
@@ -173,4 +177,6 @@ def _parted(making: Making, place: Place, does: dict[str, Any], actions: list[Gr
             move = Move(source=vessel, target=target, place=place)
             look_for_room(making, move, Fraction(0), whole.most)
         making.matter.add(target, kept)
+        if vessel in making.lost:
+            making.lost.add(target)
     making.add(place, does, [*making.take_checks(), *actions])

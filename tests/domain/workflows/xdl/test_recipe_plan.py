@@ -28,6 +28,10 @@ from tests.domain.workflows.xdl.plans import (
 )
 
 ROOT = Path(__file__).parents[4]
+SEPARATE = (
+    'Separate from_vessel="reactor" separation_vessel="separator" to_vessel="filter" '
+    'purpose="extract" product_phase="top" solvent="ether" solvent_volume="20 mL" repeats="2"'
+)
 ADD = 'Add vessel="reactor" reagent="water" volume="60 mL"'
 
 
@@ -104,6 +108,17 @@ def test_everything_that_is_missing_is_told_at_once() -> None:
         "plan.no_cartridge",
         "plan.no_gas",
     }
+
+
+def test_what_only_follows_from_another_want_is_not_told() -> None:
+    steps = (
+        'Add vessel="reactor" reagent="ethanol" volume="5 mL"',
+        'Transfer from_vessel="reactor" to_vessel="separator" volume="all"',
+        SEPARATE,
+        'Filter vessel="filter"',
+    )
+    found = reasons(recipe(*steps, reagents=("water", "ethanol", "ether")), bench())
+    assert found == ["plan.no_reagent"]
 
 
 def test_a_reagent_is_never_taken_from_a_flask_of_a_like_name() -> None:
@@ -192,12 +207,6 @@ def test_evacuate_and_refill_ends_under_argon() -> None:
     kinds = [does["kind"] for does in claims(plan)]
     assert kinds == ["vacuum", "wait", "vent", "gas", "wait", "stop_gas"] * 2
     assert claims(plan, "vent")[-1]["gas"] == "flask_argon"
-
-
-SEPARATE = (
-    'Separate from_vessel="reactor" separation_vessel="separator" to_vessel="filter" '
-    'purpose="extract" product_phase="top" solvent="ether" solvent_volume="20 mL" repeats="2"'
-)
 
 
 def test_phases_are_drawn_to_the_boundary_and_what_follows_is_uncertain() -> None:
