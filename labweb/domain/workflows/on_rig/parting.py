@@ -26,12 +26,13 @@ from labweb.domain.workflows.xdl.markup import Place
 
 
 def draw_filtrate(making: Making, operation: BasicOperation) -> None:
-    """Draw the liquid of a filter off; solids stay."""
+    """Draw the liquid of a filter off; solids stay. Of a rotary evaporator it is a transfer."""
     source = making.vessel(operation)
     if source is None:
         return
-    if making.equipment.sort(source) not in (Sort.FILTER, Sort.ROTAVAP):
-        message = f"{source} is a {making.equipment.sort(source)}: nothing keeps a solid back in it"
+    sort = making.equipment.sort(source)
+    if sort not in (Sort.FILTER, Sort.ROTAVAP):
+        message = f"{source} is a {sort}: nothing keeps a solid back in it"
         making.told.tell("plan.no_filter", message, operation.place)
         return
     target = resolve(making, str(operation.fields.get("target", WASTE)), source, operation.place)
@@ -39,9 +40,13 @@ def draw_filtrate(making: Making, operation: BasicOperation) -> None:
         return
     draw, push = rates_of(making, operation, 1)
     move = Move(
-        source=source, target=target, place=operation.place, kind="filter",
-        draw_rate_ul_s=draw, push_rate_ul_s=push,
-    )  # fmt: skip
+        source=source,
+        target=target,
+        place=operation.place,
+        kind="filter" if sort is Sort.FILTER else "transfer",
+        draw_rate_ul_s=draw,
+        push_rate_ul_s=push,
+    )
     rinse(making, move, "")
     move_all(making, move)
 
