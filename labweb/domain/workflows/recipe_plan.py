@@ -27,6 +27,7 @@ from labweb.domain.workflows.xdl.unfold import unfold
 VERSION = 1
 MOST_STEPS = 100_000
 """Most steps that a plan has."""
+_MOST_DEFECTS = 8
 
 _HANDLERS: Mapping[Kind, Callable[[Making, BasicOperation], None]] = {
     Kind.ADD_LIQUID: liquids.add_liquid,
@@ -120,7 +121,9 @@ def compile_recipe(recipe: Recipe, rig: Rig, wish: Wish | None = None) -> dict[s
     )
     contents = _make(making, expanded, asked)
     if told.all:
-        raise _infeasible(told.all)
+        raise _infeasible([*told.all, *rig.defects[:_MOST_DEFECTS]])
+    for defect in rig.defects:
+        making.note(defect.message)
     for text in binding.notes:
         making.note(text)
     return _render(making, contents)

@@ -30,7 +30,7 @@ def run(folder: Path, text: str, *options: str, graph: str = "") -> tuple[int, s
         env={**os.environ, "DATABASE_URL": "postgresql://nobody@127.0.0.1:1/nothing"},
         capture_output=True,
         text=True,
-        timeout=120,
+        timeout=600,
         check=False,
     )
     return done.returncode, done.stdout, done.stderr

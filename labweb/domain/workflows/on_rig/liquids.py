@@ -35,6 +35,8 @@ def add_liquid(making: Making, operation: BasicOperation) -> None:
     reagent = str(operation.fields.get("reagent", ""))
     flasks = making.binding.reagents.get(reagent)
     through = conductors(making, str(operation.fields.get("through", "")), operation.place)
+    if target is not None and (not flasks or through is None):
+        making.lost.add(target)
     if target is None or not flasks or through is None:
         return
     source = _nearest(making, flasks, target)
@@ -143,6 +145,7 @@ def transfer(making: Making, operation: BasicOperation) -> None:
         source = resolve(making, name, "", operation.place)
     target = None if source is None else resolve(making, wanted, source, operation.place)
     if source is None or target is None or through is None:
+        making.lost |= {target} if target is not None else set()
         return
     if source == target:
         message = f"{name} and {wanted} are the same vessel of the rig"

@@ -81,6 +81,9 @@ class Making:
     """Where a phase collects over the rounds of a Separate: one vessel, or none yet."""
 
     notes: dict[str, None] = field(default_factory=dict)
+    lost: set[str] = field(default_factory=set)
+    """Vessels whose contents cannot be followed any more, after something that was told."""
+
     checks: list[str] = field(default_factory=list)
     """What a person has to look at before the next step."""
 

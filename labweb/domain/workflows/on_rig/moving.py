@@ -194,6 +194,10 @@ def move_all(making: Making, move: Move) -> None:
     if _is_under_vacuum(making, move):
         return
     liquid = making.matter.liquid(move.source)
+    if move.source in making.lost:
+        making.lost.add(move.target)
+        route(making, move, NL_PER_ML)
+        return
     if not liquid.most:
         message = (
             f"{move.source} holds nothing that could be moved to {move.target}; what is in it from "
@@ -295,6 +299,9 @@ def fill(making: Making, flask: str, lot: str, needed_nl: int, place: Place) -> 
 
 def _holds(making: Making, move: Move, amount_nl: int) -> bool:
     liquid = making.matter.liquid(move.source)
+    if move.source in making.lost:
+        making.lost.add(move.target)
+        return False
     if liquid.least >= amount_nl:
         return True
     if liquid.most >= amount_nl:
@@ -312,6 +319,8 @@ def _holds(making: Making, move: Move, amount_nl: int) -> bool:
 def look_for_room(making: Making, move: Move, least: Fraction, most: Fraction) -> None:
     """Look for room in the target: empty a waste, ask where nobody knows, refuse what overflows."""
     capacity, held = making.capacity_nl(move.target), making.matter.liquid(move.target)
+    if move.target in making.lost:
+        return
     if capacity is None or held.most + most <= capacity:
         return
     if making.equipment.sort(move.target) is Sort.WASTE and most <= capacity:

@@ -10,6 +10,7 @@ from labweb.domain.workflows.on_rig.liquids import port_of, rates_of
 from labweb.domain.workflows.on_rig.making import BY_HAND, Making, say
 from labweb.domain.workflows.on_rig.matter import micro
 from labweb.domain.workflows.on_rig.moving import (
+    NL_PER_ML,
     Move,
     conductors,
     look_for_room,
@@ -25,12 +26,13 @@ from labweb.domain.workflows.xdl.markup import Place
 
 
 def draw_filtrate(making: Making, operation: BasicOperation) -> None:
-    """Draw the liquid of a filter off; solids stay."""
+    """Draw the liquid of a filter off; solids stay. Of a rotary evaporator it is a transfer."""
     source = making.vessel(operation)
     if source is None:
         return
-    if making.equipment.sort(source) not in (Sort.FILTER, Sort.ROTAVAP):
-        message = f"{source} is a {making.equipment.sort(source)}: nothing keeps a solid back in it"
+    sort = making.equipment.sort(source)
+    if sort not in (Sort.FILTER, Sort.ROTAVAP):
+        message = f"{source} is a {sort}: nothing keeps a solid back in it"
         making.told.tell("plan.no_filter", message, operation.place)
         return
     target = resolve(making, str(operation.fields.get("target", WASTE)), source, operation.place)
@@ -38,9 +40,13 @@ def draw_filtrate(making: Making, operation: BasicOperation) -> None:
         return
     draw, push = rates_of(making, operation, 1)
     move = Move(
-        source=source, target=target, place=operation.place, kind="filter",
-        draw_rate_ul_s=draw, push_rate_ul_s=push,
-    )  # fmt: skip
+        source=source,
+        target=target,
+        place=operation.place,
+        kind="filter" if sort is Sort.FILTER else "transfer",
+        draw_rate_ul_s=draw,
+        push_rate_ul_s=push,
+    )
     rinse(making, move, "")
     move_all(making, move)
 
@@ -55,26 +61,28 @@ def separate_phases(making: Making, operation: BasicOperation) -> None:
         making.told.tell("plan.no_separator", message, operation.place)
         return
     liquid = making.matter.liquid(vessel)
-    if not liquid.most:
+    if not liquid.most and vessel not in making.lost:
         message = f"{vessel} holds nothing that could be parted"
         making.told.tell("plan.nothing_there", message, operation.place)
         return
     ends = _phase_ends(making, operation, vessel)
-    if ends is not None:
-        _draw_phases(making, operation, vessel, ends)
+    if ends is None or not _draw_phases(making, operation, vessel, ends):
+        found = [end for end in ends or () if end]
+        making.lost |= {vessel, *found, *making.buffers, *making.kept}
 
 
 def _draw_phases(
     making: Making, operation: BasicOperation, vessel: str, ends: tuple[str, str | None, str]
-) -> None:
+) -> bool:
+    """Add the step; False: it cannot be, which is told."""
     liquid = making.matter.liquid(vessel)
     lower, upper, back = ends
-    most_nl = -(-liquid.most.numerator // liquid.most.denominator)
+    most_nl = -(-liquid.most.numerator // liquid.most.denominator) or NL_PER_ML
     does: dict[str, Any] = {"kind": "separate", "vessel": vessel, "most_ul": micro(most_nl)}
     does["lower_to"], does["upper_to"] = vessel if back else lower, upper or vessel
     moves = _phase_moves(making, operation, ends, vessel)
     if moves is None:
-        return
+        return False
     for side, move in moves.items():
         does[f"{side}_through"] = list(move.through) or None
     actions: list[Group] | None = [[_watch(making, vessel, begins=True)]]
@@ -88,6 +96,7 @@ def _draw_phases(
         actions = _drawn(making, actions, move, most_nl, "empty")
     if actions is not None:
         _parted(making, operation.place, does, actions)
+    return actions is not None
 
 
 def _phase_moves(
@@ -173,4 +182,6 @@ def _parted(making: Making, place: Place, does: dict[str, Any], actions: list[Gr
             move = Move(source=vessel, target=target, place=place)
             look_for_room(making, move, Fraction(0), whole.most)
         making.matter.add(target, kept)
+        if vessel in making.lost:
+            making.lost.add(target)
     making.add(place, does, [*making.take_checks(), *actions])

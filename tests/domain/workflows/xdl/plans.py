@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
 from typing import Any
 
 import pytest
@@ -13,8 +14,10 @@ from labweb.domain.workflows.on_rig.equipment import Equipment
 from labweb.domain.workflows.recipe_plan import Wish, compile_recipe
 from labweb.domain.workflows.xdl.markup import parse_markup
 from labweb.domain.workflows.xdl.read import check_document, refusal
-from tests.domain.workflows.interpreter import Plumbing, check
 from tests.domain.workflows.rigs import chemputer
+from tests.judge.play import play
+from tests.judge.reading import read_json
+from tests.judge.request import Request
 
 BENCH = (
     "flask_water:0 > valve_1:0",
@@ -91,19 +94,43 @@ def claims(plan: dict[str, Any], *kinds: str) -> list[dict[str, Any]]:
 
 
 def check_strokes(plan: dict[str, Any], graph: dict[str, Any]) -> int:
-    """Play the strokes of every transfer from vessel to vessel on the graph as its file has it."""
-    plumbing, count = Plumbing(graph), 0
+    """Let the judge of transfers play every move of liquid, each phase for itself; count them."""
+    rig, count = read_json(graph), 0
     for step in plan["steps"]:
-        does = step["does"]
-        if does["kind"] not in ("transfer", "filter", "clean") or "#" in str(does.get("from")):
-            continue
-        if "through" in does:  # the interpreter knows no cartridges
-            continue
-        source = does.get("from", does.get("vessel"))
-        groups = [g for g in step["actions"] if g[0]["device"] != "@by_hand"]
-        check(plumbing, groups, source, does["to"], does.get("volume_ul", does.get("most_ul")))
-        count += 1
+        for source, target, volume_ul, actions in _moves(step):
+            owner, _, part = source.partition("#")
+            port = "collect" if part else None
+            request = Request(owner, target, round(volume_ul * 1000), port)
+            played = play(rig, request, actions)
+            assert played.is_right, (step["id"], step["does"], played.message)
+            count += 1
     return count
+
+
+Part = tuple[str, str, float, list[list[dict[str, Any]]]]
+
+
+def _moves(step: dict[str, Any]) -> Iterator[Part]:
+    """Yield source, target, volume and actions. The judge leads nothing through a cartridge."""
+    does = step["does"]
+    groups = [[_plain(c) for c in group] for group in step["actions"]]
+    groups = [group for group in groups if group[0]["action"] not in ("check", "flush")]
+    if does["kind"] in ("transfer", "filter", "clean") and "through" not in does:
+        source = does.get("from", does.get("vessel"))
+        yield source, does["to"], does.get("volume_ul", does.get("most_ul")), groups
+    elif does["kind"] == "separate":
+        end = next(i for i, group in enumerate(groups) if group[0]["action"] == "stop_watching")
+        lower, upper = groups[1:end], groups[end + 1 :]
+        vessel, most = does["vessel"], does["most_ul"]
+        if does["lower_to"] != vessel and "lower_through" not in does:
+            yield vessel, does["lower_to"], most, lower
+        if vessel not in (does["lower_to"], does["upper_to"]) and "upper_through" not in does:
+            yield vessel, does["upper_to"], most, upper
+
+
+def _plain(command: dict[str, Any]) -> dict[str, Any]:
+    given = {name: value for name, value in command["parameters"].items() if name != "until"}
+    return {**command, "parameters": given}
 
 
 def check_claims(plan: dict[str, Any]) -> None:

@@ -194,6 +194,7 @@ def test_a_recipe_on_another_rig_is_as_the_docs_say(name: str) -> None:
     assert cross_row(name) in DOCS.read_text("utf-8"), cross_row(name)
 
 
+BAD = "check_graph_spec_"
 RIGS = {"TEMPLATE_std6": "unit_0.3/chemputer_std6.json"}
 MISSING = {
     "Couldn't find filter in graph.": "filter",
@@ -241,7 +242,12 @@ def test_what_a_rig_lacks_by_the_reference_it_lacks_here() -> None:
         ("orgsyn_v83p0193.xdl", "bigrig.json", "plan.no_cartridge"),
         ("purge.xdl", "bigrig_no_backbone_inert_gas.json", ""),
         ("dry_in_reactor.xdl", "bigrig_no_vacuum_device.json", ""),
-        ("lidocaine.xdl", "check_graph_spec_missing_heater.json", "plan.no_reagent"),
+        ("orgsyn_v83p0193.xdl", f"{BAD}missing_component_type.json", "plan.no_vessel"),
+        ("orgsyn_v83p0193.xdl", f"{BAD}missing_heater.json", "plan.no_thermostat"),
+        ("orgsyn_v83p0193.xdl", f"{BAD}not_enough_spare_ports.json", "plan.no_reagent"),
+        ("orgsyn_v83p0193_high_temp.xdl", f"{BAD}cannot_reach_temp.json", "plan.out_of_range"),
+        ("add_all_volumes.xdl", f"{BAD}bad_valve_port.json", "graph.bad_port"),
+        ("add_all_volumes.xdl", f"{BAD}bad_reactor_port.json", "graph.bad_port"),
     ],
 )
 def test_a_rig_that_lacks_something_is_refused_for_it(name: str, graph: str, code: str) -> None:

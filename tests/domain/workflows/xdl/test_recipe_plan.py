@@ -28,6 +28,10 @@ from tests.domain.workflows.xdl.plans import (
 )
 
 ROOT = Path(__file__).parents[4]
+SEPARATE = (
+    'Separate from_vessel="reactor" separation_vessel="separator" to_vessel="filter" '
+    'purpose="extract" product_phase="top" solvent="ether" solvent_volume="20 mL" repeats="2"'
+)
 ADD = 'Add vessel="reactor" reagent="water" volume="60 mL"'
 
 
@@ -47,6 +51,15 @@ def test_what_is_added_is_filled_in_by_hand_and_reaches_the_vessel() -> None:
     assert plan["totals"]["delivered_ul"] == {"reactor": {"water": 60000.0}}
     assert check_strokes(plan, graph) == 1
     check_claims(plan)
+
+
+def test_the_judge_of_these_tests_sees_a_valve_at_another_port() -> None:
+    graph = bench()
+    plan = compiled(recipe(ADD), graph)
+    turn = next(c for g in plan["steps"][1]["actions"] for c in g if c["action"] == "set_port")
+    turn["parameters"]["port"] = "1"
+    with pytest.raises(AssertionError):
+        check_strokes(plan, graph)
 
 
 def test_what_the_graph_says_is_in_a_flask_is_not_filled_in_again() -> None:
@@ -95,6 +108,17 @@ def test_everything_that_is_missing_is_told_at_once() -> None:
         "plan.no_cartridge",
         "plan.no_gas",
     }
+
+
+def test_what_only_follows_from_another_want_is_not_told() -> None:
+    steps = (
+        'Add vessel="reactor" reagent="ethanol" volume="5 mL"',
+        'Transfer from_vessel="reactor" to_vessel="separator" volume="all"',
+        SEPARATE,
+        'Filter vessel="filter"',
+    )
+    found = reasons(recipe(*steps, reagents=("water", "ethanol", "ether")), bench())
+    assert found == ["plan.no_reagent"]
 
 
 def test_a_reagent_is_never_taken_from_a_flask_of_a_like_name() -> None:
@@ -183,12 +207,6 @@ def test_evacuate_and_refill_ends_under_argon() -> None:
     kinds = [does["kind"] for does in claims(plan)]
     assert kinds == ["vacuum", "wait", "vent", "gas", "wait", "stop_gas"] * 2
     assert claims(plan, "vent")[-1]["gas"] == "flask_argon"
-
-
-SEPARATE = (
-    'Separate from_vessel="reactor" separation_vessel="separator" to_vessel="filter" '
-    'purpose="extract" product_phase="top" solvent="ether" solvent_volume="20 mL" repeats="2"'
-)
 
 
 def test_phases_are_drawn_to_the_boundary_and_what_follows_is_uncertain() -> None:
