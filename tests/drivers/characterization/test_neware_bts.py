@@ -1,6 +1,5 @@
 """The BTS interface against answers that a real cycler gave, and a simulated one."""
 
-
 import pytest
 
 from drivers.characterization.neware_bts import (
