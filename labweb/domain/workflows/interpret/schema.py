@@ -79,7 +79,7 @@ class RawStep(Strict, frozen=True):
     id: Annotated[int, Meta(ge=1)]
     of: Of
     does: dict[str, object]
-    actions: list[list[object]]
+    actions: list[object]
     after: list[int]
     estimate_s: Duration
 

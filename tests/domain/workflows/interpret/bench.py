@@ -3,7 +3,7 @@
 flask_water ──0┐                    ┌0── reactor (hotplate, stirrer, lamp, thermometer)
 flask_ether ──1┤                    ├1── filter bottom (chiller, stirrer)
 flask_n2   ───2┼ valve_1 ═3═4═ valve_2 ─2── waste
-flask_empty ──5┘   │           │    ├3── separator bottom (conductivity sensor, stirrer)
+solenoid ───5┘   │           │    ├3── separator bottom (conductivity sensor, stirrer)
                 pump_1      pump_2  └5── rotavap evaporate
 reactor 1 ── valve_vac -1;  valve_vac 0 ── line (pump cvc);  1 ── flask_n2;  5 free
 """
@@ -24,7 +24,14 @@ from labweb.domain.workflows.interpret.state import State
 CLASSES = {
     "valve_1": "ChemputerValve",
     "valve_2": "ChemputerValve",
+    "valve_3": "ChemputerValve",
     "valve_vac": "ChemputerValve",
+    "pump_3": "ChemputerPump",
+    "solenoid": "virtual_solenoid_valve",
+    "flask_a": "ChemputerFlask",
+    "flask_b": "ChemputerFlask",
+    "flask_c": "ChemputerFlask",
+    "line_b": "ChemputerVacuum",
     "pump_1": "ChemputerPump",
     "pump_2": "ChemputerPump",
     "flask_water": "ChemputerFlask",
@@ -52,7 +59,15 @@ TUBES = (
     "flask_water:0 valve_1:0",
     "flask_ether:0 valve_1:1",
     "flask_n2:0 valve_1:2",
-    "flask_empty:0 valve_1:5",
+    "flask_empty:0 solenoid:in",
+    "solenoid:out valve_1:5",
+    "pump_3:0 valve_3:-1",
+    "flask_a:0 valve_3:0",
+    "flask_b:0 valve_3:0",
+    "line_b:0 valve_3:1",
+    "flask_c:0 valve_3:2",
+    "valve_3:3 > cartridge:in",
+    "reactor:2 valve_3:4",
     "valve_1:3 valve_2:4",
     "pump_1:0 valve_1:-1",
     "pump_2:0 valve_2:-1",
@@ -64,7 +79,7 @@ TUBES = (
     "reactor:1 valve_vac:-1",
     "line:0 valve_vac:0",
     "flask_n2:0 valve_vac:1",
-    "cartridge:in valve_1:4",
+    "valve_1:4 > cartridge:in",
     "cartridge:out filter:top",
 )
 LINKS = (
@@ -84,7 +99,7 @@ VOLUMES = {"reactor": 100, "filter": 100, "separator": 100, "waste": 2000, "rota
 def graph() -> dict[str, Any]:
     nodes: list[dict[str, Any]] = [{"id": key, "class": name} for key, name in CLASSES.items()]
     for node in nodes:
-        if node["class"] == "ChemputerPump":
+        if node["id"] in ("pump_1", "pump_2"):
             node["max_volume"] = 10
         elif node["id"] in VOLUMES:
             node["max_volume"] = VOLUMES[node["id"]]
@@ -94,8 +109,9 @@ def graph() -> dict[str, Any]:
             node["collection_flask_volume"] = 50
     links: list[dict[str, Any]] = []
     for text in TUBES:
-        (one, a), (two, b) = (end.split(":") for end in text.split())
-        for source, out, target, into in ((one, a, two, b), (two, b, one, a)):
+        (one, a), (two, b) = (end.split(":") for end in text.replace(">", "").split())
+        ways = ((one, a, two, b), (two, b, one, a))
+        for source, out, target, into in ways[:1] if ">" in text else ways:
             links.append({"source": source, "target": target, "port": f"({out},{into})"})
     for text in LINKS:
         source, target = text.split()
@@ -160,7 +176,7 @@ def by_hand(action: str, **parameters: object) -> dict[str, Any]:
     return act(f"@by_hand {action}", text="please", **parameters)
 
 
-def step(kind: str, groups: list[list[dict[str, Any]]], **claim: object) -> dict[str, Any]:
+def step(kind: str, groups: list[list[dict[str, Any]]], /, **claim: object) -> dict[str, Any]:
     names = {name.rstrip("_"): value for name, value in claim.items()}
     return {"does": {"kind": kind, **names}, "actions": groups}
 

@@ -173,10 +173,26 @@ CLEAN = step(
 )
 FLUSH = step("flush", carry("2", "2", 5_000), from_="flask_n2", to="waste", volume_ul=5_000)
 
+SOLENOID = step(
+    "transfer",
+    [
+        [port("valve_1", "5")],
+        [act("solenoid open")],
+        [draw("pump_1", 4_000)],
+        [act("solenoid close")],
+        [port("valve_1", "0")],
+        [push("pump_1", 4_000)],
+    ],
+    from_="flask_empty",
+    to="flask_water",
+    volume_ul=4_000,
+)
+
 RIGHT: dict[str, dict[str, Any]] = {
     "transfer": plan(TO_REACTOR, flask_water=WATER),
     "pipelined": plan(PIPELINED, flask_water=WATER),
     "through": plan(THROUGH, flask_water=WATER),
+    "solenoid": plan(SOLENOID, flask_empty={"ether": 5_000.0}),
     "all": plan(TO_REACTOR, EMPTY_REACTOR, flask_water=WATER),
     "filter": plan(FILTERING, filter={"water": 5_000.0, "solid_salt": 700.0}),
     "separate": plan(SEPARATE, separator={"water": 12_000.0, "ether": 8_000.0}),
