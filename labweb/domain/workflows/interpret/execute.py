@@ -42,13 +42,14 @@ def check_plan(rig: Rig, plan: Plan, graph_sha256: str = "") -> list[Finding]:
 def execute(rig: Rig, plan: Plan, graph_sha256: str = "", *, is_alone: bool = False) -> State:
     """Execute a plan and return the state that it ends in, with all findings.
 
-    `is_alone` is a transfer without a recipe: vessels have no bound, and no vacuum runs.
+    `is_alone` is a transfer without a recipe: vessels have no bound,
+    no vacuum runs, and a rotary evaporator is one vessel.
     """
     plumbing = Plumbing(rig)
     stated = _stated_capacities(plumbing)
     state = State(plumbing, {} if is_alone else stated | dict(plan.capacities))
     if is_alone:
-        state.exposed = []
+        state.exposed, state.has_collecting = [], False
     if graph_sha256 and plan.graph_sha256 not in (None, graph_sha256):
         message = "the plan was made for another graph: the SHA-256 differ"
         state.complain("interpret.other_graph", message)
@@ -132,8 +133,7 @@ def _places(claim: Claim) -> Iterator[str]:
 
 
 def _is_place(state: State, key: str) -> bool:
-    is_gas = key in state.plumbing.elements and state.plumbing.is_gas(key)
-    if state.plumbing.is_vessel(key) or is_gas:
+    if state.plumbing.is_vessel(key) or state.plumbing.is_gas(key):
         return True
     message = f"its claim names {key!r}, which is no vessel of the graph"
     state.complain("interpret.unknown_vessel", message, vessel=key)

@@ -75,7 +75,9 @@ class Plumbing:
 
     def is_gas(self, key: str) -> bool:
         """Tell whether an element gives gas: by its class, or a flask of a gas by `chemical`."""
-        element = self.elements[key]
+        element = self.elements.get(key)
+        if element is None:
+            return False
         chemical = element.attributes.get("chemical")
         is_named = isinstance(chemical, str) and chemical.strip().lower() in _GASES
         is_flask = element.role is Role.VESSEL and "flask" in element.kind.lower()

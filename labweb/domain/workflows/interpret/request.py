@@ -53,7 +53,7 @@ def _execute(
     rig: Rig, asked: dict[str, Any], groups: tuple[tuple[Action, ...], ...], volume_nl: int
 ) -> list[Finding]:
     source, plumbing = str(asked["from"]), Plumbing(rig)
-    is_gas = source in plumbing.elements and plumbing.is_gas(source)
+    is_gas = plumbing.is_gas(source)
     twice = Range.exactly(2 * volume_nl * UNITS_PER_NL)
     claim = Claim(
         kind="flush" if is_gas else "transfer",

@@ -117,6 +117,9 @@ class State:
         self.watched: dict[str, set[str]] = {}
         """Vessel → sensors, or `@by_hand`, that watch it."""
 
+        self.has_collecting = True
+        """The collecting flask of a rotary evaporator is a vessel of its own."""
+
         self.record = Record()
         self.findings: list[Finding] = []
         self.where = "plan"

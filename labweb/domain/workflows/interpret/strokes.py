@@ -183,7 +183,7 @@ def _arrive(
             state.complain("interpret.no_path", message, device=end.key)
             return None
         return Way(action, stroke, volume, end, passed, taken)
-    if is_evaporator(element) and end.port == "collect":
+    if state.has_collecting and is_evaporator(element) and end.port == "collect":
         end = End(end.key + COLLECT, end.port)
         state.record.touched.add(end.key)
     if action.name == "dispense" and state.plumbing.is_gas(element.key):
@@ -349,7 +349,7 @@ def _push(state: State, way: Way) -> None:
     if taken is None or origin is None:
         return
     _stop_solids(state, taken, way.passed)
-    is_gas = state.plumbing.is_gas(origin.key) if origin.key in state.plumbing.elements else False
+    is_gas = state.plumbing.is_gas(origin.key)
     state.record.flows.append(
         Flow(origin, way.end, taken.volume, way.volume, passed, taken.liquids, taken.solids, is_gas)
     )

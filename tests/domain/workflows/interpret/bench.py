@@ -68,6 +68,7 @@ TUBES = (
     "flask_c:0 valve_3:2",
     "valve_3:3 > cartridge:in",
     "reactor:2 valve_3:4",
+    "rotavap:collect valve_3:5",
     "valve_1:3 valve_2:4",
     "pump_1:0 valve_1:-1",
     "pump_2:0 valve_2:-1",

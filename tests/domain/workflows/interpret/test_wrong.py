@@ -371,8 +371,9 @@ def test_a_plan_of_the_wrong_form_is_refused(fields: dict[str, Any]) -> None:
 
 
 def test_every_wrong_action_and_claim_is_named() -> None:
+    groups: list[Any] = [[draw("pump_1", -1), {"device": "x"}], 5]
     wrong = plan(
-        step("transfer", [[draw("pump_1", -1), {"device": "x"}], 5], to="waste"),
+        step("transfer", groups, to="waste"),
         step("dance", [[act("pump_1 dispense", volume_ul=True, rate_ul_s=1)]]),
         step("stir", [], vessel="reactor", speed_rpm=4, to="waste"),
         step("stir", [], vessel=["reactor"], speed_rpm=4),
