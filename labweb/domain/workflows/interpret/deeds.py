@@ -1,0 +1,213 @@
+"""Execute what other devices, the timer and people do."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+from labweb.domain.workflows.interpret import schema
+from labweb.domain.workflows.interpret.apparatus import vessels_of
+from labweb.domain.workflows.interpret.matter import Contents, Range
+from labweb.domain.workflows.interpret.plan import Action, mass_units, units
+from labweb.domain.workflows.interpret.plumbing import COLLECT, End
+from labweb.domain.workflows.interpret.state import REMOVED, Effect, State, Vacuum
+
+
+def act(state: State, action: Action) -> None:
+    """Execute an action that moves no plunger and turns no valve."""
+    if action.device == schema.BY_HAND:
+        _by_hand(state, action)
+        return
+    vessels: tuple[str, ...] = ()
+    if action.device != schema.TIMER:
+        vessels = tuple(vessels_of(state.plumbing, action.device))
+        state.record.touched.update((action.device, *vessels))
+    value = _DEEDS[action.name](state, action)
+    state.record.effects.append(Effect(action.name, action.device, vessels, value))
+
+
+def _wait(state: State, action: Action) -> object:
+    del state
+    parameters = action.parameters
+    return parameters.duration_s if isinstance(parameters, schema.Wait) else None
+
+
+def _stir(state: State, action: Action) -> object:
+    parameters = action.parameters
+    if isinstance(parameters, schema.Stirring):
+        table = state.stirring if action.name == "stir" else state.rotating
+        table[action.device] = parameters.speed_rpm
+        return parameters.speed_rpm
+    return None
+
+
+def _stop_stirring(state: State, action: Action) -> object:
+    table = state.stirring if action.name == "stop_stirring" else state.rotating
+    return table.pop(action.device, None)
+
+
+def _set_temperature(state: State, action: Action) -> object:
+    parameters = action.parameters
+    if isinstance(parameters, schema.Temperature):
+        state.temperatures[action.device] = parameters.temperature_c
+        return parameters.temperature_c
+    return None
+
+
+def _await_temperature(state: State, action: Action) -> object:
+    parameters = action.parameters
+    if not isinstance(parameters, schema.Window):
+        return None
+    setpoint = state.temperatures.get(action.device)
+    window = (parameters.low_c, parameters.high_c)
+    if window[0] > window[1] or not (setpoint is None or window[0] <= setpoint <= window[1]):
+        state.complain(
+            "interpret.never_reached",
+            f"{action.device} is set to {setpoint} °C and never gets between {window[0]} and "
+            f"{window[1]} °C",
+            device=action.device,
+        )
+    return window
+
+
+def _stop_temperature(state: State, action: Action) -> object:
+    return state.temperatures.pop(action.device, None)
+
+
+def _start_vacuum(state: State, action: Action) -> object:
+    parameters = action.parameters
+    if isinstance(parameters, schema.Pressure):
+        state.vacuums[action.device] = Vacuum(
+            is_running=True, pressure_mbar=parameters.pressure_mbar
+        )
+    return None
+
+
+def _stop_vacuum(state: State, action: Action) -> object:
+    vacuum = state.vacuums.setdefault(action.device, Vacuum())
+    vacuum.is_running = False
+    return None
+
+
+def _vent(state: State, action: Action) -> object:
+    vacuum = state.vacuums.setdefault(action.device, Vacuum())
+    if vacuum.is_running:
+        message = f"{action.device} is vented while it runs"
+        state.complain("interpret.vacuum_on", message, device=action.device)
+    vacuum.is_vented = True
+    return None
+
+
+def _set_supply(state: State, action: Action) -> object:
+    parameters = action.parameters
+    if not isinstance(parameters, schema.Supply):
+        return None
+    if parameters.port not in state.plumbing.ports_of(action.device):
+        message = f"{action.device} has no tube at {parameters.port!r}"
+        state.complain("interpret.unknown_port", message, device=action.device)
+    else:
+        state.supplies[End(action.device, parameters.port)] = parameters.supply
+    return None
+
+
+def _lower(state: State, action: Action) -> object:
+    if action.name == "lower_flask":
+        state.lowered.add(action.device)
+    else:
+        state.lowered.discard(action.device)
+    return None
+
+
+def _evaporate(state: State, action: Action) -> object:
+    parameters = action.parameters
+    gone = state.held(action.device).let_go()
+    state.record.touched.add(action.device + COLLECT)
+    state.mix_in(action.device + COLLECT, gone)
+    if not isinstance(parameters, schema.Boiling):
+        return None
+    return (parameters.duration_s, parameters.most_s)
+
+
+def _watch(state: State, action: Action) -> object:
+    for vessel in vessels_of(state.plumbing, action.device):
+        _set_watch(state, vessel, action.device, is_on=action.name == "watch_boundary")
+    return None
+
+
+def _set_watch(state: State, vessel: str, by: str, *, is_on: bool) -> None:
+    watchers = state.watched.setdefault(vessel, set())
+    if is_on:
+        watchers.add(by)
+    else:
+        watchers.discard(by)
+
+
+def _light(state: State, action: Action) -> object:
+    if action.name == "start_light":
+        state.lights.add(action.device)
+    else:
+        state.lights.discard(action.device)
+    return None
+
+
+def _measure(state: State, action: Action) -> object:
+    del state
+    parameters = action.parameters
+    return parameters.quantity if isinstance(parameters, schema.Quantity) else None
+
+
+_DEEDS: Mapping[str, Callable[[State, Action], object]] = {
+    "wait": _wait,
+    "stir": _stir,
+    "stop_stirring": _stop_stirring,
+    "start_rotation": _stir,
+    "stop_rotation": _stop_stirring,
+    "set_temperature": _set_temperature,
+    "await_temperature": _await_temperature,
+    "stop_temperature": _stop_temperature,
+    "start_vacuum": _start_vacuum,
+    "stop_vacuum": _stop_vacuum,
+    "vent": _vent,
+    "set_supply": _set_supply,
+    "lower_flask": _lower,
+    "raise_flask": _lower,
+    "evaporate": _evaporate,
+    "watch_boundary": _watch,
+    "stop_watching": _watch,
+    "start_light": _light,
+    "stop_light": _light,
+    "measure": _measure,
+}
+
+
+def _by_hand(state: State, action: Action) -> None:
+    parameters = action.parameters
+    if isinstance(parameters, schema.HandCheck):
+        state.record.is_checked = True
+        state.record.effects.append(Effect("check", action.device, (), parameters.text))
+        return
+    vessel = getattr(parameters, "vessel", "")
+    if not state.plumbing.is_vessel(vessel):
+        message = f"{vessel!r} is no vessel of the graph"
+        state.complain("interpret.unknown_vessel", message, vessel=vessel)
+        return
+    state.record.touched.add(vessel)
+    value, lot = 0, ""
+    if isinstance(parameters, schema.HandFill):
+        value, lot = units(parameters.volume_ul), parameters.lot
+        amount = Range.exactly(value)
+        state.mix_in(vessel, Contents({lot: amount}, {}, amount))
+    elif isinstance(parameters, schema.HandSolid):
+        value, lot = _solid(state, parameters), parameters.lot
+    elif action.name == "empty":
+        state.held(REMOVED).add(state.held(vessel).take_everything())
+        state.phases.pop(vessel, None)
+    else:
+        _set_watch(state, vessel, action.device, is_on=action.name == "watch")
+    state.record.effects.append(Effect(action.name, action.device, (vessel,), value, lot))
+
+
+def _solid(state: State, parameters: schema.HandSolid) -> int:
+    value = mass_units(parameters.mass_ug)
+    more = Contents({}, {parameters.lot: Range.exactly(value)})
+    state.held(parameters.vessel).add(more)
+    return value

@@ -1,0 +1,203 @@
+"""Execute a whole plan and list everything that is not proved."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import chain
+
+from labweb.domain.errors import Finding
+from labweb.domain.graph.rig.model import Rig
+from labweb.domain.workflows.interpret.apparatus import abilities
+from labweb.domain.workflows.interpret.claims import Before, check_claim
+from labweb.domain.workflows.interpret.deeds import act
+from labweb.domain.workflows.interpret.plan import Action, Plan, Step
+from labweb.domain.workflows.interpret.plumbing import COLLECT, Plumbing
+from labweb.domain.workflows.interpret.schema import BY_HAND, TIMER, Claim
+from labweb.domain.workflows.interpret.state import (
+    LOWER,
+    TOLERANCE,
+    UPPER,
+    Record,
+    State,
+    microlitres,
+)
+from labweb.domain.workflows.interpret.strokes import PLUNGER, TURN, move, turn
+from labweb.domain.workflows.interpret.totals import check_after, check_totals
+
+
+def check_plan(rig: Rig, plan: Plan, graph_sha256: str = "") -> list[Finding]:
+    """Execute a plan on a rig; an empty list means that all it claims is proved.
+
+    Args:
+        rig: The graph the plan was made for.
+        plan: The plan. None of its claims is trusted.
+        graph_sha256: Digest of the bytes of the graph; empty: it is not compared.
+
+    Effect:
+        None. Nothing moves: the plan is executed on paper.
+    """
+    return execute(rig, plan, graph_sha256).findings
+
+
+def execute(rig: Rig, plan: Plan, graph_sha256: str = "", *, is_alone: bool = False) -> State:
+    """Execute a plan and return the state that it ends in, with all findings.
+
+    `is_alone` is a transfer without a recipe: vessels have no bound,
+    no vacuum runs, and a rotary evaporator is one vessel.
+    """
+    plumbing = Plumbing(rig)
+    stated = _stated_capacities(plumbing)
+    state = State(plumbing, {} if is_alone else stated | dict(plan.capacities))
+    if is_alone:
+        state.exposed, state.has_collecting = [], False
+    if graph_sha256 and plan.graph_sha256 not in (None, graph_sha256):
+        message = "the plan was made for another graph: the SHA-256 differ"
+        state.complain("interpret.other_graph", message)
+    for key, amount in plan.capacities.items():
+        known = stated.get(key)
+        if known is not None and amount > known + TOLERANCE:
+            message = (
+                f"{key} is said to hold {microlitres(amount)}; the graph says {microlitres(known)}"
+            )
+            state.complain("interpret.capacity", message, vessel=key)
+    _check_vessels(state, plan)
+    _fill_before(state, plan)
+    records = [_execute_step(state, step) for step in plan.steps]
+    state.where = "end"
+    _check_stopped(state)
+    state.findings += check_after(plan.steps, [record.touched for record in records])
+    state.findings += check_totals(plan, records)
+    unique = {(finding.code, finding.message): finding for finding in state.findings}
+    state.findings = list(unique.values())
+    return state
+
+
+def _stated_capacities(plumbing: Plumbing) -> dict[str, int]:
+    vessels = [key for key in plumbing.elements if plumbing.is_vessel(key)]
+    vessels += [key + COLLECT for key in vessels if plumbing.is_vessel(key + COLLECT)]
+    found = {key: plumbing.capacity(key) for key in vessels}
+    return {key: amount for key, amount in found.items() if amount is not None}
+
+
+def _check_vessels(state: State, plan: Plan) -> None:
+    known = {*state.plumbing.elements, *filter(state.plumbing.is_vessel, plan.capacities)}
+    named = (
+        ("contents", {*plan.contents} - {*filter(state.plumbing.is_vessel, plan.contents)}),
+        ("capacities_ul", plan.capacities.keys() - known),
+        ("bindings.vessels", {*plan.bindings.vessels.values()} - known),
+        ("bindings.reagents", {*plan.bindings.reagents.values()} - known),
+    )
+    for place, keys in named:
+        for key in sorted(keys):
+            message = f"{place} names {key!r}, which is no vessel of the graph"
+            state.complain("interpret.unknown_vessel", message, vessel=key)
+
+
+def _fill_before(state: State, plan: Plan) -> None:
+    for key, contents in plan.contents.items():
+        state.contents[key] = contents.copy()
+        capacity = state.capacities.get(key)
+        if capacity is not None and contents.volume.least > capacity + TOLERANCE:
+            message = f"{key} holds more than it can before the first step"
+            state.complain("interpret.overflow", message, vessel=key)
+
+
+def _execute_step(state: State, step: Step) -> Record:
+    state.where = f"step {step.id}"
+    state.record = record = Record()
+    both = {LOWER, UPPER}
+    state.phases = {str(step.claim.vessel): both} if step.claim.kind == "separate" else {}
+    before = Before(
+        contents={key: contents.copy() for key, contents in state.contents.items()},
+        sources={key: state.sources(key) for key in state.exposed},
+        vacuum={key: state.running_vacuum(key) for key in state.exposed},
+        lines={key: state.lines(key) for key in state.exposed},
+    )
+    for group in step.groups:
+        _execute_group(state, group)
+    for key, syringe in sorted(state.syringes.items()):
+        if syringe.nominal:
+            message = f"{key} ends with {microlitres(syringe.nominal)} in it"
+            state.complain("interpret.syringe_not_empty", message, device=key)
+    for key in sorted(record.solenoids & state.stands.opened):
+        state.complain("interpret.solenoid_open", f"{key} is left open", device=key)
+    if all(_is_place(state, key) for key in _places(step.claim)):
+        check_claim(state, step.claim, before)
+    return record
+
+
+def _places(claim: Claim) -> Iterator[str]:
+    for key in (claim.vessel, claim.from_, claim.to, claim.lower_to, claim.upper_to):
+        if key is not None:
+            yield key
+
+
+def _is_place(state: State, key: str) -> bool:
+    if state.plumbing.is_vessel(key) or state.plumbing.is_gas(key):
+        return True
+    message = f"its claim names {key!r}, which is no vessel of the graph"
+    state.complain("interpret.unknown_vessel", message, vessel=key)
+    return False
+
+
+def _execute_group(state: State, group: tuple[Action, ...]) -> None:
+    known = [action for action in group if _has_device(state, action)]
+    turning = [action for action in known if action.name in TURN]
+    moving = [action for action in known if action.name in PLUNGER]
+    if turning and moving:
+        message = f"{turning[0].device} is turned while {moving[0].device} moves liquid"
+        state.complain("interpret.turned_while_moving", message, device=turning[0].device)
+    seen: set[tuple[str, str]] = set()
+    for action in known:
+        sort = "" if action.name in TURN | PLUNGER else action.name
+        if action.device not in (BY_HAND, TIMER) and (action.device, sort) in seen:
+            message = f"{action.device} is asked for two things at once"
+            state.complain("interpret.device_twice", message, device=action.device)
+        seen.add((action.device, sort))
+    for action in turning:
+        state.record.touched.add(action.device)
+        turn(state, action)
+    unique = {action.device: action for action in moving}
+    move(state, list(unique.values()))
+    for action in known:
+        if action.name not in TURN | PLUNGER:
+            act(state, action)
+    state.dry()
+
+
+def _has_device(state: State, action: Action) -> bool:
+    if action.device in (BY_HAND, TIMER):
+        return True
+    element = state.plumbing.elements.get(action.device)
+    if element is None:
+        message = f"{action.device!r} is not in the graph"
+        state.complain("interpret.unknown_device", message, device=action.device)
+        return False
+    if action.name not in abilities(element):
+        message = f"{action.device}, a {element.kind or element.role}, cannot {action.name}"
+        state.complain("interpret.unknown_action", message, device=action.device)
+        return False
+    return True
+
+
+def _check_stopped(state: State) -> None:
+    """Add a finding for everything that still runs."""
+    running = chain(
+        ((key, "stirs") for key in state.stirring),
+        ((key, "rotates") for key in state.rotating),
+        ((key, "heats or chills") for key in state.temperatures),
+        ((key, "draws vacuum") for key in state.running_pumps()),
+        ((key, "gives light") for key in state.lights),
+        ((end.key, f"supplies {s}") for end, s in state.supplies.items() if s != "none"),
+        ((key, "is watched") for key, by in state.watched.items() if by),
+    )
+    for key, what in running:
+        state.complain("interpret.left_running", f"{key} still {what}", device=key)
+    stands, state.stands = state.stands, type(state.stands)()
+    at_first = {key: (state.sources(key), state.running_vacuum(key)) for key in state.exposed}
+    state.stands = stands
+    for key in state.exposed:
+        sources, vacuum = at_first[key]
+        for other in sorted((state.sources(key) - sources) | (state.running_vacuum(key) - vacuum)):
+            message = f"{key} is still joined to {other}"
+            state.complain("interpret.left_running", message, vessel=key)

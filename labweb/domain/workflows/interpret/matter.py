@@ -1,0 +1,150 @@
+"""How much of each lot there is in one place, at least and at most."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+UNITS_PER_NL = 10**6
+"""Amounts are whole numbers of 10⁻⁶ nL (liquids) and 10⁻⁶ µg (solids): shares add up exactly."""
+
+
+@dataclass(frozen=True, slots=True)
+class Range:
+    """An amount between two ends, in units."""
+
+    least: int
+    most: int
+
+    @classmethod
+    def exactly(cls, amount: int) -> Range:
+        """Return an amount that is known."""
+        return cls(amount, amount)
+
+    @property
+    def is_known(self) -> bool:
+        """Tell whether both ends are one."""
+        return self.least == self.most
+
+    def __add__(self, other: Range) -> Range:
+        return Range(self.least + other.least, self.most + other.most)
+
+
+NOTHING = Range(0, 0)
+
+
+@dataclass(slots=True)
+class Contents:
+    """What one place holds. The volume is kept beside the lots: it is often known better."""
+
+    liquids: dict[str, Range] = field(default_factory=dict)
+    solids: dict[str, Range] = field(default_factory=dict)
+    volume: Range = NOTHING
+
+    @property
+    def is_known(self) -> bool:
+        """Tell whether the amount of every liquid lot is known."""
+        return all(amount.is_known for amount in self.liquids.values())
+
+    @property
+    def holds_nothing(self) -> bool:
+        """Tell whether there is no matter for certain."""
+        return not self.volume.most and not any(amount.most for amount in self.solids.values())
+
+    def copy(self) -> Contents:
+        """Return contents that change independently."""
+        return Contents(dict(self.liquids), dict(self.solids), self.volume)
+
+    def add(self, other: Contents) -> None:
+        """Mix in all of `other`."""
+        for own, more in ((self.liquids, other.liquids), (self.solids, other.solids)):
+            for lot, amount in more.items():
+                own[lot] = own.get(lot, NOTHING) + amount
+        self.volume = self.volume + other.volume
+        self._tighten()
+
+    def take_everything(self, *, with_solids: bool = True) -> Contents:
+        """Take all liquid, and all solids unless they stay behind."""
+        taken = Contents(self.liquids, self.solids if with_solids else {}, self.volume)
+        self.liquids, self.volume = {}, NOTHING
+        if with_solids:
+            self.solids = {}
+        return taken
+
+    def take(self, volume: int, *, with_solids: bool = True) -> Contents:
+        """Take `volume`, or what there is if that is less; mixed matter goes in proportion."""
+        if volume >= self.volume.most:
+            return self.take_everything(with_solids=with_solids)
+        if self.is_known:
+            return self._take_share(volume, with_solids=with_solids)
+        drawn = Range(min(volume, self.volume.least), volume)
+        rest = Range(max(0, self.volume.least - volume), self.volume.most - volume)
+        return self._take_unknown(volume, drawn, rest, with_solids=with_solids)
+
+    def take_lower_phase(self, volume: int) -> Contents:
+        """Take up to `volume` of a lower phase of unknown size; every lot may be in either."""
+        drawn = Range(0, min(volume, self.volume.most))
+        rest = Range(max(0, self.volume.least - volume), self.volume.most)
+        return self._take_unknown(volume, drawn, rest, with_solids=True)
+
+    def let_go(self) -> Contents:
+        """Let an unknown part of the liquid leave, as by boiling, and return that part."""
+        gone = Contents(
+            {lot: Range(0, amount.most) for lot, amount in self.liquids.items()},
+            {},
+            Range(0, self.volume.most),
+        )
+        self.liquids = dict(gone.liquids)
+        self.volume = gone.volume
+        return gone
+
+    def _take_share(self, volume: int, *, with_solids: bool) -> Contents:
+        whole = self.volume.most
+        taken = {lot: held.most * volume // whole for lot, held in self.liquids.items()}
+        missing = volume - sum(taken.values())
+        for lot, held in self.liquids.items():
+            more = min(missing, held.most - taken[lot])
+            taken[lot] += more
+            missing -= more
+        solids: dict[str, Range] = {}
+        if with_solids:
+            for lot, held in self.solids.items():
+                share = Range(held.least * volume // whole, held.most * volume // whole)
+                solids[lot] = share
+                self.solids[lot] = Range(held.least - share.least, held.most - share.most)
+        self.liquids = {
+            lot: Range.exactly(held.most - taken[lot]) for lot, held in self.liquids.items()
+        }
+        self.volume = Range.exactly(whole - volume)
+        share_of_liquids = {lot: Range.exactly(amount) for lot, amount in taken.items()}
+        return Contents(share_of_liquids, solids, Range.exactly(volume))
+
+    def _take_unknown(
+        self, volume: int, drawn: Range, rest: Range, *, with_solids: bool
+    ) -> Contents:
+        taken = Contents(
+            {lot: Range(0, min(volume, held.most)) for lot, held in self.liquids.items()},
+            {lot: Range(0, held.most) for lot, held in self.solids.items()} if with_solids else {},
+            drawn,
+        )
+        self.liquids = {
+            lot: Range(max(0, held.least - volume), held.most) for lot, held in self.liquids.items()
+        }
+        if with_solids:
+            self.solids = dict(taken.solids)
+        self.volume = rest
+        self._tighten()
+        taken._tighten()
+        return taken
+
+    def _tighten(self) -> None:
+        """Draw the ends together where volume and lots know more than each alone."""
+        least = sum(amount.least for amount in self.liquids.values())
+        most = sum(amount.most for amount in self.liquids.values())
+        self.volume = Range(max(self.volume.least, least), min(self.volume.most, most))
+        self.liquids = {
+            lot: Range(
+                max(amount.least, self.volume.least - (most - amount.most)),
+                min(amount.most, self.volume.most - (least - amount.least)),
+            )
+            for lot, amount in self.liquids.items()
+        }

@@ -1,0 +1,175 @@
+"""What is joined to what, as valves stand."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+
+from labweb.domain.graph.elements import Element, Role, is_numbered
+from labweb.domain.graph.rig.elements import volume_nl
+from labweb.domain.graph.rig.model import Rig
+from labweb.domain.graph.topology import Medium
+from labweb.domain.workflows.interpret.matter import UNITS_PER_NL
+
+_CARRIES = frozenset((Medium.LIQUID, Medium.GAS, Medium.VACUUM))
+_GASES = frozenset(("air", "nitrogen", "argon", "ar", "n2"))
+COLLECT = "#collect"
+
+
+@dataclass(frozen=True, slots=True)
+class End:
+    """One port of one element."""
+
+    key: str
+    port: str
+
+
+@dataclass(slots=True)
+class Stands:
+    """How valves stand. What is not named, nobody has turned yet."""
+
+    ports: dict[str, str] = field(default_factory=dict)
+    """Valve, or pump with a valve of its own → port or position."""
+
+    opened: set[str] = field(default_factory=set)
+    """Solenoids that are open; all others are shut."""
+
+
+class Plumbing:
+    """The graph, read for what conducts."""
+
+    def __init__(self, rig: Rig) -> None:
+        bad = {finding.subject for finding in rig.defects}
+        self.elements: Mapping[str, Element] = {one.key: one for one in rig.elements}
+        self.tubes = tuple(
+            tube for tube in rig.tubes if tube.medium in _CARRIES and tube.key not in bad
+        )
+        self._joined: dict[str, set[str]] = {}
+        self._forth: dict[str, list[tuple[str, End]]] = {}
+        self._back: dict[str, list[tuple[str, End]]] = {}
+        for tube in rig.tubes:
+            self._joined.setdefault(tube.source, set()).add(tube.target)
+            self._joined.setdefault(tube.target, set()).add(tube.source)
+        for tube in self.tubes:
+            self._lay((tube.source, tube.source_port), (tube.target, tube.target_port))
+            if tube.is_two_way:
+                self._lay((tube.target, tube.target_port), (tube.source, tube.source_port))
+
+    def _lay(self, source: tuple[str, str], target: tuple[str, str]) -> None:
+        self._forth.setdefault(source[0], []).append((source[1], End(*target)))
+        self._back.setdefault(target[0], []).append((target[1], End(*source)))
+
+    def neighbours(self, key: str) -> set[str]:
+        """Return what any link joins to an element."""
+        return self._joined.get(key, set())
+
+    def tubes_at(self, key: str, *, pushing: bool) -> list[tuple[str, End]]:
+        """Return own port and far end of each tube that carries away from, or towards, `key`."""
+        table = self._forth if pushing else self._back
+        return list(dict.fromkeys(table.get(key, ())))
+
+    def ports_of(self, key: str) -> set[str]:
+        """Return the ports at which tubes are joined."""
+        both = self._forth.get(key, []) + self._back.get(key, [])
+        return {port for port, _ in both if port}
+
+    def is_gas(self, key: str) -> bool:
+        """Tell whether an element gives gas: by its class, or a flask of a gas by `chemical`."""
+        element = self.elements.get(key)
+        if element is None:
+            return False
+        chemical = element.attributes.get("chemical")
+        is_named = isinstance(chemical, str) and chemical.strip().lower() in _GASES
+        is_flask = element.role is Role.VESSEL and "flask" in element.kind.lower()
+        return element.role is Role.GAS or (is_named and is_flask)
+
+    def is_vessel(self, key: str) -> bool:
+        """Tell whether matter can be in it; the collecting flask of a rotary evaporator too."""
+        if key.endswith(COLLECT) and key not in self.elements:
+            owner = self.elements.get(key.removesuffix(COLLECT))
+            return owner is not None and is_evaporator(owner)
+        element = self.elements.get(key)
+        return element is not None and element.role is Role.VESSEL and not self.is_gas(key)
+
+    def capacity(self, key: str) -> int | None:
+        """Return the units that the graph says a vessel holds; None: it does not say."""
+        owner, name = key, "max_volume"
+        if key.endswith(COLLECT) and key not in self.elements:
+            owner, name = key.removesuffix(COLLECT), "collection_flask_volume"
+        attributes = self.elements[owner].attributes
+        config = attributes.get("config")
+        for place in (config if isinstance(config, Mapping) else {}, attributes):
+            if found := volume_nl(place.get(name)):
+                return found * UNITS_PER_NL
+        return None
+
+    def can_turn(self, element: Element, port: str) -> bool:
+        """Tell whether a valve, or a pump with a valve, has that position."""
+        if element.positions:
+            return port in element.positions
+        if element.role is Role.PUMP:
+            return element.selects and port in self.ports_of(element.key)
+        if element.common_port is None or port == element.common_port:
+            return False
+        if element.numbered and not is_numbered(port):
+            return False
+        return port in self.ports_of(element.key) or port in (element.ports or ())
+
+    def passes(
+        self, element: Element, entered: End, stands: Stands, *, maybe: bool = False
+    ) -> set[str] | None:
+        """Return the ports that an element joins to the one entered; None: to all others.
+
+        With `maybe`, a valve that nobody has turned yet may stand anywhere.
+        """
+        if element.role is Role.SOLENOID:
+            return None if element.key in stands.opened else set()
+        if element.role in (Role.CARTRIDGE, Role.MANIFOLD):
+            return None
+        if element.role is not Role.VALVE:
+            return set()
+        stand = stands.ports.get(element.key)
+        if stand is None:
+            return self._any_position(element, entered.port) if maybe else set()
+        if element.positions:
+            pairs = element.positions[stand]
+            return {p for pair in pairs if entered.port in pair for p in pair - {entered.port}}
+        pair = {stand, element.common_port or ""}
+        return pair - {entered.port} if entered.port in pair else set()
+
+    def _any_position(self, element: Element, port: str) -> set[str]:
+        if element.positions:
+            pairs = (pair for joined in element.positions.values() for pair in joined)
+            return {other for pair in pairs if port in pair for other in pair - {port}}
+        if port == element.common_port:
+            return self.ports_of(element.key) - {port}
+        return {element.common_port or ""}
+
+    def gases_at(self, vessel: str, stands: Stands, *, maybe: bool = False) -> Iterator[End]:
+        """Yield each source of gas, vacuum line and pneumatic port that a vessel is joined to."""
+        seen: set[End] = set()
+        waiting = [far for _, far in self._all_tubes(vessel)]
+        while waiting:
+            end = waiting.pop()
+            if end in seen:
+                continue
+            seen.add(end)
+            element = self.elements[end.key]
+            if element.role in (Role.VACUUM, Role.OTHER) or self.is_gas(end.key):
+                yield end
+                continue
+            leave = self.passes(element, end, stands, maybe=maybe)
+            for port, far in self._all_tubes(end.key):
+                if leave is None or port in leave:
+                    waiting.append(far)
+
+    def _all_tubes(self, key: str) -> list[tuple[str, End]]:
+        return self._forth.get(key, []) + self._back.get(key, [])
+
+
+def is_evaporator(element: Element) -> bool:
+    """Tell whether an element is a rotary evaporator: a vessel that boils into another."""
+    word = element.kind.lower().replace("_", "")
+    return element.role is Role.VESSEL and any(
+        part in word for part in ("rotavap", "rotovap", "rv10", "r300")
+    )

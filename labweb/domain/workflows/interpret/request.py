@@ -1,0 +1,73 @@
+"""Judge the lines of `compile_transfers` as plans of one step."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from labweb.domain.errors import Finding, LabError
+from labweb.domain.graph.lab_file.guard import decode_json
+from labweb.domain.graph.rig.model import Rig
+from labweb.domain.units import parse_volume_nl
+from labweb.domain.workflows.interpret.execute import execute
+from labweb.domain.workflows.interpret.matter import UNITS_PER_NL, Contents, Range
+from labweb.domain.workflows.interpret.plan import Action, Plan, Step, parse_groups
+from labweb.domain.workflows.interpret.plumbing import Plumbing
+from labweb.domain.workflows.interpret.schema import Claim
+
+_LOT = "asked"
+
+
+def check_answer(rig: Rig, request: bytes, answer: bytes) -> list[Finding]:
+    """List what is not proved of one answer to one request.
+
+    The source is taken to hold twice what is asked for and the target to be empty and without
+    bound, as `docs/routing.md` says. A refusal claims nothing: there is nothing to find.
+
+    Raises:
+        LabFileError: A line is no JSON.
+    """
+    asked, answered = decode_json(request), decode_json(answer)
+    if not isinstance(answered, dict) or not isinstance(answered.get("ok"), bool):
+        return [Finding("interpret.shape", "the answer has no ok")]
+    if not answered["ok"]:
+        return []
+    if not isinstance(asked, dict):
+        return [Finding("interpret.shape", "the request is no object")]
+    findings: list[Finding] = []
+    groups = parse_groups(answered.get("steps"), findings)
+    try:
+        volume_nl = parse_volume_nl(asked.get("volume"))
+    except LabError as error:
+        findings.append(Finding(error.code, error.message, "volume"))
+        return findings
+    ends = [asked.get("from"), asked.get("to")]
+    through = asked.get("through") or []
+    if not all(isinstance(word, str) for word in (*ends, *through)):
+        findings.append(Finding("interpret.shape", "from, to and through are ids"))
+    if findings:
+        return findings
+    return _execute(rig, asked, groups, volume_nl)
+
+
+def _execute(
+    rig: Rig, asked: dict[str, Any], groups: tuple[tuple[Action, ...], ...], volume_nl: int
+) -> list[Finding]:
+    source, plumbing = str(asked["from"]), Plumbing(rig)
+    is_gas = plumbing.is_gas(source)
+    twice = Range.exactly(2 * volume_nl * UNITS_PER_NL)
+    claim = Claim(
+        kind="flush" if is_gas else "transfer",
+        from_=source,
+        to=str(asked["to"]),
+        volume_ul=volume_nl / 1000,
+        through=list(asked.get("through") or ()),
+    )
+    contents = {} if is_gas else {source: Contents({_LOT: twice}, {}, twice)}
+    state = execute(rig, Plan((Step(1, claim, groups, (), 0),), contents), is_alone=True)
+    wanted = (asked.get("from_port"), asked.get("to_port"))
+    for flow in state.record.flows:
+        for port, other in zip((flow.source.port, flow.target.port), wanted, strict=True):
+            if other not in (None, port):
+                message = f"it takes port {port!r}, not {other!r}"
+                state.complain("interpret.claim", message)
+    return state.findings

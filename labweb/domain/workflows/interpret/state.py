@@ -1,0 +1,222 @@
+"""Where everything is and what runs, at one moment of a plan; and what a step did."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from labweb.domain.errors import Finding
+from labweb.domain.workflows.interpret.apparatus import pumps_of
+from labweb.domain.workflows.interpret.matter import NOTHING, UNITS_PER_NL, Contents, Range
+from labweb.domain.workflows.interpret.plumbing import End, Plumbing, Stands
+
+LOST, REMOVED = "@lost", "@removed"
+"""Where matter is booked that dried away, and that a person emptied out."""
+
+LOWER, UPPER = "lower", "upper"
+TOLERANCE = UNITS_PER_NL // 2
+"""Half a nanolitre: amounts that differ by no more are equal."""
+
+
+@dataclass(slots=True)
+class Syringe:
+    """What a syringe holds."""
+
+    nominal: int = 0
+    """How far the plunger is out, in units: what strokes of uncertain size drew at most."""
+
+    contents: Contents = field(default_factory=Contents)
+    origin: End | None = None
+    """Vessel or source of gas that it was drawn from, and by which port."""
+
+    passed: tuple[str, ...] = ()
+    """Cartridges and manifolds on its way so far."""
+
+    phases: set[str] = field(default_factory=set)
+
+
+@dataclass(frozen=True, slots=True)
+class Flow:
+    """Liquid or gas that one stroke brought into a vessel."""
+
+    source: End
+    target: End
+    volume: Range
+    nominal: int
+    passed: tuple[str, ...]
+    liquids: Mapping[str, Range]
+    solids: Mapping[str, Range]
+    is_gas: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Effect:
+    """Something that an action did, beside moving liquid."""
+
+    name: str
+    """The action."""
+
+    device: str
+    vessels: tuple[str, ...] = ()
+    value: object = None
+    """What the claim compares: a speed, a temperature, a duration, an amount."""
+
+    lot: str = ""
+
+
+@dataclass(slots=True)
+class Record:
+    """What one step has done so far."""
+
+    flows: list[Flow] = field(default_factory=list)
+    effects: list[Effect] = field(default_factory=list)
+    turned: set[str] = field(default_factory=set)
+    """Valves that this step has turned."""
+
+    solenoids: set[str] = field(default_factory=set)
+    """Solenoids that liquid of this step went through."""
+
+    touched: set[str] = field(default_factory=set)
+    """Devices and vessels: what must not be used by two steps at once."""
+
+    parting: dict[str, tuple[int, int]] = field(default_factory=dict)
+    """Vessel whose lower phase is drawn → the most that was there, what was drawn so far."""
+
+    is_checked: bool = False
+    """A person has confirmed something in this step."""
+
+
+@dataclass(slots=True)
+class Vacuum:
+    """State of a vacuum pump."""
+
+    is_running: bool = False
+    pressure_mbar: float | None = None
+    is_vented: bool = False
+
+
+class State:
+    """The whole rig."""
+
+    def __init__(self, plumbing: Plumbing, capacities: Mapping[str, int]) -> None:
+        self.plumbing = plumbing
+        self.capacities = capacities
+        self.contents: dict[str, Contents] = {}
+        self.phases: dict[str, set[str]] = {}
+        self.syringes: dict[str, Syringe] = {}
+        self.stands = Stands()
+        self.stirring: dict[str, float] = {}
+        self.rotating: dict[str, float] = {}
+        self.temperatures: dict[str, float] = {}
+        """Heater, chiller or bath that is on → what it is set to."""
+
+        self.vacuums: dict[str, Vacuum] = {}
+        self.supplies: dict[End, str] = {}
+        self.lowered: set[str] = set()
+        self.lights: set[str] = set()
+        self.watched: dict[str, set[str]] = {}
+        """Vessel → sensors, or `@by_hand`, that watch it."""
+
+        self.has_collecting = True
+        """The collecting flask of a rotary evaporator is a vessel of its own."""
+
+        self.record = Record()
+        self.findings: list[Finding] = []
+        self.where = "plan"
+        can_reach = Stands(opened={k for k, e in plumbing.elements.items() if e.role == "solenoid"})
+        self.exposed = [
+            key
+            for key in plumbing.elements
+            if plumbing.is_vessel(key) and any(plumbing.gases_at(key, can_reach, maybe=True))
+        ]
+        """Vessels that gas or vacuum can get to at all."""
+
+        lines = [key for key, e in plumbing.elements.items() if e.role == "vacuum"]
+        self._always_draws = any(not pumps_of(plumbing, key) for key in lines)
+
+    def complain(self, code: str, message: str, **context: object) -> None:
+        """Add a finding about where execution stands."""
+        self.findings.append(Finding(code, f"{self.where}: {message}", self.where, context))
+
+    def held(self, key: str) -> Contents:
+        """Return the contents of a vessel, to be changed in place."""
+        return self.contents.setdefault(key, Contents())
+
+    def syringe(self, key: str) -> Syringe:
+        """Return what a syringe holds, to be changed in place."""
+        return self.syringes.setdefault(key, Syringe())
+
+    def sources(self, vessel: str) -> set[str]:
+        """Return the sources of gas that a vessel is joined to."""
+        found = set()
+        for end in self.plumbing.gases_at(vessel, self.stands):
+            if self.plumbing.is_gas(end.key) or self.supplies.get(end) == "gas":
+                found.add(end.key)
+        return found
+
+    def running_vacuum(self, vessel: str, *, maybe: bool = False) -> set[str]:
+        """Return the running vacuum lines that a vessel is joined to."""
+        ends = self.plumbing.gases_at(vessel, self.stands, maybe=maybe)
+        return {end.key for end in ends if self._draws(end)}
+
+    def lines(self, vessel: str) -> set[str]:
+        """Return all vacuum lines that a vessel is joined to, running or not."""
+        ends = self.plumbing.gases_at(vessel, self.stands)
+        return {end.key for end in ends if self.plumbing.elements[end.key].role == "vacuum"}
+
+    def lines_without_valves(self, vessel: str) -> set[str]:
+        """Return the vacuum lines that nothing can take off a vessel."""
+        ends = self.plumbing.gases_at(vessel, Stands())
+        return {end.key for end in ends if self.plumbing.elements[end.key].role == "vacuum"}
+
+    def _draws(self, end: End) -> bool:
+        element = self.plumbing.elements[end.key]
+        if element.role != "vacuum":
+            return self.supplies.get(end) == "vacuum"
+        pumps = pumps_of(self.plumbing, end.key)
+        return not pumps or any(pump in self.running_pumps() for pump in pumps)
+
+    def running_pumps(self) -> set[str]:
+        """Return the vacuum pumps that run."""
+        return {key for key, vacuum in self.vacuums.items() if vacuum.is_running}
+
+    def mix_in(self, vessel: str, more: Contents) -> None:
+        """Put matter into a vessel, and see that it fits."""
+        held = self.held(vessel)
+        held.add(more)
+        capacity = self.capacities.get(vessel)
+        if capacity is None or more.volume == NOTHING:
+            return
+        if held.volume.least > capacity + TOLERANCE:
+            self.complain(
+                "interpret.overflow",
+                f"{vessel} holds {microlitres(capacity)} and now has "
+                f"{microlitres(held.volume.least)}",
+                vessel=vessel,
+            )
+        elif held.volume.most > capacity + TOLERANCE and not self.record.is_checked:
+            self.complain(
+                "interpret.may_overflow",
+                f"{vessel} holds {microlitres(capacity)}, may now have "
+                f"{microlitres(held.volume.most)}, and nobody is asked first",
+                vessel=vessel,
+            )
+
+    def dry(self) -> None:
+        """Let liquid leave all vessels that running vacuum is on."""
+        if not (self._always_draws or self.running_pumps() or "vacuum" in self.supplies.values()):
+            return
+        for vessel in self.exposed:
+            held = self.contents.get(vessel)
+            if held is not None and held.volume.most and self.running_vacuum(vessel):
+                self.held(LOST).add(held.let_go())
+
+
+def microlitres(amount: int) -> str:
+    """Write an amount of units for a person.
+
+    Example:
+        >>> microlitres(2_500_000_000)
+        '2.5 µL'
+    """
+    return f"{amount / UNITS_PER_NL / 1000:.12g} µL"

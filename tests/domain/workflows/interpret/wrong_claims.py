@@ -1,0 +1,191 @@
+"""Plans that do not do as they claim, each with the code of the rule it breaks."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from tests.domain.workflows.interpret import plans as right
+from tests.domain.workflows.interpret.bench import (
+    act,
+    by_hand,
+    carry,
+    draw,
+    plan,
+    port,
+    shift,
+    step,
+)
+from tests.domain.workflows.interpret.wrong_strokes import HALF_FULL, move, of_step, with_fields
+
+WATER = right.WATER
+
+
+WRONG: list[tuple[str, dict[str, Any]]] = [
+    ("overflow", plan(right.TO_REACTOR, flask_water=WATER, reactor={"ether": 84_000.001})),
+    ("overflow", plan(right.ASK, reactor={"ether": 100_000.001})),
+    (
+        "overflow",
+        plan(
+            step(
+                "fill",
+                [[by_hand("fill", vessel="reactor", lot="a", volume_ul=1)]],
+                to="reactor",
+                lot="a",
+                volume_ul=1,
+            ),
+            reactor={"ether": 100_000.0},
+        ),
+    ),
+    ("may_overflow", plan(right.EVAPORATE, rotavap=HALF_FULL)),
+    ("vacuum_on", plan(right.VACUUM, right.TO_REACTOR, right.VENT, flask_water=WATER)),
+    (
+        "vacuum_on",
+        plan(
+            right.VACUUM,
+            step(
+                "vent",
+                [[act("cvc vent")], [act("cvc stop_vacuum")], [port("valve_vac", "5")]],
+                vessel="reactor",
+            ),
+        ),
+    ),
+    (
+        "never_reached",
+        plan(
+            right.HEAT,
+            step(
+                "reach",
+                [[act("hotplate await_temperature", low_c=70, high_c=80)]],
+                vessel="reactor",
+                low_c=70,
+                high_c=80,
+            ),
+            right.STOP_HEAT,
+        ),
+    ),
+    ("syringe_not_empty", move([[port("valve_1", "0")], [draw("pump_1", 5_000)]])),
+    (
+        "solenoid_open",
+        plan(
+            step(
+                "transfer",
+                [g for g in right.SOLENOID["actions"] if g[0]["action"] != "close"],
+                **right.SOLENOID["does"],
+            ),
+            flask_empty=WATER,
+        ),
+    ),
+    ("through", move(right.THROUGH["actions"], to="filter")),
+    ("through", move(carry("0", "0", 5_000), through=["cartridge"])),
+    ("claim", move(carry("0", "0", 5_000), to="waste")),
+    ("claim", move(carry("0", "0", 5_000), volume_ul=5_000.001)),
+    ("claim", move(carry("0", "0", 5_000), lot="ether")),
+    ("claim", plan(right.TO_REACTOR, flask_water={"water": 20_000.0, "ether": 20_000.0})),
+    (
+        "claim",
+        plan(
+            step(
+                "transfer",
+                shift("0", "2", 8_000, until="empty"),
+                **{"from": "reactor", "to": "waste", "all": True, "most_ul": 16_000},
+            ),
+            reactor={"water": 16_000.0},
+        ),
+    ),
+    (
+        "claim",
+        plan(
+            step(
+                "transfer",
+                shift("0", "2", 10_000, 10_000, until="empty"),
+                **{"from": "reactor", "to": "waste", "all": True, "most_ul": 15_000},
+            ),
+            reactor={"water": 16_000.0},
+        ),
+    ),
+    (
+        "claim",
+        plan(
+            step(
+                "separate",
+                [
+                    right.SEPARATE["actions"][0],
+                    *shift("3", "2", 10_000, until="boundary"),
+                    *right.SEPARATE["actions"][9:],
+                ],
+                **right.SEPARATE["does"],
+            ),
+            separator={"water": 20_000.0},
+        ),
+    ),
+    (
+        "claim",
+        of_step(
+            right.RIGHT["separate"],
+            0,
+            does=right.SEPARATE["does"] | {"upper_to": "waste", "lower_to": "reactor"},
+        ),
+    ),
+    (
+        "claim",
+        plan(
+            step("stir", [[act("hotplate stir", speed_rpm=300)]], vessel="reactor", speed_rpm=400),
+            right.STOP_STIR,
+        ),
+    ),
+    ("claim", plan(step("wait", [[act("@timer wait", duration_s=59)]], duration_s=60))),
+    ("claim", plan(step("vacuum", [[act("cvc start_vacuum")]], vessel="reactor"), right.VENT)),
+    (
+        "unclaimed",
+        plan(step("ask", [[by_hand("check")], [act("@timer wait", duration_s=5)]], text="please")),
+    ),
+    (
+        "unclaimed",
+        plan(
+            step(
+                "stir",
+                [[act("hotplate stir", speed_rpm=4)], [act("stirrer stir", speed_rpm=4)]],
+                vessel="reactor",
+                speed_rpm=4,
+            ),
+            right.STOP_STIR,
+        ),
+    ),
+    ("unclaimed", move([*carry("0", "0", 5_000), *carry("2", "2", 5_000)])),
+    (
+        "unclaimed",
+        plan(
+            step("ask", [[by_hand("check")], *carry("0", "0", 5)], text="please"), flask_water=WATER
+        ),
+    ),
+    (
+        "gas_changed",
+        plan(right.GAS, step("ask", [[by_hand("check")], [port("valve_vac", "5")]], text="please")),
+    ),
+    (
+        "vacuum_changed",
+        plan(
+            right.VACUUM,
+            step("ask", [[by_hand("check")], [port("valve_vac", "5")]], text="please"),
+            right.VENT,
+        ),
+    ),
+    ("left_running", plan(right.STIR)),
+    ("left_running", plan(right.HEAT)),
+    ("left_running", plan(right.VACUUM)),
+    ("left_running", plan(right.ROTATE)),
+    ("left_running", plan(right.LIGHT)),
+    ("left_running", plan(right.GAS)),
+    ("totals", with_fields(right.RIGHT["gas"], totals={"duration_s": 3.0})),
+    ("totals", with_fields(right.RIGHT["gas"], totals={"critical_path_s": 1.0})),
+    ("totals", with_fields(right.RIGHT["by hand"], totals={"by_hand_count": 3})),
+    ("totals", with_fields(right.RIGHT["by hand"], totals={"delivered_ug": {}})),
+    (
+        "totals",
+        with_fields(
+            right.RIGHT["transfer"],
+            bindings={"reagents": {"w": "flask_water"}},
+            totals={"delivered_ul": {"reactor": {"water": 1.0}}},
+        ),
+    ),
+]
