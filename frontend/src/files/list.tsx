@@ -57,11 +57,13 @@ export function FilesPage() {
   );
 }
 
+const MOST_REASONS = 5;
+
 /** What has not become a file: it waits for its reader, or was refused. */
 function Incoming({ rows }: { rows: IncomingFile[] }) {
   return (
     <Card title={words.incoming.title} note={String(rows.length)} testId="incoming">
-      <table className="runs filerows">
+      <table className="runs filerows incoming">
         <tbody>
           {rows.map((row) => (
             <tr key={row.id} data-testid="incoming-row">
@@ -70,8 +72,21 @@ function Incoming({ rows }: { rows: IncomingFile[] }) {
                 {row.state === "pending" ? (
                   words.incoming.pending
                 ) : (
-                  <span className="bad">
-                    {words.incoming.refused} {row.findings[0]?.subject} {row.message}{" "}
+                  <span className="bad reasons">
+                    {words.incoming.refused}{" "}
+                    {row.findings.length === 0
+                      ? row.message
+                      : row.findings.slice(0, MOST_REASONS).map((finding) => (
+                          <span key={`${finding.subject} ${finding.message}`}>
+                            {finding.subject && `${finding.subject}: `}
+                            {finding.message}
+                          </span>
+                        ))}
+                    {row.findings.length > MOST_REASONS && (
+                      <span className="m">
+                        {words.incoming.more(row.findings.length - MOST_REASONS)}
+                      </span>
+                    )}
                     <span className="mono m">{row.code}</span>
                   </span>
                 )}

@@ -10,6 +10,7 @@ export const words = {
     title: "Not read",
     pending: "Waits to be read…",
     refused: "Refused:",
+    more: (count: number) => `and ${count} more`,
   },
   form: {
     title: "Bring a file",
