@@ -152,18 +152,6 @@ class NoRouteError(PlanningError):
     default_code = "plan.no_route"
 
 
-class UnboundRoleError(PlanningError):
-    """A role in the protocol is bound to nothing in this lab."""
-
-    default_code = "plan.unbound_role"
-
-
-class NoDeviceError(PlanningError):
-    """No device offers the action where it is needed."""
-
-    default_code = "plan.no_device"
-
-
 class InfeasibleError(PlanningError):
     """The plan breaks a limit; `findings` list each."""
 
@@ -180,12 +168,6 @@ class ForbiddenError(GovernanceError):
     """The actor lacks the permission."""
 
     default_code = "governance.forbidden"
-
-
-class ApprovalNeededError(GovernanceError):
-    """A person has to approve first; `context["request_id"]` names the request."""
-
-    default_code = "governance.approval_needed"
 
 
 class EnrollmentError(GovernanceError):
@@ -237,15 +219,3 @@ class ReconcileError(LabError):
 
     default_code = "reconcile.disagrees"
     default_effect = Effect.UNKNOWN
-
-
-class PostconditionError(ReconcileError):
-    """A sensor disagrees with the plan."""
-
-    default_code = "reconcile.postcondition"
-
-
-class DriftError(ReconcileError):
-    """Edge and server tell different stories."""
-
-    default_code = "reconcile.drift"
