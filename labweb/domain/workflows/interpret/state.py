@@ -203,12 +203,12 @@ class State:
             )
 
     def dry(self) -> None:
-        """Let liquid leave all vessels that running vacuum is on."""
+        """Let liquid leave all vessels that running vacuum is, or may be, on."""
         if not (self._always_draws or self.running_pumps() or "vacuum" in self.supplies.values()):
             return
         for vessel in self.exposed:
             held = self.contents.get(vessel)
-            if held is not None and held.volume.most and self.running_vacuum(vessel):
+            if held is not None and held.volume.most and self.running_vacuum(vessel, maybe=True):
                 self.held(LOST).add(held.let_go())
 
 
