@@ -306,7 +306,7 @@ def _holds(making: Making, move: Move, amount_nl: int) -> bool:
         return True
     if liquid.most >= amount_nl:
         text = f"At least {render_volume(amount_nl)} can be drawn from {move.source}"
-        making.ask_first(text)
+        making.ask_first(text, vessel=move.source, least_ul=micro(amount_nl))
         return True
     message = (
         f"{render_volume(amount_nl)} is to be drawn from {move.source}, which holds at most "
@@ -355,7 +355,7 @@ def _keeps_solids(making: Making, move: Move) -> bool:
 
 def _is_under_vacuum(making: Making, move: Move) -> bool:
     for end in (move.source.partition("#")[0], move.target):
-        if end in making.evacuated:
+        if making.is_evacuated(end):
             message = f"{end} is under vacuum: liquid cannot be moved into or out of it"
             making.told.tell("plan.under_vacuum", message, move.place)
             return True
