@@ -7,6 +7,7 @@ solenoid ───5┘   │           │    ├3── separator bottom (condu
                 pump_1      pump_2  └5── rotavap evaporate
 reactor 1 ── valve_vac -1;  valve_vac 0 ── line (pump cvc);  1 ── flask_n2;  5 free
 flask_d, flask_e ── cvc_d ── line_d ── valve_d 0;  valve_d -1 ── flask_f
+flask_g ── valve_g -1;  valve_g 0 ── line_g, which is always on;  5 free
 """
 
 from __future__ import annotations
@@ -37,6 +38,9 @@ CLASSES = {
     "flask_e": "ChemputerFlask",
     "flask_f": "ChemputerFlask",
     "line_d": "ChemputerVacuum",
+    "flask_g": "ChemputerFlask",
+    "line_g": "ChemputerVacuum",
+    "valve_g": "ChemputerValve",
     "valve_d": "ChemputerValve",
     "cvc_d": "CVC3000",
     "pump_1": "ChemputerPump",
@@ -91,6 +95,8 @@ TUBES = (
     "cartridge:out filter:top",
     "flask_f:0 valve_d:-1",
     "line_d:0 valve_d:0",
+    "flask_g:0 valve_g:-1",
+    "line_g:0 valve_g:0",
 )
 LINKS = (
     "cvc line",

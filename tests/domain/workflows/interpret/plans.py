@@ -105,6 +105,7 @@ VENT = step(
     [[act("cvc stop_vacuum")], [act("cvc vent")], [port("valve_vac", "5")]],
     vessel="reactor",
 )
+OFF = step("vent", [[port("valve_g", "5")]], vessel="flask_g")
 VACUUM_BOTH = step(
     "vacuum",
     [[port("valve_d", "5")], [act("cvc_d start_vacuum", pressure_mbar=50)]],
@@ -224,6 +225,7 @@ RIGHT: dict[str, dict[str, Any]] = {
     "separate": plan(SEPARATE, separator={"water": 12_000.0, "ether": 8_000.0}),
     "separate the upper": plan(SEPARATE_UPPER, separator={"water": 6_000.0, "ether": 4_000.0}),
     "vacuum": plan(VACUUM, WAIT, VENT, reactor={"solid_salt": 1.0}),
+    "off a vacuum that is always on": plan(OFF, flask_g={"ether": 5.0}),
     "shared vacuum": plan(VACUUM_BOTH, WAIT, VENT_BOTH),
     "gas": plan(GAS, STOP_GAS),
     "heat": plan(STIR, HEAT, REACH, WAIT, STOP_HEAT, STOP_STIR),

@@ -21,6 +21,7 @@ OTHER_DEVICE = {
     "cvc": "cvc_rotavap",
     "cvc_rotavap": "cvc",
     "valve_d": "valve_vac",
+    "valve_g": "valve_d",
     "cvc_d": "cvc",
     "hotplate": "chiller",
     "rotavap": "reactor",
@@ -84,6 +85,9 @@ EQUIVALENT = {
     "filter": {"0.1.0 pump_2 aspirate until=None"},
     # These ports have no tube either.
     "vacuum": {f"2.2.0 valve_vac set_port port={free}" for free in (2, 3, 4)},
+    "off a vacuum that is always on": {
+        f"0.0.0 valve_g set_port port={free}" for free in (1, 2, 3, 4)
+    },
     "shared vacuum": {f"0.0.0 valve_d set_port port={free}" for free in (1, 2, 3, 4)},
     "gas": {f"1.0.0 valve_vac set_port port={free}" for free in (2, 3, 4)},
 }

@@ -178,6 +178,11 @@ WRONG: list[tuple[str, dict[str, Any]]] = [
             right.VENT,
         ),
     ),
+    # flask_g may be on the vacuum before, and is on it after.
+    (
+        "vacuum_changed",
+        plan(step("ask", [[by_hand("check")], [port("valve_g", "0")]], text="please")),
+    ),
     # valve_d has not been turned, and may join flask_f to the pump that starts.
     (
         "vacuum_changed",
