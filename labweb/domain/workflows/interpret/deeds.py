@@ -186,6 +186,10 @@ _DEEDS: Mapping[str, Callable[[State, Action], object]] = {
 }
 
 
+_OPENS = frozenset(("fill", "add_solid", "empty"))
+"""What a person cannot do to a vessel that is under vacuum."""
+
+
 def _by_hand(state: State, action: Action) -> None:
     parameters = action.parameters
     if isinstance(parameters, schema.HandCheck):
@@ -197,6 +201,8 @@ def _by_hand(state: State, action: Action) -> None:
         state.complain("interpret.unknown_vessel", message, vessel=vessel)
         return
     state.record.touched.add(vessel)
+    if action.name in _OPENS:
+        state.see_no_vacuum(vessel, f"a person opens {vessel} ({action.name})")
     value, lot = 0, ""
     if isinstance(parameters, schema.HandFill):
         value, lot = units(parameters.volume_ul), parameters.lot

@@ -11,6 +11,7 @@ from labweb.domain.workflows.on_rig.moving import (
     Move,
     chain_of,
     conductors,
+    is_under_vacuum,
     move_all,
     move_volume,
     nanolitres,
@@ -121,6 +122,8 @@ def add_solid(making: Making, operation: BasicOperation) -> None:
     lot = str(operation.fields.get("reagent", ""))
     if micrograms <= 0:
         making.told.tell("unit.not_positive", f"{mass} g cannot be added", operation.place)
+        return
+    if is_under_vacuum(making, operation.place, target):
         return
     text = f"Add {mass.normalize():f} g of {lot} to {target}"
     over_s = operation.fields.get("over_s")

@@ -164,7 +164,7 @@ def nanolitres(making: Making, volume_ml: Any, place: Place) -> int | None:  # n
 
 def move_volume(making: Making, move: Move, amount_nl: int, lot: str = "") -> None:
     """Move a volume: in as many parts as flask and waste ask for."""
-    if _is_under_vacuum(making, move):
+    if is_under_vacuum(making, move.place, move.source, move.target):
         return
     is_waste = making.equipment.sort(move.target) is Sort.WASTE
     if not is_waste:
@@ -191,7 +191,7 @@ def move_volume(making: Making, move: Move, amount_nl: int, lot: str = "") -> No
 
 def move_all(making: Making, move: Move) -> None:
     """Move all liquid of a vessel, drawing until nothing more comes."""
-    if _is_under_vacuum(making, move):
+    if is_under_vacuum(making, move.place, move.source, move.target):
         return
     liquid = making.matter.liquid(move.source)
     if move.source in making.lost:
@@ -353,10 +353,12 @@ def _keeps_solids(making: Making, move: Move) -> bool:
     return (move.source_port or element.leave_by or "bottom") == "bottom"
 
 
-def _is_under_vacuum(making: Making, move: Move) -> bool:
-    for end in (move.source.partition("#")[0], move.target):
-        if making.is_evacuated(end):
-            message = f"{end} is under vacuum: liquid cannot be moved into or out of it"
-            making.told.tell("plan.under_vacuum", message, move.place)
+def is_under_vacuum(making: Making, place: Place, *vessels: str) -> bool:
+    """Tell whether nothing can be put into or taken out of a vessel, which is then told."""
+    for vessel in vessels:
+        key = vessel.partition("#")[0]
+        if making.is_evacuated(key):
+            message = f"{key} is under vacuum: nothing can be put into it or taken out of it"
+            making.told.tell("plan.under_vacuum", message, place)
             return True
     return False

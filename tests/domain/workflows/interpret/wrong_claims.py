@@ -193,6 +193,7 @@ WRONG: list[tuple[str, dict[str, Any]]] = [
     ),
     ("vacuum_changed", of_step(SHARED, 0, does=VACUUM_BOTH | {"also": []})),
     ("vacuum_changed", of_step(SHARED, 2, does=VENT_BOTH | {"also": []})),
+    ("vacuum_on", plan(right.VACUUM, right.ADD_SOLID, right.VENT)),
     ("vacuum_shared", plan(*STEPS, flask_e={"solid_salt": 1.0})),
     ("claim", of_step(SHARED, 0, does=VACUUM_BOTH | {"also": ["flask_e", "reactor"]})),
     ("claim", of_step(SHARED, 0, does=VACUUM_BOTH | {"also": ["flask_e", "flask_d"]})),

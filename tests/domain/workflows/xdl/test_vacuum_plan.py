@@ -26,6 +26,7 @@ HARDWARE = (
 DRY = 'Dry vessel="filter" time="1 h" pressure="20 mbar"'
 TO_FILTER = 'Add vessel="filter" reagent="water" volume="5 mL"'
 TO_ROTAVAP = 'Add vessel="rotavap" reagent="water" volume="20 mL"'
+SOLID = 'AddSolid vessel="rotavap" reagent="water" mass="5 g"'
 EVAPORATE = 'Evaporate vessel="rotavap" time="1 h" pressure="100 mbar"'
 OUT = 'Transfer from_vessel="rotavap" to_vessel="filter" volume="10 mL"'
 
@@ -73,6 +74,7 @@ def test_a_step_names_the_empty_vessel_that_its_vacuum_is_on_too() -> None:
         ((TO_ROTAVAP, DRY), "plan.vacuum_shared"),
         (('SwitchVacuum vessel="filter"', EVAPORATE), "plan.vacuum_shared"),
         (('SwitchVacuum vessel="filter"', TO_ROTAVAP), "plan.under_vacuum"),
+        (('SwitchVacuum vessel="filter"', SOLID), "plan.under_vacuum"),
     ],
 )
 def test_what_one_vacuum_would_do_to_two_vessels_is_refused(
