@@ -42,7 +42,8 @@ def start_vacuum(making: Making, operation: BasicOperation) -> None:
         actions = []
         if pump is not None:
             making.also[vessel] = _drawn_too(making, operation.place, vessel, pump)
-            does["also"] = list(making.also[vessel]) or None
+            if vessel not in making.evacuated:
+                does["also"] = list(making.also[vessel]) or None
             actions += _close_others(making, vessel, line, pump)
             actions += [[say(pump, "start_vacuum", pressure_mbar=pressure)]]
         actions += _join(making, vessel, line)
@@ -70,8 +71,8 @@ def _vacuum_line(
 def _drawn_too(making: Making, place: Place, vessel: str, pump: str) -> tuple[str, ...]:
     """Return the empty vessels that the pump draws on too; what would do harm is told."""
     others = [key for key in drawn_with(making.equipment, pump) if key != vessel]
-    held = [key for key in others if making.matter.held(key) or key in making.lost]
-    for key in held:
+    held = [key for key in others if making.matter.held(key)]
+    for key in (key for key in held if key not in making.lost):
         message = (
             f"{pump} evacuates {vessel} and draws on {key} too, which may hold something: "
             f"a valve between {key} and {pump} is missing"

@@ -68,6 +68,15 @@ def test_a_step_names_the_empty_vessel_that_its_vacuum_is_on_too() -> None:
     assert [does["also"] for does in claims(plan, "vacuum", "vent")] == [["rotavap"]] * 2
 
 
+def test_vacuum_that_is_drawn_further_comes_to_no_vessel_anew() -> None:
+    plan = compiled(steps('SwitchVacuum vessel="filter"', DRY), shared())
+    assert [(d["kind"], d.get("also")) for d in claims(plan, "vacuum", "vent")] == [
+        ("vacuum", ["rotavap"]),
+        ("vacuum", None),
+        ("vent", ["rotavap"]),
+    ]
+
+
 @pytest.mark.parametrize(
     ("lines", "code"),
     [
