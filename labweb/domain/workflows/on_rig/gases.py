@@ -166,6 +166,7 @@ def stop_vacuum(making: Making, operation: BasicOperation) -> None:
     if controller is not None:
         supply = "gas" if gas else "none"
         actions: list[Group] = [[say(device, "set_supply", port=controller[1], supply=supply)]]
+        does["gas"] = device if gas else None
     else:
         line = _gas_line(making, operation, vessel, str(gas)) if gas else None
         actions = (

@@ -40,12 +40,12 @@ class Move:
 
 def route(making: Making, move: Move, amount_nl: int) -> list[Group] | None:
     """Plan the strokes of a move; None: there is no way, which is told."""
-    owner, _, part = move.source.partition("#")
+    owner, port = _leaves(making, move.source)
     request = TransferRequest(
         source=owner,
         target=move.target,
         amount_nl=amount_nl,
-        source_port=COLLECT if part else move.source_port,
+        source_port=port if owner != move.source else move.source_port or port,
         target_port=move.target_port,
         draw_rate_ul_s=move.draw_rate_ul_s,
         push_rate_ul_s=move.push_rate_ul_s,
@@ -59,16 +59,24 @@ def route(making: Making, move: Move, amount_nl: int) -> list[Group] | None:
     return None if findings else groups
 
 
+def _leaves(making: Making, source: str) -> tuple[str, str | None]:
+    """Return the element that is drawn from and by which port, where another leads elsewhere."""
+    owner, _, part = source.partition("#")
+    is_rotavap = making.equipment.sort(owner) is Sort.ROTAVAP
+    port = making.equipment.elements[owner].leave_by if is_rotavap else None
+    return owner, COLLECT if part else port
+
+
 def chain_of(making: Making, source: str, target: str) -> Chain | None:
     """Return the way from one vessel to another, or None."""
     network = making.equipment.rig.network
-    owner, _, part = source.partition("#")
+    owner, port = _leaves(making, source)
     if owner == target:
         return None
     wanted = Wanted(
         source=network.index[owner],
         target=network.index[target],
-        source_port=COLLECT if part else None,
+        source_port=port,
     )
     return find_chain(network, wanted)
 

@@ -116,6 +116,13 @@ def test_after_boiling_down_a_person_says_that_there_is_as_much_as_is_drawn() ->
     assert found["parameters"]["least_ul"] == 10_000
 
 
+def test_a_flask_is_not_drawn_from_by_the_port_of_its_collecting_flask() -> None:
+    graph = shared()
+    graph["links"] = [one for one in graph["links"] if one["id"] != "rotavap valve_1"]
+    link(graph, "rotavap", "valve_1", "(collect,5)")
+    assert reasons(steps(TO_ROTAVAP, OUT), graph) == ["plan.unknown_port"]
+
+
 def test_vessels_are_taken_off_a_vacuum_that_is_always_on_before_anything_else() -> None:
     wish = Wish(holds_nl={"filter": {"oil": 10**6}})
     text = recipe(TO_FILTER, 'Filter vessel="filter"')
