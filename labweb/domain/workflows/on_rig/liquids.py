@@ -5,6 +5,7 @@ from __future__ import annotations
 from decimal import Decimal
 from typing import Any
 
+from labweb.domain.workflows.on_rig.equipment import COLLECT, Sort
 from labweb.domain.workflows.on_rig.making import BY_HAND, Making, say
 from labweb.domain.workflows.on_rig.matter import exactly
 from labweb.domain.workflows.on_rig.moving import (
@@ -154,6 +155,9 @@ def transfer(making: Making, operation: BasicOperation) -> None:
         message = f"{name} and {wanted} are the same vessel of the rig"
         making.told.tell("plan.same_vessel", message, operation.place)
         return
+    port = port_of(operation, "from_port")
+    if port == COLLECT and making.equipment.sort(source) is Sort.ROTAVAP:
+        source, port = f"{source}#{COLLECT}", None
     volume = operation.fields.get("volume_ml")
     amount = None if volume is None else nanolitres(making, volume, operation.place)
     if volume is not None and amount is None:
@@ -167,7 +171,7 @@ def transfer(making: Making, operation: BasicOperation) -> None:
         target=target,
         place=operation.place,
         through=through,
-        source_port=port_of(operation, "from_port"),
+        source_port=port,
         target_port=port_of(operation, "to_port"),
         draw_rate_ul_s=draw,
         push_rate_ul_s=push,

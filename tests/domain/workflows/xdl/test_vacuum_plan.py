@@ -123,6 +123,14 @@ def test_a_flask_is_not_drawn_from_by_the_port_of_its_collecting_flask() -> None
     assert reasons(steps(TO_ROTAVAP, OUT), graph) == ["plan.unknown_port"]
 
 
+def test_the_port_of_the_collecting_flask_does_not_mean_the_other_flask() -> None:
+    graph = shared()
+    graph["links"] = [one for one in graph["links"] if one["source"] != "flask_ether"]
+    link(graph, "rotavap", "valve_1", "(collect,1)")
+    collect = 'Transfer from_vessel="rotavap" to_vessel="reactor" volume="all" from_port="collect"'
+    assert reasons(steps(TO_ROTAVAP, collect), graph) == ["plan.nothing_there"]
+
+
 def test_vessels_are_taken_off_a_vacuum_that_is_always_on_before_anything_else() -> None:
     wish = Wish(holds_nl={"filter": {"oil": 10**6}})
     text = recipe(TO_FILTER, 'Filter vessel="filter"')
