@@ -169,6 +169,7 @@ def _make(
         for key in making.equipment.vessels
         if making.matter.held(key)
     }
+    gases.close_vacuum(making)
     for flask, needed in sorted((making.needed_nl or {}).items()):
         lot = next(n for n, keys in making.binding.reagents.items() if flask in keys)
         fill(making, flask, lot, needed, NOWHERE)

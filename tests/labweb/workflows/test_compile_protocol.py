@@ -7,14 +7,18 @@ import json
 import os
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
+from django.core.management import CommandError, call_command
 
+from labweb.domain.workflows.recipe_plan import compile_recipe
 from tests.domain.workflows.xdl.plans import bench, recipe
 
 ROOT = Path(__file__).parents[3]
+COMMAND = "labweb.workflows.management.commands.compile_protocol"
 ADD = 'Add vessel="reactor" reagent="water" volume="60 mL"'
 
 
@@ -64,6 +68,49 @@ def test_a_refusal_is_exit_code_2_with_all_findings(tmp_path: Path) -> None:
     assert {f["code"] for f in findings} == {"plan.no_stirrer", "plan.no_gas"}
     assert all(f["context"]["line"] == 1 for f in findings)
     assert "plan.no_stirrer" in err
+
+
+def other_port(action: dict[str, Any]) -> None:
+    action["parameters"]["port"] = "3"
+
+
+def no_volume(action: dict[str, Any]) -> None:
+    del action["parameters"]["volume_ul"]
+
+
+@pytest.mark.parametrize(
+    ("name", "alter", "code"),
+    [
+        ("set_port", other_port, "interpret.no_path"),
+        ("dispense", no_volume, "interpret.shape"),
+    ],
+)
+def test_a_plan_of_which_one_action_is_wrong_is_not_shown(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    name: str,
+    alter: Callable[[dict[str, Any]], None],
+    code: str,
+) -> None:
+    def altered(*asked: Any) -> dict[str, Any]:  # noqa: ANN401 - arguments are passed on
+        plan = compile_recipe(*asked)
+        actions = (a for step in plan["steps"] for group in step["actions"] for a in group)
+        alter(next(action for action in actions if action["action"] == name))
+        return plan
+
+    (tmp_path / "graph.json").write_text(json.dumps(bench()))
+    (tmp_path / "recipe.xdl").write_text(recipe(ADD))
+    files = (str(tmp_path / "recipe.xdl"), "--lab", str(tmp_path / "graph.json"))
+    call_command("compile_protocol", *files, "--json")
+    assert json.loads(capsys.readouterr().out)["ok"]
+    monkeypatch.setattr(f"{COMMAND}.compile_recipe", altered)
+    with pytest.raises(CommandError, match=r"plan\.not_proved") as caught:
+        call_command("compile_protocol", *files, "--json")
+    assert caught.value.returncode == 2
+    answer = json.loads(capsys.readouterr().out)
+    assert not answer["ok"]
+    assert {"plan.not_proved", code} <= {finding["code"] for finding in answer["findings"]}
 
 
 @pytest.mark.parametrize(

@@ -3,11 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 
-from labweb.domain.workflows.interpret.apparatus import devices_at, pumps_of
+from labweb.domain.workflows.interpret.apparatus import devices_at
 from labweb.domain.workflows.interpret.matter import NOTHING, Contents, Range
 from labweb.domain.workflows.interpret.plan import mass_units, units
+from labweb.domain.workflows.interpret.pneumatics import (
+    PUMP_WORDS,
+    Before,
+    check_conditions,
+    check_gas,
+    check_stop_gas,
+    check_vacuum,
+    check_vent,
+    fail,
+)
 from labweb.domain.workflows.interpret.schema import Claim
 from labweb.domain.workflows.interpret.state import (
     LOWER,
@@ -50,30 +59,15 @@ ALLOWED: Mapping[str, frozenset[str]] = {
 }
 """Kind of a claim → what its step may do. A `check` by hand may stand anywhere."""
 
-_PUMP_WORDS = frozenset(("start_vacuum", "stop_vacuum", "vent"))
-_NOWHERE = _PUMP_WORDS | {"set_supply", "wait"}
+_NOWHERE = PUMP_WORDS | {"set_supply", "wait"}
 """Actions that are not done to a vessel that a link joins to their device."""
-
-
-@dataclass(frozen=True, slots=True)
-class Before:
-    """What was true when a step began."""
-
-    contents: Mapping[str, Contents]
-    sources: Mapping[str, set[str]]
-    vacuum: Mapping[str, set[str]]
-    lines: Mapping[str, set[str]]
 
 
 def check_claim(state: State, claim: Claim, before: Before) -> None:
     """Add a finding for everything that a step claims and did not do, or did and does not claim."""
     _check_unclaimed(state, claim)
     _CHECKS[claim.kind](state, claim, before)
-    _check_conditions(state, claim, before)
-
-
-def _fail(state: State, message: str) -> None:
-    state.complain("interpret.claim", message)
+    check_conditions(state, claim, before)
 
 
 def _check_unclaimed(state: State, claim: Claim) -> None:
@@ -99,14 +93,14 @@ def _check_by_hand(state: State, claim: Claim, before: Before) -> None:
     del before
     if claim.kind == "empty":
         if not _effects(state, "empty") or not state.held(str(claim.vessel)).holds_nothing:
-            _fail(state, f"{claim.vessel} is not emptied")
+            fail(state, f"{claim.vessel} is not emptied")
         return
     wanted = units(claim.volume_ul or 0) if claim.kind == "fill" else mass_units(claim.mass_ug or 0)
     found = _effects(state, claim.kind)
     lots = {effect.lot for effect in found}
     amount = sum(value for effect in found if isinstance(value := effect.value, int))
     if amount != wanted or lots != {claim.lot}:
-        _fail(state, f"{claim.to} got {amount} of {sorted(lots)}, not {wanted} of {claim.lot}")
+        fail(state, f"{claim.to} got {amount} of {sorted(lots)}, not {wanted} of {claim.lot}")
 
 
 def _check_transfer(state: State, claim: Claim, before: Before) -> None:
@@ -122,14 +116,14 @@ def _check_transfer(state: State, claim: Claim, before: Before) -> None:
     went = {lot for flow in flows for part in (flow.liquids, flow.solids) for lot in part}
     held = {lot for part in (source.liquids, source.solids) for lot, a in part.items() if a.most}
     if went != {claim.lot} or held != {claim.lot}:
-        _fail(state, f"{sorted(went)} went over, out of {sorted(held)}, not {claim.lot} alone")
+        fail(state, f"{sorted(went)} went over, out of {sorted(held)}, not {claim.lot} alone")
 
 
 def _check_volume(state: State, flows: list[Flow], volume_ul: float | None) -> None:
     wanted = units(volume_ul or 0)
     moved = sum((flow.volume for flow in flows), NOTHING)
     if abs(moved.least - wanted) > TOLERANCE or abs(moved.most - wanted) > TOLERANCE:
-        _fail(
+        fail(
             state,
             f"between {microlitres(moved.least)} and {microlitres(moved.most)} went over, "
             f"not {microlitres(wanted)}",
@@ -139,10 +133,10 @@ def _check_volume(state: State, flows: list[Flow], volume_ul: float | None) -> N
 def _check_all(state: State, source: str | None, most_ul: float | None, flows: list[Flow]) -> None:
     left = state.held(source or "").volume.most
     if left > TOLERANCE:
-        _fail(state, f"up to {microlitres(left)} may be left in {source}")
+        fail(state, f"up to {microlitres(left)} may be left in {source}")
     moved = sum((flow.volume for flow in flows), NOTHING)
     if moved.most > units(most_ul or 0) + TOLERANCE:
-        _fail(state, f"up to {microlitres(moved.most)} may go over, more than is claimed")
+        fail(state, f"up to {microlitres(moved.most)} may go over, more than is claimed")
 
 
 def _check_ends(
@@ -154,7 +148,7 @@ def _check_ends(
 ) -> None:
     for flow in flows:
         if flow.source.key != source or flow.target.key not in targets:
-            _fail(state, f"liquid goes from {flow.source.key} to {flow.target.key}")
+            fail(state, f"liquid goes from {flow.source.key} to {flow.target.key}")
         if list(flow.passed) != through:
             message = f"it goes through {list(flow.passed)}, not {through}"
             state.complain("interpret.through", message)
@@ -166,7 +160,7 @@ def _check_filter(state: State, claim: Claim, before: Before) -> None:
     _check_all(state, vessel, claim.most_ul, state.record.flows)
     solids = before.contents.get(vessel, Contents()).solids
     if _shown(solids) != _shown(state.held(vessel).solids):
-        _fail(state, f"solids leave {vessel}")
+        fail(state, f"solids leave {vessel}")
 
 
 def _shown(amounts: Mapping[str, Range]) -> dict[str, Range]:
@@ -176,17 +170,17 @@ def _shown(amounts: Mapping[str, Range]) -> dict[str, Range]:
 def _check_separate(state: State, claim: Claim, before: Before) -> None:
     vessel = claim.vessel or ""
     if vessel not in state.record.parting:
-        _fail(state, f"nothing looks for the boundary in {vessel}")
+        fail(state, f"nothing looks for the boundary in {vessel}")
         return
     for phase, target in ((LOWER, claim.lower_to), (UPPER, claim.upper_to)):
         places = {key for key, phases in state.phases.items() if phase in phases}
         if stray := places - {target}:
-            _fail(state, f"the {phase} phase may be in {sorted(stray)}, not only in {target}")
+            fail(state, f"the {phase} phase may be in {sorted(stray)}, not only in {target}")
     if vessel not in (claim.lower_to, claim.upper_to) and not state.held(vessel).holds_nothing:
-        _fail(state, f"{vessel} may still hold something")
+        fail(state, f"{vessel} may still hold something")
     known = before.contents.get(vessel, Contents())
     if known.volume.most > units(claim.most_ul or 0) + TOLERANCE:
-        _fail(state, f"{vessel} may hold {microlitres(known.volume.most)}, more than is claimed")
+        fail(state, f"{vessel} may hold {microlitres(known.volume.most)}, more than is claimed")
     _check_phase_ways(state, claim, before)
 
 
@@ -203,15 +197,15 @@ def _check_phase_ways(state: State, claim: Claim, before: Before) -> None:
             claim.vessel,
             *resting,
         }:
-            _fail(state, f"liquid goes from {flow.source.key} to {flow.target.key}")
+            fail(state, f"liquid goes from {flow.source.key} to {flow.target.key}")
         if list(flow.passed) != ways.get(flow.target.key, []):
             message = f"{list(flow.passed)} is passed on the way to {flow.target.key}"
             state.complain("interpret.through", message)
     for key in resting - {claim.vessel}:
         if not before.contents.get(key, Contents()).holds_nothing:
-            _fail(state, f"{key}, where a phase rests, held something")
+            fail(state, f"{key}, where a phase rests, held something")
         if key not in ways and not state.held(key).holds_nothing:
-            _fail(state, f"{key} may keep some of what rested in it")
+            fail(state, f"{key} may keep some of what rested in it")
 
 
 def _check_flush(state: State, claim: Claim, before: Before) -> None:
@@ -220,11 +214,11 @@ def _check_flush(state: State, claim: Claim, before: Before) -> None:
     for flow in state.record.flows:
         pushed += flow.nominal
         if (flow.source.key, flow.target.key) != (claim.from_, claim.to):
-            _fail(state, f"gas goes from {flow.source.key} to {flow.target.key}")
+            fail(state, f"gas goes from {flow.source.key} to {flow.target.key}")
         if any(state.plumbing.elements[key].role != "manifold" for key in flow.passed):
             state.complain("interpret.through", f"gas goes through {list(flow.passed)}")
     if pushed != wanted:
-        _fail(state, f"{microlitres(pushed)} of gas is pushed, not {microlitres(wanted)}")
+        fail(state, f"{microlitres(pushed)} of gas is pushed, not {microlitres(wanted)}")
 
 
 def _check_setting(state: State, claim: Claim, before: Before) -> None:
@@ -241,114 +235,53 @@ def _check_setting(state: State, claim: Claim, before: Before) -> None:
     devices = devices_at(state.plumbing, claim.vessel or "", action)
     found = {table[device] for device in devices if device in table}
     if found != (set() if wanted is None else {wanted}):
-        _fail(state, f"{claim.vessel} has {sorted(found)} and not {wanted} ({claim.kind})")
+        fail(state, f"{claim.vessel} has {sorted(found)} and not {wanted} ({claim.kind})")
 
 
 def _check_reach(state: State, claim: Claim, before: Before) -> None:
     del before
     windows = [effect.value for effect in _effects(state, "await_temperature")]
     if (claim.low_c, claim.high_c) not in windows:
-        _fail(state, f"nothing waits until {claim.vessel} is in the window")
+        fail(state, f"nothing waits until {claim.vessel} is in the window")
 
 
 def _check_wait(state: State, claim: Claim, before: Before) -> None:
     del before
     total = sum(v for e in _effects(state, "wait") if isinstance(v := e.value, float | int))
     if abs(total - (claim.duration_s or 0)) > 1e-6:
-        _fail(state, f"{total:g} s pass, not {claim.duration_s:g}")
-
-
-def _check_vacuum(state: State, claim: Claim, before: Before) -> None:
-    del before
-    vessel = claim.vessel or ""
-    running = state.running_vacuum(vessel)
-    if not running:
-        _fail(state, f"no running vacuum is on {vessel}")
-    lines = {line for line in running if state.plumbing.elements[line].role == "vacuum"}
-    pumps = {pump for line in lines for pump in pumps_of(state.plumbing, line)}
-    for pump in pumps & state.running_pumps():
-        if state.vacuums[pump].pressure_mbar != claim.pressure_mbar:
-            _fail(state, f"{pump} draws to {state.vacuums[pump].pressure_mbar} mbar")
-    _check_pumps(state, pumps)
-
-
-def _check_pumps(state: State, pumps: set[str]) -> None:
-    """Refuse what is done to vacuum pumps that the vessel is not joined to."""
-    for effect in state.record.effects:
-        if effect.name in _PUMP_WORDS and effect.device not in pumps:
-            message = f"{effect.name} of {effect.device}, which is not joined to the vessel"
-            state.complain("interpret.unclaimed", message)
-
-
-def _check_vent(state: State, claim: Claim, before: Before) -> None:
-    vessel = claim.vessel or ""
-    if state.running_vacuum(vessel):
-        _fail(state, f"running vacuum is on {vessel}")
-    joined = state.lines(vessel)
-    _check_off(state, vessel)
-    if claim.gas is None and state.sources(vessel) - before.sources.get(vessel, set()):
-        _fail(state, f"{vessel} is joined to {sorted(state.sources(vessel))}")
-    lines = before.lines.get(vessel, set()) | joined
-    pumps = {pump for line in lines for pump in pumps_of(state.plumbing, line)}
-    for pump in sorted(pumps):
-        vacuum = state.vacuums.get(pump)
-        if vacuum is None or vacuum.is_running or not vacuum.is_vented:
-            _fail(state, f"{pump} is not stopped and vented")
-    _check_pumps(state, pumps)
-    if claim.gas is not None:
-        _check_gas(state, claim, before)
-
-
-def _check_off(state: State, vessel: str) -> None:
-    """Refuse a vacuum line, running or not, that a valve could take off the vessel."""
-    if lines := state.lines(vessel) - state.lines_without_valves(vessel):
-        _fail(state, f"{vessel} is joined to {sorted(lines)}")
-
-
-def _check_gas(state: State, claim: Claim, before: Before) -> None:
-    del before
-    if claim.gas not in state.sources(claim.vessel or ""):
-        _fail(state, f"{claim.vessel} is not joined to {claim.gas}")
-
-
-def _check_stop_gas(state: State, claim: Claim, before: Before) -> None:
-    sources = state.sources(claim.vessel or "")
-    ended = {claim.gas} if claim.gas else before.sources.get(claim.vessel or "", set())
-    if sources & ended:
-        _fail(state, f"{claim.vessel} is still joined to {sorted(sources)}")
-    _check_off(state, claim.vessel or "")
+        fail(state, f"{total:g} s pass, not {claim.duration_s:g}")
 
 
 def _check_flask(state: State, claim: Claim, before: Before) -> None:
     del before
     if (claim.vessel in state.lowered) is not (claim.kind == "lower"):
-        _fail(state, f"{claim.vessel}: its flask is not where {claim.kind!r} says")
+        fail(state, f"{claim.vessel}: its flask is not where {claim.kind!r} says")
 
 
 def _check_evaporate(state: State, claim: Claim, before: Before) -> None:
     del before
     found = [effect.value for effect in _effects(state, "evaporate")]
     if found != [(claim.duration_s, claim.most_s)]:
-        _fail(state, f"{claim.vessel} does not boil down once as claimed")
+        fail(state, f"{claim.vessel} does not boil down once as claimed")
 
 
 def _check_light(state: State, claim: Claim, before: Before) -> None:
     del before
     lamps = devices_at(state.plumbing, claim.vessel or "", "start_light")
     if bool(state.lights.intersection(lamps)) is not (claim.kind == "light"):
-        _fail(state, f"the light at {claim.vessel} is not as claimed")
+        fail(state, f"the light at {claim.vessel} is not as claimed")
 
 
 def _check_measure(state: State, claim: Claim, before: Before) -> None:
     del before
     if [effect.value for effect in _effects(state, "measure")] != [claim.quantity]:
-        _fail(state, f"{claim.quantity} of {claim.vessel} is not measured once")
+        fail(state, f"{claim.quantity} of {claim.vessel} is not measured once")
 
 
 def _check_ask(state: State, claim: Claim, before: Before) -> None:
     del before
     if claim.text not in [effect.value for effect in _effects(state, "check")]:
-        _fail(state, "nobody is asked this")
+        fail(state, "nobody is asked this")
 
 
 _CHECKS: Mapping[str, Callable[[State, Claim, Before], None]] = {
@@ -365,10 +298,10 @@ _CHECKS: Mapping[str, Callable[[State, Claim, Before], None]] = {
     ),
     "reach": _check_reach,
     "wait": _check_wait,
-    "vacuum": _check_vacuum,
-    "vent": _check_vent,
-    "gas": _check_gas,
-    "stop_gas": _check_stop_gas,
+    "vacuum": check_vacuum,
+    "vent": check_vent,
+    "gas": check_gas,
+    "stop_gas": check_stop_gas,
     "lower": _check_flask,
     "raise": _check_flask,
     "evaporate": _check_evaporate,
@@ -377,17 +310,3 @@ _CHECKS: Mapping[str, Callable[[State, Claim, Before], None]] = {
     "measure": _check_measure,
     "ask": _check_ask,
 }
-
-
-def _check_conditions(state: State, claim: Claim, before: Before) -> None:
-    """Refuse gas and vacuum that come or go where the claim does not say so."""
-    speaks = {"vacuum", "vent", "gas", "stop_gas"}
-    for vessel in state.exposed:
-        if claim.kind in speaks and vessel == claim.vessel:
-            continue
-        if state.sources(vessel) != before.sources.get(vessel, set()):
-            message = f"gas on {vessel} comes or goes in a {claim.kind}"
-            state.complain("interpret.gas_changed", message, vessel=vessel)
-        if state.running_vacuum(vessel) != before.vacuum.get(vessel, set()):
-            message = f"vacuum on {vessel} comes or goes in a {claim.kind}"
-            state.complain("interpret.vacuum_changed", message, vessel=vessel)

@@ -9,7 +9,14 @@ from labweb.domain.workflows.interpret.apparatus import vessels_of
 from labweb.domain.workflows.interpret.matter import Contents, Range
 from labweb.domain.workflows.interpret.plan import Action, mass_units, units
 from labweb.domain.workflows.interpret.plumbing import COLLECT, End
-from labweb.domain.workflows.interpret.state import REMOVED, Effect, State, Vacuum
+from labweb.domain.workflows.interpret.state import (
+    REMOVED,
+    TOLERANCE,
+    Effect,
+    State,
+    Vacuum,
+    microlitres,
+)
 
 
 def act(state: State, action: Action) -> None:
@@ -179,11 +186,14 @@ _DEEDS: Mapping[str, Callable[[State, Action], object]] = {
 }
 
 
+_OPENS = frozenset(("fill", "add_solid", "empty"))
+"""What a person cannot do to a vessel that is under vacuum."""
+
+
 def _by_hand(state: State, action: Action) -> None:
     parameters = action.parameters
     if isinstance(parameters, schema.HandCheck):
-        state.record.is_checked = True
-        state.record.effects.append(Effect("check", action.device, (), parameters.text))
+        _check(state, action.device, parameters)
         return
     vessel = getattr(parameters, "vessel", "")
     if not state.plumbing.is_vessel(vessel):
@@ -191,6 +201,8 @@ def _by_hand(state: State, action: Action) -> None:
         state.complain("interpret.unknown_vessel", message, vessel=vessel)
         return
     state.record.touched.add(vessel)
+    if action.name in _OPENS:
+        state.see_no_vacuum(vessel, f"a person opens {vessel} ({action.name})")
     value, lot = 0, ""
     if isinstance(parameters, schema.HandFill):
         value, lot = units(parameters.volume_ul), parameters.lot
@@ -204,6 +216,28 @@ def _by_hand(state: State, action: Action) -> None:
     else:
         _set_watch(state, vessel, action.device, is_on=action.name == "watch")
     state.record.effects.append(Effect(action.name, action.device, (vessel,), value, lot))
+
+
+def _check(state: State, device: str, parameters: schema.HandCheck) -> None:
+    state.record.effects.append(Effect("check", device, (), parameters.text))
+    vessel, least_ul = parameters.vessel, parameters.least_ul
+    if vessel is None or least_ul is None:
+        state.record.is_checked = True
+        return
+    if not state.plumbing.is_vessel(vessel):
+        message = f"{vessel!r} is no vessel of the graph"
+        state.complain("interpret.unknown_vessel", message, vessel=vessel)
+        return
+    state.record.touched.add(vessel)
+    held, least = state.held(vessel), units(least_ul)
+    if least > held.volume.most + TOLERANCE:
+        message = (
+            f"a person is to find {microlitres(least)} in {vessel}, which holds at most "
+            f"{microlitres(held.volume.most)}"
+        )
+        state.complain("interpret.dry_draw", message, vessel=vessel)
+        return
+    held.find_at_least(min(least, held.volume.most))
 
 
 def _solid(state: State, parameters: schema.HandSolid) -> int:

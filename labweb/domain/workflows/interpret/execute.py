@@ -8,10 +8,11 @@ from itertools import chain
 from labweb.domain.errors import Finding
 from labweb.domain.graph.rig.model import Rig
 from labweb.domain.workflows.interpret.apparatus import abilities
-from labweb.domain.workflows.interpret.claims import Before, check_claim
+from labweb.domain.workflows.interpret.claims import check_claim
 from labweb.domain.workflows.interpret.deeds import act
 from labweb.domain.workflows.interpret.plan import Action, Plan, Step
 from labweb.domain.workflows.interpret.plumbing import COLLECT, Plumbing
+from labweb.domain.workflows.interpret.pneumatics import Before
 from labweb.domain.workflows.interpret.schema import BY_HAND, TIMER, Claim
 from labweb.domain.workflows.interpret.state import (
     LOWER,
@@ -111,6 +112,7 @@ def _execute_step(state: State, step: Step) -> Record:
         contents={key: contents.copy() for key, contents in state.contents.items()},
         sources={key: state.sources(key) for key in state.exposed},
         vacuum={key: state.running_vacuum(key) for key in state.exposed},
+        may_draw={key: state.running_vacuum(key, maybe=True) for key in state.exposed},
         lines={key: state.lines(key) for key in state.exposed},
     )
     for group in step.groups:
@@ -127,7 +129,8 @@ def _execute_step(state: State, step: Step) -> Record:
 
 
 def _places(claim: Claim) -> Iterator[str]:
-    for key in (claim.vessel, claim.from_, claim.to, claim.lower_to, claim.upper_to):
+    named = (claim.vessel, claim.from_, claim.to, claim.lower_to, claim.upper_to)
+    for key in (*named, *(claim.also or ())):
         if key is not None:
             yield key
 

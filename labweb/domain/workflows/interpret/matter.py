@@ -62,6 +62,11 @@ class Contents:
         self.volume = self.volume + other.volume
         self._tighten()
 
+    def find_at_least(self, volume: int) -> None:
+        """Note that a person has seen at least `volume`, which is no more than there can be."""
+        self.volume = Range(max(self.volume.least, volume), self.volume.most)
+        self._tighten()
+
     def take_everything(self, *, with_solids: bool = True) -> Contents:
         """Take all liquid, and all solids unless they stay behind."""
         taken = Contents(self.liquids, self.solids if with_solids else {}, self.volume)

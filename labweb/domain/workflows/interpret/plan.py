@@ -19,6 +19,7 @@ from labweb.domain.workflows.interpret.schema import (
     TIMER,
     Bindings,
     Claim,
+    HandCheck,
     Lot,
     Parameters,
     RawAction,
@@ -247,8 +248,14 @@ class _Reader:
         parameters = self._convert(raw.parameters, wanted, f"{subject}.parameters")
         if parameters is None:
             return None
-        if (volume_ul := getattr(parameters, "volume_ul", None)) is not None:
-            self.amount(volume_ul, f"{subject}.parameters.volume_ul")
+        for name in ("volume_ul", "least_ul"):
+            if (volume_ul := getattr(parameters, name, None)) is not None:
+                self.amount(volume_ul, f"{subject}.parameters.{name}")
+        if isinstance(parameters, HandCheck) and (
+            (parameters.vessel is None) is not (parameters.least_ul is None)
+        ):
+            self._shape(f"{subject}: vessel and least_ul of a check stand together", subject)
+            return None
         if (mass_ug := getattr(parameters, "mass_ug", None)) is not None:
             self.mass(mass_ug, f"{subject}.parameters.mass_ug")
         return Action(raw.device, raw.action, parameters)

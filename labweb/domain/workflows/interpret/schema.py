@@ -210,6 +210,9 @@ class HandCheck(Parameters, frozen=True):
     """What a person confirms."""
 
     text: Sentence
+    vessel: Text | None = None
+    least_ul: Positive | None = None
+    """At least so much is in the vessel; the two stand together or not at all."""
 
 
 TIMER, BY_HAND = "@timer", "@by_hand"
@@ -278,6 +281,7 @@ class Claim(Strict, frozen=True):
     most_s: Duration | None = None
     pressure_mbar: Amount | None = None
     gas: Text | None = None
+    also: list[Text] | None = None
     quantity: Text | None = None
     text: Sentence | None = None
 
@@ -295,8 +299,8 @@ CLAIMS: Mapping[str, tuple[str, str]] = {
     "reach": ("vessel low_c high_c", ""),
     "stop_heat": ("vessel", ""),
     "wait": ("duration_s", ""),
-    "vacuum": ("vessel", "pressure_mbar"),
-    "vent": ("vessel", "gas"),
+    "vacuum": ("vessel", "pressure_mbar also"),
+    "vent": ("vessel", "gas also"),
     "gas": ("vessel gas", ""),
     "stop_gas": ("vessel", "gas"),
     "rotate": ("vessel speed_rpm", ""),

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from labweb.domain.errors import Finding
 from labweb.domain.workflows.interpret.apparatus import pumps_of
 from labweb.domain.workflows.interpret.matter import NOTHING, UNITS_PER_NL, Contents, Range
-from labweb.domain.workflows.interpret.plumbing import End, Plumbing, Stands
+from labweb.domain.workflows.interpret.plumbing import COLLECT, End, Plumbing, Stands
 
 LOST, REMOVED = "@lost", "@removed"
 """Where matter is booked that dried away, and that a person emptied out."""
@@ -159,6 +159,15 @@ class State:
         ends = self.plumbing.gases_at(vessel, self.stands, maybe=maybe)
         return {end.key for end in ends if self._draws(end)}
 
+    def see_no_vacuum(self, vessel: str, what: str) -> None:
+        """Add a finding when running vacuum is, or may be, on a vessel while `what` is done."""
+        key = vessel.removesuffix(COLLECT)
+        lines = self.running_vacuum(key, maybe=True) if key in self.exposed else set()
+        if lines:
+            names = ", ".join(sorted(lines))
+            message = f"{what} while {names} is, or may be, drawing on it"
+            self.complain("interpret.vacuum_on", message, vessel=vessel)
+
     def lines(self, vessel: str) -> set[str]:
         """Return all vacuum lines that a vessel is joined to, running or not."""
         ends = self.plumbing.gases_at(vessel, self.stands)
@@ -203,12 +212,12 @@ class State:
             )
 
     def dry(self) -> None:
-        """Let liquid leave all vessels that running vacuum is on."""
+        """Let liquid leave all vessels that running vacuum is, or may be, on."""
         if not (self._always_draws or self.running_pumps() or "vacuum" in self.supplies.values()):
             return
         for vessel in self.exposed:
             held = self.contents.get(vessel)
-            if held is not None and held.volume.most and self.running_vacuum(vessel):
+            if held is not None and held.volume.most and self.running_vacuum(vessel, maybe=True):
                 self.held(LOST).add(held.let_go())
 
 

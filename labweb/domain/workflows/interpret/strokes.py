@@ -190,15 +190,7 @@ def _arrive(
         message = f"{action.device} would push into {end.key}, a source of gas"
         state.complain("interpret.no_vessel", message, device=action.device)
         return None
-    exposed = element.key in state.exposed
-    lines = state.running_vacuum(element.key, maybe=True) if exposed else set()
-    if lines:
-        state.complain(
-            "interpret.vacuum_on",
-            f"{action.device} moves liquid at {end.key} while {', '.join(sorted(lines))} is, or "
-            "may be, drawing on it",
-            vessel=end.key,
-        )
+    state.see_no_vacuum(end.key, f"{action.device} moves liquid at {end.key}")
     return Way(action, stroke, volume, end, passed, taken)
 
 

@@ -7,11 +7,18 @@ from typing import Any
 from labweb.domain.graph.elements import Role
 from labweb.domain.workflows.on_rig.conditions import number
 from labweb.domain.workflows.on_rig.equipment import INERT, Sort
-from labweb.domain.workflows.on_rig.lines import Line, find_line, resting_port
+from labweb.domain.workflows.on_rig.lines import (
+    Line,
+    drawn_with,
+    find_line,
+    resting_port,
+    vacuum_line,
+)
 from labweb.domain.workflows.on_rig.making import Making, say
 from labweb.domain.workflows.on_rig.moving import Move, move_all, resolve
-from labweb.domain.workflows.passes.backbone import Group
+from labweb.domain.workflows.passes.backbone import Command, Group
 from labweb.domain.workflows.xdl.expansion.basic import INERT_GAS, WASTE, BasicOperation
+from labweb.domain.workflows.xdl.markup import NOWHERE, Place
 
 
 def start_vacuum(making: Making, operation: BasicOperation) -> None:
@@ -20,7 +27,8 @@ def start_vacuum(making: Making, operation: BasicOperation) -> None:
     if vessel is None:
         return
     pressure = number(operation.fields.get("pressure_mbar"))
-    does = {"kind": "vacuum", "vessel": vessel, "pressure_mbar": pressure}
+    does: dict[str, Any] = {"kind": "vacuum", "vessel": vessel, "pressure_mbar": pressure}
+    actions: list[Group]
     controller = making.equipment.pneumatic(vessel)
     if controller is not None:
         actions = [[say(controller[0], "set_supply", port=controller[1], supply="vacuum")]]
@@ -31,26 +39,25 @@ def start_vacuum(making: Making, operation: BasicOperation) -> None:
         if found is None:
             return
         line, pump = found
-        actions = [] if pump is None else [[say(pump, "start_vacuum", pressure_mbar=pressure)]]
+        actions = []
+        if pump is not None:
+            making.also[vessel] = _drawn_too(making, operation.place, vessel, pump)
+            if vessel not in making.evacuated:
+                does["also"] = list(making.also[vessel]) or None
+            actions += _close_others(making, vessel, line, pump)
+            actions += [[say(pump, "start_vacuum", pressure_mbar=pressure)]]
         actions += _join(making, vessel, line)
         making.evacuated[vessel] = pump or ""
         making.running["vacuum", vessel] = pump or line.end
-    if making.equipment.sort(vessel) is not Sort.ROTAVAP:
-        making.matter.loosen(vessel)
+    making.matter.loosen(vessel)
     making.add(operation.place, does, actions)
 
 
 def _vacuum_line(
     making: Making, operation: BasicOperation, vessel: str
 ) -> tuple[Line, str | None] | None:
-    elements = making.equipment.elements
     port = operation.fields.get("port")
-    line = find_line(
-        making.equipment,
-        vessel,
-        lambda key: elements[key].role is Role.VACUUM,
-        str(port) if port else None,
-    )
+    line = vacuum_line(making.equipment, vessel, str(port) if port else None)
     if line is None:
         if making.operation in ("Filter", "WashSolid"):
             making.note(f"{vessel} has no vacuum: its solid is not sucked dry")
@@ -59,6 +66,63 @@ def _vacuum_line(
             making.told.tell("plan.no_vacuum", message, operation.place)
         return None
     return line, making.equipment.vacuum_pump(line.end)
+
+
+def _drawn_too(making: Making, place: Place, vessel: str, pump: str) -> tuple[str, ...]:
+    """Return the empty vessels that the pump draws on too; what would do harm is told."""
+    others = [key for key in drawn_with(making.equipment, pump) if key != vessel]
+    held = [key for key in others if making.matter.held(key)]
+    for key in (key for key in held if key not in making.lost):
+        message = (
+            f"{pump} evacuates {vessel} and draws on {key} too, which may hold something: "
+            f"a valve between {key} and {pump} is missing"
+        )
+        making.told.tell("plan.vacuum_shared", message, place)
+    for key in sorted(k for k, p in making.evacuated.items() if p == pump and k != vessel):
+        message = f"{pump} draws on {key} already, and would change its vacuum with {vessel}"
+        making.told.tell("plan.vacuum_shared", message, place)
+    return tuple(key for key in others if key not in held)
+
+
+def _close_others(making: Making, vessel: str, line: Line, pump: str) -> list[Group]:
+    """Turn valves off the vacuum of a pump that nobody has turned yet: they may stand anywhere."""
+    found = []
+    for other in making.equipment.vessels:
+        theirs = vacuum_line(making.equipment, other)
+        if other == vessel or theirs is None or not theirs.valves:
+            continue
+        valve, busy = theirs.valves[0]
+        is_known = valve in making.turned or valve in dict(line.valves)
+        if is_known or making.equipment.vacuum_pump(theirs.end) != pump:
+            continue
+        port = resting_port(making.equipment, valve, busy)
+        if port is not None:
+            found.append(say(valve, "set_port", port=port))
+    return [found] if found else []
+
+
+def close_vacuum(making: Making) -> None:
+    """Take the vessels of the plan off vacuum that is always on, before anything else is done."""
+    used = {*making.binding.vessels.values(), *making.binding.flasks()}
+    turns: dict[str, Command] = {}
+    vessels = []
+    for vessel in making.equipment.vessels:
+        line = vacuum_line(making.equipment, vessel)
+        if line is None or making.equipment.vacuum_pump(line.end) is not None or line.solenoids:
+            continue
+        if vessel not in used and not making.matter.held(vessel):
+            continue
+        valve, busy = line.valves[0] if line.valves else ("", "")
+        port = resting_port(making.equipment, valve, busy) if valve else None
+        if port is None:
+            message = f"{line.end} is always on, and no valve takes {vessel} off it"
+            making.told.tell("plan.no_valve", message, NOWHERE)
+            continue
+        turns.setdefault(valve, say(valve, "set_port", port=port))
+        vessels.append(vessel)
+    with making.naming("Prepare"):
+        for vessel in vessels:
+            making.add(NOWHERE, {"kind": "vent", "vessel": vessel}, [[*turns.values()]])
 
 
 def _join(making: Making, vessel: str, line: Line) -> list[Group]:
@@ -75,14 +139,15 @@ def _shut(making: Making, vessel: str) -> list[Group]:
     return [closed] if closed else []
 
 
-def _part(making: Making, vessel: str) -> list[Group]:
+def _part(making: Making, vessel: str, place: Place) -> list[Group]:
     """Turn the valve nearest to the vessel away from gas and vacuum."""
     actions = _shut(making, vessel)
     valves = making.joined.pop(vessel, {})
     for valve, busy in list(valves.items())[:1]:
         port = resting_port(making.equipment, valve, busy)
         if port is None:
-            making.note(f"{valve} has no port to rest at and stays at {busy}")
+            message = f"{valve} has no port at which {vessel} is at neither gas nor vacuum"
+            making.told.tell("plan.no_valve", message, place)
         else:
             actions.append([say(valve, "set_port", port=port)])
     return actions
@@ -95,14 +160,18 @@ def stop_vacuum(making: Making, operation: BasicOperation) -> None:
         return
     device = making.running.pop(("vacuum", vessel))
     does: dict[str, Any] = {"kind": "vent", "vessel": vessel}
+    does["also"] = list(making.also.pop(vessel, ())) or None
     gas = operation.fields.get("gas")
     controller = making.equipment.pneumatic(vessel)
     if controller is not None:
         supply = "gas" if gas else "none"
         actions: list[Group] = [[say(device, "set_supply", port=controller[1], supply=supply)]]
+        does["gas"] = device if gas else None
     else:
         line = _gas_line(making, operation, vessel, str(gas)) if gas else None
-        actions = _part(making, vessel) if line is None else _join(making, vessel, line)
+        actions = (
+            _part(making, vessel, operation.place) if line is None else _join(making, vessel, line)
+        )
         does["gas"] = None if line is None else line.end
         if making.equipment.elements[device].role is Role.VACUUM and (
             making.equipment.vacuum_pump(device) == device
@@ -169,5 +238,5 @@ def stop_gas(making: Making, operation: BasicOperation) -> None:
     if controller is not None:
         actions: list[Group] = [[say(device, "set_supply", port=controller[1], supply="none")]]
     else:
-        actions = _part(making, vessel)
+        actions = _part(making, vessel, operation.place)
     making.add(operation.place, {"kind": "stop_gas", "vessel": vessel, "gas": device}, actions)

@@ -56,6 +56,28 @@ def find_line(
     return None
 
 
+def vacuum_line(equipment: Equipment, vessel: str, port: str | None = None) -> Line | None:
+    """Find the line that joins a vessel to a vacuum; None: there is none."""
+    return find_line(
+        equipment, vessel, lambda key: equipment.elements[key].role is Role.VACUUM, port
+    )
+
+
+def drawn_with(equipment: Equipment, pump: str) -> list[str]:
+    """List the vessels that a vacuum pump draws on whenever it runs: no valve is between."""
+    ways = _ways(equipment)
+    waiting, seen, found = [pump], {pump}, set()
+    while waiting:
+        for _, far, _ in ways.get(waiting.pop(), ()):
+            role = equipment.elements[far].role
+            if far in equipment.vessels:
+                found.add(far)
+            elif role in (Role.VACUUM, Role.MANIFOLD, Role.CARTRIDGE) and far not in seen:
+                seen.add(far)
+                waiting.append(far)
+    return sorted(found)
+
+
 def _through(element: Element, here: _Reached, out_port: str, start: str) -> _Reached | None:
     """Return what must be set to leave an element by a port; None: it cannot be."""
     if element.key == start or element.role is Role.MANIFOLD:

@@ -5,12 +5,14 @@ from __future__ import annotations
 from decimal import Decimal
 from typing import Any
 
+from labweb.domain.workflows.on_rig.equipment import COLLECT, Sort
 from labweb.domain.workflows.on_rig.making import BY_HAND, Making, say
 from labweb.domain.workflows.on_rig.matter import exactly
 from labweb.domain.workflows.on_rig.moving import (
     Move,
     chain_of,
     conductors,
+    is_under_vacuum,
     move_all,
     move_volume,
     nanolitres,
@@ -122,6 +124,8 @@ def add_solid(making: Making, operation: BasicOperation) -> None:
     if micrograms <= 0:
         making.told.tell("unit.not_positive", f"{mass} g cannot be added", operation.place)
         return
+    if is_under_vacuum(making, operation.place, target):
+        return
     text = f"Add {mass.normalize():f} g of {lot} to {target}"
     over_s = operation.fields.get("over_s")
     if isinstance(over_s, Decimal):
@@ -151,6 +155,9 @@ def transfer(making: Making, operation: BasicOperation) -> None:
         message = f"{name} and {wanted} are the same vessel of the rig"
         making.told.tell("plan.same_vessel", message, operation.place)
         return
+    port = port_of(operation, "from_port")
+    if port == COLLECT and making.equipment.sort(source) is Sort.ROTAVAP:
+        source, port = f"{source}#{COLLECT}", None
     volume = operation.fields.get("volume_ml")
     amount = None if volume is None else nanolitres(making, volume, operation.place)
     if volume is not None and amount is None:
@@ -164,7 +171,7 @@ def transfer(making: Making, operation: BasicOperation) -> None:
         target=target,
         place=operation.place,
         through=through,
-        source_port=port_of(operation, "from_port"),
+        source_port=port,
         target_port=port_of(operation, "to_port"),
         draw_rate_ul_s=draw,
         push_rate_ul_s=push,

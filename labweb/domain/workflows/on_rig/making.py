@@ -84,8 +84,14 @@ class Making:
     lost: set[str] = field(default_factory=set)
     """Vessels whose contents cannot be followed any more, after something that was told."""
 
-    checks: list[str] = field(default_factory=list)
-    """What a person has to look at before the next step."""
+    also: dict[str, tuple[str, ...]] = field(default_factory=dict)
+    """Evacuated vessel → the empty ones that its pump draws on too."""
+
+    turned: set[str] = field(default_factory=set)
+    """Valves that a step has turned: of these it is known how they stand."""
+
+    checks: dict[str, Command] = field(default_factory=dict)
+    """What a person has to look at before the next step, by its text."""
 
     temperatures_c: dict[str, float] = field(default_factory=dict)
     """Vessel → the temperature it was last brought to, for estimates."""
@@ -122,6 +128,8 @@ class Making:
         named |= {
             str(does[n]) for n in ("from", "to", "vessel", "lower_to", "upper_to") if n in does
         }
+        named |= set(does.get("also") or ())
+        self.turned |= {c["device"] for g in actions for c in g if c["action"] == "set_port"}
         draft = Draft(
             of=of,
             does={name: value for name, value in does.items() if value is not None},
@@ -134,14 +142,18 @@ class Making:
         self.waits_for = frozenset()
         self.steps.append(draft)
 
-    def ask_first(self, text: str) -> None:
-        """Let a person look before the next step."""
-        self.checks.append(text)
+    def ask_first(self, text: str, **found: str | float) -> None:
+        """Let a person look before the next step; `found` is what they have then seen."""
+        self.checks[text] = say(BY_HAND, "check", text=text, **found)
 
     def take_checks(self) -> list[Group]:
         """Return what a person has to look at, as actions."""
-        checks, self.checks = self.checks, []
-        return [[say(BY_HAND, "check", text=text)] for text in dict.fromkeys(checks)]
+        checks, self.checks = self.checks, {}
+        return [[check] for check in checks.values()]
+
+    def is_evacuated(self, vessel: str) -> bool:
+        """Tell whether vacuum is on a vessel, its own or that of another."""
+        return vessel in self.evacuated or any(vessel in others for others in self.also.values())
 
     def stopped(self, sort: str, vessel: str) -> str | None:
         """Note that something is stopped; return the device that did it, None: none did."""

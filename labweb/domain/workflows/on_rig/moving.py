@@ -40,12 +40,12 @@ class Move:
 
 def route(making: Making, move: Move, amount_nl: int) -> list[Group] | None:
     """Plan the strokes of a move; None: there is no way, which is told."""
-    owner, _, part = move.source.partition("#")
+    owner, port = _leaves(making, move.source)
     request = TransferRequest(
         source=owner,
         target=move.target,
         amount_nl=amount_nl,
-        source_port=COLLECT if part else move.source_port,
+        source_port=port if owner != move.source else move.source_port or port,
         target_port=move.target_port,
         draw_rate_ul_s=move.draw_rate_ul_s,
         push_rate_ul_s=move.push_rate_ul_s,
@@ -59,16 +59,24 @@ def route(making: Making, move: Move, amount_nl: int) -> list[Group] | None:
     return None if findings else groups
 
 
+def _leaves(making: Making, source: str) -> tuple[str, str | None]:
+    """Return the element that is drawn from and by which port, where another leads elsewhere."""
+    owner, _, part = source.partition("#")
+    is_rotavap = making.equipment.sort(owner) is Sort.ROTAVAP
+    port = making.equipment.elements[owner].leave_by if is_rotavap else None
+    return owner, COLLECT if part else port
+
+
 def chain_of(making: Making, source: str, target: str) -> Chain | None:
     """Return the way from one vessel to another, or None."""
     network = making.equipment.rig.network
-    owner, _, part = source.partition("#")
+    owner, port = _leaves(making, source)
     if owner == target:
         return None
     wanted = Wanted(
         source=network.index[owner],
         target=network.index[target],
-        source_port=COLLECT if part else None,
+        source_port=port,
     )
     return find_chain(network, wanted)
 
@@ -164,7 +172,7 @@ def nanolitres(making: Making, volume_ml: Any, place: Place) -> int | None:  # n
 
 def move_volume(making: Making, move: Move, amount_nl: int, lot: str = "") -> None:
     """Move a volume: in as many parts as flask and waste ask for."""
-    if _is_under_vacuum(making, move):
+    if is_under_vacuum(making, move.place, move.source, move.target):
         return
     is_waste = making.equipment.sort(move.target) is Sort.WASTE
     if not is_waste:
@@ -191,7 +199,7 @@ def move_volume(making: Making, move: Move, amount_nl: int, lot: str = "") -> No
 
 def move_all(making: Making, move: Move) -> None:
     """Move all liquid of a vessel, drawing until nothing more comes."""
-    if _is_under_vacuum(making, move):
+    if is_under_vacuum(making, move.place, move.source, move.target):
         return
     liquid = making.matter.liquid(move.source)
     if move.source in making.lost:
@@ -306,7 +314,7 @@ def _holds(making: Making, move: Move, amount_nl: int) -> bool:
         return True
     if liquid.most >= amount_nl:
         text = f"At least {render_volume(amount_nl)} can be drawn from {move.source}"
-        making.ask_first(text)
+        making.ask_first(text, vessel=move.source, least_ul=micro(amount_nl))
         return True
     message = (
         f"{render_volume(amount_nl)} is to be drawn from {move.source}, which holds at most "
@@ -353,10 +361,12 @@ def _keeps_solids(making: Making, move: Move) -> bool:
     return (move.source_port or element.leave_by or "bottom") == "bottom"
 
 
-def _is_under_vacuum(making: Making, move: Move) -> bool:
-    for end in (move.source.partition("#")[0], move.target):
-        if end in making.evacuated:
-            message = f"{end} is under vacuum: liquid cannot be moved into or out of it"
-            making.told.tell("plan.under_vacuum", message, move.place)
+def is_under_vacuum(making: Making, place: Place, *vessels: str) -> bool:
+    """Tell whether nothing can be put into or taken out of a vessel, which is then told."""
+    for vessel in vessels:
+        key = vessel.partition("#")[0]
+        if making.is_evacuated(key):
+            message = f"{key} is under vacuum: nothing can be put into it or taken out of it"
+            making.told.tell("plan.under_vacuum", message, place)
             return True
     return False

@@ -11,10 +11,12 @@ from typing import Any
 
 from django.core.management.base import BaseCommand, CommandError
 
-from labweb.domain.errors import Finding, LabError, LabFileError, UnitError
+from labweb.domain.errors import Finding, LabError, LabFileError, ProtocolError, UnitError
 from labweb.domain.graph.rig.model import Rig
 from labweb.domain.graph.rig.read import read_rig
 from labweb.domain.units import parse_volume_nl
+from labweb.domain.workflows.interpret.execute import check_plan
+from labweb.domain.workflows.interpret.plan import parse_plan
 from labweb.domain.workflows.on_rig.equipment import Equipment
 from labweb.domain.workflows.recipe_plan import Wish, compile_recipe
 from labweb.domain.workflows.xdl.json_form import parse_json
@@ -85,17 +87,18 @@ class Command(BaseCommand):
             raise CommandError(f"{options['lab']}: {error.code}: {error.message}") from error
         wish = _wish(options)
         raw_recipe = _read_recipe(options["recipe"])
-        try:
-            plan = _compile(raw_recipe, rig, wish, options["blueprints"])
-        except LabError as error:
-            self._print(error, as_json=options["json"])
-            raise CommandError(f"{error.code}: {error.message}", returncode=REFUSED) from error
         head = {
-            "plan": plan["plan"],
             "recipe": {"id": options["recipe"].stem, "sha256": _digest(raw_recipe)},
             "graph_sha256": _digest(raw_graph),
         }
-        self._write(head | plan, as_json=options["json"])
+        try:
+            made = _compile(raw_recipe, rig, wish, options["blueprints"])
+            plan = {"plan": made["plan"]} | head | made
+            _prove(plan, rig)
+        except LabError as error:
+            self._print(error, as_json=options["json"])
+            raise CommandError(f"{error.code}: {error.message}", returncode=REFUSED) from error
+        self._write(plan, as_json=options["json"])
 
     def _print(self, error: LabError, *, as_json: bool) -> None:
         findings: Sequence[Finding] = error.findings or (Finding(error.code, error.message),)
@@ -131,6 +134,19 @@ def _compile(raw: bytes, rig: Rig, wish: Wish, blueprints: Sequence[Path]) -> di
     if findings:
         raise refusal(findings)
     return compile_recipe(recipe, rig, wish)
+
+
+def _prove(plan: dict[str, Any], rig: Rig) -> None:
+    """Let the verifier, which knows nothing of the compiler, carry the plan out on paper."""
+    try:
+        read = parse_plan(json.dumps(plan, ensure_ascii=False).encode())
+        found = check_plan(rig, read, plan["graph_sha256"])
+    except LabError as error:
+        found = [*error.findings] or [Finding(error.code, error.message)]
+    if found:
+        message = f"a plan was made and cannot be proved, so it is none: {found[0].message}"
+        findings = [Finding("plan.not_proved", message), *found]
+        raise ProtocolError(message, code="plan.not_proved", findings=findings)
 
 
 def _wish(options: dict[str, Any]) -> Wish:

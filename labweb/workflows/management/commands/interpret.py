@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import gzip
 import hashlib
 import json
 import sys
-import zlib
 from argparse import ArgumentParser
 from collections.abc import Iterator
 from pathlib import Path
@@ -21,8 +19,8 @@ from labweb.domain.graph.rig.read import read_rig
 from labweb.domain.workflows.interpret.execute import check_plan
 from labweb.domain.workflows.interpret.plan import parse_plan
 from labweb.domain.workflows.interpret.request import check_answer
+from labweb.workflows.management.commands.compile_transfers import read_graph
 
-_GZIP = b"\x1f\x8b"
 NOT_PROVED = 2
 """Exit code when there is a finding."""
 
@@ -67,15 +65,15 @@ class Command(BaseCommand):
             sys.exit(NOT_PROVED)
 
     def _findings(self, options: dict[str, Any]) -> list[Finding]:
-        packed = _read(options["graph"])
-        rig, raw = read_rig(_unpack(options["graph"], packed)), _read(options["plan"])
+        graph = _read_graph(options["graph"])
+        rig, raw = read_rig(graph), _read(options["plan"])
         if options["request"] is not None:
             return list(_check_lines(rig, _read(options["request"]), raw))
         try:
             plan = parse_plan(raw)
         except ProtocolError as error:
             return list(error.findings)
-        return check_plan(rig, plan, hashlib.sha256(packed).hexdigest())
+        return check_plan(rig, plan, hashlib.sha256(graph).hexdigest())
 
     def _print(self, findings: list[Finding], *, as_json: bool) -> None:
         if as_json:
@@ -96,15 +94,11 @@ def _read(path: Path) -> bytes:
         raise CommandError(f"cannot read {path}: {error.strerror}") from error
 
 
-def _unpack(path: Path, raw: bytes) -> bytes:
-    if not raw.startswith(_GZIP):
-        return raw
+def _read_graph(path: Path) -> bytes:
     try:
-        with gzip.open(path) as packed:
-            return packed.read(MAX_BYTES + 1)
-    except (zlib.error, EOFError, gzip.BadGzipFile) as error:
-        message = "the file is no whole gzip file"
-        raise LabFileError(message, findings=[Finding("lab_file.gzip", message)]) from error
+        return read_graph(path)
+    except OSError as error:
+        raise CommandError(f"cannot read {path}: {error.strerror}") from error
 
 
 def _check_lines(rig: Rig, requests: bytes, answers: bytes) -> Iterator[Finding]:

@@ -6,6 +6,8 @@ flask_n2   ───2┼ valve_1 ═3═4═ valve_2 ─2── waste
 solenoid ───5┘   │           │    ├3── separator bottom (conductivity sensor, stirrer)
                 pump_1      pump_2  └5── rotavap evaporate
 reactor 1 ── valve_vac -1;  valve_vac 0 ── line (pump cvc);  1 ── flask_n2;  5 free
+flask_d, flask_e ── cvc_d ── line_d ── valve_d 0;  valve_d -1 ── flask_f
+flask_g ── valve_g -1;  valve_g 0 ── line_g, which is always on;  5 free
 """
 
 from __future__ import annotations
@@ -32,6 +34,15 @@ CLASSES = {
     "flask_b": "ChemputerFlask",
     "flask_c": "ChemputerFlask",
     "line_b": "ChemputerVacuum",
+    "flask_d": "ChemputerFlask",
+    "flask_e": "ChemputerFlask",
+    "flask_f": "ChemputerFlask",
+    "line_d": "ChemputerVacuum",
+    "flask_g": "ChemputerFlask",
+    "line_g": "ChemputerVacuum",
+    "valve_g": "ChemputerValve",
+    "valve_d": "ChemputerValve",
+    "cvc_d": "CVC3000",
     "pump_1": "ChemputerPump",
     "pump_2": "ChemputerPump",
     "flask_water": "ChemputerFlask",
@@ -82,10 +93,17 @@ TUBES = (
     "flask_n2:0 valve_vac:1",
     "valve_1:4 > cartridge:in",
     "cartridge:out filter:top",
+    "flask_f:0 valve_d:-1",
+    "line_d:0 valve_d:0",
+    "flask_g:0 valve_g:-1",
+    "line_g:0 valve_g:0",
 )
 LINKS = (
     "cvc line",
     "cvc_rotavap rotavap",
+    "cvc_d flask_d",
+    "cvc_d flask_e",
+    "cvc_d line_d",
     "hotplate reactor",
     "stirrer filter",
     "stirrer_s separator",

@@ -105,6 +105,20 @@ VENT = step(
     [[act("cvc stop_vacuum")], [act("cvc vent")], [port("valve_vac", "5")]],
     vessel="reactor",
 )
+OFF = step("vent", [[port("valve_g", "5")]], vessel="flask_g")
+VACUUM_BOTH = step(
+    "vacuum",
+    [[port("valve_d", "5")], [act("cvc_d start_vacuum", pressure_mbar=50)]],
+    vessel="flask_d",
+    pressure_mbar=50,
+    also=["flask_e"],
+)
+VENT_BOTH = step(
+    "vent",
+    [[act("cvc_d stop_vacuum")], [act("cvc_d vent")]],
+    vessel="flask_d",
+    also=["flask_e"],
+)
 GAS = step("gas", [[port("valve_vac", "1")]], vessel="reactor", gas="flask_n2")
 STOP_GAS = step("stop_gas", [[port("valve_vac", "5")]], vessel="reactor", gas="flask_n2")
 WAIT = step("wait", [[act("@timer wait", duration_s=60)]], duration_s=60)
@@ -146,6 +160,19 @@ VACUUM_R = step(
 )
 VENT_R = step(
     "vent", [[act("cvc_rotavap stop_vacuum")], [act("cvc_rotavap vent")]], vessel="rotavap"
+)
+SEEN = step(
+    "transfer",
+    [
+        [by_hand("check", vessel="rotavap", least_ul=4_000)],
+        [port("valve_2", "5")],
+        [draw("pump_2", 4_000)],
+        [port("valve_2", "2")],
+        [push("pump_2", 4_000)],
+    ],
+    from_="rotavap",
+    to="waste",
+    volume_ul=4_000,
 )
 FILL = step(
     "fill",
@@ -198,12 +225,15 @@ RIGHT: dict[str, dict[str, Any]] = {
     "separate": plan(SEPARATE, separator={"water": 12_000.0, "ether": 8_000.0}),
     "separate the upper": plan(SEPARATE_UPPER, separator={"water": 6_000.0, "ether": 4_000.0}),
     "vacuum": plan(VACUUM, WAIT, VENT, reactor={"solid_salt": 1.0}),
+    "off a vacuum that is always on": plan(OFF, flask_g={"ether": 5.0}),
+    "shared vacuum": plan(VACUUM_BOTH, WAIT, VENT_BOTH),
     "gas": plan(GAS, STOP_GAS),
     "heat": plan(STIR, HEAT, REACH, WAIT, STOP_HEAT, STOP_STIR),
     "light": plan(LIGHT, MEASURE, STOP_LIGHT),
     "evaporate": plan(
         ROTATE, LOWER, VACUUM_R, EVAPORATE, VENT_R, RAISE, STOP_ROTATE, rotavap={"ether": 20_000.0}
     ),
+    "seen by a person": plan(EVAPORATE, SEEN, rotavap={"ether": 6_000.0}),
     "by hand": plan(FILL, ADD_SOLID, EMPTY, ASK, waste={"dirt": 9.0, "solid_dirt": 9.0}),
     "rinse": plan(CLEAN, FLUSH, flask_water=WATER),
 }

@@ -20,6 +20,9 @@ OTHER_DEVICE = {
     "pump_2": "pump_1",
     "cvc": "cvc_rotavap",
     "cvc_rotavap": "cvc",
+    "valve_d": "valve_vac",
+    "valve_g": "valve_d",
+    "cvc_d": "cvc",
     "hotplate": "chiller",
     "rotavap": "reactor",
     "lamp": "hotplate",
@@ -28,6 +31,7 @@ OTHER_DEVICE = {
 }
 OTHER_VALUE: dict[str, Any] = {
     "volume_ul": lambda value: (value * 2, value / 2),
+    "least_ul": lambda value: (value * 2, value / 2),
     "port": lambda value: tuple(str(p) for p in range(6) if str(p) != value),
     "speed_rpm": lambda value: (value + 1,),
     "temperature_c": lambda value: (value + 100,),
@@ -81,6 +85,10 @@ EQUIVALENT = {
     "filter": {"0.1.0 pump_2 aspirate until=None"},
     # These ports have no tube either.
     "vacuum": {f"2.2.0 valve_vac set_port port={free}" for free in (2, 3, 4)},
+    "off a vacuum that is always on": {
+        f"0.0.0 valve_g set_port port={free}" for free in (1, 2, 3, 4)
+    },
+    "shared vacuum": {f"0.0.0 valve_d set_port port={free}" for free in (1, 2, 3, 4)},
     "gas": {f"1.0.0 valve_vac set_port port={free}" for free in (2, 3, 4)},
 }
 """Name of a right plan → mutants that do the same."""

@@ -4,13 +4,19 @@ from __future__ import annotations
 
 import pytest
 
-from tests.domain.workflows.interpret.bench import check, codes, draw, plan, port, push, step
-from tests.domain.workflows.interpret.plans import EVAPORATE, RIGHT
+from tests.domain.workflows.interpret.bench import check, codes, draw, plan, port, push, run, step
+from tests.domain.workflows.interpret.plans import ASK, EVAPORATE, OFF, RIGHT
 
 
 @pytest.mark.parametrize("name", RIGHT)
 def test_a_right_plan_is_proved(name: str) -> None:
     assert check(RIGHT[name]) == []
+
+
+def test_what_may_be_on_a_vacuum_may_dry_up_until_it_is_taken_off() -> None:
+    held = {"flask_g": {"ether": 5.0}}
+    assert run(plan(OFF, ASK, **held)).held("flask_g").is_known
+    assert not run(plan(ASK, OFF, **held)).held("flask_g").is_known
 
 
 @pytest.mark.parametrize("most_ul", [8_000, 7_999])

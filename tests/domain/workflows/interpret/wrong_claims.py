@@ -18,6 +18,14 @@ from tests.domain.workflows.interpret.bench import (
 from tests.domain.workflows.interpret.wrong_strokes import HALF_FULL, move, of_step, with_fields
 
 WATER = right.WATER
+SHARED = right.RIGHT["shared vacuum"]
+STEPS = (right.VACUUM_BOTH, right.WAIT, right.VENT_BOTH)
+VACUUM_BOTH, VENT_BOTH = right.VACUUM_BOTH["does"], right.VENT_BOTH["does"]
+
+
+def seen(**found: object) -> dict[str, Any]:
+    groups = [[by_hand("check", **found)], *right.EVAPORATE["actions"]]
+    return {"does": right.EVAPORATE["does"], "actions": groups}
 
 
 WRONG: list[tuple[str, dict[str, Any]]] = [
@@ -170,6 +178,33 @@ WRONG: list[tuple[str, dict[str, Any]]] = [
             right.VENT,
         ),
     ),
+    # flask_g may be on the vacuum before, and is on it after.
+    (
+        "vacuum_changed",
+        plan(step("ask", [[by_hand("check")], [port("valve_g", "0")]], text="please")),
+    ),
+    # valve_d has not been turned, and may join flask_f to the pump that starts.
+    (
+        "vacuum_changed",
+        plan(
+            {"does": VACUUM_BOTH, "actions": right.VACUUM_BOTH["actions"][1:]},
+            right.VENT_BOTH,
+        ),
+    ),
+    ("vacuum_changed", of_step(SHARED, 0, does=VACUUM_BOTH | {"also": []})),
+    ("vacuum_changed", of_step(SHARED, 2, does=VENT_BOTH | {"also": []})),
+    ("vacuum_on", plan(right.VACUUM, right.ADD_SOLID, right.VENT)),
+    ("vacuum_shared", plan(*STEPS, flask_e={"solid_salt": 1.0})),
+    ("claim", of_step(SHARED, 0, does=VACUUM_BOTH | {"also": ["flask_e", "reactor"]})),
+    ("claim", of_step(SHARED, 0, does=VACUUM_BOTH | {"also": ["flask_e", "flask_d"]})),
+    ("claim", of_step(SHARED, 2, does=VENT_BOTH | {"also": ["flask_e", "reactor"]})),
+    ("unknown_vessel", of_step(SHARED, 0, does=VACUUM_BOTH | {"also": ["flask_e", "line"]})),
+    ("dry_draw", plan(right.SEEN, rotavap={"ether": 3_999.0})),
+    ("may_overflow", plan(seen(vessel="rotavap", least_ul=5), rotavap=HALF_FULL)),
+    ("unknown_vessel", plan(seen(vessel="line", least_ul=5))),
+    ("shape", plan(seen(vessel="rotavap"))),
+    ("shape", plan(seen(least_ul=5))),
+    ("off_grid", plan(seen(vessel="rotavap", least_ul=0.0001))),
     ("left_running", plan(right.STIR)),
     ("left_running", plan(right.HEAT)),
     ("left_running", plan(right.VACUUM)),

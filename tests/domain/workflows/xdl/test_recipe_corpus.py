@@ -242,6 +242,7 @@ def test_what_a_rig_lacks_by_the_reference_it_lacks_here() -> None:
         ("orgsyn_v83p0193.xdl", "bigrig.json", "plan.no_cartridge"),
         ("purge.xdl", "bigrig_no_backbone_inert_gas.json", ""),
         ("dry_in_reactor.xdl", "bigrig_no_vacuum_device.json", ""),
+        ("evacuate.xdl", "pneumatic_controller.json", ""),
         ("orgsyn_v83p0193.xdl", f"{BAD}missing_component_type.json", "plan.no_vessel"),
         ("orgsyn_v83p0193.xdl", f"{BAD}missing_heater.json", "plan.no_thermostat"),
         ("orgsyn_v83p0193.xdl", f"{BAD}not_enough_spare_ports.json", "plan.no_reagent"),
