@@ -213,8 +213,11 @@ class Lab:
         process = self.processes.get(name)
         if process is None or process.pid is None or process.exitcode is not None:
             return False
+        try:
+            os.kill(process.pid, signal.SIGKILL)
+        except ProcessLookupError:  # it fell at a point of the code in this very moment
+            return False
         del self.processes[name]
-        os.kill(process.pid, signal.SIGKILL)
         process.join()
         return True
 
