@@ -22,7 +22,7 @@ from typing import (
 import msgspec
 
 from drivers.transports.base import Transport
-from labweb.domain.errors import DefinitionError, DeviceError, Effect, RejectedError
+from labweb.domain.errors import DefinitionError, DeviceError, Effect
 
 if TYPE_CHECKING:
     from labweb.domain.enrollment.spec import DriverSpec
@@ -241,11 +241,12 @@ def before_acting() -> Iterator[None]:
 
 @contextmanager
 def after_acting() -> Iterator[None]:
-    """Mark exchanges after the acting command: a lost link leaves its outcome UNKNOWN."""
+    """Mark exchanges after the acting command: whatever fails, it cannot have had no effect.
+
+    This holds for refusals, too: a question that is refused says nothing about what was begun.
+    """
     try:
         yield
-    except RejectedError:
-        raise
     except DeviceError as error:
         if error.effect is Effect.NONE:
             error.effect = Effect.UNKNOWN

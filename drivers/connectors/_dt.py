@@ -11,10 +11,9 @@ import re
 from dataclasses import dataclass
 from typing import Any, NamedTuple, NoReturn
 
-from drivers.base import Driver, Report, before_acting
+from drivers.base import Driver, Report, after_acting, before_acting
 from drivers.connectors._motion import (
     Plunger,
-    once_begun,
     refuse_port,
     refuse_rate,
     run_stroke,
@@ -150,7 +149,7 @@ class DtPump:
         with before_acting():
             before = self.position() if self.knows_position() else None
         self._act(command)
-        with once_begun():
+        with after_acting():
             watch(self.driver, self.is_idle, INITIALIZE_S)
             if not self.knows_position():
                 raise DeviceError("pump is idle after initialising, yet not initialised")

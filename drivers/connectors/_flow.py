@@ -7,8 +7,8 @@ from collections.abc import Callable
 from contextlib import suppress
 from typing import Any
 
-from drivers.base import DeviceStoppedError, Driver, Report, before_acting
-from drivers.connectors._motion import FULL_STROKE_S, POLL_S, once_begun
+from drivers.base import DeviceStoppedError, Driver, Report, after_acting, before_acting
+from drivers.connectors._motion import FULL_STROKE_S, POLL_S
 from labweb.domain.errors import DeviceError, Effect, PreconditionError, RejectedError
 
 SHORTEST_S = 0.2
@@ -69,7 +69,7 @@ def deliver(
     try:
         begin()
         started_s = time.monotonic()
-        with once_begun():
+        with after_acting():
             _run(driver, started_s + duration_s, is_running)
             end()
     except DeviceError as error:
@@ -87,7 +87,7 @@ def deliver(
 def _end_after(error: DeviceError, end: Callable[[], None]) -> None:
     """Stop a pump that may run; only where somebody asked for it does a failure to stop count."""
     if isinstance(error, DeviceStoppedError):
-        with once_begun():
+        with after_acting():
             end()
     elif error.effect is not Effect.NONE:
         with suppress(DeviceError):

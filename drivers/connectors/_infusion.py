@@ -7,8 +7,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-from drivers.base import Driver, Report
-from drivers.connectors._motion import limit_of, once_begun, refuse_rate, refuse_slow_stroke, watch
+from drivers.base import Driver, Report, after_acting
+from drivers.connectors._motion import limit_of, refuse_rate, refuse_slow_stroke, watch
 from labweb.domain.errors import DeviceError, Effect, PreconditionError
 
 TOLERANCE_RATIO = 0.01
@@ -65,7 +65,7 @@ def run_to_target(
     """
     volume_ul, rate_ul_s, resolution_ul = target
     begin()
-    with once_begun():
+    with after_acting():
         watch(driver, is_idle, limit_of(volume_ul / rate_ul_s), lambda: {"moved_ul": counted_ul()})
         moved_ul = counted_ul()
         if abs(moved_ul - volume_ul) > max(TOLERANCE_RATIO * volume_ul, resolution_ul):

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from typing import Any, Protocol
 
-from drivers.base import DeviceStoppedError, Driver, Report, before_acting
+from drivers.base import DeviceStoppedError, Driver, Report, after_acting, before_acting
 from labweb.domain.errors import DeviceError, Effect, PreconditionError
 
 POLL_S = 0.1
@@ -44,20 +43,6 @@ class Mechanism(Protocol):
 
     def knows_position(self) -> bool:
         """Tell whether the position is counted from a zero that was found."""
-
-
-@contextmanager
-def once_begun() -> Iterator[None]:
-    """Mark exchanges after a motion has begun: whatever fails, it cannot have had no effect.
-
-    This holds for refusals, too: a question that is refused then says nothing about the motion.
-    """
-    try:
-        yield
-    except DeviceError as error:
-        if error.effect is Effect.NONE:
-            error.effect = Effect.UNKNOWN
-        raise
 
 
 @dataclass(frozen=True, slots=True)
@@ -140,7 +125,7 @@ def run_stroke(
     target = before + steps
     plunger.check_target(target)
     begin(target)
-    with once_begun():
+    with after_acting():
         progress = partial(_progress, plunger, mechanism, before)
         watch(driver, mechanism.is_idle, limit_of(abs(steps) / speed_steps_s), progress)
         after = mechanism.position()
@@ -196,7 +181,7 @@ def turn_valve(
         DeviceError: PARTIAL with the place it stands at, where it tells one; no liquid moved.
     """
     begin()
-    with once_begun():
+    with after_acting():
         watch(driver, is_idle, VALVE_S, lambda: {"moved_ul": 0.0, name: where()})
         reached = where()
     if reached != wanted:

@@ -22,10 +22,9 @@ from typing import Annotated, ClassVar, Literal
 
 import msgspec
 
-from drivers.base import Driver, Range, Report, action, before_acting, status
+from drivers.base import Driver, Range, Report, action, after_acting, before_acting, status
 from drivers.connectors._motion import (
     Plunger,
-    once_begun,
     refuse_port,
     refuse_rate,
     run_stroke,
@@ -173,7 +172,7 @@ class HamiltonMl600(Driver[ByteTransport, Config], Pump, Valve):
             before = self.position() if self._has_zero else None
         self._has_zero = False
         self._act(f"{self.config.side}X")
-        with once_begun():
+        with after_acting():
             watch(self, self.is_idle, INITIALIZE_S)
             after = self.position()
         self._has_zero = True

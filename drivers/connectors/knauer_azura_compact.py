@@ -15,9 +15,9 @@ from typing import Annotated, ClassVar, Literal
 
 import msgspec
 
-from drivers.base import Driver, Range, Report, action, before_acting, status
+from drivers.base import Driver, Range, Report, action, after_acting, before_acting, status
 from drivers.connectors._flow import check_delivery, deliver, refuse_if_running
-from drivers.connectors._motion import once_begun, refuse_rate
+from drivers.connectors._motion import refuse_rate
 from drivers.interfaces.continuous_pump import ContinuousPump
 from drivers.transports.base import ByteTransport
 from labweb.domain.errors import FrameError, RejectedError
@@ -121,7 +121,7 @@ class KnauerAzuraCompact(Driver[ByteTransport, Config], ContinuousPump):
         Effect:
             Nothing moves any more.
         """
-        with once_begun():
+        with after_acting():
             self.halt()
         return Report(evidence={"is_running": False})
 

@@ -26,11 +26,12 @@ from drivers.base import (
     Range,
     Report,
     action,
+    after_acting,
     before_acting,
     status,
 )
 from drivers.connectors._flow import check_delivery, refuse_if_running
-from drivers.connectors._motion import POLL_S, once_begun, refuse_rate
+from drivers.connectors._motion import POLL_S, refuse_rate
 from drivers.interfaces.continuous_pump import ContinuousPump
 from drivers.transports.base import ByteTransport
 from labweb.domain.errors import (
@@ -147,7 +148,7 @@ class MasterflexLs(Driver[ByteTransport, Config], ContinuousPump):
         Effect:
             Nothing moves any more.
         """
-        with once_begun():
+        with after_acting():
             self.halt()
         return Report(evidence={"is_running": False})
 
@@ -175,7 +176,7 @@ class MasterflexLs(Driver[ByteTransport, Config], ContinuousPump):
         self._do("G")
         self._is_running = True
         started_s = time.monotonic()
-        with once_begun():
+        with after_acting():
             self._await_turns(started_s, duration_s + SETTLE_S, speed_rpm)
             self.halt()
         moved_ul = round(turns * self.config.per_turn_ul, 3)

@@ -20,12 +20,11 @@ from typing import Annotated, ClassVar
 
 import msgspec
 
-from drivers.base import Driver, Range, Report, action, before_acting, status
+from drivers.base import Driver, Range, Report, action, after_acting, before_acting, status
 from drivers.connectors._motion import (
     VALVE_S,
     Plunger,
     limit_of,
-    once_begun,
     refuse_port,
     refuse_rate,
     run_stroke,
@@ -124,7 +123,7 @@ class RunzeSy01(Driver[ByteTransport, Config], Pump, Valve):
             before = self.position() if self.is_initialized() else None
         self._has_zero = False
         self._unit.act(HOME, 0, INITIALIZE_S)
-        with once_begun():
+        with after_acting():
             watch(self, self.is_idle, INITIALIZE_S)
             after = self.position()
         self._has_zero = True
@@ -161,7 +160,7 @@ class RunzeSy01(Driver[ByteTransport, Config], Pump, Valve):
         before, self._port_index = self._port_index, None
         try:
             self._unit.act(VALVE_TO, port_index, VALVE_S)
-            with once_begun():
+            with after_acting():
                 watch(self, self.is_idle, VALVE_S)
         except DeviceError as error:
             self._port_index = before if error.effect is Effect.NONE else None

@@ -18,9 +18,9 @@ from typing import Annotated, ClassVar, Literal, NamedTuple
 
 import msgspec
 
-from drivers.base import Driver, Range, Report, action, before_acting, status
+from drivers.base import Driver, Range, Report, action, after_acting, before_acting, status
 from drivers.connectors._flow import check_delivery, deliver, refuse_if_running
-from drivers.connectors._motion import once_begun, refuse_rate
+from drivers.connectors._motion import refuse_rate
 from drivers.interfaces.continuous_pump import ContinuousPump
 from drivers.transports.base import ByteTransport
 from labweb.domain.errors import DeviceError, Effect, FrameError, RejectedError
@@ -133,7 +133,7 @@ class WatsonMarlow323(Driver[ByteTransport, Config], ContinuousPump):
         Effect:
             Nothing moves any more.
         """
-        with once_begun():
+        with after_acting():
             self.halt()
         return Report(evidence={"is_running": False})
 
@@ -174,7 +174,7 @@ class WatsonMarlow323(Driver[ByteTransport, Config], ContinuousPump):
 
     def _start(self) -> None:
         self._send("GO")
-        with once_begun():
+        with after_acting():
             if not self._status().is_running:
                 raise DeviceError("the pump was told to run, and stands", effect=Effect.UNKNOWN)
 
