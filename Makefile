@@ -12,7 +12,7 @@ export PATH := $(CURDIR)/.venv/bin:$(PATH)
 PY := .venv/bin/python
 PYTEST_ARGS ?=
 SEED ?= 0
-RUN_OPTIONS = $(foreach name,LAB BIND PORT SPEED,$(if $($(name)),--$(call lower,$(name)) '$($(name))'))
+RUN_OPTIONS = $(foreach name,LAB BIND PORT SPEED EDGE,$(if $($(name)),--$(call lower,$(name)) '$($(name))'))
 lower = $(shell echo '$(1)' | tr A-Z a-z)
 
 # Set-up is done once per content of the lock files.
@@ -29,7 +29,7 @@ help: ## list these targets
 	@echo "labweb: an operating system for autonomous laboratories"
 	@grep -hE '^[a-z0-9-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z0-9-]+):.*## (.*)/\1|\2/' | awk -F'|' '{printf "  make %-14s %s\n", $$1, $$2}'
 	@echo
-	@echo "  make run LAB=file [BIND=file] [PORT=8400] [SPEED=10]    open another lab"
+	@echo "  make run LAB=file [BIND=file] [PORT=8400] [SPEED=10] [EDGE=0.0.0.0:8443]    open another lab"
 	@echo "  make test PYTEST_ARGS='-n 2 -k transfer'     pass words to pytest"
 
 .PHONY: run

@@ -12,7 +12,7 @@ import sys
 from importlib import import_module
 from pathlib import Path
 
-from benchmarks import clicks, inspection, start, steps, transfers
+from benchmarks import clicks, inspection, registration, start, steps, transfers
 from benchmarks.database import an_empty_database
 from benchmarks.figures import Options, report
 
@@ -26,6 +26,10 @@ WITHOUT = {
     "start": ("how long `make run` takes", start.main),
     "steps": ("what a step costs beside a plain Celery loop", lambda: steps.main([])),
     "clicks": ("from a click to the first motion", lambda: clicks.main([])),
+    "registration": (
+        "from a driver's source to its first service on a device",
+        lambda: registration.main([]),
+    ),
     "inspection": ("drivers read as text beside ast.parse alone", inspection.main),
     "routes": ("compiled transfers beside a bare shortest path", transfers.speed),
 }

@@ -216,6 +216,13 @@ class Driver(ABC, Generic[TransportT, ConfigT]):
                 "the device is stopped: clear the stop before the next action", effect=Effect.NONE
             )
 
+    def picture(self, sha256: str) -> bytes | None:  # noqa: ARG002 - a camera's
+        """Return the bytes of a picture that the device took lately, by their digest.
+
+        None: it is none of them, or the device takes no pictures.
+        """
+        return None
+
     @abstractmethod
     def identify(self) -> None:
         """Ask who answers, and move nothing.

@@ -1,20 +1,26 @@
 """Loads an approved driver on an edge host, and calls it with checked arguments.
 
-Only modules of this package are loaded, and only when their source is byte for byte the one
-that was approved. This is the one place that turns a name into running code.
+A driver comes from this package, or from a bundle that the server sent; either way only when
+its source, and that of what it shares, is byte for byte the one that was approved. This is
+the one place that turns a name into running code.
 """
 
 from __future__ import annotations
 
+import ast
 import importlib
 import re
+import sys
 from collections.abc import Mapping
+from importlib.abc import Loader, MetaPathFinder
+from importlib.machinery import ModuleSpec
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 from drivers.base import ActionMark, Driver, Report, StatusMark, before_acting
 from drivers.catalog.inspect import PACKAGE
-from drivers.catalog.scan import inspect_file
+from drivers.catalog.scan import inspect_bundle, inspect_file
 from drivers.transports.base import Transport
 from labweb.domain.enrollment.spec import DriverSpec, check_arguments, check_config
 from labweb.domain.errors import (
@@ -22,6 +28,7 @@ from labweb.domain.errors import (
     DefinitionError,
     Effect,
     FrameError,
+    LabError,
     NotFoundError,
     PreconditionError,
 )
@@ -75,19 +82,103 @@ def load_driver(
             code="driver.digest",
             context={"approved": digest, "found": spec.digest},
         )
+    _check_spec(spec, class_name, config)
+    found = getattr(importlib.import_module(module), class_name)
+    return _build(spec, found, transport, config)
+
+
+def load_bundle(
+    modules: Mapping[str, str], class_name: str, transport: Transport, config: Mapping[str, Any]
+) -> Driver[Any, Any]:
+    """Build a driver from a bundle whose digest and approval were checked. Nothing is opened.
+
+    Its modules run under names of their own, so that two versions do not meet.
+
+    Args:
+        modules: Texts by dotted name, as `decode_bundle` returns them.
+        class_name: The class that was approved.
+        transport: Line of the device; drivers on one line share it.
+        config: Settings of the device.
+
+    Raises:
+        ConformanceError: The source breaks a rule, cannot be imported, or has no such class.
+        DefinitionError: Settings or transport do not fit; `findings` list the settings.
+    """
+    spec = inspect_bundle(modules)
+    _check_spec(spec, class_name, config)
+    try:
+        found = getattr(_Bundled.module(modules, spec.digest, spec.module), class_name)
+    except (Exception, SystemExit) as error:
+        raise ConformanceError(
+            f"{spec.module} cannot be imported: {type(error).__name__}: {error}",
+            code="driver.import",
+        ) from error
+    return _build(spec, found, transport, config)
+
+
+def _check_spec(spec: DriverSpec, class_name: str, config: Mapping[str, Any]) -> None:
     if spec.findings or spec.class_name != class_name:
         raise ConformanceError(
-            f"{module}: {class_name} is not a conforming driver", findings=spec.findings
+            f"{spec.module}: {class_name} is not a conforming driver", findings=spec.findings
         )
     if findings := check_config(spec, config):
         messages = "; ".join(finding.message for finding in findings)
         raise DefinitionError(messages, code="driver.config", findings=findings)
-    found = getattr(importlib.import_module(module), class_name)
+
+
+def _build(
+    spec: DriverSpec, found: object, transport: Transport, config: Mapping[str, Any]
+) -> Driver[Any, Any]:
     if not (isinstance(found, type) and issubclass(found, Driver)):
-        raise ConformanceError(f"{module}.{class_name} is not a Driver")
-    driver = found(transport, config)
+        raise ConformanceError(f"{spec.module}.{spec.class_name} is not a Driver")
+    try:
+        driver = found(transport, config)
+    except LabError:
+        raise
+    except (Exception, SystemExit) as error:
+        raise ConformanceError(
+            f"{spec.class_name} cannot be built: {type(error).__name__}: {error}",
+            code="driver.build",
+        ) from error
     driver.spec = spec
     return driver
+
+
+class _Bundled(MetaPathFinder, Loader):
+    """Gives the modules of one bundle to Python's import, each under a name with the digest.
+
+    What a bundle imports of itself is renamed in its tree; lines stay where they are.
+    """
+
+    def __init__(self, modules: Mapping[str, str], digest: str) -> None:
+        self._names = {name: f"driver_{digest[:16]}.{name}"[:200] for name in modules}
+        self._names = {name: new.replace(".", "_") for name, new in self._names.items()}
+        self._texts = {self._names[name]: text for name, text in modules.items()}
+
+    @classmethod
+    def module(cls, modules: Mapping[str, str], digest: str, name: str) -> ModuleType:
+        """Import the module of that name of the bundle."""
+        finder = cls(modules, digest)
+        sys.meta_path.insert(0, finder)
+        try:
+            return importlib.import_module(finder._names[name])
+        finally:
+            sys.meta_path.remove(finder)
+
+    def find_spec(
+        self, name: str, path: object = None, target: ModuleType | None = None
+    ) -> ModuleSpec | None:
+        """Claim the modules of the bundle, and no other."""
+        del path, target
+        return ModuleSpec(name, self, origin="bundle") if name in self._texts else None
+
+    def exec_module(self, module: ModuleType) -> None:
+        """Run the text of a module."""
+        tree = ast.parse(self._texts[module.__name__])
+        for node in ast.walk(tree):
+            if isinstance(node, ast.ImportFrom) and node.module in self._names:
+                node.module = self._names[node.module]
+        exec(compile(tree, module.__name__, "exec"), vars(module))  # noqa: S102 - was approved
 
 
 def call_action(driver: Driver[Any, Any], name: str, arguments: Mapping[str, Any]) -> Report:

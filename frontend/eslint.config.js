@@ -15,7 +15,7 @@ const forbid = (folders, packages = []) => ({
   ],
 });
 
-const screens = ["lab", "runs", "approvals", "devices", "files"];
+const screens = ["lab", "runs", "approvals", "devices", "files", "recipes"];
 
 export default tseslint.config(
   { ignores: ["node_modules", "dist"] },
@@ -57,7 +57,7 @@ export default tseslint.config(
     files: [`src/${screen}/**`],
     rules: forbid(screens.filter((other) => other !== screen && other !== "lab")),
   })),
-  ...["runs", "approvals", "devices", "files"].map((screen) => ({
+  ...["runs", "approvals", "devices", "files", "recipes"].map((screen) => ({
     files: [`src/${screen}/**`],
     rules: forbid(screens.filter((other) => other !== screen)),
   })),

@@ -1,4 +1,4 @@
-"""The ASGI entry point: `uvicorn labweb.asgi:application`."""
+"""The ASGI entry points: `application` for `uvicorn`, `door` for `manage.py edge_door`."""
 
 from __future__ import annotations
 
@@ -10,7 +10,9 @@ os.environ.setdefault("DJANGO_SETTINGS_MODULE", "labweb.settings.local")
 django.setup()
 
 from labweb import celery  # noqa: E402 - needs configured settings
+from labweb.api.door import application as build_door  # noqa: E402
 from labweb.api.lifespan import with_lifespan  # noqa: E402
 from labweb.api.routing import application as build  # noqa: E402
 
 application = with_lifespan(build(), celery.app)
+door = build_door()

@@ -12,13 +12,13 @@ from uuid import UUID, uuid4
 
 import msgspec
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
+from django.db.models import Q
 
 from labweb.accounts import services as account_services
 from labweb.accounts.selectors import User
 from labweb.crutd import services as crutd_services
 from labweb.domain.crutd import decide, operations
 from labweb.domain.crutd.decide import Outcome, OutcomeKind, ResourceState
-from labweb.domain.enrollment.spec import DriverSpec
 from labweb.domain.graph.lab_file.model import LabFile
 from labweb.domain.graph.lab_file.read import read_lab
 from labweb.domain.messages import Do, EdgeEvent, Hello, Resolve, event_hash, hello_bytes
@@ -26,7 +26,8 @@ from labweb.domain.resources.contents import LotId
 from labweb.domain.runs import edge
 from labweb.enrollment import services as enrollment_services
 from labweb.enrollment.models import Device, EdgeHost
-from labweb.resources.models import Lab, Resource
+from labweb.enrollment.services import CatalogDriver
+from labweb.resources.models import Connection, Lab, Resource
 from labweb.runs import services as run_services
 from labweb.runs.models import Attempt, Job, Outbox, Run
 from labweb.runs.services import seed
@@ -40,7 +41,7 @@ ROLES = ("observer", "chemist", "approver", "admin")
 
 
 @cache
-def catalog() -> dict[str, DriverSpec]:
+def catalog() -> dict[str, CatalogDriver]:
     """Return the package's drivers; they are read once per session."""
     return enrollment_services.read_catalog()
 
@@ -73,6 +74,12 @@ class Bench:
     def node(self, key: str) -> Resource:
         """Return a resource by its key, as it is now."""
         return Resource.objects.get(lab=self.lab, key=key)
+
+    def unplug(self, key: str) -> Resource:
+        """Take every tube and wire off a resource, so that it may be carried; return it."""
+        row = self.node(key)
+        Connection.objects.filter(Q(source=row) | Q(target=row)).delete()
+        return row
 
     def device(self, key: str) -> Device:
         """Return a device by its key, as it is now."""

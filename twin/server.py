@@ -5,9 +5,11 @@ from __future__ import annotations
 import argparse
 import asyncio
 import contextlib
+import json
 import logging
 import signal
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote
@@ -31,6 +33,8 @@ _TUBE_M = 0.0026
 _ASPECT = 1.6
 _FROZEN = "/not live"
 _SELECTED = "/selected"
+_ROUTE_M = 0.005
+_MOST_IN_ROUTE = 500
 
 
 class Viewer(viser.ViserServer):
@@ -74,7 +78,27 @@ class Painter:
         ground = np.full((2, 2, 3), palette.colour(self.theme, Role.GROUND), dtype=np.uint8)
         server.scene.set_background_image(ground, format="png")
         server.scene.configure_default_lights(enabled=True, cast_shadow=True)
-        server.on_client_connect(lambda client: self.look(client, "overview"))
+        server.on_client_connect(self._welcome)
+
+    def _welcome(self, client: viser.ClientHandle) -> None:
+        """Give one person a view of the lab, and a hidden field that says which route to show."""
+        self.look(client, "overview")
+        field = client.gui.add_text("Route", "")
+        drawn: list[Any] = []
+
+        @field.on_update
+        def _(event: viser.GuiEvent[Any]) -> None:
+            del event
+            while drawn:
+                drawn.pop().remove()
+            drawn.extend(self._draw_route(client, route_of(field.value)))
+
+    def _draw_route(self, client: viser.ClientHandle, keys: list[str]) -> Iterator[Any]:
+        """Light tubes for one person, and for nobody else; what is no tube is left out."""
+        for key in keys:
+            tube = self.scene.tubes.get(key)
+            if tube is not None:
+                yield self._spline(client, _name(key, "route"), tube, _ROUTE_M, Role.RUN)
 
     def _add_view(self, name: str) -> None:
         button = self._server.gui.add_button(name.capitalize())
@@ -203,13 +227,18 @@ class Painter:
 
     def _paint_tube(self, tube: Tube) -> None:
         name = _name(tube.key, "tube")
-        self._nodes[name] = self._server.scene.add_spline_catmull_rom(
+        self._nodes[name] = self._spline(self._server, name, tube, _TUBE_M, Role.TUBE)
+
+    def _spline(
+        self, owner: Viewer | viser.ClientHandle, name: str, tube: Tube, thick_m: float, role: Role
+    ) -> Any:  # noqa: ANN401 - a handle of viser
+        return owner.scene.add_spline_catmull_rom(
             name,
             np.asarray(tube.points_mm, dtype=np.float32) * _M_PER_MM,
             curve_type="centripetal",
-            thickness=_TUBE_M,
+            thickness=thick_m,
             thickness_units="world",
-            color=palette.colour(self.theme, Role.TUBE),
+            color=palette.colour(self.theme, role),
             segments=12 * len(tube.points_mm),
         )
 
@@ -237,6 +266,16 @@ class Painter:
     def _remove(self, name: str) -> None:
         for known in [n for n in self._nodes if n == name or n.startswith(f"{name}/")]:
             self._nodes.pop(known).remove()
+
+
+def route_of(text: str) -> list[str]:
+    """Read the keys of tubes that a page asks for; what is no list of them asks for nothing."""
+    try:
+        told = json.loads(text or "[]")
+    except (ValueError, RecursionError):
+        return []
+    keys = told if isinstance(told, list) else []
+    return list(dict.fromkeys(key for key in keys if isinstance(key, str)))[:_MOST_IN_ROUTE]
 
 
 def _name(key: str, group: str = "") -> str:

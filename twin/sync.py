@@ -80,7 +80,7 @@ class FeedClient:
         config: Config,
         token: str,
         view: LabView,
-        alive: Callable[[], dict[str, Any]],
+        alive: Callable[[], dict[str, Any]] | None,
     ) -> None:
         """Prepare; nothing is opened yet.
 
@@ -88,7 +88,8 @@ class FeedClient:
             config: Where the server is.
             token: Service token; it travels in the header and nowhere else.
             view: What is kept up to date.
-            alive: What to tell the server about this twin each second.
+            alive: What to tell the server about this twin each second; None: it only listens,
+                and nobody is sent to it.
         """
         self.view = view
         self._url = config.server_url.rstrip("/") + FEED_PATH
@@ -149,6 +150,6 @@ class FeedClient:
         self._heard_at = time.monotonic()
 
     async def _tell(self, line: ClientConnection) -> None:
-        while True:
+        while self._alive is not None:
             await line.send(json.dumps({"kind": "alive", "data": self._alive()}))
             await asyncio.sleep(_ALIVE_EVERY_S)

@@ -28,6 +28,16 @@ def ring(path: Path) -> None:
             os.close(handle)
 
 
+def hang(path: Path) -> None:
+    """Hang the bell up, unless it hangs.
+
+    Raises:
+        OSError: The folder takes no FIFO.
+    """
+    with contextlib.suppress(FileExistsError):
+        os.mkfifo(path, 0o600)
+
+
 class Bell:
     """The waiting end, in one event loop."""
 
@@ -37,8 +47,7 @@ class Bell:
         Raises:
             OSError: The folder takes no FIFO.
         """
-        with contextlib.suppress(FileExistsError):
-            os.mkfifo(path, 0o600)
+        hang(path)
         self._handle = os.open(path, os.O_RDWR | os.O_NONBLOCK)
         self._rung = asyncio.Event()
         asyncio.get_running_loop().add_reader(self._handle, self._hear)

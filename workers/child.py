@@ -1,7 +1,8 @@
 """Start one process that ends with its parent.
 
 `python -m workers.child PARENT SIGNAL exec ARGV…` becomes another program;
-`python -m workers.child PARENT SIGNAL run ARGV…` becomes `workers.run`. It imports little, so
+`python -m workers.child PARENT SIGNAL run ARGV…` becomes `workers.run`, and `… trial ARGV…`
+becomes `workers.trial`. It imports little, so
 that the host's Valkey answers at once.
 """
 
@@ -23,8 +24,8 @@ def main(argv: Sequence[str]) -> None:
     die_with_parent(int(parent), int(number))
     if kind == "exec":
         os.execv(rest[0], rest)  # noqa: S606 - the argument list is the supervisor's
-    sys.argv = ["workers.run", *rest]
-    runpy.run_module("workers.run", run_name="__main__", alter_sys=True)
+    sys.argv = [f"workers.{kind}", *rest]
+    runpy.run_module(f"workers.{kind}", run_name="__main__", alter_sys=True)
 
 
 def die_with_parent(parent: int, number: int) -> None:

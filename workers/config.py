@@ -10,11 +10,14 @@ from uuid import UUID
 
 import msgspec
 
+from labweb.domain.enrollment.sighting import expand_addresses
 from labweb.domain.errors import DefinitionError
 from workers import faults
 
 LONGEST_SOCKET_PATH = 100
 """Bytes; the kernel's limit for a unix socket is 108."""
+
+SLOWEST_HZ, FASTEST_HZ = 10, 100
 
 
 class ValkeyConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -22,6 +25,53 @@ class ValkeyConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
 
     socket: str | None = None
     url: str | None = None
+
+
+class BeaconConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Where announcements of devices are heard."""
+
+    port: int = 47899
+    group: str = "239.255.76.66"
+    """Multicast group; broadcasts to the port are heard as well."""
+
+    interface: str = "0.0.0.0"  # noqa: S104 - the one that the system chooses
+    """Address of the network card towards the instruments."""
+
+
+class DiscoveryConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """What the host looks for. Nothing is looked for unless it stands here."""
+
+    beacon: BeaconConfig | None = None
+    serial: list[str] = msgspec.field(default_factory=list)
+    """Patterns of paths, `/dev/ttyUSB*`; ports are listed and not opened."""
+
+    network: list[str] = msgspec.field(default_factory=list)
+    """Addresses with port, `192.0.2.0/28:5000`, at most 256; tried without sending a byte."""
+
+    every_s: float = 30.0
+
+
+class Ros2Config(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """How the host shows its devices to ROS 2."""
+
+    domain: int = 0
+    """`ROS_DOMAIN_ID` of the others."""
+
+    address: str = "127.0.0.1"
+    """Of the network card towards them; the loopback address: nodes of this machine alone."""
+
+    peers: list[str] = msgspec.field(default_factory=list)
+    """Machines that multicast does not reach."""
+
+    namespace: str = "/labweb"
+    rate_hz: float = 10.0
+    """How often each status is told, 10 to 100."""
+
+    has_goals: bool = False
+    """Whether nodes may ask for actions here; the server has to allow it besides."""
+
+    scene: str | None = None
+    """The twin's configuration: also tell `/tf`, `/joint_states` and `/robot_description`."""
 
 
 class HostConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -32,11 +82,16 @@ class HostConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
     server_url: str
     """`ws://` or `wss://` address of the server, without path."""
 
-    broker_url: str
-    """Celery address of the server's broker."""
+    broker_url: str = ""
+    """Celery address of the server's broker. Empty: commands come over the uplink alone."""
 
     data_dir: str
     key_file: str
+    """The host's key, and after it the host's certificate once it has joined; mode 0600."""
+
+    ca_file: str | None = None
+    """Certificate of the lab's authority; None: over loopback, without TLS."""
+
     valkey: ValkeyConfig
     mode: Literal["sim", "live"] = "sim"
     stop_grace_s: float = 2.0
@@ -46,6 +101,16 @@ class HostConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
     """How long acknowledged events are kept."""
 
     log_level: str = "INFO"
+    discovery: DiscoveryConfig | None = None
+    """None: the host looks for no devices."""
+
+    ros2: Ros2Config | None = None
+    """None: the host speaks no ROS 2."""
+
+    unconfined: Literal["refuse", "accept"] | None = None
+    """Whether lines may run unconfined where the kernel cannot confine them. None: only when
+    the mode is `sim`."""
+
     faults: str | None = None
     """Fault to inject, `point:kill`; for tests of crashes only."""
 
@@ -55,9 +120,31 @@ class HostConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
         return Path(self.data_dir)
 
     @property
+    def ca_path(self) -> Path | None:
+        """Return where the lab's authority lies; None: over loopback, without TLS."""
+        return None if self.ca_file is None else Path(self.ca_file)
+
+    @property
     def journal_path(self) -> Path:
         """Return where the journal lies."""
         return self.folder / "journal.sqlite3"
+
+    @property
+    def pictures_path(self) -> Path:
+        """Return where pictures wait for the server."""
+        return self.folder / "pictures"
+
+    @property
+    def drivers_folder(self) -> Path:
+        """Return where the sources of drivers lie that the server sent."""
+        return self.folder / "drivers"
+
+    @property
+    def accepts_unconfined(self) -> bool:
+        """Say whether lines may run unconfined where the kernel cannot confine them."""
+        if self.unconfined is None:
+            return self.mode == "sim"
+        return self.unconfined == "accept"
 
     @property
     def valkey_url(self) -> str:
@@ -103,8 +190,17 @@ def _check(config: HostConfig, path: Path) -> None:
         raise DefinitionError(f"{path}: the socket's path is longer than {LONGEST_SOCKET_PATH}")
     if not config.server_url.startswith(("ws://", "wss://")):
         raise DefinitionError(f"{path}: server_url must begin with ws:// or wss://")
+    if (config.ca_file is not None) != config.server_url.startswith("wss://"):
+        raise DefinitionError(f"{path}: wss:// and ca_file go together, so that no one listens")
     if config.mode == "live" and (config.faults is not None or faults.are_wanted()):
         raise DefinitionError(f"{path}: a live host injects no faults; unset LABWEB_FAULTS")
+    if config.discovery is not None:
+        expand_addresses(config.discovery.network)
+        if not config.discovery.every_s >= 1:
+            raise DefinitionError(f"{path}: discovery looks at most once a second")
+    ros2 = config.ros2
+    if ros2 is not None and not SLOWEST_HZ <= ros2.rate_hz <= FASTEST_HZ:
+        raise DefinitionError(f"{path}: ros2 tells statuses {SLOWEST_HZ} to {FASTEST_HZ} times/s")
     if config.stop_grace_s < 0:
         raise DefinitionError(f"{path}: stop_grace_s may not be negative")
 

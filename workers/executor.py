@@ -11,6 +11,7 @@ from uuid import UUID
 import msgspec
 
 from labweb.domain.crutd.conditions import Condition, Result
+from labweb.domain.enrollment.admission import refusal
 from labweb.domain.messages import Do
 from labweb.domain.ports import Clock
 from labweb.domain.runs import acting, batch, edge, standing
@@ -22,7 +23,8 @@ from labweb.domain.runs.journal import ActionRow, JournalError
 from workers import execute, faults
 from workers.journal import Journal
 from workers.keys import is_signed
-from workers.readings import Reader, prestate_body, prestate_from
+from workers.pictures import Pictures, Witness
+from workers.readings import Reader, judged, prestate_body, prestate_from
 from workers.store import Store
 from workers.unit import Unit
 
@@ -33,7 +35,7 @@ LAST_WRITE_TRIES = 60
 
 LAST_WRITE_PAUSE_S = 0.5
 
-NEXT_COUNT = 4
+NEXT_COUNT = 2
 """How many of the waiting actions are looked at before all are."""
 
 
@@ -59,6 +61,7 @@ class Executor:
         *,
         store: Store | None,
         clock: Clock,
+        pictures: Pictures,
         is_closing: Callable[[], bool] = lambda: False,
         wake: Callable[[str], None] = lambda _line: None,
     ) -> None:
@@ -69,6 +72,7 @@ class Executor:
         self._is_closing = is_closing
         self._wake = wake
         self._reader = Reader(units, store, clock)
+        self._witness = Witness(pictures, units, store)
         self._actor = execute.Actor()
 
     def close(self) -> None:
@@ -148,6 +152,8 @@ class Executor:
             return False
         faults.enter(do.action)
         unit = self._units.get(row.device_id)
+        if unit is not None and self._is_for_next(do, unit):
+            return False
         problem = self._problem(row, do, unit)
         if problem is not None:
             return self._reject(row, problem)
@@ -158,13 +164,13 @@ class Executor:
                 answer = acting.decide_now(tx, row, do, self._journal.moment(), [])
                 acting.write_rejection(tx, row, answer, ())
             return answer.kind == edge.REJECT
-        judged = self._reader.judge(conditions, {})
+        # Each status is asked for once: a slow wire takes longer than all of the rest.
         before = self._reader.read([*conditions, *_conditions(do.post)])
         scene = acting.Scene(
             pid=os.getpid(),
             driver_digest=unit.config.digest,
             prestate=plain(prestate_body(before)),
-            judged=judged,
+            judged=self._witness.back(row.action_id, judged(conditions, before, {})),
             context=self._context(unit),
         )
         faults.point("execute.before_started")
@@ -191,6 +197,15 @@ class Executor:
         answer = None if turn is None else batch.decide_turn(turn)
         return answer is not None and answer.kind == edge.HOLD
 
+    def _is_for_next(self, do: Do, unit: Unit) -> bool:
+        """Say whether an action waits for a version of the driver that is about to take over."""
+        if do.driver_digest == unit.config.digest:
+            return False
+        coming = [*self._journal.devices(), *self._journal.staged()]
+        return any(
+            device.id == do.device_id and device.digest == do.driver_digest for device in coming
+        )
+
     def _wake_others(self, do: Do) -> None:
         """Wake the lines whose actions may have waited for this one."""
         if do.batch is not None:
@@ -210,6 +225,9 @@ class Executor:
             return Answer(edge.REJECT, "edge.driver_digest", text)
         if not unit.has_action(do.action) and not execute.is_plain_read(do, unit):
             return Answer(edge.REJECT, "edge.no_action", f"the driver has no action {do.action!r}")
+        if unit.has_action(do.action):
+            code, text = refusal(unit.config.admission, do.action, do.args)
+            return Answer(edge.REJECT, code, text) if code else None
         return None
 
     def _reject(self, row: ActionRow, answer: Answer) -> bool:
@@ -237,6 +255,7 @@ class Executor:
                 raise HungDriverError(unit.config.key)
             unit.check_link()
             return
+        self._witness.keep_reported(row.action_id, unit.config.id, acted.report.evidence)
         context = self._context(unit)
         if not do.post:  # nothing is read between answer and end: one write holds both
             self._finish(row, acted.report, [], context)
@@ -279,7 +298,7 @@ class Executor:
         post = self._reader.await_all(_conditions(do.post), before, is_over=self._is_closing)
         if post is None:
             return
-        self._finish(row, report, post)
+        self._finish(row, report, self._witness.back(row.action_id, post))
 
     def _confirm_again(self, row: ActionRow) -> bool:
         """End an action that was answered before a crash; False: its device is offline."""

@@ -18,19 +18,24 @@ from signal import SIGINT, SIGKILL, SIGTERM, signal
 from redis.exceptions import RedisError
 
 from labweb.domain.errors import DefinitionError, LabError, StateError
+from labweb.domain.runs.edge import ActionState
 from workers.app import make_host_app, wake
+from workers.bounds import marks_of
 from workers.config import HostConfig, line_queue, load_config
+from workers.confine import describe, is_possible
 from workers.devices import fingerprint, lines_of
+from workers.identity import load_identity
 from workers.journal import Journal, check_journal, create_journal
-from workers.keys import create_key, load_key
+from workers.keys import create_key
 from workers.processes import Child
 from workers.session import disarm_if_regressed, record_boot
 from workers.store import Store
+from workers.trial import Trials
 
 log = logging.getLogger(__name__)
 
 TICK_S = 0.1
-LINES_EVERY_S = 0.5
+LINES_EVERY_S = 0.2
 RING_EVERY_S = 1.0
 PRUNE_EVERY_S = 3600.0
 VALKEY_START_S = 10.0
@@ -51,19 +56,24 @@ class Supervisor:
         self._path = path
         config.folder.mkdir(parents=True, exist_ok=True, mode=0o700)
         self._lock = lock_host(config)
-        load_key(Path(config.key_file))
+        load_identity(Path(config.key_file), config.ca_path)
         create_journal(config.journal_path, config.host_id)
         check_journal(config.journal_path)
         self._journal = Journal(config.journal_path)
         record_boot(self._journal)
+        if not is_possible() and not config.accepts_unconfined:
+            text = f"{describe()}; to run drivers all the same, set unconfined to accept"
+            raise StateError(text, code="host.unconfined")
+        log.info("lines: %s", describe())
         reason = disarm_if_regressed(self._journal)
         if reason is not None:
             log.error("the journal is not the newest one (%s): nothing starts here", reason)
         self._environment = _environment(config)
         self._store = Store(config.valkey_url)
         self._app = make_host_app(config)
-        self._services = [self._child("accept", "accept"), self._child("uplink", "uplink")]
+        self._services = self._make_services()
         self._lines: dict[str, Child] = {}
+        self._trials = Trials(config, path, self._environment)
         self._valkey: Child | None = _valkey_child(config)
         self._stopping = threading.Event()
         self._signals_count = 0
@@ -81,8 +91,9 @@ class Supervisor:
     # --- while it runs ---
 
     def _watch(self) -> None:
-        due = {self._keep_lines: 0.0, self._ring: 0.0, self._prune: 0.0}
+        due = {self._try: 0.0, self._keep_lines: 0.0, self._ring: 0.0, self._prune: 0.0}
         every_s = {
+            self._try: TICK_S,
             self._keep_lines: LINES_EVERY_S,
             self._ring: RING_EVERY_S,
             self._prune: PRUNE_EVERY_S,
@@ -92,10 +103,14 @@ class Supervisor:
             for task, due_s in due.items():
                 if time.monotonic() >= due_s:
                     due[task] = time.monotonic() + every_s[task]
-                    self._try(task)
+                    self._do(task)
             self._stopping.wait(TICK_S)
 
-    def _try(self, task: object) -> None:
+    def _try(self) -> None:
+        """Build staged versions of drivers once, and tell how it went."""
+        self._trials.keep(self._journal)
+
+    def _do(self, task: object) -> None:
         try:
             task()  # type: ignore[operator]
         except (LabError, RedisError) as error:
@@ -109,25 +124,33 @@ class Supervisor:
 
     def _keep_lines(self) -> None:
         """Have one process for each line, with the devices the server told last."""
-        wanted = {
-            line: fingerprint(devices)
-            for line, devices in lines_of(self._journal.devices()).items()
-        }
-        for line, mark in wanted.items():
+        wanted = lines_of(self._journal.devices())
+        for line, devices in wanted.items():
+            mark = fingerprint(devices) + marks_of(devices)
             child = self._lines.get(line)
             if child is None:
-                self._lines[line] = self._child(line, "line", line, fingerprint=mark)
-            elif child.fingerprint != mark and self._may_replace(line):
+                child = self._lines[line] = self._child(line, "line", line)
+                child.mark(mark, devices)
+            elif child.fingerprint != mark and self._has_drained(line):
                 log.info("the devices of %s have changed", line)
-                child.fingerprint = mark
-                child.tell()
+                child.mark(mark, devices)
+                child.leave()
         for line in self._lines.keys() - wanted.keys():
-            if self._may_replace(line):
+            if not self._journal.is_line_acting(line):
                 self._lines.pop(line).tell()
                 self._store.forget_line(line)
 
-    def _may_replace(self, line: str) -> bool:
-        return not self._journal.is_line_acting(line)
+    def _has_drained(self, line: str) -> bool:
+        """Say whether no action waits for a version that the line has and is to lose.
+
+        One that acts does not count: the process leaves only after its end.
+        """
+        digests = self._lines[line].digests
+        target = {device.id: device.digest for device in self._journal.devices()}
+        return not any(
+            row.do.driver_digest == digests.get(row.device_id) != target.get(row.device_id)
+            for row in self._journal.actions(line, ActionState.ACCEPTED)
+        )
 
     def _ring(self) -> None:
         """Post wake-ups again for lines that have work and no bell waiting."""
@@ -138,10 +161,20 @@ class Supervisor:
     def _prune(self) -> None:
         self._journal.prune(self._config.retention_s)
 
-    def _child(self, name: str, kind: str, *rest: str, fingerprint: str = "") -> Child:
+    def _make_services(self) -> list[Child]:
+        """Return what runs beside the lines, the uplink last: it tells of what the others did."""
+        uplink = self._child("uplink", "uplink")
+        wanted = {
+            "accept": bool(self._config.broker_url),
+            "discovery": self._config.discovery is not None,
+            "ros2": self._config.ros2 is not None,
+        }
+        return [*(self._child(name, name) for name in wanted if wanted[name]), uplink]
+
+    def _child(self, name: str, kind: str, *rest: str) -> Child:
         orphan_signal = SIGTERM if kind == "line" else SIGKILL
         arguments = ("run", kind, str(self._path), *rest)
-        return Child(name, arguments, orphan_signal, fingerprint)
+        return Child(name, arguments, orphan_signal)
 
     # --- start and end ---
 
@@ -162,8 +195,9 @@ class Supervisor:
     def _end(self) -> None:
         """End lines and accept first, so that the uplink can still tell of what they did."""
         log.info("host %s ends", self._config.host_id)
-        _, uplink = self._services
-        acting = [*self._lines.values(), self._services[0]]
+        self._trials.end()
+        *others, uplink = self._services
+        acting = [*self._lines.values(), *others]
         self._end_all(acting, self._config.stop_grace_s + HALT_S)
         self._end_all([uplink], 2.0)
         if self._valkey is not None:
@@ -191,12 +225,21 @@ def lock_host(config: HostConfig) -> int:
     Raises:
         StateError: It runs already.
     """
-    handle = os.open(config.folder / "host.lock", os.O_RDWR | os.O_CREAT, 0o600)
+    return lock_folder(config.folder)
+
+
+def lock_folder(folder: Path) -> int:
+    """Make sure that one program alone works in a host's folder.
+
+    Raises:
+        StateError: Another one does.
+    """
+    handle = os.open(folder / "host.lock", os.O_RDWR | os.O_CREAT, 0o600)
     try:
         fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError as exc:
         os.close(handle)
-        raise StateError(f"host {config.host_id} runs already in {config.folder}") from exc
+        raise StateError(f"a host runs already in {folder}") from exc
     return handle
 
 
@@ -267,13 +310,18 @@ def reset_journal(config: HostConfig) -> Path:
     """
     handle = lock_host(config)
     try:
-        aside = config.folder / f"journal-until-{int(time.time())}"
-        aside.mkdir(mode=0o700)
-        for path in config.folder.glob("journal.*"):
-            path.rename(aside / path.name)
-        return aside
+        return set_journal_aside(config.folder)
     finally:
         os.close(handle)
+
+
+def set_journal_aside(folder: Path) -> Path:
+    """Put what there is of a journal into a folder of its own; the caller holds the lock."""
+    aside = folder / f"journal-until-{int(time.time())}"
+    aside.mkdir(mode=0o700)
+    for path in folder.glob("journal.*"):
+        path.rename(aside / path.name)
+    return aside
 
 
 def main(argv: Sequence[str] | None = None) -> int:

@@ -33,7 +33,7 @@ from labweb.domain.runs.moment import Moment
 from labweb.domain.runs.standing import state_of
 from workers import faults
 from workers.bell import ring
-from workers.journal_schema import FROM_UNFINISHED, migrate, to_action
+from workers.journal_schema import FROM_UNFINISHED, SELECT_STATE, migrate, to_action
 from workers.seal import create_seal, raise_seal, read_seal
 from workers.transaction import Transaction
 
@@ -74,7 +74,7 @@ class Journal:
         self._known: dict[str, tuple[str, object]] = {}
         self._connection = _connect(path)
         try:
-            with _readable():
+            with _readable:
                 migrate(self._connection)
             self.journal_id = UUID(self._must("journal_id"))
             self.host_id = UUID(self._must("host_id"))
@@ -95,9 +95,8 @@ class Journal:
 
     def host_state(self) -> HostState:
         """Return what decides whether anything may start."""
-        with _readable():
-            found = self._connection.execute("SELECT key, value FROM meta").fetchall()
-        return state_of({row[0]: row[1] for row in found}, self.boot_id)
+        with _readable:
+            return state_of(dict(self._connection.execute(SELECT_STATE)), self.boot_id)
 
     def head(self) -> tuple[int, str]:
         """Return sequence number and hash of the last event; (0, "") when there is none."""
@@ -122,6 +121,10 @@ class Journal:
     def devices(self) -> list[DeviceConfig]:
         """Return the devices that the server last told this host to serve."""
         return self._decoded("devices", list[DeviceConfig]) or []
+
+    def staged(self) -> list[DeviceConfig]:
+        """Return the devices that shall have another version of their driver, with that one."""
+        return self._decoded("staged", list[DeviceConfig]) or []
 
     def command_keys(self) -> dict[str, str]:
         """Return the public keys that may sign commands, by key id."""
@@ -230,7 +233,7 @@ class Journal:
             ring(self.bell_path)
 
     def _commit(self) -> Generator[Transaction, None, Transaction]:
-        with _readable():
+        with _readable:
             self._connection.execute("BEGIN IMMEDIATE")
         try:
             transaction = Transaction(
@@ -241,7 +244,7 @@ class Journal:
             )
             yield transaction
             faults.point("journal.before_commit")
-            with _readable():
+            with _readable:
                 self._connection.execute("COMMIT")
         except BaseException:
             if self._connection.in_transaction:
@@ -251,12 +254,12 @@ class Journal:
 
     @contextmanager
     def _not_durably(self) -> Iterator[None]:
-        with _readable():
+        with _readable:
             self._connection.execute("PRAGMA synchronous = NORMAL")
         try:
             yield
         finally:
-            with _readable():
+            with _readable:
                 self._connection.execute("PRAGMA synchronous = FULL")
 
     def seal_up(self) -> None:
@@ -284,12 +287,12 @@ class Journal:
         return None if row is None else str(row[0])
 
     def _one(self, query: str, values: tuple[Any, ...] = ()) -> sqlite3.Row | None:
-        with _readable():
+        with _readable:
             row: sqlite3.Row | None = self._connection.execute(query, values).fetchone()
             return row
 
     def _all(self, query: str, values: tuple[Any, ...] = ()) -> list[sqlite3.Row]:
-        with _readable():
+        with _readable:
             return self._connection.execute(query, values).fetchall()
 
     def _must(self, key: str) -> str:
@@ -350,7 +353,7 @@ def check_journal(path: Path) -> None:
     """
     connection = _connect(path)
     try:
-        with _readable():
+        with _readable:
             for pragma in ("quick_check", "integrity_check"):
                 found = [row[0] for row in connection.execute(f"PRAGMA {pragma}")]
                 if found != ["ok"]:
@@ -359,12 +362,18 @@ def check_journal(path: Path) -> None:
         connection.close()
 
 
-@contextmanager
-def _readable() -> Iterator[None]:
-    try:
-        yield
-    except sqlite3.Error as exc:
-        raise JournalError(f"the journal cannot be used: {exc}") from exc
+class _Readable:
+    """Turns what SQLite raises into the journal's own error; on the way of every step."""
+
+    def __enter__(self) -> None:
+        return None
+
+    def __exit__(self, _sort: object, error: BaseException | None, _trace: object) -> None:
+        if isinstance(error, sqlite3.Error):
+            raise JournalError(f"the journal cannot be used: {error}") from error
+
+
+_readable = _Readable()
 
 
 def _connect(path: Path) -> sqlite3.Connection:

@@ -8,6 +8,7 @@ from uuid import UUID
 from labweb.domain.runs.edge import ActionState
 from labweb.domain.runs.journal import ActionRow as ActionRow
 from labweb.domain.runs.journal import JournalError as JournalError
+from labweb.domain.runs.standing import STATE_KEYS
 
 VERSION_1 = """
 CREATE TABLE meta (key TEXT PRIMARY KEY, value TEXT NOT NULL) WITHOUT ROWID;
@@ -61,13 +62,16 @@ _UNFINISHED = "st IN ('accepted', 'started', 'actuated', 'in_doubt')"
 FROM_UNFINISHED = f"FROM action INDEXED BY action_unfinished WHERE {_UNFINISHED}"
 """The actions that have not ended, however many have."""
 
+SELECT_STATE = f"SELECT key, value FROM meta WHERE key IN ({', '.join(map(repr, STATE_KEYS))})"  # noqa: S608 - our own names
+"""What decides whether anything may start, without the devices and keys, which are long."""
+
 INDEXES = (f"CREATE INDEX IF NOT EXISTS action_unfinished ON action (dseq) WHERE {_UNFINISHED}",)
 """Change no answer, only how soon it comes; a journal gets them whatever its version."""
 
 
 def to_action(row: sqlite3.Row) -> ActionRow:
     """Read one row of the table `action`."""
-    values = {key: row[key] for key in row.keys()}  # noqa: SIM118 - a Row iterates over values
+    values = dict(zip(row.keys(), row, strict=True))
     values["action_id"] = UUID(values["action_id"])
     values["device_id"] = UUID(values["device_id"])
     values["st"] = ActionState(values["st"])

@@ -10,6 +10,7 @@ import base64
 import binascii
 import os
 from collections.abc import Mapping
+from functools import lru_cache
 from pathlib import Path
 
 from cryptography.exceptions import InvalidSignature
@@ -27,19 +28,30 @@ class HostKey:
     """The private key of one host. It never leaves the machine."""
 
     def __init__(self, key: Ed25519PrivateKey) -> None:
-        self._key = key
+        self.private = key
+
+    @property
+    def public_raw(self) -> bytes:
+        """Return the public key, 32 bytes."""
+        return self.private.public_key().public_bytes_raw()
 
     @property
     def public_base64(self) -> str:
         """Return the public key as the server stores it."""
-        raw = self._key.public_key().public_bytes(
-            serialization.Encoding.Raw, serialization.PublicFormat.Raw
+        return base64.b64encode(self.public_raw).decode()
+
+    @property
+    def pem(self) -> bytes:
+        """Return the private key as its file holds it."""
+        return self.private.private_bytes(
+            serialization.Encoding.PEM,
+            serialization.PrivateFormat.PKCS8,
+            serialization.NoEncryption(),
         )
-        return base64.b64encode(raw).decode()
 
     def sign(self, content: bytes) -> str:
         """Sign the bytes; base64."""
-        return base64.b64encode(self._key.sign(content)).decode()
+        return base64.b64encode(self.private.sign(content)).decode()
 
     def sign_hello(self, hello: Hello, nonce: str) -> str:
         """Prove to the server that this host holds its key."""
@@ -52,21 +64,32 @@ def create_key(path: Path) -> HostKey:
     Raises:
         EnrollmentError: The file exists already; a key is never overwritten.
     """
-    key = Ed25519PrivateKey.generate()
-    text = key.private_bytes(
-        serialization.Encoding.PEM,
-        serialization.PrivateFormat.PKCS8,
-        serialization.NoEncryption(),
-    )
+    key = HostKey(Ed25519PrivateKey.generate())
     try:
         handle = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
     except FileExistsError as exc:
         raise EnrollmentError(f"{path} exists: a host's key is never overwritten") from exc
     with os.fdopen(handle, "wb") as stream:
-        stream.write(text)
+        stream.write(key.pem)
         stream.flush()
         os.fsync(stream.fileno())
-    return HostKey(key)
+    return key
+
+
+def write_private(path: Path, content: bytes) -> None:
+    """Replace a file in one step that a crash does not undo, readable by its owner alone."""
+    fresh = path.with_name(f".{path.name}.new")
+    handle = os.open(fresh, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600)
+    with os.fdopen(handle, "wb") as stream:
+        stream.write(content)
+        stream.flush()
+        os.fsync(stream.fileno())
+    fresh.replace(path)
+    folder = os.open(path.parent, os.O_RDONLY)
+    try:
+        os.fsync(folder)
+    finally:
+        os.close(folder)
 
 
 def load_key(path: Path) -> HostKey:
@@ -86,15 +109,22 @@ def load_key(path: Path) -> HostKey:
     return HostKey(key)
 
 
-def is_signed(signed: Signed, keys: Mapping[str, str]) -> bool:
-    """Say whether a known key of the server signed exactly this text."""
-    public = keys.get(signed.key_id)
-    if public is None:
-        return False
+def is_signature(public_base64: str, content: bytes, signature: str) -> bool:
+    """Say whether this key signed exactly these bytes."""
     try:
-        key = Ed25519PublicKey.from_public_bytes(base64.b64decode(public, validate=True))
-        signature = base64.b64decode(signed.signature, validate=True)
-        key.verify(signature, signed.body.encode())
+        text = base64.b64decode(signature, validate=True)
+        _public_key(public_base64).verify(text, content)
     except (InvalidSignature, ValueError, binascii.Error):
         return False
     return True
+
+
+def is_signed(signed: Signed, keys: Mapping[str, str]) -> bool:
+    """Say whether a known key of the server signed exactly this text."""
+    public = keys.get(signed.key_id)
+    return public is not None and is_signature(public, signed.body.encode(), signed.signature)
+
+
+@lru_cache(maxsize=16)
+def _public_key(text: str) -> Ed25519PublicKey:
+    return Ed25519PublicKey.from_public_bytes(base64.b64decode(text, validate=True))

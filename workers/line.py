@@ -20,8 +20,10 @@ from labweb.domain.runs.journal import JournalError
 from workers.clock import SystemClock
 from workers.config import HostConfig, line_queue
 from workers.devices import lines_of
+from workers.drivers import Drivers, DriverStore, tell_once
 from workers.executor import Executor
 from workers.journal import Journal
+from workers.pictures import Pictures
 from workers.store import Store
 from workers.telemetry import Sampler
 from workers.unit import Unit
@@ -53,8 +55,9 @@ class Line:
         self._lock = _hold(config.folder / f"{line_queue(line)}.lock")
         self._journal = Journal(config.journal_path)
         self._store = Store(config.valkey_url)
-        self.units = make_units(lines_of(self._journal.devices()).get(line, []), self._clock)
+        self.units = self._load()
         self.is_draining = False
+        self.is_leaving = False
         self._closing = threading.Event()
         self._executor = Executor(
             self._journal,
@@ -62,6 +65,7 @@ class Line:
             self.units,
             store=self._store,
             clock=self._clock,
+            pictures=Pictures(config.pictures_path),
             is_closing=self._closing.is_set,
             wake=wake,
         )
@@ -69,6 +73,20 @@ class Line:
             log.warning("action %s is in doubt: a crash left it without an answer", action_id)
         self._sampler = Sampler(line, self.units, self._store, self._clock)
         self._watch = StopWatch(config, line, self.units, self._closing)
+
+    def _load(self) -> dict[UUID, Unit]:
+        """Load the drivers, and tell the server which versions serve and which cannot."""
+        devices = lines_of(self._journal.devices()).get(self.name, [])
+        drivers = Drivers(DriverStore(self._config.drivers_folder), self._journal.command_keys())
+        units = make_units(devices, self._clock, drivers, self._tell_refused)
+        for unit in units.values():
+            tell_once(self._journal, unit.config, "driver_serving")
+        return units
+
+    def _tell_refused(self, device: DeviceConfig, error: LabError) -> None:
+        tell_once(
+            self._journal, device, "driver_refused", code=error.code, message=error.message[:2000]
+        )
 
     def start(self) -> None:
         """Connect, sample, and listen for the word to halt."""
@@ -91,6 +109,11 @@ class Line:
         timer = threading.Timer(self._config.stop_grace_s, self._halt_acting)
         timer.daemon = True
         timer.start()
+
+    def leave(self) -> None:
+        """Start nothing more, and let what acts run to its end: another process takes over."""
+        self.is_leaving = True
+        self._closing.set()
 
     def release(self) -> None:
         """Let go of the wire, at the end of the process."""
@@ -177,11 +200,16 @@ def _halt_all(units: dict[UUID, Unit]) -> None:
         thread.start()
 
 
-def make_units(devices: list[DeviceConfig], clock: Clock) -> dict[UUID, Unit]:
+def make_units(
+    devices: list[DeviceConfig],
+    clock: Clock,
+    drivers: Drivers,
+    refuse: Callable[[DeviceConfig, LabError], None] = lambda _device, _error: None,
+) -> dict[UUID, Unit]:
     """Load the drivers of one line over one shared transport; nothing is opened.
 
-    A device whose driver cannot be loaded is left out and logged: its actions wait until
-    they expire, and the others go on.
+    A device whose driver cannot be loaded is left out, logged and told of: its actions wait
+    until they expire, and the others go on.
     """
     shared: Transport | None = None
     units: dict[UUID, Unit] = {}
@@ -192,9 +220,10 @@ def make_units(devices: list[DeviceConfig], clock: Clock) -> dict[UUID, Unit]:
                 if shared is None
                 else shared.for_url(device.transport)
             )
-            units[device.id] = Unit(device, transport, clock)
+            units[device.id] = Unit(device, drivers.load(device, transport), clock)
         except LabError as error:
             log.error("device %s is not served: %s", device.key, error)  # the reason is whole
+            refuse(device, error)
             continue
         shared = shared or transport
     return units

@@ -7,9 +7,12 @@ import os
 import subprocess
 import sys
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from signal import SIGKILL, SIGTERM, Signals
+from signal import SIGKILL, SIGTERM, SIGUSR2, Signals
+from uuid import UUID
+
+from labweb.domain.messages import DeviceConfig
 
 log = logging.getLogger(__name__)
 
@@ -32,6 +35,12 @@ class Child:
 
     fingerprint: str = ""
     """Changes when the process has to be replaced."""
+
+    digests: Mapping[UUID, str] = field(default_factory=dict)
+    """Version of the driver by device, as the process was started with."""
+
+    is_leaving: bool = False
+    """It was told to let another process take over."""
 
     popen: subprocess.Popen[bytes] | None = None
     _started_s: float = 0.0
@@ -59,12 +68,26 @@ class Child:
         log.info("%s runs as process %d", self.name, self.popen.pid)
 
     def _note_end(self, popen: subprocess.Popen[bytes], now_s: float) -> None:
+        if self.is_leaving:
+            self.is_leaving, self.popen, self._next_start_s = False, None, now_s
+            log.info("%s has left", self.name)
+            return
         log.warning("%s ended with code %s", self.name, popen.returncode)
         if now_s - self._started_s > STEADY_S:
             self._pause_s = FIRST_PAUSE_S
         self._next_start_s = now_s + self._pause_s
         self._pause_s = min(self._pause_s * 2, LONGEST_PAUSE_S)
         self.popen = None
+
+    def mark(self, fingerprint: str, devices: Iterable[DeviceConfig]) -> None:
+        """Note which devices it serves, with which versions."""
+        self.fingerprint = fingerprint
+        self.digests = {device.id: device.digest for device in devices}
+
+    def leave(self) -> None:
+        """Let it end after what it does now, for another to take over at once."""
+        self.is_leaving = True
+        self.tell(SIGUSR2)
 
     def tell(self, number: Signals = SIGTERM) -> None:
         """Send it a signal, if it runs."""

@@ -6,7 +6,14 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
 from uuid import UUID
 
-from labweb.domain.crutd.conditions import Condition, Result, Verdict, evaluate, statuses_of
+from labweb.domain.crutd.conditions import (
+    Condition,
+    Result,
+    Verdict,
+    evaluate,
+    spread,
+    statuses_of,
+)
 from labweb.domain.errors import LabError
 from labweb.domain.ports import Clock
 from workers.store import Store
@@ -28,21 +35,35 @@ class Reader:
         self._store = store
         self._clock = clock
 
-    def read(self, conditions: Iterable[Condition]) -> dict[Key, Any]:
-        """Read every status that the conditions name; one that cannot be read is left out."""
+    def read(
+        self, conditions: Iterable[Condition], since_s: float = float("-inf")
+    ) -> dict[Key, Any]:
+        """Read every status that the conditions name; one that cannot be read is left out.
+
+        A status is read once, whatever is judged of it: its fields belong to one moment.
+
+        Args:
+            conditions: What is to be judged.
+            since_s: A picture of another line's camera from before tells nothing.
+        """
+        wanted = list(conditions)
+        pictured = {one.device_id for one in wanted if one.image_status is not None}
         found: dict[Key, Any] = {}
-        for device_id, status in sorted(_keys(conditions)):
-            value = self._value(device_id, status)
+        for device_id, status in sorted(_keys(wanted)):
+            oldest_s = since_s if device_id in pictured else float("-inf")
+            value = self._value(device_id, status, oldest_s)
             if value is not None:
-                found[device_id, status] = value
+                found |= spread(device_id, status, value)
         return found
 
     def judge(
-        self, conditions: Sequence[Condition], before: Mapping[Key, Any]
+        self,
+        conditions: Sequence[Condition],
+        before: Mapping[Key, Any],
+        since_s: float = float("-inf"),
     ) -> list[tuple[Condition, Result]]:
         """Judge the conditions on readings taken at this moment."""
-        readings = self.read(conditions)
-        return [(one, _evaluate(one, readings, before)) for one in conditions]
+        return judged(conditions, self.read(conditions, since_s), before)
 
     def await_all(
         self,
@@ -53,12 +74,15 @@ class Reader:
     ) -> list[tuple[Condition, Result]] | None:
         """Judge the conditions, and give each its time to become true.
 
+        A picture counts only when it was taken from here on: one from before the act, or
+        from the middle of it, shows nothing of its end.
+
         Returns:
             None when `is_over` cut the waiting short: nothing is known yet.
         """
         began_s = self._clock.monotonic_s()
         while True:
-            judged = self.judge(conditions, before)
+            judged = self.judge(conditions, before, began_s)
             waited_s = self._clock.monotonic_s() - began_s
             hopeful = [
                 one
@@ -82,7 +106,7 @@ class Reader:
             for sample in self._store.latest_of(wanted)
         ]
 
-    def _value(self, device_id: UUID, status: str) -> Any:  # noqa: ANN401 - any JSON value
+    def _value(self, device_id: UUID, status: str, since_s: float) -> Any:  # noqa: ANN401 - any JSON value
         unit = self._units.get(device_id)
         if unit is not None:
             try:
@@ -90,9 +114,18 @@ class Reader:
             except LabError:
                 return None
         sample = None if self._store is None else self._store.latest(device_id, status)
-        if sample is None or self._clock.monotonic_s() - sample.mono_s > OLDEST_READING_S:
+        if sample is None or sample.mono_s < since_s:
+            return None
+        if self._clock.monotonic_s() - sample.mono_s > OLDEST_READING_S:
             return None
         return sample.value
+
+
+def judged(
+    conditions: Sequence[Condition], now: Mapping[Key, Any], before: Mapping[Key, Any]
+) -> list[tuple[Condition, Result]]:
+    """Judge the conditions on readings of this moment that are there already."""
+    return [(one, _evaluate(one, now, before)) for one in conditions]
 
 
 def _evaluate(condition: Condition, now: Mapping[Key, Any], before: Mapping[Key, Any]) -> Result:
@@ -115,4 +148,8 @@ def prestate_from(body: Mapping[str, Any]) -> dict[Key, Any]:
 
 
 def _keys(conditions: Iterable[Condition]) -> set[Key]:
-    return {(one.device_id, status) for one in conditions for status in statuses_of(one)}
+    return {
+        (one.device_id, status.partition(".")[0])
+        for one in conditions
+        for status in statuses_of(one)
+    }

@@ -1,4 +1,7 @@
-"""The processes of a host: `accept CONFIG`, `uplink CONFIG`, `line CONFIG LINE`."""
+"""The processes of a host.
+
+`accept`, `uplink`, `discovery` and `ros2` with CONFIG; `line CONFIG LINE`.
+"""
 
 from __future__ import annotations
 
@@ -7,7 +10,9 @@ import os
 import sys
 import threading
 from collections.abc import Callable, Sequence
+from importlib import import_module
 from pathlib import Path
+from signal import SIGUSR2, signal
 
 from celery import Celery
 from celery.signals import worker_shutting_down
@@ -15,7 +20,11 @@ from celery.signals import worker_shutting_down
 from labweb.domain.messages import Signed
 from workers.accept import accept
 from workers.app import WORKER_OPTIONS, make_accept_app, make_host_app, wake
+from workers.bell import hang
+from workers.bounds import confine_line
 from workers.config import HostConfig, command_queue, line_queue, load_config
+from workers.devices import lines_of
+from workers.discovery import run_discovery
 from workers.executor import AbandonedActionError, HungDriverError
 from workers.journal import Journal
 from workers.line import Line
@@ -39,6 +48,11 @@ def main(argv: Sequence[str]) -> None:
         run_accept(config)
     elif kind == "uplink":
         run_uplink(config)
+    elif kind == "discovery":
+        run_discovery(config)
+    elif kind == "ros2":
+        # An extra: a host that speaks no ROS 2 does not have its library.
+        import_module("workers.ros2.bridge").run_bridge(config)
     elif kind == "line":
         run_line(config, rest[1])
     else:
@@ -70,10 +84,18 @@ def run_accept(config: HostConfig) -> None:
 
 def run_line(config: HostConfig, name: str) -> None:
     """Serve the devices of one line until told to end."""
+    _confine(config, name)
     bells = make_host_app(config)
     line = Line(config, name, lambda other: wake(bells, other))
     app = make_host_app(config, (name,))
-    add_execute(app, name, _ending_when_hung(line.drain))
+
+    def drain() -> None:
+        line.drain()
+        if line.is_leaving:
+            line.release()
+            os._exit(0)
+
+    add_execute(app, name, _ending_when_hung(drain))
 
     def close(**_: object) -> None:
         line.close()
@@ -84,7 +106,14 @@ def run_line(config: HostConfig, name: str) -> None:
         last.daemon = True
         last.start()
 
+    def leave(*_: object) -> None:
+        line.leave()
+        if not line.is_draining:
+            line.release()
+            os._exit(0)
+
     worker_shutting_down.connect(close, weak=False)
+    signal(SIGUSR2, leave)
     line.start()
     try:
         _work(app, line_queue(name), f"{line_queue(name)}@{config.host_id}")
@@ -92,7 +121,18 @@ def run_line(config: HostConfig, name: str) -> None:
         line.release()
 
 
-def _ending_when_hung(drain: Callable[[], int]) -> Callable[[], object]:
+def _confine(config: HostConfig, name: str) -> None:
+    """Confine this process to its line, before anything of a driver runs and any thread does."""
+    journal = Journal(config.journal_path)
+    try:
+        hang(journal.bell_path)
+        (config.folder / f"{line_queue(name)}.lock").touch(mode=0o600)
+        confine_line(config, name, lines_of(journal.devices()).get(name, []))
+    finally:
+        journal.close()
+
+
+def _ending_when_hung(drain: Callable[[], None]) -> Callable[[], object]:
     """End the process when a driver hangs, which alone frees its wire, or an action is left."""
 
     def run() -> None:

@@ -6,7 +6,7 @@ from importlib.metadata import version
 
 import msgspec
 
-from labweb.domain.messages import Hello, StopLab, Welcome
+from labweb.domain.messages import Devices, Hello, StopLab, Welcome
 from labweb.domain.runs import standing
 from workers.journal import Journal
 from workers.keys import HostKey
@@ -39,6 +39,12 @@ def open_session(journal: Journal, welcome: Welcome) -> None:
     """Remember the session before anything is sent in it."""
     with journal.write() as tx:
         standing.write_welcome(tx, welcome)
+
+
+def take_devices(journal: Journal, told: Devices) -> None:
+    """Remember what the host serves and makes ready from now on."""
+    with journal.write() as tx:
+        standing.write_devices(tx, told.devices, told.staged)
 
 
 def record_ack(journal: Journal, seq: int) -> None:

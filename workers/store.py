@@ -17,8 +17,18 @@ STREAM = "edge:samples"
 LONGEST_STREAM_COUNT = 5000
 """Batches kept for an uplink that is away; older ones are dropped and counted."""
 
+SIGHTINGS = "edge:sightings"
+MOST_SIGHTINGS = 200
+"""Kept for an uplink that is away; the oldest go first."""
+
+ASKS, ASKS_TOLD = "edge:asks", "edge:asks_told"
+MOST_ASKS = 100
+"""Wishes of nodes beside the host, and words about them, that wait to be taken."""
+
 STOP_CHANNEL = "edge:stop"
 TIMEOUT_S = 0.5
+PICTURE_S = 20
+"""How long a picture is at hand after it was taken."""
 
 
 class Sample(msgspec.Struct, frozen=True, array_like=True):
@@ -88,6 +98,20 @@ class Store:
             return []
         return [msgspec.json.decode(raw, type=Sample) for values in found for raw in values]
 
+    def put_picture(self, sha256: str, data: bytes) -> bool:
+        """Share a picture with the other lines while a reading of it counts."""
+        try:
+            return bool(self._redis.set(f"edge:picture:{sha256}", data, ex=PICTURE_S))
+        except RedisError:
+            return False
+
+    def picture(self, sha256: str) -> bytes | None:
+        """Return a picture that another line's camera took just now, or None."""
+        try:
+            return cast("bytes | None", self._redis.get(f"edge:picture:{sha256}"))
+        except RedisError:
+            return None
+
     def batches(self, after: str, *, wait_s: float) -> list[Batch]:
         """Return the batches after that key, waiting for the first; `$` means from here on."""
         found = self._redis.xread({STREAM: after}, count=200, block=max(1, int(wait_s * 1000)))
@@ -139,6 +163,41 @@ class Store:
             self._heard = None
             threading.Event().wait(wait_s)
             return False
+
+    def keep_sighting(self, text: bytes) -> None:
+        """Keep what was seen for the uplink; lost when the server is away."""
+        try:
+            pipe = self._redis.pipeline(transaction=False)
+            pipe.rpush(SIGHTINGS, text)
+            pipe.ltrim(SIGHTINGS, -MOST_SIGHTINGS, -1)
+            pipe.execute()
+        except RedisError:
+            return
+
+    def take_sightings(self, most_count: int) -> list[bytes]:
+        """Take the oldest sightings out."""
+        try:
+            return cast("list[bytes] | None", self._redis.lpop(SIGHTINGS, most_count)) or []
+        except RedisError:
+            return []
+
+    def put_word(self, queue: str, text: bytes) -> bool:
+        """Hand a word on between bridge and uplink; False: it is lost."""
+        try:
+            pipe = self._redis.pipeline(transaction=False)
+            pipe.rpush(queue, text)
+            pipe.ltrim(queue, -MOST_ASKS, -1)
+            pipe.execute()
+        except RedisError:
+            return False
+        return True
+
+    def take_words(self, queue: str) -> list[bytes]:
+        """Take the words out that wait."""
+        try:
+            return cast("list[bytes] | None", self._redis.lpop(queue, MOST_ASKS)) or []
+        except RedisError:
+            return []
 
     def queue_length(self, queue: str) -> int:
         """Return how many wake-ups wait in a queue of the host's broker."""

@@ -10,6 +10,7 @@ from uuid import UUID
 from labweb.domain.errors import DeviceError, LabError
 from labweb.domain.ports import Clock
 from labweb.domain.runs.bodies import plain
+from workers.pictures import share_picture
 from workers.store import Sample, Store
 from workers.unit import Unit
 
@@ -76,6 +77,7 @@ class Sampler:
             if now_s < self._due_s.get(key, 0.0) or not unit.is_online:
                 continue
             self._due_s[key] = now_s + max(period_s, TICK_S)
+            asked_s = self._clock.monotonic_s()
             try:
                 value = plain(unit.read(status))
             except DeviceError as error:
@@ -86,6 +88,8 @@ class Sampler:
                 self._due_s[key] = float("inf")
                 continue
             self._failures[unit.config.id] = 0
+            if self._store is not None:
+                share_picture(self._store, unit, value)
             if value is None:  # the device cannot tell: a gap stays a gap
                 continue
             samples.append(
@@ -93,7 +97,7 @@ class Sampler:
                     device_id=str(unit.config.id),
                     status=status,
                     at_s=self._clock.now_s(),
-                    mono_s=self._clock.monotonic_s(),
+                    mono_s=asked_s,
                     value=value,
                 )
             )

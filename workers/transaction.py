@@ -13,7 +13,7 @@ from labweb.domain.messages import EdgeEvent, ResourceView, canonical, event_has
 from labweb.domain.runs.edge import ActionState, HostState
 from labweb.domain.runs.journal import ActionRow, HeldResource, JournalError
 from labweb.domain.runs.standing import state_of
-from workers.journal_schema import FROM_UNFINISHED, to_action
+from workers.journal_schema import FROM_UNFINISHED, SELECT_STATE, to_action
 
 PROGRESS = frozenset({"accepted", "started", "actuated"})
 """Events that need not be told at once: more of the same action follows."""
@@ -56,9 +56,9 @@ class Transaction:
             kind=kind,
             action_id=action_id,
             at_s=self._wall_s(),
-            body=msgspec.json.decode(text),
+            body=body,
         )
-        digest = event_hash(self._journal_id, prev, event)
+        digest = event_hash(self._journal_id, prev, event, text)
         row = (event.seq, prev, digest, kind, _text(action_id), event.at_s, text.decode())
         self._run("INSERT INTO event VALUES (?, ?, ?, ?, ?, ?, ?)", row)
         self.head = (event.seq, digest)
@@ -84,7 +84,7 @@ class Transaction:
 
     def host_state(self, boot_id: str) -> HostState:
         """Return what decides whether anything may start, as of this write."""
-        return state_of(self.meta(), boot_id)
+        return state_of(dict(self._run(SELECT_STATE)), boot_id)
 
     # --- actions ---
 

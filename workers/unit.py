@@ -9,8 +9,7 @@ from contextlib import contextmanager
 from typing import Any
 
 from drivers.base import Driver, Report
-from drivers.load import call_action, load_driver, read_status
-from drivers.transports.base import Transport
+from drivers.load import call_action, read_status
 from labweb.domain.errors import DeviceError, LabError
 from labweb.domain.messages import DeviceConfig
 from labweb.domain.ports import Clock
@@ -37,16 +36,9 @@ def _border(key: str) -> Iterator[None]:
 class Unit:
     """A device of this line."""
 
-    def __init__(self, config: DeviceConfig, transport: Transport, clock: Clock) -> None:
-        """Load the driver; nothing is opened.
-
-        Raises:
-            LabError: The driver cannot be loaded, or is not the one that was approved.
-        """
+    def __init__(self, config: DeviceConfig, driver: Driver[Any, Any], clock: Clock) -> None:
         self.config = config
-        self.driver: Driver[Any, Any] = load_driver(
-            config.module, config.class_name, config.digest, transport, config.config
-        )
+        self.driver = driver
         self.is_online = False
         self.is_acting = False
         self._clock = clock
@@ -110,6 +102,11 @@ class Unit:
         """
         with _border(self.config.key):
             return read_status(self.driver, status)
+
+    def picture(self, sha256: str) -> bytes | None:
+        """Return a picture that the device took lately, or None."""
+        with _border(self.config.key):
+            return self.driver.picture(sha256)
 
     def act(self, action: str, args: dict[str, Any]) -> Report:
         """Carry out one action. The only place where a device is made to move.

@@ -18,35 +18,52 @@ from pathlib import Path
 from uuid import uuid4
 
 import msgspec
-from redis.exceptions import RedisError
 from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import WebSocketException
 
+from labweb.domain import pictures as picture_frames
 from labweb.domain.errors import LabError
 from labweb.domain.messages import (
     MAX_FRAME_BYTES,
     Ack,
+    AskTold,
     Challenge,
-    EdgeFrame,
+    Devices,
+    DriverPart,
     Events,
     Heartbeat,
     Nudge,
     Refuse,
+    Renew,
+    Renewed,
     Resume,
     ServerFrame,
+    Sighting,
+    Sightings,
     StopAcknowledged,
     StopLab,
-    Telemetry,
+    WantDriver,
     Welcome,
 )
+from labweb.domain.messages.enrolling import MOST_SIGHTINGS_PER_FRAME
 from workers import faults
 from workers.accept import accept
 from workers.app import make_host_app, wake
 from workers.bell import Bell
 from workers.config import HostConfig
+from workers.confine import describe
 from workers.devices import lines_of
+from workers.drivers import DriverStore, Fetching
+from workers.identity import (
+    Identity,
+    load_identity,
+    next_key,
+    server_name,
+    signing_request,
+    take_certificate,
+)
 from workers.journal import Journal
-from workers.keys import HostKey, load_key
+from workers.pictures import Pictures
 from workers.session import (
     arm,
     latch_stop,
@@ -54,8 +71,10 @@ from workers.session import (
     make_hello,
     open_session,
     record_ack,
+    take_devices,
 )
-from workers.store import Store
+from workers.store import ASKS_TOLD, Store
+from workers.telling import PictureTeller, receive, send, tell_asks, tell_samples
 
 log = logging.getLogger(__name__)
 
@@ -67,10 +86,10 @@ EVENTS_POLL_S = 0.03
 """How long progress waits to be told, and an end whose bell was lost."""
 
 ACK_TIMEOUT_S = 10.0
-TELEMETRY_S = 0.1
-"""Shortest time between two telemetry frames."""
-
 SILENCE_S = 20.0
+RENEW_LOOK_S = 1.0
+SIGHTINGS_S = 1.0
+RENEW_AGAIN_S = 60.0
 
 
 class RefusedError(LabError):
@@ -86,19 +105,21 @@ class Uplink:
         self,
         config: HostConfig,
         journal: Journal,
-        key: HostKey,
+        identity: Identity,
         store: Store,
         ring: Callable[[str], None],
     ) -> None:
         self._config = config
         self._journal = journal
-        self._key = key
+        self._identity = identity
         self._store = store
         self._ring = ring
         self._instance_id = uuid4().hex
         self._epoch = 0
         self._sent_seq = 0
         self._acked = asyncio.Event()
+        self._pictures = PictureTeller(Pictures(config.pictures_path), config.retention_s)
+        self._fetching = Fetching(journal, DriverStore(config.drivers_folder))
 
     async def run(self) -> None:
         """Stay connected; after each break, wait longer up to 8 s, with jitter."""
@@ -137,19 +158,21 @@ class Uplink:
             ping_timeout=SILENCE_S / 2,
             close_timeout=1.0,
             proxy=None,
+            ssl=self._identity.context(),
+            server_hostname=server_name(self._identity),
         ) as socket:
             async with asyncio.timeout(HANDSHAKE_S):
                 await self._shake_hands(socket)
             await self._talk(socket)
 
     async def _shake_hands(self, socket: ClientConnection) -> None:
-        challenge = await _receive(socket)
+        challenge = await receive(socket)
         if not isinstance(challenge, Challenge):
             raise RefusedError(f"the server began with {type(challenge).__name__}")
         faults.point("uplink.before_hello")
-        hello = make_hello(self._journal, self._key, challenge.nonce, self._instance_id)
-        await _send(socket, hello)
-        answer = await _receive(socket)
+        hello = make_hello(self._journal, self._identity.key, challenge.nonce, self._instance_id)
+        await send(socket, hello)
+        answer = await receive(socket)
         if isinstance(answer, Refuse):
             text = f"the server refuses this host: {answer.code}: {answer.message}"
             raise RefusedError(text, code=answer.code)
@@ -164,11 +187,16 @@ class Uplink:
         log.info("session %d with the server, %s", answer.epoch, answer.mode)
 
     async def _talk(self, socket: ClientConnection) -> None:
+        await self._fetch(socket)
         work = (
             self._hear(socket),
             self._tell_events(socket),
             self._tell_life(socket),
-            self._tell_samples(socket),
+            tell_samples(socket, self._store, lambda: self._epoch),
+            self._pictures.tell(socket, lambda: self._epoch),
+            self._renew(socket),
+            self._tell_sightings(socket),
+            tell_asks(socket, self._store, lambda: self._epoch),
         )
         tasks = [asyncio.create_task(one) for one in work]
         try:
@@ -198,12 +226,38 @@ class Uplink:
                     raise RefusedError(f"the server ends the session: {frame.message}")
                 case Challenge() | Welcome():
                     raise RefusedError("the server began a second handshake")
+                case _:
+                    await self._take_given(socket, frame)
+
+    async def _take_given(self, socket: ClientConnection, frame: ServerFrame) -> None:
+        """Take in what the host was given, or asked for."""
+        match frame:
+            case picture_frames.PictureTaken():
+                self._pictures.take(frame)
+            case Renewed():
+                await self._take_certificate(socket, frame)
+            case Devices():
+                await self._take_devices(socket, frame)
+            case DriverPart():
+                self._fetching.take(frame)
+            case AskTold():
+                self._store.put_word(ASKS_TOLD, msgspec.json.encode(frame))
 
     def _take_ack(self, ack: Ack) -> None:
         record_ack(self._journal, ack.seq)
         faults.point("uplink.after_ack")
         if ack.seq >= self._sent_seq:
             self._acked.set()
+
+    async def _take_devices(self, socket: ClientConnection, told: Devices) -> None:
+        if told.epoch == self._epoch:
+            take_devices(self._journal, told)
+            await self._fetch(socket)
+
+    async def _fetch(self, socket: ClientConnection) -> None:
+        """Ask for the drivers that are not here."""
+        for digest in self._fetching.missing():
+            await send(socket, WantDriver(digest=digest))
 
     def _take_resume(self, resume: Resume) -> None:
         if resume.epoch != self._epoch:
@@ -222,9 +276,30 @@ class Uplink:
         finally:
             told = [line for line in lines if self._store.announce_stop(line)]
         log.warning("the lab is stopped by %s", stop.issued_by)
-        await _send(socket, StopAcknowledged(stop_id=stop.stop_id, lines=told))
+        await send(socket, StopAcknowledged(stop_id=stop.stop_id, lines=told))
+
+    async def _take_certificate(self, socket: ClientConnection, frame: Renewed) -> None:
+        """Put the next key in the place of the present one, and open a session with it."""
+        who = self._identity
+        if who.ca_file is None:
+            return
+        key = next_key(who.key_file)
+        take_certificate(who.key_file, key, frame.certificate, who.ca_file.read_text("ascii"))
+        self._identity = load_identity(who.key_file, who.ca_file)
+        log.info("the next certificate is in use")
+        await socket.close()
 
     # --- up ---
+
+    async def _renew(self, socket: ClientConnection) -> None:
+        """Ask for the next certificate when it is due; what acts meanwhile is not touched."""
+        while True:
+            due_s = self._identity.renew_due_s
+            if due_s is not None and time.time() >= due_s:
+                csr = signing_request(next_key(self._identity.key_file))
+                await send(socket, Renew(epoch=self._epoch, csr=csr))
+                await asyncio.sleep(RENEW_AGAIN_S)
+            await asyncio.sleep(RENEW_LOOK_S)
 
     async def _tell_events(self, socket: ClientConnection) -> None:
         bell = Bell(self._journal.bell_path)
@@ -244,14 +319,22 @@ class Uplink:
         faults.point("uplink.before_send")
         self._acked.clear()
         self._sent_seq = events[-1].seq
-        await _send(socket, Events(epoch=self._epoch, events=events))
+        await send(socket, Events(epoch=self._epoch, events=events))
         faults.point("uplink.after_send")
         async with asyncio.timeout(ACK_TIMEOUT_S):
             await self._acked.wait()
 
+    async def _tell_sightings(self, socket: ClientConnection) -> None:
+        while True:
+            texts = await asyncio.to_thread(self._store.take_sightings, MOST_SIGHTINGS_PER_FRAME)
+            if texts:
+                found = [msgspec.json.decode(text, type=Sighting) for text in texts]
+                await send(socket, Sightings(epoch=self._epoch, found=found))
+            await asyncio.sleep(SIGHTINGS_S)
+
     async def _tell_life(self, socket: ClientConnection) -> None:
         while True:
-            await _send(socket, self._heartbeat())
+            await send(socket, self._heartbeat())
             await asyncio.sleep(HEARTBEAT_S)
 
     def _heartbeat(self) -> Heartbeat:
@@ -265,62 +348,8 @@ class Uplink:
             lines={line: now_s - at_s for line, at_s in self._store.alive().items()},
             wall_s=time.time(),
             open_count=self._journal.open_count(),
+            confinement="unconfined: faults are armed" if faults.are_armed() else describe(),
         )
-
-    async def _tell_samples(self, socket: ClientConnection) -> None:
-        gauge = LossGauge()
-        after = ""
-        while True:
-            try:
-                if not after:
-                    after = await asyncio.to_thread(self._store.last_key)
-                batches = await asyncio.to_thread(self._store.batches, after, wait_s=0.2)
-            except RedisError:
-                after = ""
-                await asyncio.sleep(1.0)
-                continue
-            if batches:
-                after = batches[-1].key
-                lost_count = sum(
-                    gauge.count(one.line, len(one.samples), one.taken_count) for one in batches
-                )
-                samples = [
-                    (one.device_id, one.status, one.at_s, one.value)
-                    for batch in batches
-                    for one in batch.samples
-                ]
-                await _send(
-                    socket,
-                    Telemetry(epoch=self._epoch, samples=samples, lost_count=lost_count),
-                )
-            await asyncio.sleep(TELEMETRY_S)
-
-
-class LossGauge:
-    """Counts samples that were taken and never came by."""
-
-    def __init__(self) -> None:
-        self._seen: dict[str, int] = {}
-
-    def count(self, line: str, sample_count: int, taken_count: int) -> int:
-        """Return how many are missing before a batch.
-
-        A count that went back means that the line's process began anew.
-        """
-        before = self._seen.get(line)
-        self._seen[line] = taken_count
-        if before is None or taken_count < before:
-            return 0
-        return max(0, taken_count - sample_count - before)
-
-
-async def _receive(socket: ClientConnection) -> ServerFrame:
-    frame: ServerFrame = msgspec.json.decode(await socket.recv(), type=ServerFrame)
-    return frame
-
-
-async def _send(socket: ClientConnection, frame: EdgeFrame) -> None:
-    await socket.send(msgspec.json.encode(frame).decode())
 
 
 def run_uplink(config: HostConfig) -> None:
@@ -329,7 +358,7 @@ def run_uplink(config: HostConfig) -> None:
     uplink = Uplink(
         config,
         Journal(config.journal_path),
-        load_key(Path(config.key_file)),
+        load_identity(Path(config.key_file), config.ca_path),
         Store(config.valkey_url),
         lambda line: wake(app, line),
     )

@@ -49,7 +49,13 @@ def main(
         data: Path = given.data or data_directory_of(given.lab)
         if given.command == "run":
             options = Options(
-                given.lab, data, given.bind, given.port, given.speed, not given.no_twin
+                given.lab,
+                data,
+                given.bind,
+                given.port,
+                given.speed,
+                not given.no_twin,
+                given.edge,
             )
             return guarded(lambda guard: _run(options, guard, process_table, stage_table))
         if given.command == "services":
@@ -165,6 +171,9 @@ def _add_run_options(command: argparse.ArgumentParser) -> None:
     command.add_argument(
         "--speed", type=_speed, default=1.0, help="simulated seconds per second (1)"
     )
+    command.add_argument(
+        "--edge", type=_address, help="address and port for edge hosts of other machines (none)"
+    )
     command.add_argument("--no-twin", action="store_true", help="leave the 3D twin out")
 
 
@@ -172,6 +181,13 @@ def _port(text: str) -> int:
     if not text.isdecimal() or not 0 < int(text) <= _LAST_PORT:
         raise argparse.ArgumentTypeError(f"{text!r} is not a port between 1 and {_LAST_PORT}")
     return int(text)
+
+
+def _address(text: str) -> str:
+    host, _, port = text.rpartition(":")
+    if not host:
+        raise argparse.ArgumentTypeError(f"{text!r} is no address with a port, as 192.0.2.7:8443")
+    return f"{host}:{_port(port)}"
 
 
 def _speed(text: str) -> float:

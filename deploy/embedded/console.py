@@ -89,6 +89,8 @@ def welcome(site: Site) -> list[str]:
     lines = [f"labweb     {site.url}", *_accounts(site), ""]
     pace = "real time" if site.speed == 1 else f"{site.speed:g} times real time"
     lines.append(f"Simulated  every instrument, at {pace}")
+    if site.edge is not None:
+        lines.append(f"Edge hosts {site.edge}, by a join token")
     lines.append(f"Data       {site.layout.data}")
     lines.append("Ctrl-C stops everything")
     return lines

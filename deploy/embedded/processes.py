@@ -36,6 +36,8 @@ class Site:
     """Simulated seconds per second."""
 
     with_twin: bool = True
+    edge: str | None = None
+    """Where edge hosts of other machines are let in, over TLS; None: nowhere."""
 
     @property
     def url(self) -> str:
@@ -70,6 +72,9 @@ def table(site: Site) -> list[Process]:
             after_web=True,
         ),
     ]
+    if site.edge is not None:
+        door = (sys.executable, "manage.py", "edge_door", "--listen", site.edge)
+        processes.append(Process("door", door))
     if site.with_twin and (CHECKOUT / "twin" / "server.py").is_file():
         twin = (sys.executable, "-m", "twin.server", "--config", str(data / "twin.json"))
         processes.append(Process("twin", twin, after_web=True))
@@ -82,6 +87,7 @@ def environment(site: Site, urls: Mapping[str, str], token: str) -> dict[str, st
         **urls,
         "DJANGO_SETTINGS_MODULE": SETTINGS,
         "LABWEB_DATA": str(site.layout.data),
+        **({} if site.edge is None else {"LABWEB_EDGE_ADDRESS": site.edge}),
         "LABWEB_PORT": str(site.port),
         "LABWEB_SECRET_KEY_FILE": str(site.layout.secret_key),
         "LABWEB_SOCKETS": str(site.sockets),

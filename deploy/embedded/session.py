@@ -41,6 +41,7 @@ class Options:
     port: int = 8400
     speed: float = 1.0
     with_twin: bool = True
+    edge: str | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,6 +102,7 @@ def run(
             port=options.port,
             speed=options.speed,
             with_twin=options.with_twin,
+            edge=options.edge,
         )
         servers = Servers(Stack(site.layout, site.sockets, given=given), found)
         _Session(site, servers, guard, console, Tables(process_table, stage_table)).run()

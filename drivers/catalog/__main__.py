@@ -1,4 +1,8 @@
-"""Command line: `python -m drivers.catalog PATH [--json | --check | --page]`."""
+"""Command line: `python -m drivers.catalog PATH [--json [--sources] | --check | --page]`.
+
+`python -m drivers.catalog - --module drivers.CLASS.MODEL --json` reads one text from standard
+input.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +15,8 @@ from pathlib import Path
 import msgspec
 
 from drivers.catalog.inspect import PACKAGE
-from drivers.catalog.scan import Catalog, scan
+from drivers.catalog.scan import Catalog, scan, scan_text
+from drivers.catalog.source import MAX_SOURCE_BYTES
 from labweb.domain.enrollment.spec import ActionSpec, StatusSpec
 from labweb.domain.errors import Finding
 
@@ -33,12 +38,16 @@ def main(arguments: list[str] | None = None) -> int:
     output.add_argument("--json", action="store_true", help="print specs and findings as JSON")
     output.add_argument("--check", action="store_true", help="print findings; fail if there are")
     output.add_argument("--page", action="store_true", help="print a table in Markdown")
+    parser.add_argument("--sources", action="store_true", help="with --json: the bundles as well")
+    parser.add_argument("--module", help="with the path -: name of the driver on standard input")
     options = parser.parse_args(arguments)
-    if not options.path.exists():
+    if options.module is None and not options.path.exists():
         sys.stderr.write(f"{options.path}: no such file or folder\n")
         return 2
-    catalog = scan(options.path)
+    catalog = scan(options.path) if options.module is None else _read_input(options.module)
     if options.json:
+        if not options.sources:
+            catalog = msgspec.structs.replace(catalog, sources={})
         sys.stdout.write(msgspec.json.encode(catalog, order="sorted").decode() + "\n")
         return 0
     if options.page:
@@ -46,6 +55,10 @@ def main(arguments: list[str] | None = None) -> int:
         return 0
     sys.stdout.write(_render_findings(catalog) if options.check else _render_table(catalog))
     return 1 if options.check and catalog.all_findings else 0
+
+
+def _read_input(module: str) -> Catalog:
+    return scan_text(module, sys.stdin.buffer.read(MAX_SOURCE_BYTES + 1))
 
 
 def _render_table(catalog: Catalog) -> str:

@@ -1,4 +1,4 @@
-"""The rules DRV001 to DRV010 that driver source must keep, each finding with file and line."""
+"""The rules DRV001 to DRV011 that driver source must keep, each finding with file and line."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from drivers.catalog.annotations import (
     last_name,
     parse_annotation,
 )
+from drivers.catalog.imports import check_imports
 from drivers.catalog.inspect import (
     DriverClass,
     Function,
@@ -36,16 +37,6 @@ HARMLESS_CALLS = frozenset(
 )
 """Calls that build a constant or leave a mark: all that may happen on import."""
 
-FORBIDDEN_MODULES = frozenset(
-    {"socket", "serial", "pymodbus", "asyncio", "http", "urllib", "ftplib", "requests", "httpx"}
-    | {"aiohttp", "websockets", "subprocess", "multiprocessing", "os", "shutil", "pathlib", "io"}
-    | {"ctypes", "cffi", "importlib", "pickle", "marshal", "builtins", "sys", "usb", "pyvisa"}
-    | {"smbus", "bleak", "paramiko", "telnetlib", "tempfile"}
-)
-"""Modules that open something, or run something; transports alone may."""
-
-FORBIDDEN_CALLS = frozenset({"open", "eval", "exec", "compile", "__import__", "globals", "vars"})
-
 _SECTION = re.compile(r"§|\b(section|chapter|manual|table|appendix)\b", re.IGNORECASE)
 _SENDERS = frozenset({"exchange", "send", "read_registers", "write_registers", "write_register"})
 _PLAIN_NUMBERS = frozenset({0, 1})
@@ -53,7 +44,7 @@ _PLAIN_NUMBERS = frozenset({0, 1})
 
 def check_module(source: Source) -> list[Finding]:
     """List what the module breaks apart from any one class."""
-    rules = (_one_class, _module_docstring, _calls_on_import, _opens_something, _frame_numbers)
+    rules = (_one_class, _module_docstring, _calls_on_import, check_imports, _frame_numbers)
     return [finding for rule in rules for finding in rule(source)]
 
 
@@ -234,29 +225,6 @@ def _run_on_import(tree: ast.Module) -> Iterator[ast.AST]:
             continue
         else:
             pending.extend(ast.iter_child_nodes(node))
-
-
-def _opens_something(source: Source) -> Iterator[Finding]:
-    for node in source.find(ast.Import, ast.ImportFrom, ast.Call):
-        if name := _forbidden(node):
-            yield source.finding(
-                "drv009",
-                node.lineno,
-                f"{name} opens or runs something outside the transports",
-                "take a transport in the constructor and use exchange() or send()",
-            )
-
-
-def _forbidden(node: ast.Import | ast.ImportFrom | ast.Call) -> str:
-    """Return the name of what the node reaches for, "" when it is allowed."""
-    if isinstance(node, ast.Import):
-        roots = [alias.name.partition(".")[0] for alias in node.names]
-        return next((root for root in roots if root in FORBIDDEN_MODULES), "")
-    if isinstance(node, ast.ImportFrom):
-        root = (node.module or "").partition(".")[0]
-        return root if root in FORBIDDEN_MODULES else ""
-    name = node.func.id if isinstance(node.func, ast.Name) else ""
-    return name if name in FORBIDDEN_CALLS else ""
 
 
 def _interface(driver: DriverClass) -> Iterator[Finding]:

@@ -7,7 +7,6 @@ import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
-from pathlib import Path
 from typing import Any
 
 from drivers.catalog.annotations import (
@@ -19,18 +18,20 @@ from drivers.catalog.annotations import (
     parameter,
     parse_annotation,
 )
+from drivers.catalog.source import PACKAGE as PACKAGE
 from drivers.catalog.source import Source, read_source
 from labweb.domain.enrollment.spec import ActionSpec, DriverSpec, ParameterSpec, StatusSpec
 
-PACKAGE = Path(__file__).resolve().parent.parent
 LIFECYCLE = frozenset(
     {"connect", "close", "stop", "clear_stop", "identify", "halt", "pause", "rest"}
-    | {"refuse_if_stopped", "is_stopped"}
+    | {"refuse_if_stopped", "is_stopped", "picture"}
 )
 """What the base class gives, or asks for: neither actions nor statuses."""
 
 _TRANSPORTS = {"ByteTransport": "byte", "RegisterTransport": "register"} | {
-    "VirtualTransport": "virtual"
+    "HttpTransport": "http",
+    "Ros2Transport": "ros2",
+    "VirtualTransport": "virtual",
 }
 _NOT_DEVICES = frozenset(
     {"Struct", "NamedTuple", "TypedDict", "Protocol", "ABC", "Enum", "StrEnum", "IntEnum"}
@@ -107,7 +108,7 @@ def build_spec(driver: DriverClass) -> DriverSpec:
     )
     return DriverSpec(
         class_name=driver.node.name,
-        module=_module_name(driver.source.path),
+        module=driver.source.module,
         digest=driver.source.digest,
         roles=tuple(interface.role for interface in driver.interfaces),
         transport=transport,
@@ -294,11 +295,3 @@ def _one_of(value: object, allowed: tuple[str, ...], otherwise: str) -> Any:  # 
 def _first_line(node: ast.ClassDef | Function) -> str:
     text = (ast.get_docstring(node) or "").strip()
     return printable(text.splitlines()[0]) if text else ""
-
-
-def _module_name(path: Path) -> str:
-    try:
-        inside = path.resolve().relative_to(PACKAGE)
-    except ValueError:
-        return ""
-    return ".".join((PACKAGE.name, *inside.with_suffix("").parts))

@@ -5,21 +5,32 @@ from __future__ import annotations
 import ast
 import hashlib
 import io
+import re
 import tokenize
 from collections import defaultdict
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
 from labweb.domain.errors import ConformanceError, Finding
 
+PACKAGE = Path(__file__).resolve().parent.parent
+
 MAX_SOURCE_BYTES = 1024 * 1024
 """The longest published driver that is known has 630 KiB; a person wrote all of it."""
 
+MAX_WORDS = 80_000
+"""Most words and signs in a text that is sent in: reading it stays below a second. The longest
+driver of this package has 4 000."""
+
 MAX_DEPTH = 100
 """Deepest nesting of the syntax tree; hand-written drivers stay below 40."""
+
+
+_WORD = re.compile(rb"\w+|[^\s\w]")
 
 
 @dataclass(frozen=True)
@@ -34,6 +45,9 @@ class Source:
     tree: ast.Module
     nodes: Mapping[type[ast.AST], list[Any]]
     """Every node of the tree by its type: whoever looks for something looks here."""
+
+    module: str = ""
+    """Dotted name, "" for a file outside the package."""
 
     @cached_property
     def comments(self) -> Mapping[int, str]:
@@ -62,6 +76,20 @@ class Source:
         )
 
 
+def module_of(path: Path) -> str:
+    """Name the module of a file of this package, "" for any other."""
+    try:
+        inside = path.resolve().relative_to(PACKAGE)
+    except ValueError:
+        return ""
+    return ".".join((PACKAGE.name, *inside.with_suffix("").parts))
+
+
+def path_of(module: str) -> Path:
+    """Return where a module of this package lies, or would lie."""
+    return PACKAGE.joinpath(*module.split(".")[1:]).with_suffix(".py")
+
+
 def read_source(path: Path) -> Source:
     """Read and parse a file; nothing in it is executed.
 
@@ -74,17 +102,28 @@ def read_source(path: Path) -> Source:
             data = file.read(MAX_SOURCE_BYTES + 1)
     except OSError as error:
         raise _refusal(path, "source_unreadable", 1, f"cannot be read: {error}") from error
-    if len(data) > MAX_SOURCE_BYTES:
-        raise _refusal(path, "source_too_large", 1, f"is larger than {MAX_SOURCE_BYTES} bytes")
-    return parse_source(path, data)
+    return parse_source(path, data, module_of(path))
 
 
-def parse_source(path: Path, data: bytes) -> Source:
-    """Parse the bytes of a file.
+def check_words(path: Path, data: bytes) -> None:
+    """Refuse a text that would take long to read, by the count of its words and signs.
+
+    Raises:
+        ConformanceError: It has more than `MAX_WORDS`.
+    """
+    count = sum(1 for _ in islice(_WORD.finditer(data[:MAX_SOURCE_BYTES]), MAX_WORDS + 1))
+    if count > MAX_WORDS:
+        raise _refusal(path, "source_too_long", 1, f"has more than {MAX_WORDS} words and signs")
+
+
+def parse_source(path: Path, data: bytes, module: str = "") -> Source:
+    """Parse the bytes of a file that is, or shall be, this module.
 
     Raises:
         ConformanceError: As `read_source`.
     """
+    if len(data) > MAX_SOURCE_BYTES:
+        raise _refusal(path, "source_too_large", 1, f"is larger than {MAX_SOURCE_BYTES} bytes")
     try:
         text = data.decode("utf-8")
     except UnicodeDecodeError as error:
@@ -95,7 +134,7 @@ def parse_source(path: Path, data: bytes) -> Source:
         raise _refusal(path, "source_null_byte", line, "holds a null byte")
     tree = _parse(path, text)
     digest = hashlib.sha256(data).hexdigest()
-    return Source(path, text, digest, tree, _nodes_of(path, tree))
+    return Source(path, text, digest, tree, _nodes_of(path, tree), module)
 
 
 def _parse(path: Path, text: str) -> ast.Module:

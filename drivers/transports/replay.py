@@ -14,11 +14,11 @@ A request without an answer line is met with silence.
 from __future__ import annotations
 
 import ast
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from drivers.transports.base import ByteTransport, Ending, whole_length
+from drivers.transports.base import ByteTransport, Direction, Ending, whole_length
 
 _ONCE, _REPEATED, _ANYTIME = ">", ">*", ">?"
 
@@ -128,6 +128,54 @@ def parse_transcript(text: str) -> list[Exchange]:
         else:
             raise ValueError(f"transcript line {number} is neither request, answer nor comment")
     return exchanges
+
+
+def render_transcript(exchanges: Iterable[Exchange], head: Iterable[str] = ()) -> str:
+    r"""Write exchanges as a transcript, with comments before them; `parse_transcript` reads it.
+
+    Example:
+        >>> print(render_transcript([Exchange(">", b"SI\r\n", b"S S 1.0 g\r\n")]), end="")
+        > SI\r\n
+        < S S 1.0 g\r\n
+    """
+    lines = [f"# {' '.join(text.split())}" for text in head]
+    for one in exchanges:
+        lines.append(f"{one.mark} {_text(one.request)}")
+        lines += [f"< {_text(one.reply)}"] if one.reply else []
+    return "".join(f"{line}\n" for line in lines)
+
+
+class Recording:
+    """An observer of a line that keeps what crosses it as exchanges.
+
+    Set it as `transport.observer` before the line is opened.
+    """
+
+    def __init__(self) -> None:
+        self._crossed: list[tuple[bytes, bytearray]] = []
+        self.unasked = bytearray()
+        """What came before anything was sent: no transcript can hold it."""
+
+    def __call__(self, direction: Direction, data: bytes) -> None:
+        """Keep one piece; pieces of one answer belong together."""
+        if direction == "out":
+            self._crossed.append((bytes(data), bytearray()))
+        elif self._crossed:
+            self._crossed[-1][1].extend(data)
+        else:
+            self.unasked.extend(data)
+
+    @property
+    def exchanges(self) -> list[Exchange]:
+        """Return every request with what came until the next one."""
+        return [Exchange(_ONCE, request, bytes(reply)) for request, reply in self._crossed]
+
+
+def _text(data: bytes) -> str:
+    text = repr(data)[2:-1]
+    if text.startswith(" "):
+        text = f"\\x20{text[1:]}"
+    return f"{text[:-1]}\\x20" if text.endswith(" ") else text
 
 
 def _bytes(text: str, number: int) -> bytes:

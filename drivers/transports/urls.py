@@ -7,7 +7,11 @@ from collections.abc import Callable, Mapping
 from urllib.parse import SplitResult, parse_qsl, urlsplit
 
 from drivers.transports.base import Transport
+from drivers.transports.http import HttpTransport
 from drivers.transports.modbus import ModbusTransport, serial_client, tcp_client
+from drivers.transports.ros2.link import HIGHEST_DOMAIN, LinkSettings
+from drivers.transports.ros2.names import check_name
+from drivers.transports.ros2.transport import Ros2Transport
 from drivers.transports.serial import SerialSettings, SerialTransport, serial_line
 from drivers.transports.tcp import TcpTransport, tcp_line
 from drivers.transports.virtual import VirtualTransport
@@ -19,11 +23,15 @@ FORMS = (
     "tcp://192.168.1.10:5000?beat=192.168.255.255:3000",
     "modbus+tcp://127.0.0.1:502?device=1",
     "modbus+serial:///dev/ttyUSB0?baud=9600&format=8N1&device=1",
+    "http://192.168.1.20:80",
+    "ros2://192.168.1.7/arm_1?domain=0",
     "virtual:timer",
+    "virtual:timer?pace=10",
 )
 """Every accepted form, by example."""
 
 _FORMAT = re.compile(r"([78])([NEO])([12])")
+_VIRTUAL = re.compile(r"(virtual:[a-z0-9_-]{1,64})(?:\?pace=([0-9]{1,4}(?:\.[0-9]{1,6})?))?")
 _SERIAL_KEYS = frozenset({"baud", "format", "flow"})
 _HIGHEST_PORT = 65535
 _HIGHEST_MODBUS_DEVICE = 247  # Modbus over serial line V1.02, section 2.2
@@ -92,8 +100,41 @@ def _make_modbus_serial(url: str) -> Transport:
     return ModbusTransport(url, line, _device(url), serial_client(settings))
 
 
+def _make_http(url: str) -> Transport:
+    host, port = _address(url, frozenset())
+    return HttpTransport(url, host, port)
+
+
 def _make_virtual(url: str) -> Transport:
-    return VirtualTransport(_virtual_line(url))
+    _virtual_line(url)
+    pace = url.partition("?pace=")[2]
+    return VirtualTransport(url, float(pace) if pace else 1.0)
+
+
+def _make_ros2(url: str) -> Transport:
+    settings, namespace = _ros2(url)
+    return Ros2Transport(url, settings, namespace)
+
+
+def _ros2_line(url: str) -> str:
+    settings, namespace = _ros2(url)
+    return f"ros2:{settings.address}:{settings.domain}{namespace}"
+
+
+def _ros2(url: str) -> tuple[LinkSettings, str]:
+    """Return domain and network card, and the namespace of the nodes."""
+    parts = _split(url)
+    query = _query(url, parts, frozenset({"domain", "peers"}))
+    if parts.netloc != parts.hostname or not parts.hostname:
+        raise _bad(url, "after the slashes comes the IPv4 address of this host's network card")
+    peers = tuple(one for one in query.get("peers", "").split(",") if one)
+    try:
+        if parts.path not in {"", "/"}:
+            check_name(parts.path)
+        domain = _number(url, query.get("domain", "0"), 0, HIGHEST_DOMAIN)
+        return LinkSettings(domain, parts.hostname, peers), parts.path or "/"
+    except DefinitionError as error:
+        raise _bad(url, error.message) from error
 
 
 def _serial_line(url: str) -> str:
@@ -105,9 +146,10 @@ def _tcp_line(url: str) -> str:
 
 
 def _virtual_line(url: str) -> str:
-    if not re.fullmatch(r"virtual:[a-z0-9_-]{1,64}", url):
+    match = _VIRTUAL.fullmatch(url)
+    if match is None or (match[2] and float(match[2]) == 0):
         raise _bad(url, "a virtual line has a name of small letters, digits, _ and -")
-    return url
+    return match[1]
 
 
 def _serial_settings(url: str, keys: frozenset[str]) -> SerialSettings:
@@ -190,5 +232,7 @@ _SCHEMES: Mapping[str, tuple[Callable[[str], Transport], Callable[[str], str]]] 
     "tcp": (_make_tcp, _tcp_line),
     "modbus+tcp": (_make_modbus_tcp, _tcp_line),
     "modbus+serial": (_make_modbus_serial, _serial_line),
+    "http": (_make_http, _tcp_line),
+    "ros2": (_make_ros2, _ros2_line),
     "virtual": (_make_virtual, _virtual_line),
 }

@@ -1,6 +1,6 @@
 """A timer that runs on the edge host itself.
 
-Protocol: none; the host's monotonic clock.
+Protocol: none; the host's monotonic clock, as fast as its line says.
 Quality: bronze, the host's clock is the instrument.
 Safe state: not waiting.
 """
@@ -46,9 +46,12 @@ class HostTimer(Driver[VirtualTransport, Config], Timer):
         """
         started_s = time.monotonic()
         try:
-            self.pause(duration_s)
+            self.pause(duration_s / self.transport.pace)
         except DeviceStoppedError as error:
             error.effect = Effect.NONE
-            error.context["waited_s"] = round(time.monotonic() - started_s, 3)
+            error.context["waited_s"] = self._waited_s(started_s)
             raise
-        return Report(evidence={"waited_s": round(time.monotonic() - started_s, 3)})
+        return Report(evidence={"waited_s": self._waited_s(started_s)})
+
+    def _waited_s(self, started_s: float) -> float:
+        return round((time.monotonic() - started_s) * self.transport.pace, 3)

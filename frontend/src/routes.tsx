@@ -16,6 +16,9 @@ const pages: RouteObject[] = [
   page("workflows", async () => ({
     Component: (await import("@/editor/workflows")).WorkflowsPage,
   })),
+  page("workflows/xdl", async () => ({
+    Component: (await import("@/recipes/page")).RecipePage,
+  })),
   page("workflows/:id/edit", async () => ({
     Component: (await import("@/editor/page")).EditorPage,
   })),
@@ -30,6 +33,8 @@ const pages: RouteObject[] = [
   page("twin", async () => ({ Component: (await import("@/lab/twin")).TwinPage })),
   page("devices", async () => ({ Component: (await import("@/devices/list")).DevicesPage })),
   page("devices/:id", async () => ({ Component: (await import("@/devices/page")).DevicePage })),
+  page("drivers", async () => ({ Component: (await import("@/drivers/list")).DriversPage })),
+  page("drivers/:id", async () => ({ Component: (await import("@/drivers/page")).DriverPage })),
   page("files", async () => ({ Component: (await import("@/files/list")).FilesPage })),
   page("files/:id", async () => ({ Component: (await import("@/files/page")).FilePage })),
   page("hosts/:id", async () => ({ Component: (await import("@/devices/host")).HostPage })),

@@ -43,7 +43,7 @@ def ensure_user(
     return user, created
 
 
-@atomic
+@atomic(savepoint=False)
 def write_audit(
     action: str,
     subject: str,
@@ -55,9 +55,8 @@ def write_audit(
     """Append who did what to which object, bound to the row before."""
     with connection.cursor() as cursor:
         cursor.execute("SELECT pg_advisory_xact_lock(%s)", [_AUDIT_LOCK])
-    last = AuditEntry.objects.order_by("-id").first()
+    prev = AuditEntry.objects.order_by("-id").values_list("hash", flat=True).first() or ""
     at = now()
-    prev = last.hash if last is not None else ""
     fields = {
         "prev": prev,
         "at": at.isoformat(),

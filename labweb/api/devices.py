@@ -11,6 +11,7 @@ from rest_framework.response import Response
 from rest_framework.views import APIView
 
 from labweb.accounts.selectors import User, user_of
+from labweb.api.driver_use import driver_of
 from labweb.common.clock import now
 from labweb.common.render import iso
 from labweb.domain.approvals.roles import Permission
@@ -23,7 +24,7 @@ from labweb.resources.selectors import Lab
 from labweb.runs import selectors as run_selectors
 from labweb.runs.selectors import Job
 from labweb.telemetry import selectors as telemetry_selectors
-from labweb.workflows.api import render_actions
+from labweb.workflows.api.drawing import render_actions
 
 _STALE_AFTER_S = 5.0
 
@@ -59,6 +60,7 @@ class DeviceDetail(APIView):
                     "protocol": spec.protocol,
                     "quality": spec.quality,
                     "doc": spec.doc,
+                    **driver_of(row),
                 },
                 "actions": render_actions(spec),
                 "statuses": [_status(status) for status in spec.statuses],

@@ -31,6 +31,8 @@ from labweb.runs.selectors import Job, Run
 
 _MOST = 8
 _SHORTEST_QUERY = 2
+_MOST_SINGLE = 3
+"""Finds that are shown one by one; more are one line."""
 
 
 class Home(APIView):
@@ -50,7 +52,10 @@ def _home(user: User) -> dict[str, Any]:
     candidates = [row for row in devices if row.state == Device.State.CANDIDATE]
     may_admit = Permission.ADMIT in permissions_of(user)
     return {
-        "needs_you": list(_needs(lab, runs, candidates if may_admit else [], seen)),
+        "needs_you": [
+            *_needs(lab, runs, candidates if may_admit else [], seen),
+            *(_newcomers(lab) if may_admit else ()),
+        ],
         "running": render_rows(
             runs.filter(state__in=[*run_selectors.LIVE, "awaiting_approval"])[:20]
         ),
@@ -91,6 +96,11 @@ def _needs(
             "run_id": str(row.run_id),
             "request_id": str(row.id),
         }  # fmt: skip
+    for row in approval_selectors.open_about_drivers(lab):
+        yield _need(
+            "approval", row.title, f"Asked by {row.asked_by.printed_name} · {row.policies[0]}",
+            iso(row.asked_at), f"/drivers/{row.driver_id}", "Review",
+        )  # fmt: skip
     yield from _paused(runs)
     yield from _unreconciled(lab, seen)
     for device in candidates:
@@ -98,6 +108,32 @@ def _needs(
             "candidate", f"{device.name} was found on {device.host.name}",
             "It may do nothing until an admin has reviewed it", iso(device.discovered_at),
             f"/admin/enrollment/device/{device.id}/review/", "Review",
+        )  # fmt: skip
+
+
+def _newcomers(lab: Lab) -> Iterator[dict[str, Any]]:
+    """Machines that ask to become hosts, and what hosts have seen; many of these as one."""
+    for asking in enrollment_selectors.waiting_requests(lab):
+        known = asking.known_host
+        yield _need(
+            "candidate", f"{asking.name} asks to become an edge host",
+            "Compare the code that it shows" if known is None
+            else f"It says that it is {known.name}, which is suspended meanwhile",
+            iso(asking.asked_at), f"/admin/enrollment/joinrequest/{asking.id}/review/", "Review",
+        )  # fmt: skip
+    found = enrollment_selectors.new_candidates(lab)
+    if len(found) > _MOST_SINGLE:
+        yield _need(
+            "candidate", f"{len(found)} things were found that may be devices",
+            "They may do nothing until an admin has reviewed them", iso(found[0].first_seen_at),
+            "/admin/enrollment/candidate/?state__exact=new", "Look",
+        )  # fmt: skip
+        return
+    for one in found:
+        yield _need(
+            "candidate", f"{one.name or one.address} was found by {one.host.name}",
+            "It may do nothing until an admin has reviewed it", iso(one.first_seen_at),
+            f"/admin/enrollment/candidate/{one.id}/review/", "Review",
         )  # fmt: skip
 
 

@@ -33,7 +33,9 @@ CLOSE_TOO_BIG = 1009
 MAX_FRAME_BYTES = 64 * 1024
 MAX_TOPICS = 200
 
-OPEN_TOPICS = frozenset({"lab", "runs", "approvals", "hosts", "devices", "events", "workflows"})
+OPEN_TOPICS = frozenset(
+    {"lab", "runs", "approvals", "hosts", "devices", "drivers", "events", "workflows"}
+)
 
 CHECK_EVERY_S = 3.0
 """A socket outlives its session by this much at most."""

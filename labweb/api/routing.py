@@ -6,9 +6,9 @@ from typing import Any
 
 from channels.auth import AuthMiddlewareStack
 from channels.routing import ProtocolTypeRouter, URLRouter
-from django.core.asgi import get_asgi_application
 from django.urls import re_path
 
+from labweb.api.handler import Handler
 from labweb.api.live import BrowserConsumer, NoSuchConsumer
 from labweb.api.twin_feed import FeedConsumer
 from labweb.api.twin_proxy import TwinConsumer
@@ -32,4 +32,4 @@ routes: list[Any] = [
 
 def application() -> ProtocolTypeRouter:
     """Build the ASGI application of HTTP and websockets."""
-    return ProtocolTypeRouter({"http": get_asgi_application(), "websocket": URLRouter(routes)})
+    return ProtocolTypeRouter({"http": Handler(), "websocket": URLRouter(routes)})

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from django.urls import include, path
 
-from labweb.api import deliveries, devices, home, hosts, session, twin_proxy
+from labweb.api import deliveries, devices, drivers, home, hosts, session, twin_proxy
 
 urlpatterns = [
     path("session", session.Session.as_view()),
@@ -12,11 +12,19 @@ urlpatterns = [
     path("search", home.Search.as_view()),
     path("devices", devices.Devices.as_view()),
     path("devices/<uuid:device_id>", devices.DeviceDetail.as_view()),
+    path("devices/<uuid:device_id>/driver", drivers.DeviceDriver.as_view()),
+    path("drivers", drivers.Drivers.as_view()),
+    path("drivers/reading", drivers.DriverReading.as_view()),
+    path("drivers/<uuid:driver_id>", drivers.DriverDetail.as_view()),
+    path("drivers/<uuid:driver_id>/changes/<uuid:since_id>", drivers.DriverChanges.as_view()),
+    path("drivers/<uuid:driver_id>/decision", drivers.DecideDriver.as_view()),
+    path("drivers/<uuid:driver_id>/withdraw", drivers.WithdrawDriver.as_view()),
     path("hosts", devices.Hosts.as_view()),
     path("hosts/<uuid:host_id>", hosts.HostDetail.as_view()),
     path("deliveries", deliveries.Deliveries.as_view()),
     path("twin", twin_proxy.Twin.as_view()),
     path("", include("labweb.resources.urls")),
+    path("", include("labweb.enrollment.urls")),
     path("", include("labweb.crutd.urls")),
     path("", include("labweb.telemetry.urls")),
     path("", include("labweb.workflows.urls")),

@@ -41,8 +41,13 @@ class ApprovalRequest(Base):
 
     lab = models.ForeignKey("resources.Lab", on_delete=models.PROTECT, related_name="approvals")
     title = models.CharField(max_length=300)
-    run_id = models.UUIDField(db_index=True)
+    run_id = models.UUIDField(db_index=True, null=True)
+    driver_id = models.UUIDField(db_index=True, null=True)
+    """Driver version that the question is about; else it is about a run."""
+
     plan_digest = models.CharField(max_length=64)
+    """Digest of the plan, or of the driver's source."""
+
     policies = models.JSONField()
     """Name of each policy that asks."""
 
@@ -54,6 +59,12 @@ class ApprovalRequest(Base):
 
     class Meta:
         ordering = ["-asked_at"]
+        constraints = [
+            models.CheckConstraint(
+                condition=models.Q(run_id__isnull=True) ^ models.Q(driver_id__isnull=True),
+                name="request_about_one_thing",
+            )
+        ]
 
     def __str__(self) -> str:
         return self.title

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from datetime import datetime
+from datetime import datetime, timedelta
 from functools import partial
 from uuid import UUID
 
@@ -19,8 +19,14 @@ from labweb.domain.approvals import policy as policy_rules
 from labweb.domain.approvals.roles import Permission
 from labweb.domain.errors import ForbiddenError, StateError
 from labweb.domain.workflows.plan import Plan
+from labweb.enrollment import services as enrollment_services
+from labweb.enrollment.selectors import DriverVersion
 from labweb.resources import selectors as resource_selectors
 from labweb.resources.selectors import Lab
+
+DRIVER_RULE = "A driver needs a second person"
+
+_DRIVER_REQUEST_LIFE = timedelta(days=30)
 
 
 def ensure_policy(lab: Lab, *, name: str, rule: dict[str, object]) -> Policy:
@@ -49,15 +55,19 @@ def open_request(  # noqa: PLR0913 - one column each
     asked_by: User,
     expires_at: datetime,
 ) -> ApprovalRequest:
-    """Ask a person about the plan with this digest."""
+    """Ask a person about the plan with this digest.
+
+    A policy that is no row is a rule of the server's own: it asks somebody else.
+    """
     rows = list(selectors.active_policies(lab).filter(name__in=list(policies)))
+    is_own_rule = not set(policies) <= {row.name for row in rows}
     request = ApprovalRequest.objects.create(
         lab=lab,
         title=title,
         run_id=run_id,
         plan_digest=plan_digest,
         policies=list(policies),
-        allow_self=all(row.allow_self for row in rows),
+        allow_self=all(row.allow_self for row in rows) and not is_own_rule,
         asked_by=asked_by,
         asked_at=now(),
         expires_at=expires_at,
@@ -99,7 +109,7 @@ def decide(request_id: UUID, *, actor: User, is_approved: bool, comment: str) ->
         actor=actor,
         printed_name=actor.printed_name,
         is_approved=is_approved,
-        meaning="approves the start" if is_approved else "rejects the start",
+        meaning=_meaning(row, is_approved=is_approved),
         comment=comment,
         plan_digest=row.plan_digest,
         at=now(),
@@ -115,15 +125,86 @@ def decide(request_id: UUID, *, actor: User, is_approved: bool, comment: str) ->
     return row
 
 
+def _meaning(row: ApprovalRequest, *, is_approved: bool) -> str:
+    what = "the start" if row.driver_id is None else "the driver"
+    return f"{'approves' if is_approved else 'rejects'} {what}"
+
+
+@atomic
+def submit_driver(module: str, text: str, *, note: str, actor: User) -> DriverVersion:
+    """Keep driver source that a person brought, and ask a second person about it.
+
+    Raises:
+        ForbiddenError: The actor may not bring drivers.
+        ConformanceError: It breaks a rule; `findings` list each place. Nothing was written.
+        StateError: This very source is known already.
+    """
+    row = enrollment_services.propose_driver(module, text, note=note, actor=actor)
+    _close_requests(row, ApprovalRequest.State.EXPIRED)
+    request = ApprovalRequest.objects.create(
+        lab=resource_selectors.the_lab(),
+        title=f"Driver {row.class_name} of {row.module}, {row.digest[:12]}",
+        driver_id=row.id,
+        plan_digest=row.digest,
+        policies=[DRIVER_RULE],
+        allow_self=False,
+        asked_by=actor,
+        asked_at=now(),
+        expires_at=now() + _DRIVER_REQUEST_LIFE,
+    )
+    on_commit(partial(feed.publish, "approvals", {"request_id": str(request.id)}))
+    return row
+
+
+@atomic
+def decide_driver(
+    version_id: UUID, *, actor: User, is_approved: bool, comment: str
+) -> DriverVersion:
+    """Approve or reject a driver version; an approval signs the digest of its source.
+
+    Raises:
+        NotFoundError: There is no such version, or nobody was asked about it.
+        ForbiddenError: The actor brought it, or may not decide here.
+        StateError: Somebody answered before, or the request has expired.
+
+    Effect:
+        None on matter. Devices get the version only when somebody gives it to them.
+    """
+    request = selectors.request_about_driver(version_id)
+    decide(request.id, actor=actor, is_approved=is_approved, comment=comment)
+    return enrollment_services.settle_proposal(
+        version_id, actor=actor, is_approved=is_approved, comment=comment
+    )
+
+
+@atomic
+def withdraw_driver(version_id: UUID, *, actor: User, reason: str) -> DriverVersion:
+    """Let a driver version be used no more, and ask about it no more.
+
+    Raises:
+        LabError: As `labweb.enrollment.services.withdraw_driver`.
+    """
+    row = enrollment_services.withdraw_driver(version_id, actor=actor, reason=reason)
+    _close_requests(row, ApprovalRequest.State.WITHDRAWN)
+    return row
+
+
+def _close_requests(row: DriverVersion, state: ApprovalRequest.State) -> None:
+    rows = ApprovalRequest.objects.filter(driver_id=row.id, state=ApprovalRequest.State.OPEN)
+    rows.update(state=state)
+
+
 def expire_one() -> ApprovalRequest | None:
-    """Close one request whose time is over, and return it; None: there is none to close.
+    """Close one request about a run whose time is over, and return it; None: there is none.
 
     A request that somebody answers at this moment is left to them.
 
     Effect:
         Nothing is released: the caller ends the run that waits for it in the same block.
     """
-    due = ApprovalRequest.objects.filter(state=ApprovalRequest.State.OPEN, expires_at__lt=now())
+    due = ApprovalRequest.objects.filter(
+        state=ApprovalRequest.State.OPEN, expires_at__lt=now(), run_id__isnull=False
+    )
     row = due.order_by("expires_at").select_for_update(skip_locked=True).first()
     if row is None:
         return None

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from datetime import datetime
+from datetime import UTC, datetime
 from typing import TypeVar
 
 import msgspec
@@ -64,7 +64,7 @@ def seconds(request: Request, name: str, default: float) -> float:
 
 
 def moment(request: Request, name: str) -> datetime | None:
-    """Read a time from the query, ISO 8601 with its zone; None: it is not asked for.
+    """Read a time from the query, ISO 8601 with its zone, as UTC; None: it is not asked for.
 
     Raises:
         DefinitionError: It is no time, or says no zone.
@@ -78,4 +78,7 @@ def moment(request: Request, name: str) -> datetime | None:
         raise DefinitionError(f"{name} must be a time in ISO 8601", code="http.query") from error
     if at.tzinfo is None:
         raise DefinitionError(f"{name} must say its zone: end it with Z", code="http.query")
-    return at
+    try:
+        return at.astimezone(UTC)
+    except OverflowError as error:
+        raise DefinitionError(f"{name} is no time in UTC", code="http.query") from error

@@ -14,7 +14,7 @@ from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey,
 from django.conf import settings
 
 from labweb.domain.errors import EnrollmentError
-from labweb.domain.messages import Command, Signed, canonical
+from labweb.domain.messages import Command, DriverApproval, Signed, canonical
 
 
 def _key_path() -> Path:
@@ -68,9 +68,9 @@ def key_id() -> str:
     return hashlib.sha256(public_key().encode()).hexdigest()[:16]
 
 
-def sign(command: Command) -> Signed:
-    """Render a command as text and sign exactly that text."""
-    body = canonical(command)
+def sign(statement: Command | DriverApproval) -> Signed:
+    """Render a command or an approval as text and sign exactly that text."""
+    body = canonical(statement)
     signature = base64.b64encode(_private_key().sign(body)).decode()
     return Signed(body=body.decode(), key_id=key_id(), signature=signature)
 

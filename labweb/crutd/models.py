@@ -230,7 +230,9 @@ class Balance(models.Model):
 class ResourceLock(Base):
     """Exclusive use of a resource by a transaction. It never expires by time."""
 
-    resource = models.ForeignKey("resources.Resource", on_delete=models.PROTECT, related_name="+")
+    resource = models.ForeignKey(
+        "resources.Resource", on_delete=models.PROTECT, related_name="+", db_index=False
+    )
     mode = models.CharField(max_length=2, choices=enum_choices(LockMode))
     transaction = models.ForeignKey(Transaction, on_delete=models.PROTECT, related_name="locks")
     taken_at = models.DateTimeField()
@@ -244,10 +246,49 @@ class ResourceLock(Base):
                 name="one_exclusive_lock",
             )
         ]
-        indexes = [models.Index(fields=["transaction"])]
+        indexes = [
+            # Every transaction locks the root: what was released must cost nothing to look past.
+            models.Index(
+                fields=["resource"], condition=Q(released_at__isnull=True), name="lock_is_held"
+            )
+        ]
 
     def __str__(self) -> str:
         return f"{self.mode} {self.resource_id}"
+
+
+class ResourceReservation(Base):
+    """Exclusive use of a resource and all below it in the near future, by a person or an agent.
+
+    It ends by itself, moves nothing, and stops nothing that is under way.
+    """
+
+    resource = models.ForeignKey("resources.Resource", on_delete=models.PROTECT, related_name="+")
+    holder = models.ForeignKey("accounts.User", on_delete=models.PROTECT, related_name="+")
+    reason = models.TextField()
+    made_at = models.DateTimeField()
+    expires_at = models.DateTimeField()
+    ended_at = models.DateTimeField(null=True)
+    """When somebody ended it before its time."""
+
+    ended_by = models.ForeignKey(
+        "accounts.User", null=True, on_delete=models.PROTECT, related_name="+"
+    )
+
+    class Meta:
+        constraints = [
+            models.CheckConstraint(
+                condition=Q(expires_at__gt=F("made_at")), name="reservation_lasts"
+            )
+        ]
+        indexes = [
+            models.Index(
+                fields=["expires_at"], condition=Q(ended_at__isnull=True), name="reservation_open"
+            )
+        ]
+
+    def __str__(self) -> str:
+        return f"{self.resource_id} until {self.expires_at}"
 
 
 class Ticket(Base):

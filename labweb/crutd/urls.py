@@ -5,10 +5,13 @@ from __future__ import annotations
 from django.urls import path
 
 from labweb.crutd import api
-from labweb.crutd.api import desk
+from labweb.crutd.api import desk, exports
 
 urlpatterns = [
     path("resources", api.Resources.as_view()),
+    path("resources/contents", exports.ContentsExport.as_view()),
+    path("lots/export", exports.LotsExport.as_view()),
+    path("lab/export", exports.LabExport.as_view()),
     path("operations/check", api.OperationCheck.as_view()),
     path("resources/<uuid:resource_id>", api.ResourceDetail.as_view()),
     path("resources/<uuid:resource_id>/lineage", api.Lineage.as_view()),

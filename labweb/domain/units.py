@@ -11,101 +11,24 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from decimal import Decimal
 from functools import cache
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import pint
-
+from labweb.domain.dimensions import DIMENSIONS as DIMENSIONS
+from labweb.domain.dimensions import Dimension
 from labweb.domain.errors import UnitError
+
+if TYPE_CHECKING:
+    import pint
 
 _QUANTITY = re.compile(r"^([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(\S.*)$")
 _LONGEST_TEXT = 64
 
 
-@dataclass(frozen=True, slots=True)
-class Dimension:
-    """One kind of quantity and the units a person may write it in."""
-
-    name: str
-    """Name as used in schemas (`x-quantity`)."""
-
-    suffix: str
-    """Suffix of our field names."""
-
-    canonical: str
-    """pint unit of the stored number."""
-
-    units: Mapping[str, str]
-    """Accepted spelling → pint unit; the first one is shown by default."""
-
-    most: str
-    """Largest quantity that is read: far above what any laboratory handles."""
-
-
-_MICRO = {
-    f"{micro}{liter}": "microliter" for liter in ("L", "l") for micro in ("u", "\u00b5", "\u03bc")
-}
-"""The micro sign and the Greek letter look alike: both are read as `u` is."""
-
-DIMENSIONS: Mapping[str, Dimension] = {
-    dimension.name: dimension
-    for dimension in (
-        Dimension(
-            "volume",
-            "ul",
-            "microliter",
-            {"mL": "milliliter", "ml": "milliliter", **_MICRO}
-            | {"L": "liter", "l": "liter", "nL": "nanoliter", "nl": "nanoliter"},
-            "10000 L",
-        ),
-        Dimension(
-            "flow_rate",
-            "ul_s",
-            "microliter/second",
-            {"mL/min": "milliliter/minute", "ml/min": "milliliter/minute"}
-            | {f"{unit}/s": "microliter/second" for unit in _MICRO}
-            | {"mL/s": "milliliter/second"}
-            | {f"{unit}/min": "microliter/minute" for unit in _MICRO},
-            "1000000 mL/s",
-        ),
-        Dimension(
-            "temperature",
-            "c",
-            "degC",
-            {"°C": "degC", "degC": "degC", "C": "degC", "K": "kelvin"},
-            "10000 °C",
-        ),
-        Dimension(
-            "temperature_difference", "delta_c", "delta_degC", {"K": "delta_degC"}, "10000 K"
-        ),
-        Dimension(
-            "time",
-            "s",
-            "second",
-            {"min": "minute", "s": "second", "h": "hour", "ms": "millisecond"},
-            "10000 h",
-        ),
-        Dimension(
-            "speed",
-            "rpm",
-            "revolutions_per_minute",
-            {"rpm": "revolutions_per_minute"},
-            "1000000 rpm",
-        ),
-        Dimension(
-            "mass",
-            "mg",
-            "milligram",
-            {"g": "gram", "mg": "milligram", "kg": "kilogram", "ug": "microgram"}
-            | {"\u00b5g": "microgram", "\u03bcg": "microgram"},
-            "10000 kg",
-        ),
-    )
-}
-"""The closed list, by dimension."""
-
-
 @cache
 def _registry() -> pint.UnitRegistry[Any]:
+    # A process that converts nothing, as most of an edge host do not, starts in half the time.
+    import pint  # noqa: PLC0415
+
     return pint.UnitRegistry(non_int_type=Decimal, autoconvert_offset_to_baseunit=True)
 
 

@@ -111,6 +111,9 @@ class Material(Base):
     density_mg_ul = models.FloatField(null=True)
     """Null is unknown; nothing is assumed in its place."""
 
+    concentration_mmol_l = models.FloatField(null=True)
+    """How much of the substance that it is named for is in a litre of it, pure or dissolved."""
+
     ph = models.FloatField(null=True)
     hazards = models.JSONField(default=list)
     groups = models.JSONField(default=list)

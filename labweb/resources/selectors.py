@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Sequence
+from dataclasses import dataclass
 from uuid import UUID
 
 from django.db import connection
@@ -13,9 +14,9 @@ from labweb.accounts.selectors import User
 from labweb.domain.approvals.roles import Permission
 from labweb.domain.crutd.operations import Product, Receive
 from labweb.domain.errors import ForbiddenError, NotFoundError
+from labweb.domain.graph.attached import Attachment, find_attachments
 from labweb.domain.graph.topology import Connection as ConnectionData
 from labweb.domain.graph.topology import Medium, PhysicalGraph, PortRef
-from labweb.domain.resources.contents import LotId
 from labweb.domain.resources.kinds import Nature
 from labweb.domain.resources.node import Resource as ResourceData
 from labweb.domain.resources.pose import parse_pose
@@ -264,48 +265,39 @@ def to_domain(row: Resource) -> ResourceData:
     )
 
 
-def tree_of(lab: Lab) -> Tree:
-    """Return the whole tree of a lab, for planning and export."""
-    return Tree(tuple(to_domain(row) for row in resources_of(lab)))
+def tree_of(rows: Iterable[Resource]) -> Tree:
+    """Return the tree of all the nodes of a lab, for planning and export."""
+    return Tree(tuple(to_domain(row) for row in rows))
 
 
 def graph_of(lab: Lab) -> PhysicalGraph:
     """Return the physical graph of a lab."""
-    return PhysicalGraph(
-        tuple(
-            ConnectionData(
-                id=row.id,
-                key=row.key,
-                source=PortRef(row.source_id, row.source_port),
-                target=PortRef(row.target_id, row.target_port),
-                medium=Medium(row.medium),
-                is_two_way=row.is_two_way,
-                dead_volume_nl=row.dead_volume_nl,
-                extra=row.extra,
-            )
-            for row in connections_of(lab)
-        )
+    return PhysicalGraph(tuple(_to_connection(row) for row in connections_of(lab)))
+
+
+def _to_connection(row: Connection) -> ConnectionData:
+    return ConnectionData(
+        id=row.id,
+        key=row.key,
+        source=PortRef(row.source_id, row.source_port),
+        target=PortRef(row.target_id, row.target_port),
+        medium=Medium(row.medium),
+        is_two_way=row.is_two_way,
+        dead_volume_nl=row.dead_volume_nl,
+        extra=row.extra,
     )
+
+
+def attachments_of(resource_id: UUID) -> tuple[Attachment, ...]:
+    """Return what keeps a resource, or what stands in it, where it is; two queries."""
+    carried = descendants([resource_id])
+    rows = Connection.objects.filter(Q(source__in=carried) | Q(target__in=carried))
+    return find_attachments((_to_connection(row) for row in rows), carried)
 
 
 def rows_for_update(ids: Collection[UUID]) -> dict[UUID, Resource]:
     """Lock the rows in id order, waiting for who has them, and return them."""
     return {row.id: row for row in rows(ids).select_for_update()}
-
-
-def densities(lab: Lab) -> dict[LotId, float | None]:
-    """Return mg/µL by lot id; None is unknown."""
-    return {LotId(str(lot.id)): lot.material.density_mg_ul for lot in lots_of(lab)}
-
-
-def lot_keys(lab: Lab) -> dict[str, LotId]:
-    """Return lot ids by key."""
-    return {key: LotId(str(pk)) for key, pk in lots_of(lab).values_list("key", "pk")}
-
-
-def material_keys(lab: Lab) -> dict[str, UUID]:
-    """Return material ids by key."""
-    return dict(materials_of(lab).values_list("key", "pk"))
 
 
 def allowed_ids(user: User, permission: Permission) -> set[UUID]:
@@ -314,18 +306,40 @@ def allowed_ids(user: User, permission: Permission) -> set[UUID]:
     return descendants(roots) if roots else set()
 
 
+@dataclass(frozen=True, slots=True)
+class Reach:
+    """Where a user has a permission, read once."""
+
+    user: User
+    permission: Permission
+    ids: Collection[UUID]
+    """Every resource on which they have it."""
+
+    def require(self, ids: Iterable[UUID]) -> None:
+        """Refuse unless the user has the permission on every one of the resources.
+
+        Raises:
+            ForbiddenError: They lack it, there or everywhere; nothing changed.
+        """
+        missing = set(ids).difference(self.ids)
+        if missing or not self.ids:
+            named = {"permission": self.permission.value, "resources": sorted(map(str, missing))}
+            text = f"{self.user.username} may not {self.permission.value} here"
+            raise ForbiddenError(text, context=named)
+
+
+def reach_of(user: User, permission: Permission) -> Reach:
+    """Return where the user has the permission; two queries."""
+    return Reach(user, permission, allowed_ids(user, permission))
+
+
 def require(user: User, permission: Permission, ids: Iterable[UUID]) -> None:
-    """Refuse unless the user has the permission on every one of the resources.
+    """Refuse as `Reach.require`, for a single question; two queries.
 
     Raises:
         ForbiddenError: They lack it; nothing changed.
     """
-    missing = set(ids) - allowed_ids(user, permission)
-    if missing or not account_selectors.granted_roots(user, permission):
-        raise ForbiddenError(
-            f"{user.username} may not {permission.value} here",
-            context={"permission": permission.value, "resources": sorted(map(str, missing))},
-        )
+    reach_of(user, permission).require(ids)
 
 
 def quarantined_by(transaction_id: UUID) -> list[UUID]:

@@ -6,7 +6,7 @@ import asyncio
 import json
 import logging
 import secrets
-from typing import Any
+from typing import Any, cast
 from uuid import UUID
 
 import msgspec
@@ -19,6 +19,8 @@ from labweb.domain.errors import LabError
 from labweb.domain.messages import (
     MAX_FRAME_BYTES,
     Ack,
+    Ask,
+    AskTold,
     Challenge,
     EdgeFrame,
     Events,
@@ -26,13 +28,19 @@ from labweb.domain.messages import (
     Hello,
     Nudge,
     Refuse,
+    Renew,
+    Renewed,
     Resume,
     ServerFrame,
+    Sightings,
     Signed,
     StopAcknowledged,
     StopLab,
     Telemetry,
+    WantDriver,
+    WithdrawAsk,
 )
+from labweb.domain.pictures import Picture, PictureParts, PictureTaken
 from labweb.domain.runs.session import is_caught_up
 from labweb.enrollment import selectors as enrollment_selectors
 from labweb.enrollment import services as enrollment_services
@@ -48,6 +56,12 @@ CLOSE_TOO_BIG = 1009
 
 HELLO_WITHIN_S = 5.0
 """A connection that has not proved a key by then is closed."""
+
+LOOKS_EVERY_S = 2.0
+"""How often a connection asks whether it still is the host's session, should no word come."""
+
+ASKS_EVERY_S = 0.3
+"""How often it is looked what has become of wishes."""
 
 BEATS_TO_RIVAL = 2
 """Signs of life after another process was refused: it is no remainder of a closed one."""
@@ -66,23 +80,35 @@ class EdgeConsumer(AsyncWebsocketConsumer):
     pending_head = 0
     beats_to_rival = 0
     patience: asyncio.Task[None] | None = None
+    following: asyncio.Task[None] | None = None
+    picture_parts: PictureParts
+    asked: dict[UUID, AskTold]
+    """What was told last of each wish that has not ended."""
 
     async def connect(self) -> None:
         """Open, and challenge the other side to prove its key."""
+        self.picture_parts = PictureParts()
+        self.asked = {}
         self.nonce = secrets.token_urlsafe(32)
         await self.accept()
         await self._send(Challenge(nonce=self.nonce))
-        self.patience = asyncio.create_task(self._wait_for_hello())
+        self.patience = asyncio.create_task(self._watch())
 
-    async def _wait_for_hello(self) -> None:
+    async def _watch(self) -> None:
         await asyncio.sleep(HELLO_WITHIN_S)
         if self.host_id is None:
             await self.close(code=CLOSE_REFUSED)
+            return
+        is_open = database_sync_to_async(enrollment_services.is_session_open)
+        while await is_open(self.host_id, self.epoch):
+            await asyncio.sleep(LOOKS_EVERY_S)
+        await self.close(code=CLOSE_SESSION_OVER)
 
     async def disconnect(self, code: int) -> None:
         """Leave the host's group; its state follows from its silence."""
-        if self.patience is not None:
-            self.patience.cancel()
+        for task in (self.patience, self.following):
+            if task is not None:
+                task.cancel()
         if self.host_id is not None:
             await self.channel_layer.group_discard(
                 enrollment_services.host_group(self.host_id), self.channel_name
@@ -113,7 +139,7 @@ class EdgeConsumer(AsyncWebsocketConsumer):
     async def _hello(self, hello: Hello) -> None:
         try:
             welcome = await database_sync_to_async(enrollment_services.open_session)(
-                hello, self.nonce
+                hello, self.nonce, cast("bytes | None", self.scope.get("certificate"))
             )
         except LabError as error:
             if error.code == "host.rival":
@@ -153,13 +179,7 @@ class EdgeConsumer(AsyncWebsocketConsumer):
             case Events():
                 await self._events(host_id, frame)
             case Heartbeat():
-                alive = await database_sync_to_async(enrollment_services.beat)(
-                    host_id, self.epoch, msgspec.to_builtins(frame), is_resumed=self.is_online
-                )
-                if not alive:
-                    await self.close(code=CLOSE_SESSION_OVER)
-                elif self.beats_to_rival:
-                    await self._beat_beside_rival(host_id)
+                await self._beat(host_id, frame)
             case Telemetry():
                 await database_sync_to_async(telemetry_services.take_in)(
                     set(self.devices), frame.samples
@@ -168,8 +188,86 @@ class EdgeConsumer(AsyncWebsocketConsumer):
                 await database_sync_to_async(enrollment_services.acknowledge_stop)(
                     host_id, frame.stop_id, now()
                 )
+            case Picture():
+                await self._picture(host_id, frame)
+            case Renew():
+                await self._renew(host_id, frame)
             case Hello():
                 await self.close(code=CLOSE_BAD_FRAME)
+            case _:
+                await self._take_wanted(host_id, frame)
+
+    async def _take_wanted(self, host_id: UUID, frame: EdgeFrame) -> None:
+        """Take what the host has seen, or wants."""
+        match frame:
+            case Sightings():
+                await database_sync_to_async(enrollment_services.take_sightings)(
+                    host_id, self.epoch, frame.found
+                )
+            case WantDriver():
+                await self._give_driver(host_id, frame.digest)
+            case Ask() | WithdrawAsk():
+                await self._ask(host_id, frame)
+
+    async def _ask(self, host_id: UUID, frame: Ask | WithdrawAsk) -> None:
+        """Take a wish, or its end; only of the session that is open, and caught up."""
+        if frame.epoch != self.epoch or not self.is_online:
+            return
+        if isinstance(frame, WithdrawAsk):
+            await database_sync_to_async(services.withdraw_ask)(host_id, frame.ask_id)
+            return
+        told = await database_sync_to_async(services.take_ask)(host_id, frame)
+        await self._send(told)
+        if not told.is_final:
+            self.asked[frame.ask_id] = told
+            if self.following is None:
+                self.following = asyncio.create_task(self._follow_asks(host_id))
+
+    async def _follow_asks(self, host_id: UUID) -> None:
+        """Tell the host what becomes of wishes, until each has ended."""
+        while True:
+            await asyncio.sleep(ASKS_EVERY_S)
+            if not self.asked:
+                continue
+            found = await database_sync_to_async(services.asks_told)(host_id, list(self.asked))
+            for told in found:
+                if told != self.asked.get(told.ask_id):
+                    await self._send(told)
+                self.asked[told.ask_id] = told
+                if told.is_final:
+                    del self.asked[told.ask_id]
+
+    async def _beat(self, host_id: UUID, frame: Heartbeat) -> None:
+        alive = await database_sync_to_async(enrollment_services.beat)(
+            host_id, self.epoch, msgspec.to_builtins(frame), is_resumed=self.is_online
+        )
+        if not alive:
+            await self.close(code=CLOSE_SESSION_OVER)
+        elif self.beats_to_rival:
+            await self._beat_beside_rival(host_id)
+
+    async def _picture(self, host_id: UUID, part: Picture) -> None:
+        data = self.picture_parts.add(part)
+        if data is None:
+            return
+        code = await database_sync_to_async(services.take_picture)(host_id, part, data)
+        answer = PictureTaken(action_id=part.action_id, sha256=part.sha256, code=code)
+        await self._send(answer)
+
+    async def _renew(self, host_id: UUID, frame: Renew) -> None:
+        try:
+            row = await database_sync_to_async(enrollment_services.renew_certificate)(
+                host_id, self.epoch, frame.csr
+            )
+        except LabError as error:
+            logger.warning("host %s gets no certificate: %s", host_id, error)
+        else:
+            await self._send(Renewed(certificate=row.pem))
+
+    async def _give_driver(self, host_id: UUID, digest: str) -> None:
+        parts = await database_sync_to_async(enrollment_services.parts_of)(host_id, digest)
+        for part in parts:
+            await self._send(part)
 
     async def _beat_beside_rival(self, host_id: UUID) -> None:
         self.beats_to_rival -= 1
@@ -199,6 +297,17 @@ class EdgeConsumer(AsyncWebsocketConsumer):
     async def edge_rival(self, _message: dict[str, Any]) -> None:
         """Note that another process was refused; if this one lives on, two copies exist."""
         self.beats_to_rival = BEATS_TO_RIVAL
+
+    async def edge_devices(self, _message: dict[str, Any]) -> None:
+        """Tell the host what it serves and makes ready now, in the session that is open."""
+        if self.host_id is None:
+            return
+        frame = await database_sync_to_async(enrollment_services.devices_of)(
+            self.host_id, self.epoch
+        )
+        if frame is not None:
+            self.devices = frozenset(device.id for device in frame.devices)
+            await self._send(frame)
 
     async def edge_renew(self, _message: dict[str, Any]) -> None:
         """Close, so that the host opens a session with the devices it has now."""

@@ -22,6 +22,12 @@ class Run(Base):
     state = models.CharField(max_length=20, choices=enum_choices(RunState))
     created_by = models.ForeignKey("accounts.User", on_delete=models.PROTECT, related_name="+")
     created_at = models.DateTimeField()
+    ask_id = models.UUIDField(null=True, unique=True)
+    """The wish of a node beside a host that it came from; None: a person started it."""
+
+    ask_host = models.ForeignKey(
+        "enrollment.EdgeHost", null=True, on_delete=models.PROTECT, related_name="+"
+    )
     started_at = models.DateTimeField(null=True)
     ended_at = models.DateTimeField(null=True)
     is_given_up = models.BooleanField(default=False)
@@ -186,6 +192,12 @@ class Custody(Base):
     )
     view = models.JSONField(null=True)
     """What the last owner knew of it."""
+
+    parts = models.JSONField(default=list)
+    """The same of all that stands in it."""
+
+    job = models.ForeignKey(Job, null=True, on_delete=models.PROTECT, related_name="moves")
+    """Job that carries it; null: a person does. For a job it is handed over where it stands."""
 
     asked_by = models.ForeignKey(
         "accounts.User", null=True, on_delete=models.PROTECT, related_name="+"

@@ -4,7 +4,19 @@ from __future__ import annotations
 
 from django.urls import path
 
-from labweb.runs.api import approvals, crate, custody, drawing, files, hosts, lab, provenance, runs
+from labweb.runs.api import (
+    approvals,
+    crate,
+    custody,
+    drawing,
+    files,
+    hosts,
+    lab,
+    provenance,
+    report,
+    reservations,
+    runs,
+)
 
 urlpatterns = [
     path("lab", lab.LabView.as_view()),
@@ -20,6 +32,7 @@ urlpatterns = [
     path("runs/<uuid:run_id>/pause", runs.RunAct.as_view(act="pause")),
     path("runs/<uuid:run_id>/resume", runs.RunAct.as_view(act="resume")),
     path("runs/<uuid:run_id>/abort", runs.RunAct.as_view(act="abort")),
+    path("runs/<uuid:run_id>/report", report.RunReport.as_view()),
     path("runs/<uuid:run_id>/provenance", provenance.RunProvenance.as_view()),
     path("runs/<uuid:run_id>/crate", crate.RunCrate.as_view()),
     path("runs/<uuid:run_id>/eln", crate.RunEln.as_view()),
@@ -37,6 +50,9 @@ urlpatterns = [
     path("resources/<uuid:resource_id>/conditions", provenance.Conditions.as_view()),
     path("jobs/<uuid:job_id>/resolve", runs.ResolveJob.as_view()),
     path("jobs/<uuid:job_id>/recover", runs.RecoverJob.as_view()),
+    path("reservations", reservations.Reservations.as_view()),
+    path("reservations/<uuid:reservation_id>/end", reservations.EndReservation.as_view()),
+    path("resources/<uuid:resource_id>/reservations", reservations.ResourceReservations.as_view()),
     path("operations", custody.Operations.as_view()),
     path("resources/<uuid:resource_id>/custody", custody.InWhoseHands.as_view()),
     path("resources/<uuid:resource_id>/handover", custody.HandOvers.as_view()),

@@ -177,6 +177,12 @@ LIMS_USER = os.environ.get("LABWEB_LIMS_USER", "")
 TWIN_TOKEN_FILE = Path(os.environ.get("LABWEB_TWIN_TOKEN_FILE", DATA_DIR / "twin.token"))
 """Service token with which a twin follows the lab feed; mode 0600."""
 
+EDGE_ADDRESS = os.environ.get("LABWEB_EDGE_ADDRESS", "")
+"""Address and port at which edge hosts of other machines find the door; empty: it is closed."""
+
+HOST_CERTIFICATE_S = float(os.environ.get("LABWEB_HOST_CERTIFICATE_S", "7776000"))
+"""How long the certificate of an edge host lives; it is renewed after two thirds of that."""
+
 LOGGING = {
     "version": 1,
     "disable_existing_loggers": False,

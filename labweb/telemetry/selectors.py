@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Collection, Iterable
 from datetime import datetime
 from pathlib import Path
@@ -9,6 +10,7 @@ from typing import Any
 from uuid import UUID
 
 from django.conf import settings
+from django.db import connection
 from django.db.models import Max, Q, QuerySet
 
 from labweb.domain.errors import NotFoundError
@@ -20,6 +22,13 @@ from labweb.telemetry.models import Reading as Reading
 from labweb.telemetry.models import Sample
 
 MOST_POINTS = 4000
+
+_LATEST_OF = """
+SELECT asked.id, told.value FROM unnest(%s::uuid[]) AS asked(id) CROSS JOIN LATERAL (
+    SELECT value FROM telemetry_sample WHERE device_id = asked.id AND status = %s
+    ORDER BY at DESC LIMIT 1
+) AS told
+"""
 
 
 def series(device_id: UUID, since: float, until: float) -> dict[str, list[tuple[float, Any]]]:
@@ -45,6 +54,16 @@ def latest(device_ids: Iterable[UUID]) -> dict[UUID, dict[str, tuple[float, Any]
     for device_id, status, at, value in rows.values_list("device_id", "status", "at", "value"):
         found.setdefault(device_id, {})[status] = (at, value)
     return found
+
+
+def latest_of(status: str, device_ids: Collection[UUID]) -> dict[UUID, Any]:
+    """Return the newest value of one status of each device that has told it.
+
+    By the index, a step for each device; a day's samples are not read.
+    """
+    with connection.cursor() as cursor:
+        cursor.execute(_LATEST_OF, [list(device_ids), status])
+        return {device_id: json.loads(value) for device_id, value in cursor.fetchall()}
 
 
 def samples(device_ids: Iterable[UUID], since: float, until: float) -> QuerySet[Sample]:
@@ -115,6 +134,13 @@ def find_incoming(lab: Lab, incoming_id: UUID, seen: Collection[UUID]) -> Incomi
 def readings_of_jobs(job_ids: Iterable[UUID]) -> QuerySet[Reading]:
     """Return the readings that belong to jobs, with their files."""
     rows = Reading.objects.filter(job_id__in=list(job_ids))
+    return rows.select_related("file", "series_file").order_by("file_id", "index")
+
+
+def series_about(job_ids: Iterable[UUID], vessels: Iterable[UUID]) -> QuerySet[Reading]:
+    """Return the readings that are series and belong to jobs or to vessels, oldest first."""
+    about = Q(job_id__in=list(job_ids)) | Q(resource_id__in=list(vessels))
+    rows = Reading.objects.filter(about, series_file__isnull=False)
     return rows.select_related("file", "series_file").order_by("file_id", "index")
 
 

@@ -6,6 +6,7 @@ from uuid import UUID
 
 from django.db.models import Prefetch, QuerySet
 
+from labweb.accounts.selectors import User
 from labweb.domain.errors import NotFoundError
 from labweb.resources.selectors import Lab
 from labweb.workflows.models import Workflow as Workflow
@@ -35,6 +36,12 @@ def find_workflow(workflow_id: UUID) -> Workflow:
     if row is None:
         raise NotFoundError(f"no workflow {workflow_id}", code="workflow.not_found")
     return row
+
+
+def find_named(lab: Lab, name: str, *, author: User) -> Workflow | None:
+    """Return the newest workflow of that name by one person, or None."""
+    rows = Workflow.objects.filter(lab=lab, name=name, created_by=author)
+    return rows.order_by("-created_at").first()
 
 
 def find_version(version_id: UUID) -> WorkflowVersion:

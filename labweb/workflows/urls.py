@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from django.urls import path
 
-from labweb.workflows import api
+from labweb.workflows.api import drawing, recipes
 
 urlpatterns = [
-    path("steps", api.Steps.as_view()),
-    path("workflows/<uuid:workflow_id>/draft", api.Drafts.as_view()),
-    path("workflows/<uuid:workflow_id>/versions", api.Versions.as_view()),
-    path("workflows/<uuid:workflow_id>/versions/<int:number>", api.VersionDetail.as_view()),
+    path("steps", drawing.Steps.as_view()),
+    path("workflows/<uuid:workflow_id>/draft", drawing.Drafts.as_view()),
+    path("workflows/<uuid:workflow_id>/versions", drawing.Versions.as_view()),
+    path("workflows/<uuid:workflow_id>/versions/<int:number>", drawing.VersionDetail.as_view()),
+    path("recipes/open", recipes.OpenRecipe.as_view()),
+    path("recipes/advise", recipes.AdviseRecipe.as_view()),
+    path("recipes/keep", recipes.KeepRecipe.as_view()),
 ]

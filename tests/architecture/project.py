@@ -38,6 +38,12 @@ def tree_of(path: Path) -> ast.Module:
     return ast.parse((ROOT / path).read_text(encoding="utf-8"), filename=str(path))
 
 
+@cache
+def imported_by(path: Path) -> frozenset[str]:
+    """Return the dotted names that one file of the project imports."""
+    return frozenset(imports_of(tree_of(path)))
+
+
 def imports_of(tree: ast.Module) -> Iterator[str]:
     """List the dotted names that a module imports, wherever in it."""
     for node in ast.walk(tree):

@@ -33,7 +33,9 @@ def test_the_plain_package_is_the_domain_and_nothing_else() -> None:
     assert not plain & {"django", "celery", "redis", "websockets", "viser"}
 
 
-@pytest.mark.parametrize("extra", ["edge", "edge-arm", "twin", "embedded"])
+@pytest.mark.parametrize(
+    "extra", ["edge", "edge-arm", "edge-camera", "edge-ros2", "twin", "embedded"]
+)
 def test_only_a_server_gets_django(extra: str) -> None:
     assert "django" not in packages_of(extra)
     assert "django" in packages_of("server")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import importlib
 import inspect
 from pathlib import Path
@@ -11,10 +10,13 @@ import pytest
 from jsonschema import Draft202012Validator
 
 from drivers.base import ActionMark, Driver, StatusMark
+from drivers.catalog.bundle import gather
 from drivers.catalog.inspect import PACKAGE
 from drivers.catalog.scan import scan
+from drivers.catalog.source import read_source
 from drivers.load import source_path
 from drivers.transports.urls import make_transport
+from labweb.domain.enrollment.bundle import digest_of
 from labweb.domain.enrollment.spec import UNITS, DriverSpec, encode, parse
 from labweb.domain.errors import DefinitionError
 from labweb.domain.units import DIMENSIONS
@@ -25,6 +27,8 @@ TESTS = Path(__file__).parent
 URLS = {
     "byte": "tcp://127.0.0.1:4305",
     "register": "modbus+tcp://127.0.0.1:502?device=1",
+    "http": "http://127.0.0.1:80",
+    "ros2": "ros2://127.0.0.1/node",
     "virtual": "virtual:timer",
 }
 
@@ -37,10 +41,12 @@ def test_the_catalog_holds_every_role_that_a_lab_is_built_of() -> None:
         "balance",
         "continuous_pump",
         "battery_tester",
+        "camera",
         "conductivity_sensor",
         "heater_stirrer",
         "infusion_pump",
         "injection_valve",
+        "node",
         "ph_sensor",
         "power_supply",
         "pump",
@@ -70,7 +76,7 @@ def test_a_spec_is_complete(spec: DriverSpec) -> None:
     assert spec.protocol
     assert spec.quality
     assert spec.safe_state
-    assert spec.digest == hashlib.sha256(source_path(spec.module).read_bytes()).hexdigest()
+    assert spec.digest == digest_of(gather(read_source(source_path(spec.module))))
     assert all(action.timeout_s and action.doc and action.role for action in spec.actions)
     assert all(status.every_s and status.doc and status.role for status in spec.statuses)
 

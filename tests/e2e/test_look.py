@@ -38,6 +38,7 @@ def addresses(stack: Stack) -> dict[str, tuple[str, str]]:
     run = water[0] if water else client.wait_for_run(client.start(WATER)["id"], is_over, 90)
     device = next(row for row in client.get("devices")["devices"] if row["key"] == "heater_1")
     host = client.get("hosts")["hosts"][0]
+    driver = next(row for row in client.get("drivers")["drivers"] if row["devices"])
     drawing = workflows["Make a dilution and weigh it"]
     return {
         "home": ("", "[data-testid=device-tile]"),
@@ -54,6 +55,8 @@ def addresses(stack: Stack) -> dict[str, tuple[str, str]]:
         "twin": ("twin", LIVE_TWIN),
         "devices": ("devices", "[data-testid=device-row]"),
         "device": (f"devices/{device['id']}", "[data-testid=device]"),
+        "drivers": ("drivers", "[data-testid=driver-row]"),
+        "driver": (f"drivers/{driver['id']}", "[data-testid=driver-source]"),
         "files": ("files", "[data-testid=files]"),
         "host": (f"hosts/{host['id']}", "[data-testid=host]"),
         "lab": (f"lab?sel={keys['reactor_1']}", "[data-testid=resource]"),

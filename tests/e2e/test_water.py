@@ -98,6 +98,7 @@ def test_a_run_and_a_lineage_can_be_taken_away_as_files(visit: Visit, stack: Sta
     chemist = visit("chemist")
     chemist.open(f"runs/{run['id']}")
     chemist.wait_for_state("complete", 90)
+    chemist.press("export")
     with chemist.page.expect_download() as crate:
         chemist.press("crate")
     with ZipFile(crate.value.path()) as packed:
@@ -112,6 +113,11 @@ def test_a_run_and_a_lineage_can_be_taken_away_as_files(visit: Visit, stack: Sta
         chemist.press("prov")
     told = json.loads(Path(document.value.path()).read_text())
     assert any("W-0001" in json.dumps(entity) for entity in told["entity"].values())
+    chemist.open("lab")
+    chemist.press("export")
+    with chemist.page.expect_download() as contents:
+        chemist.press("export-contents")
+    assert "W-0001" in Path(contents.value.path()).read_text()
 
 
 def test_the_twin_shows_inside_the_run_page(visit: Visit, stack: Stack) -> None:

@@ -33,6 +33,11 @@ NL_PER_UL = 1000
 FAILED = 3
 PLAYERS = 8
 
+STROKE, LONG_STROKE = 1.5, 6.0
+"""How slow the pump is: a fault within a stroke has to come before its end, whatever the load."""
+
+WITHIN_STROKE = ("execute.after_first_byte", "execute.mid_action")
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Seen:
@@ -83,7 +88,8 @@ def play(folder: Path, cell: tuple[str, str]) -> Seen:
     """Play the transfer with one fault, then without."""
     point, what = cell
     os.environ["LABWEB_BOOT_ID"] = BOOT_ID
-    with CountingPump() as pump:
+    is_within = what == "partial" and point.startswith(WITHIN_STROKE)
+    with CountingPump(slowness=LONG_STROKE if is_within else STROKE) as pump:
         host = Host(folder, pump.url)
         do = a_do(host.server, post=[by_position()])
         faults = {

@@ -22,6 +22,7 @@ from tests.workers.bench import BOOT_ID, HOST_ID, SYRINGE_ID, Host, a_do, until
 from tests.workers.hub import Hub
 from workers import faults, uplink
 from workers.config import HostConfig, ValkeyConfig
+from workers.identity import Identity
 from workers.journal import Journal
 from workers.keys import HostKey, create_key, load_key
 from workers.store import Store
@@ -152,7 +153,13 @@ async def test_the_server_gets_every_event_once_over_a_bad_line(
         monkeypatch.setattr(uplink, name, value)
     with a_bench(tmp_path) as bench:
         store = Store("unix:///nowhere")
-        made = uplink.Uplink(bench.config, bench.host.journal, bench.key, store, lambda _: None)
+        made = uplink.Uplink(
+            bench.config,
+            bench.host.journal,
+            Identity(bench.key, Path("-"), None, None),
+            store,
+            lambda _: None,
+        )
         task = asyncio.create_task(made.run())
         await _until(bench.is_whole)
         for number in range(EVENTS_COUNT):
@@ -217,7 +224,13 @@ def connect(config: HostConfig, variables: dict[str, str]) -> None:
     uplink.LONGEST_RETRY_S = 0.5
     journal = Journal(config.journal_path)
     key = load_key(Path(config.key_file))
-    made = uplink.Uplink(config, journal, key, Store("unix:///nowhere"), lambda _: None)
+    made = uplink.Uplink(
+        config,
+        journal,
+        Identity(key, Path("-"), None, None),
+        Store("unix:///nowhere"),
+        lambda _: None,
+    )
     asyncio.run(made.run())
 
 

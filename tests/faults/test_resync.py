@@ -11,6 +11,7 @@ import pytest
 from tests.faults.kills.lab import Ledger
 from tests.workers.bench import BOOT_ID, HOST_ID, Host
 from workers.config import HostConfig, ValkeyConfig
+from workers.identity import Identity
 from workers.keys import create_key
 from workers.store import Store
 from workers.uplink import Uplink
@@ -40,7 +41,13 @@ async def test_ten_thousand_events_are_told_within_a_minute(
             key_file=str(tmp_path / "host.key"),
             valkey=ValkeyConfig(socket="/nowhere"),
         )
-        made = Uplink(config, host.journal, key, Store("unix:///nowhere"), lambda _: None)
+        made = Uplink(
+            config,
+            host.journal,
+            Identity(key, Path("-"), None, None),
+            Store("unix:///nowhere"),
+            lambda _: None,
+        )
         began_s = time.monotonic()
         task = asyncio.create_task(made.run())
         async with asyncio.timeout(WITHIN_S * 2):

@@ -1,4 +1,4 @@
-"""How many queries a page costs; the numbers are frozen in query_counts.json.
+"""How many queries a page costs, and the way from a click to a host; frozen in query_counts.json.
 
 A change that needs more says so by changing the file in the same commit.
 """
@@ -12,8 +12,9 @@ import pytest
 from django.db import connection
 from django.test.utils import CaptureQueriesContext
 
-from tests.builders import HEAT, Bench, a_started_run, an_edge
-from tests.labweb.web import read, signed_in
+from labweb.runs import services
+from tests.builders import HEAT, MOVE_WATER, Bench, a_started_run, an_edge
+from tests.labweb.web import call, read, signed_in
 
 COUNTS: dict[str, int] = json.loads(Path(__file__).with_name("query_counts.json").read_text())
 PATHS = {
@@ -28,6 +29,10 @@ PATHS = {
     "admin events": "/admin/crutd/event/",
     "admin devices": "/admin/enrollment/device/",
 }
+
+
+ACTS = {"start", "dispatch", "relay"}
+"""From a click on *Start* to its answer; from there to the outbox, and to the host's door."""
 
 
 def count(bench: Bench, place: str, run: object) -> int:
@@ -45,7 +50,24 @@ def count(bench: Bench, place: str, run: object) -> int:
 
 
 def test_every_page_has_its_number() -> None:
-    assert set(COUNTS) == set(PATHS)
+    assert set(COUNTS) == {*PATHS, *ACTS}
+
+
+def test_a_click_costs_what_it_cost_before(bench: Bench) -> None:
+    an_edge(bench)
+    client = signed_in(bench.people["chemist"])
+    wanted = {"version_id": str(bench.version(MOVE_WATER).id)}
+    services.preview(
+        bench.lab, bench.version(MOVE_WATER).document
+    )  # reads the drivers, as any has done
+    with CaptureQueriesContext(connection) as starting:
+        assert call(client, "POST", "/api/v1/runs", wanted).status_code == 201
+    with CaptureQueriesContext(connection) as dispatching:
+        assert services.dispatch_ready() == 1
+    with CaptureQueriesContext(connection) as relaying:
+        assert services.publish_outbox() == 1
+    told = {"start": len(starting), "dispatch": len(dispatching), "relay": len(relaying)}
+    assert told == {name: COUNTS[name] for name in ACTS}
 
 
 @pytest.mark.parametrize("place", PATHS)

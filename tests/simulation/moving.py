@@ -1,6 +1,6 @@
-"""Vials carried between three hosts, while messages are lost, repeated and overtaken.
+"""Racks carried between three hosts, while messages are lost, repeated and overtaken.
 
-A ◀──▶ B ◀──▶ C        four vials; a host may die between any two writes
+A ◀──▶ B ◀──▶ C        four racks with a vial in each; a host may die between any two writes
 """
 
 from __future__ import annotations
@@ -21,6 +21,11 @@ from tests.simulation.memory import Disk, MemoryWrite
 
 HOSTS = tuple(id_of(20, number) for number in (1, 2, 3))
 VIALS = tuple(id_of(21, number) for number in (1, 2, 3, 4))
+"""What is carried."""
+
+PARTS = {vial: id_of(24, number) for number, vial in enumerate(VIALS)}
+"""What stands in it."""
+
 STEPS = 120
 
 
@@ -36,6 +41,9 @@ class Moving:
         self.commands: dict[UUID, Release | Receive] = {}
         """Unanswered commands, by vial: rung until the host has told what became of them."""
 
+        self.told: dict[UUID, ResourceView] = {}
+        """Parts as the server knows them; older than what their first host knows."""
+
         self.wire: list[Release | Receive] = []
         self.used: set[UUID] = set()
         self.looked: dict[UUID, set[int]] = {host: set() for host in HOSTS}
@@ -45,7 +53,12 @@ class Moving:
             view = ResourceView(
                 id=vial, name=f"vial {number}", kind="vial", rev=1, contents={"a": 100 + number}
             )
-            self.disks[host].resources[vial] = HeldResource(view=view)
+            part = ResourceView(
+                id=PARTS[vial], name="part", kind="vial", rev=1, contents={"b": 200 + number}
+            )
+            for one in (view, part):
+                self.disks[host].resources[one.id] = HeldResource(view=one)
+            self.told[part.id] = msgspec.structs.replace(part, rev=0, contents={})
             self.known[vial] = Custody(resource_id=vial, state=CustodyState.OWNED, owner=host)
 
     def step(self) -> None:
@@ -65,7 +78,7 @@ class Moving:
             self.wire.append(self.rng.choice(self.wire))
         else:
             vial = self.rng.choice(VIALS)
-            self.used ^= {vial}
+            self.used ^= {self.rng.choice((vial, PARTS[vial]))}
         self.check()
 
     def ask(self) -> None:
@@ -81,7 +94,11 @@ class Moving:
         assert before.owner is not None
         self.known[vial] = asked
         self.commands[vial] = Release(
-            host_id=before.owner, epoch=1, transfer_id=asked.transfer_id, resource_id=vial
+            host_id=before.owner,
+            epoch=1,
+            transfer_id=asked.transfer_id,
+            resource_id=vial,
+            parts=[self.told[PARTS[vial]]],
         )
 
     def ring(self) -> None:
@@ -109,7 +126,8 @@ class Moving:
         if isinstance(command, Release) and last.kind == "released":
             vial, is_fresh = command.resource_id, last.seq not in self.looked[command.host_id]
             self.looked[command.host_id].add(last.seq)
-            require(not is_fresh or vial not in self.used, "I9", f"{vial} left while in use")
+            is_used = not self.used.isdisjoint({vial, PARTS[vial]})
+            require(not is_fresh or not is_used, "I9", f"{vial} left while in use")
 
     def upload(self, host: UUID) -> None:
         """Read the next event of a host, once and in order, as sessions see to."""
@@ -128,11 +146,17 @@ class Moving:
             self.known[vial] = custody.after_kept(before, host=host, transfer_id=transfer_id)
         elif event.kind == "released":
             view = msgspec.convert(event.body["view"], ResourceView)
+            for part in msgspec.convert(event.body["parts"], list[ResourceView]):
+                self.told[part.id] = part
             moved = custody.after_released(before, host=host, transfer_id=transfer_id, view=view)
             self.known[vial] = moved
             assert moved.target is not None
             self.commands[vial] = Receive(
-                host_id=moved.target, epoch=1, transfer_id=transfer_id, view=view
+                host_id=moved.target,
+                epoch=1,
+                transfer_id=transfer_id,
+                view=view,
+                parts=[self.told[PARTS[vial]]],
             )
         else:
             self.known[vial] = custody.after_received(before, host=host, transfer_id=transfer_id)
@@ -147,6 +171,7 @@ class Moving:
             holders, known = self.holders(vial), self.known[vial]
             require(len(holders) <= 1, "I11", f"{vial} is in {len(holders)} trees")
             on_its_way = known.state is not CustodyState.OWNED
+            require(self.holders(PARTS[vial]) == holders, "I11", f"{vial} left its part behind")
             require(holders or on_its_way, "I11", f"{vial} is nowhere")
             if holders and known.state is CustodyState.OWNED:
                 require(holders == [known.owner], "I11", f"{vial} has two owners")
@@ -169,6 +194,8 @@ class Moving:
             require(known.owner == host, "I12", f"{vial} is elsewhere")
             contents = self.disks[host].resources[vial].view.contents
             require(contents == {"a": 100 + number}, "I12", f"{vial} holds {contents}")
+            inside = self.disks[host].resources[PARTS[vial]].view.contents
+            require(inside == {"b": 200 + number}, "I12", f"what is in {vial} holds {inside}")
 
 
 def play(seed: int) -> int:

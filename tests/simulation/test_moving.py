@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from uuid import UUID
 
+import msgspec
 import pytest
 
 from labweb.domain.errors import StateError
@@ -68,15 +69,51 @@ def kept_by_the_first(patch: Patch) -> None:
     patch.setattr(MemoryWrite, "drop_resource", lambda self, resource_id: None)
 
 
-@pytest.mark.parametrize(
-    "mutant", [told_twice, released_in_use, moved_while_moving, kept_by_the_first]
+def parts_stay_behind(patch: Patch) -> None:
+    """What stands in a thing stays in the first host's hands."""
+    real = custody.take_release
+
+    def take(tx: JournalWrite, release: Release, *, in_use: Collection[UUID]) -> bool:
+        return real(tx, msgspec.structs.replace(release, parts=[]), in_use=in_use)
+
+    patch.setattr(custody, "take_release", take)
+
+
+def parts_may_be_in_use(patch: Patch) -> None:
+    """Only the thing itself is asked whether it is in use."""
+    real = custody.take_release
+
+    def take(tx: JournalWrite, release: Release, *, in_use: Collection[UUID]) -> bool:
+        return real(tx, release, in_use={release.resource_id} & set(in_use))
+
+    patch.setattr(custody, "take_release", take)
+
+
+OF_CUSTODY = (
+    told_twice,
+    released_in_use,
+    moved_while_moving,
+    kept_by_the_first,
+    parts_stay_behind,
+    parts_may_be_in_use,
 )
+
+
+@pytest.mark.parametrize("mutant", OF_CUSTODY)
 def test_every_rule_of_custody_is_needed(
     monkeypatch: Patch, mutant: Callable[[Patch], None]
 ) -> None:
     mutant(monkeypatch)
     with pytest.raises((ViolationError, StateError)):
         play_all(60)
+
+
+def test_a_thing_is_handed_only_to_another_host_that_is_still_there() -> None:
+    assert custody.next_hands(A, B) == B
+    for owner, wanted in ((A, A), (None, B), (A, None)):
+        assert custody.next_hands(owner, wanted) is None
+    assert custody.next_hands(A, B, gone={A}) is None
+    assert custody.next_hands(A, B, gone={B}) is None
 
 
 def test_a_thing_in_use_or_on_its_way_is_not_sent_off() -> None:

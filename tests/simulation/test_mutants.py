@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import re
+from pathlib import Path
+
 import pytest
 
 from tests.simulation import directed, directed_hosts, mutants
 from tests.simulation import rule_mutants as rules
+from tests.simulation.batch_mutants import OF_BATCHES
 from tests.simulation.checks import ViolationError
 from tests.simulation.directed import Schedule
 from tests.simulation.mutants import Mutant
 from tests.simulation.schedule import run
+from tests.simulation.test_moving import OF_CUSTODY
 
 SEEDS: dict[Mutant, tuple[int, str]] = {
     mutants.no_dedupe: (1, "I13"),
@@ -70,6 +75,14 @@ def test_every_mutant_has_a_schedule_that_kills_it() -> None:
     every = {*mutants.OF_THE_PROTOCOL, *rules.OF_THE_RULES}
     assert every == SEEDS.keys() | BY_HAND.keys()
     assert len(mutants.OF_THE_PROTOCOL) == 11
+
+
+def test_the_page_counts_the_mutants_that_there_are() -> None:
+    page = (Path(__file__).parents[2] / "docs" / "reliability.md").read_text("utf-8")
+    counted = re.search(r"(\d+) of \1, (\d+) of \2 of batches, and (\d+) of \3 of custody", page)
+    assert counted is not None
+    found = (SEEDS.keys() | BY_HAND.keys(), OF_BATCHES, OF_CUSTODY)
+    assert [int(text) for text in counted.groups()] == [len(one) for one in found]
 
 
 @pytest.mark.parametrize("seed", FOUND)

@@ -9,7 +9,7 @@ import socket
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -120,6 +120,9 @@ class Stack:
         self.process = process
         self.port = port
         self.url = f"http://127.0.0.1:{port}/"
+        self.door = ""
+        """Address at which edge hosts of other machines are let in."""
+
         self._clients: dict[str, Client] = {}
 
     def close(self) -> None:
@@ -221,6 +224,8 @@ def running(
     lab: Path | None = None,
     with_twin: bool = False,
     embedded: bool = False,
+    has_door: bool = False,
+    variables: Mapping[str, str] | None = None,
 ) -> Iterator[Stack]:
     """Start a lab and wait until its devices answer; end it and all its processes after.
 
@@ -231,14 +236,18 @@ def running(
         with_twin: Start the twin as well.
         embedded: Start database and broker with the lab, whatever this run was given, so
             that a test may kill them.
+        has_door: Let edge hosts of other machines in, over TLS.
+        variables: More of the environment of its processes.
     """
     with rooms({} if embedded else given_urls()) as given:
         arguments = ["--speed", str(speed)]
         if not with_twin:
             arguments += ["--no-twin"]
+        if has_door:
+            arguments += ["--edge", f"127.0.0.1:{free_port()}"]
         if lab is not None:
             arguments += ["--lab", str(lab)]
-        with _started(data, arguments, given) as stack:
+        with _started(data, arguments, given | dict(variables or {})) as stack:
             yield stack
 
 
@@ -260,6 +269,8 @@ def _started(data: Path, arguments: list[str], given: dict[str, str]) -> Iterato
             command, cwd=CHECKOUT, env=environment, stdout=output, stderr=subprocess.STDOUT
         )
     stack = Stack(data, process, port, given)
+    if "--edge" in arguments:
+        stack.door = arguments[arguments.index("--edge") + 1]
     try:
         _wait_for_page(stack, log)
         stack.wait_until_online()

@@ -27,6 +27,7 @@ from labweb.domain.messages import (
     Command,
     DeviceConfig,
     Do,
+    DriverApproval,
     EdgeEvent,
     ResourceView,
     Signed,
@@ -35,9 +36,11 @@ from labweb.domain.messages import (
 )
 from workers.accept import Receipt, accept
 from workers.clock import SystemClock
+from workers.drivers import Drivers, DriverStore
 from workers.executor import Executor
 from workers.journal import Journal, create_journal
 from workers.line import make_units
+from workers.pictures import Pictures
 from workers.session import arm, open_session
 from workers.store import Store
 
@@ -65,7 +68,7 @@ class Server:
         )
         return {"k1": base64.b64encode(raw).decode()}
 
-    def sign(self, command: Command) -> Signed:
+    def sign(self, command: Command | DriverApproval) -> Signed:
         body = msgspec.json.encode(command).decode()
         signature = base64.b64encode(self._key.sign(body.encode())).decode()
         return Signed(body=body, key_id="k1", signature=signature)
@@ -115,6 +118,11 @@ class PumpProcess:
     def end(self) -> None:
         self.popen.kill()
         self.popen.communicate()
+
+
+def installed() -> Drivers:
+    """Loads what the package has, and nothing else."""
+    return Drivers(DriverStore(Path("/nowhere")), {})
 
 
 @cache
@@ -219,8 +227,15 @@ class Host:
     def executor(self, store: Store | None = None) -> Iterator[Executor]:
         """An executor whose devices are connected, after recovery."""
         clock = SystemClock()
-        units = make_units([self.device], clock)
-        made = Executor(self.journal, self.line, units, store=store, clock=clock)
+        units = make_units([self.device], clock, installed())
+        made = Executor(
+            self.journal,
+            self.line,
+            units,
+            store=store,
+            clock=clock,
+            pictures=Pictures(self.folder / "pictures"),
+        )
         made.recover()
         for unit in units.values():
             unit.connect_if_due()

@@ -9,12 +9,14 @@ import msgspec
 
 from drivers.transports.urls import line_key
 from labweb.domain.messages import DeviceConfig, Signed
+from tests.workers.bench import installed
 from workers import faults
 from workers.accept import accept
 from workers.clock import SystemClock
 from workers.executor import Executor
 from workers.journal import Journal
 from workers.line import make_units
+from workers.pictures import Pictures
 
 
 def accept_and_drain(
@@ -28,9 +30,16 @@ def accept_and_drain(
     journal = Journal(path)
     accept(journal, signed, lambda _: None)
     clock = SystemClock()
-    units = make_units([device], clock)
+    units = make_units([device], clock, installed())
     line = line_key(device.transport)
-    executor = Executor(journal, line, units, store=None, clock=clock)
+    executor = Executor(
+        journal,
+        line,
+        units,
+        store=None,
+        clock=clock,
+        pictures=Pictures(path.with_name("pictures")),
+    )
     executor.recover()
     for unit in units.values():
         unit.connect_if_due()

@@ -32,6 +32,7 @@ from labweb.domain.messages import (
     Telemetry,
     hello_bytes,
 )
+from labweb.domain.pictures import Picture, PictureParts, PictureTaken
 from tests.workers.bench import Server
 
 
@@ -52,6 +53,11 @@ class Hub:
         self.will_resume = True
         self.socket: ServerConnection | None = None
         self.url = ""
+        self.pictures: list[tuple[Picture, bytes]] = []
+        self.picture_codes: list[str] = []
+        """What the next pictures are answered with; then they are kept."""
+
+        self._parts = PictureParts()
 
     @property
     def acked(self) -> int:
@@ -138,3 +144,8 @@ class Hub:
                     self.received_s[event.seq] = time.time()
             if self.is_acking:
                 socket.send(msgspec.json.encode(Ack(seq=self.acked)).decode())
+        if isinstance(frame, Picture) and (whole := self._parts.add(frame)) is not None:
+            self.pictures.append((frame, whole))
+            code = self.picture_codes.pop(0) if self.picture_codes else ""
+            taken = PictureTaken(action_id=frame.action_id, sha256=frame.sha256, code=code)
+            socket.send(msgspec.json.encode(taken).decode())

@@ -14,7 +14,7 @@ from drivers.load import read_spec
 from labweb.domain.errors import EnrollmentError, StateError
 from labweb.domain.messages import StopLab
 from tests.drivers.wire import answering
-from tests.workers.bench import DEVICE_ID, HOST_ID, Host, PumpProcess, a_device, until
+from tests.workers.bench import DEVICE_ID, HOST_ID, Host, PumpProcess, a_device, installed, until
 from workers.clock import SystemClock
 from workers.config import HostConfig, ValkeyConfig
 from workers.host import lock_host, main, reset_journal
@@ -41,7 +41,7 @@ def a_config(folder: Path, valkey_socket: Path) -> HostConfig:
 def test_each_status_is_sampled_and_kept_as_latest_value(
     host: Host, pump: PumpProcess, store: Store
 ) -> None:
-    units = make_units([host.device], SystemClock())
+    units = make_units([host.device], SystemClock(), installed())
     sampler = Sampler(host.line, units, store, SystemClock())
     samples = sampler.sample_once()
     assert {one.status for one in samples} == {"volume_ul", "port_index"}
@@ -54,7 +54,7 @@ def test_each_status_is_sampled_and_kept_as_latest_value(
 
 def test_a_silent_device_goes_offline_and_comes_back(host: Host, pump: PumpProcess) -> None:
     device = msgspec.structs.replace(host.device, statuses={"port_index": 0.05})
-    units = make_units([device], SystemClock())
+    units = make_units([device], SystemClock(), installed())
     sampler = Sampler(host.line, units, None, SystemClock())
     sampler.start()
     unit = units[DEVICE_ID]
@@ -80,7 +80,7 @@ def test_a_device_that_cannot_tell_stays_online_and_leaves_a_gap() -> None:
             config={},
             statuses={"port_index": 0.01},
         )
-        units = make_units([device], SystemClock())
+        units = make_units([device], SystemClock(), installed())
         unit = units[DEVICE_ID]
         sampler = Sampler(unit.line, units, None, SystemClock())
         for _ in range(5):
@@ -94,7 +94,7 @@ def test_a_valkey_that_is_away_costs_samples_and_nothing_else(
     host: Host, pump: PumpProcess
 ) -> None:
     away = Store("unix:///nowhere/at/all?db=0")
-    units = make_units([host.device], SystemClock())
+    units = make_units([host.device], SystemClock(), installed())
     sampler = Sampler(host.line, units, away, SystemClock())
     assert len(sampler.sample_once()) == 2
     assert away.latest(DEVICE_ID, "port_index") is None
@@ -105,7 +105,7 @@ def test_a_valkey_that_is_away_costs_samples_and_nothing_else(
 def test_the_latch_stops_every_device_and_its_release_frees_them(
     host: Host, pump: PumpProcess, valkey_socket: Path
 ) -> None:
-    units = make_units([host.device], SystemClock())
+    units = make_units([host.device], SystemClock(), installed())
     unit = units[DEVICE_ID]
     unit.connect_if_due()
     watch = StopWatch(a_config(host.folder, valkey_socket), host.line, units, threading.Event())

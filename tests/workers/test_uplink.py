@@ -4,19 +4,26 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import hashlib
+import time
 from collections.abc import AsyncIterator, Callable, Iterator
 from pathlib import Path
 from uuid import uuid4
 
+import msgspec
 import pytest
 
-from labweb.domain.messages import Events, StopLab
+from labweb.domain.messages import Ask, AskTold, Events, StopLab, WithdrawAsk
+from labweb.domain.pictures import UNKNOWN
 from tests.workers.bench import HOST_ID, Host, a_do
 from tests.workers.hub import Hub
 from workers.config import HostConfig, ValkeyConfig
+from workers.identity import Identity
 from workers.keys import HostKey, create_key
-from workers.store import Sample, Store
-from workers.uplink import LossGauge, Uplink
+from workers.pictures import Pictures
+from workers.store import ASKS, ASKS_TOLD, Sample, Store
+from workers.telling import ASK_LIFE_S, LossGauge, Word
+from workers.uplink import Uplink
 
 
 @pytest.fixture
@@ -49,7 +56,9 @@ async def connected(host: Host, hub: Hub, key: HostKey, store: Store) -> AsyncIt
         key_file="-",
         valkey=ValkeyConfig(socket="/nowhere"),
     )
-    task = asyncio.create_task(Uplink(config, host.journal, key, store, host.woken.append).run())
+    identity = Identity(key, Path("-"), None, None)
+    uplink = Uplink(config, host.journal, identity, store, host.woken.append)
+    task = asyncio.create_task(uplink.run())
     try:
         yield
     finally:
@@ -162,3 +171,64 @@ async def test_samples_go_up_and_what_was_lost_is_counted(
         await until(lambda: hub.samples == [(device, "volume_ul")])
     gauge = LossGauge()
     assert [gauge.count("a", 2, 2), gauge.count("a", 1, 6), gauge.count("a", 1, 1)] == [0, 3, 0]
+
+
+async def test_a_picture_goes_up_whole_and_again_until_the_server_knows_what_it_shows(
+    host: Host, hub: Hub, key: HostKey, store: Store
+) -> None:
+    data = bytes(range(256)) * 2000
+    sha256, action_id, device_id = hashlib.sha256(data).hexdigest(), uuid4(), uuid4()
+    pictures = Pictures(host.folder / "pictures")
+    assert not pictures.keep(action_id, device_id, sha256, data + b"x"), "another picture"
+    assert not pictures.keep(action_id, device_id, sha256, None)
+    assert pictures.keep(action_id, device_id, sha256, data)
+    hub.picture_codes = [UNKNOWN]
+    async with connected(host, hub, key, store):
+        await until(lambda: len(hub.pictures) == 1)
+        assert len(pictures.waiting()) == 1, "it is kept while the server does not know it"
+        await until(lambda: len(hub.pictures) == 2 and not pictures.waiting())
+    last, whole = hub.pictures[-1]
+    assert whole == data
+    assert (last.action_id, last.device_id, last.sha256) == (action_id, device_id, sha256)
+
+
+async def test_a_picture_that_the_server_does_not_want_is_dropped(
+    host: Host, hub: Hub, key: HostKey, store: Store
+) -> None:
+    pictures = Pictures(host.folder / "pictures")
+    assert pictures.keep(uuid4(), uuid4(), hashlib.sha256(b"x").hexdigest(), b"x")
+    hub.picture_codes = ["picture.refused"]
+    async with connected(host, hub, key, store):
+        await until(lambda: hub.pictures and not pictures.waiting())
+    assert len(hub.pictures) == 1
+
+
+async def test_wishes_go_up_unless_they_are_old_and_words_about_them_come_down(
+    host: Host, hub: Hub, key: HostKey, store: Store
+) -> None:
+    old, new = uuid4(), uuid4()
+    fields = {"device_id": uuid4(), "action": "wait", "args": {}, "source": "ros2"}
+
+    def put(ask_id: object, age_s: float) -> None:
+        ask = Ask(epoch=0, ask_id=ask_id, **fields)  # type: ignore[arg-type]
+        store.put_word(ASKS, msgspec.json.encode(Word(time.monotonic() - age_s, ask)))
+
+    async with connected(host, hub, key, store):
+        await until(lambda: hub.acked)
+        await asyncio.to_thread(put, old, ASK_LIFE_S + 1)
+        await asyncio.to_thread(put, new, 0.0)
+        withdrawn = Word(time.monotonic(), WithdrawAsk(epoch=0, ask_id=new))
+        await asyncio.to_thread(store.put_word, ASKS, msgspec.json.encode(withdrawn))
+        await until(lambda: any(isinstance(one, WithdrawAsk) for one in hub.frames))
+        told = AskTold(ask_id=new, state="queued", run_number=3)
+        await asyncio.to_thread(hub.send, told)
+        words: list[bytes] = []
+
+        def take() -> list[bytes]:
+            words.extend(store.take_words(ASKS_TOLD))
+            return words
+
+        await until(take)
+    asks = [one for one in hub.frames if isinstance(one, Ask)]
+    assert [(one.ask_id, one.epoch) for one in asks] == [(new, hub.server.epoch)]
+    assert msgspec.json.decode(words[0], type=AskTold) == told

@@ -43,11 +43,11 @@ export function csrfToken(): string {
   return /(?:^|;\s*)csrftoken=([^;]+)/.exec(document.cookie)?.[1] ?? "";
 }
 
-/** A finding with its message as a sentence. */
-export const spoken = (finding: Finding): Finding => ({
-  ...finding,
-  message: sentence(finding.message),
-});
+/** A finding with its message as a sentence; one about source begins with a name of the source. */
+export const spoken = (finding: Finding): Finding =>
+  /^driver\.drv\d/.test(finding.code)
+    ? finding
+    : { ...finding, message: sentence(finding.message) };
 
 export function refusal(code: string, message: string): Refusal {
   return { code, message, effect: "none", context: {}, findings: [] };

@@ -161,11 +161,14 @@ export function useRecover(jobId: string): UseMutationResult<Run, Error, Recover
 export interface HostAct {
   act: "fence" | "readmit" | "revoke";
   reason: string;
+  /** For a revocation: the person has read that the host's jobs will be in doubt. */
+  withWork: boolean;
 }
 
 export function useHostAct(id: string): UseMutationResult<{ state: string }, Error, HostAct> {
   return useMutation({
-    mutationFn: ({ act, reason }) => call("POST", `/hosts/${id}/${act}`, { reason }),
+    mutationFn: ({ act, reason, withWork }) =>
+      call("POST", `/hosts/${id}/${act}`, withWork ? { reason, with_work: true } : { reason }),
     onSuccess: () => {
       void client.invalidateQueries({ queryKey: keys.hosts });
       void client.invalidateQueries({ queryKey: keys.runs });
@@ -202,6 +205,30 @@ export function useCarry(): UseMutationResult<unknown, Error, Carrying> {
       void client.invalidateQueries({ queryKey: keys.resources });
       void client.invalidateQueries({ queryKey: keys.hosts });
     },
+  });
+}
+
+export interface Reserving {
+  resource_ids: string[];
+  minutes: number;
+  reason: string;
+}
+
+function refreshResources(): void {
+  void client.invalidateQueries({ queryKey: keys.resources });
+}
+
+export function useReserve(): UseMutationResult<unknown, Error, Reserving> {
+  return useMutation({
+    mutationFn: (wanted) => call("POST", "/reservations", wanted),
+    onSuccess: refreshResources,
+  });
+}
+
+export function useEndReservation(): UseMutationResult<unknown, Error, string> {
+  return useMutation({
+    mutationFn: (id) => call("POST", `/reservations/${id}/end`, {}),
+    onSuccess: refreshResources,
   });
 }
 

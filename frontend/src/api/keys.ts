@@ -17,6 +17,7 @@ export const keys = {
   past: (at: string) => ["past", at] as const,
   resource: (id: string) => ["resources", id] as const,
   custody: (id: string) => ["custody", id] as const,
+  reservations: (id: string) => ["resources", id, "reservations"] as const,
   stock: (id: string) => ["resources", id, "stock"] as const,
   ticket: (id: string) => ["tickets", id] as const,
   lineage: (id: string, direction: string, depth: number) =>
@@ -26,12 +27,18 @@ export const keys = {
   device: (id: string) => ["devices", id] as const,
   telemetry: (id: string) => ["telemetry", id] as const,
   hosts: ["hosts"] as const,
+  drivers: ["drivers"] as const,
+  driverList: ["drivers", "list"] as const,
+  driver: (id: string) => ["drivers", "one", id] as const,
+  driverChanges: (id: string, since: string) => ["changes of a driver", id, since] as const,
   files: ["files"] as const,
   fileList: (query: string) => ["files", "list", query] as const,
   incoming: (query: string) => ["files", "incoming", query] as const,
   file: (id: string) => ["files", "one", id] as const,
   points: (id: string, scan: number | null) => ["points", id, scan] as const,
   host: (id: string) => ["hosts", id] as const,
+  opening: (recipe: string, rig: string, bind: Record<string, string>) =>
+    ["recipes", recipe, rig, bind] as const,
   twin: ["twin"] as const,
   search: (text: string) => ["search", text] as const,
 };

@@ -25,7 +25,8 @@ const FIXED: Record<string, QueryKey[]> = {
   runs: [keys.runs, keys.home, keys.session],
   approvals: [keys.approvals, keys.home, keys.session],
   hosts: [keys.hosts, keys.home, ["custody"]],
-  devices: [keys.devices, keys.home],
+  devices: [keys.devices, keys.drivers, keys.home],
+  drivers: [keys.drivers, keys.home, keys.session],
   events: [keys.resources],
   workflows: [keys.workflows, keys.home],
 };

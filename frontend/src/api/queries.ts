@@ -1,6 +1,7 @@
 /** What pages read, one hook each. */
 
 import { keepPreviousData, useQuery, type UseQueryResult } from "@tanstack/react-query";
+import type { RunReport } from "@/model/wirereport";
 import type {
   ApprovalDetail,
   ApprovalRequest,
@@ -14,6 +15,7 @@ import type {
   Lineage,
   ReactionStock,
   LogLine,
+  Reservations,
   Resource,
   ResourceRow,
   Run,
@@ -110,6 +112,16 @@ export function useRunEvents(id: string): UseQueryResult<LabEvent[]> {
   });
 }
 
+/** Asked for again while the run goes on: what stands where changes with each action. */
+export function useRunReport(id: string): UseQueryResult<RunReport> {
+  const refetchInterval = usePolling(10);
+  return useQuery({
+    queryKey: [...keys.run(id), "report"],
+    queryFn: get<RunReport>(`/runs/${id}/report`),
+    refetchInterval,
+  });
+}
+
 export function useRunLog(id: string): UseQueryResult<LogLine[]> {
   const refetchInterval = usePolling(5);
   return useQuery({
@@ -170,6 +182,14 @@ export function useCustody(id: string): UseQueryResult<Custody> {
   return useQuery({
     queryKey: keys.custody(id),
     queryFn: get<Custody>(`/resources/${id}/custody`),
+  });
+}
+
+export function useReservations(id: string): UseQueryResult<Reservations> {
+  return useQuery({
+    queryKey: keys.reservations(id),
+    queryFn: get<Reservations>(`/resources/${id}/reservations`),
+    refetchInterval: 30_000,
   });
 }
 

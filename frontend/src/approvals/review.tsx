@@ -1,6 +1,6 @@
 /** One request: what will happen, with what, and the decision. */
 
-import { useEffect, useRef, useState } from "react";
+import { useState } from "react";
 import { Link, useNavigate } from "react-router";
 import { useDecide } from "@/api/commands";
 import { useStatus } from "@/api/connection";
@@ -20,6 +20,7 @@ import { Button, Refused, TextField } from "@/ui/controls";
 import { Glyph } from "@/ui/glyph";
 import { Icon } from "@/ui/icons";
 import { FillBar } from "@/ui/number";
+import { useSeen } from "@/ui/seen";
 import { ModeChip, StateChip } from "@/ui/state";
 import { At, useLabTime, useNow } from "@/ui/time";
 import { words } from "./words";
@@ -98,23 +99,6 @@ function Steps({ plan }: { plan: Plan }) {
       ))}
     </Card>
   );
-}
-
-/** Tell when the end of a section has come into view. */
-function useSeen(onSeen: () => void): React.RefObject<HTMLDivElement | null> {
-  const end = useRef<HTMLDivElement>(null);
-  const told = useRef(onSeen);
-  told.current = onSeen;
-  useEffect(() => {
-    const node = end.current;
-    if (!node) return;
-    const watcher = new IntersectionObserver((entries) => {
-      if (entries.some((entry) => entry.isIntersecting)) told.current();
-    });
-    watcher.observe(node);
-    return () => watcher.disconnect();
-  }, []);
-  return end;
 }
 
 const FEW = 10;

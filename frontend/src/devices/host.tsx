@@ -280,11 +280,14 @@ function ActDialog(props: { host: Host; act: HostAct["act"]; onClose: () => void
         className="hostform"
         onSubmit={(event) => {
           event.preventDefault();
-          send.mutate({ act, reason: reason.trim() }, { onSuccess: onClose });
+          send.mutate(
+            { act, reason: reason.trim(), withWork: act === "revoke" && host.jobs.length > 0 },
+            { onSuccess: onClose },
+          );
         }}
       >
         <p className="s">{about.text}</p>
-        {act === "fence" && host.jobs.length > 0 && (
+        {act !== "readmit" && host.jobs.length > 0 && (
           <p className="s">{words.host.inDoubt(host.jobs.length)}</p>
         )}
         <TextField

@@ -191,7 +191,11 @@ function Driver({ device }: { device: Device }) {
     <Card title="Driver">
       <dl className="kv inset">
         <dt>Class</dt>
-        <dd className="mono">{driver.class_name}</dd>
+        <dd>
+          <Link className="link mono" to={`/drivers/${driver.version_id}`} data-testid="to-driver">
+            {driver.class_name}
+          </Link>
+        </dd>
         <dt>Speaks</dt>
         <dd>{driver.protocol || "–"}</dd>
         <dt>Quality</dt>

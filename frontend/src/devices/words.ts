@@ -46,7 +46,7 @@ export const words = {
       },
       revoke: {
         title: "Revoke the key of",
-        text: "The host is never let in again with this key. Work that it still has must have ended, or the host be declared lost first.",
+        text: "The host is out at once and is never let in again with this key; what it was given is void.",
         help: "Why its key is not trusted any more.",
         verb: "Revoke key",
       },

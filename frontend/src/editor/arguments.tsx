@@ -1,9 +1,9 @@
 /** What an action of a device is called with, drawn from the driver's own schema. */
 
-import { useId, useState } from "react";
+import { useId, useState, type ReactNode } from "react";
 import { setParam } from "@/model/document";
 import { parseQuantity, toCanonical } from "@/model/quantity";
-import type { Schema } from "@/model/wire";
+import type { DeviceAction, Schema, UnitTable } from "@/model/wire";
 import { FieldNote, useActions, type FieldProps } from "./fields";
 import { useEditor } from "./store";
 
@@ -27,7 +27,27 @@ export function ArgumentsField(props: FieldProps & { id: string }) {
       ),
     );
   };
+  const canEdit = useEditor((state) => state.canEdit);
+  const units = useEditor((state) => state.units);
   if (!action) return null;
+  return (
+    <ArgumentsForm action={action} values={values} onChange={set} canEdit={canEdit} units={units}>
+      <FieldNote problems={props.problems} />
+    </ArgumentsForm>
+  );
+}
+
+interface FormProps {
+  action: DeviceAction;
+  values: Values;
+  onChange: (name: string, value: unknown) => void;
+  canEdit: boolean;
+  units: Record<string, UnitTable>;
+  children?: ReactNode;
+}
+
+/** The form of one action, wherever it is shown. */
+export function ArgumentsForm({ action, values, onChange, canEdit, units, children }: FormProps) {
   const fields = Object.entries(action.schema.properties ?? {});
   const required = new Set(action.schema.required ?? []);
   return (
@@ -41,10 +61,12 @@ export function ArgumentsField(props: FieldProps & { id: string }) {
           schema={schema}
           isRequired={required.has(key)}
           value={values[key]}
-          onChange={(value) => set(key, value)}
+          onChange={(value) => onChange(key, value)}
+          canEdit={canEdit}
+          units={units}
         />
       ))}
-      <FieldNote problems={props.problems} />
+      {children}
     </fieldset>
   );
 }
@@ -55,6 +77,8 @@ interface ArgumentProps {
   isRequired: boolean;
   value: unknown;
   onChange: (value: unknown) => void;
+  canEdit: boolean;
+  units: Record<string, UnitTable>;
 }
 
 function typeOf(schema: Schema): string {
@@ -84,8 +108,7 @@ function range({ minimum, maximum, "x-unit": unit = "" }: Schema): string {
 }
 
 function ArgumentControl(props: ArgumentProps & { id: string }) {
-  const { schema, value, onChange, id } = props;
-  const canEdit = useEditor((state) => state.canEdit);
+  const { schema, value, onChange, id, canEdit } = props;
   const type = typeOf(schema);
   if (schema.enum || type === "boolean") {
     const options = (schema.enum ?? [true, false]).filter((option) => option !== null);
@@ -123,10 +146,9 @@ function ArgumentControl(props: ArgumentProps & { id: string }) {
 }
 
 /** A number in the unit of its name; another unit of the same sort is converted. */
-function NumberArgument({ schema, value, onChange, id }: ArgumentProps & { id: string }) {
+function NumberArgument(props: ArgumentProps & { id: string }) {
+  const { schema, value, onChange, id, canEdit, units } = props;
   const [typed, setTyped] = useState<string | null>(null);
-  const units = useEditor((state) => state.units);
-  const canEdit = useEditor((state) => state.canEdit);
   const send = (text: string): void => {
     setTyped(text);
     const bare = Number(text);

@@ -36,7 +36,9 @@ export function StepField(props: FieldProps) {
   const box = useRef<HTMLDivElement>(null);
   const value = step.params[name];
   const text = typeof value === "string" ? value : "";
-  const own = schema["x-quantity"] ? quantityProblem(text, schema["x-quantity"], units) : null;
+  const isAll = schema["x-all"] === true && text === "all";
+  const own =
+    schema["x-quantity"] && !isAll ? quantityProblem(text, schema["x-quantity"], units) : null;
   const problems = own ? [own] : props.problems;
   useEffect(() => {
     if (wantsFocus) box.current?.querySelector<HTMLElement>("input, select")?.focus();

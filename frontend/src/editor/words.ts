@@ -4,6 +4,9 @@ export const words = {
   list: {
     title: "Workflows",
     create: "New workflow",
+    openXdl: "Open XDL…",
+    recipe: "Recipe in XDL",
+    drop: "Drop a recipe in XDL to open it.",
     templates: "Templates",
     mine: "Workflows",
     empty: "No workflow yet. Begin with a template, or with an empty one.",

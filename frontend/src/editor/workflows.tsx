@@ -4,11 +4,14 @@ import { useState } from "react";
 import { Link, useNavigate, useSearchParams } from "react-router";
 import { useCreateWorkflow } from "@/api/commands";
 import { useTopics } from "@/api/live";
+import { useOpened } from "@/api/opened";
 import { useSession, useWorkflows } from "@/api/queries";
+import { RECIPES } from "@/model/recipe";
 import { runState } from "@/model/states";
 import type { WorkflowRow } from "@/model/wire";
 import { Card, Empty, Loaded } from "@/ui/card";
 import { Button, Dialog, Refused, TextField } from "@/ui/controls";
+import { DropZone, FileButton } from "@/ui/filebutton";
 import { StateText } from "@/ui/state";
 import { At } from "@/ui/time";
 import { words } from "./words";
@@ -25,11 +28,31 @@ export function WorkflowsPage() {
     setParams({}, { replace: true });
   };
   const why = mayEdit ? null : "You may not edit workflows.";
+  const navigate = useNavigate();
+  const openRecipe = useOpened((state) => state.openRecipe);
+  const open = (file: File): void => {
+    void openRecipe(file).then(() => navigate("/workflows/xdl"));
+  };
   return (
-    <div className="wrap" data-testid="workflows">
+    <DropZone
+      className="wrap"
+      testId="workflows"
+      words={words.list.drop}
+      onFile={mayEdit ? open : null}
+    >
       <div className="hd">
         <h1>{words.list.title}</h1>
         <i className="sp" />
+        <FileButton
+          large
+          accept={RECIPES}
+          label={words.list.recipe}
+          why={why}
+          onFile={open}
+          testId="open-xdl"
+        >
+          {words.list.openXdl}
+        </FileButton>
         <Button
           large
           look="pri"
@@ -41,31 +64,40 @@ export function WorkflowsPage() {
         </Button>
       </div>
       <Loaded source={workflows} what="workflows">
-        {(rows) => (
-          <>
-            <Card title={words.list.mine} note={count(rows.filter((row) => !row.is_template))}>
-              <WorkflowTable
-                rows={rows.filter((row) => !row.is_template)}
-                onCopy={setSource}
-                verb={words.list.copy}
-                why={why}
-              />
-            </Card>
-            {rows.some((row) => row.is_template) && (
-              <Card title={words.list.templates}>
-                <WorkflowTable
-                  rows={rows.filter((row) => row.is_template)}
-                  onCopy={setSource}
-                  verb={words.list.useTemplate}
-                  why={why}
-                />
-              </Card>
-            )}
-          </>
-        )}
+        {(rows) => <Lists rows={rows} why={why} onCopy={setSource} />}
       </Loaded>
       {isAsking && <NewSheet source={source} onClose={close} />}
-    </div>
+    </DropZone>
+  );
+}
+
+function Lists(props: {
+  rows: WorkflowRow[];
+  why: string | null;
+  onCopy: (row: WorkflowRow) => void;
+}) {
+  const { rows, why, onCopy } = props;
+  return (
+    <>
+      <Card title={words.list.mine} note={count(rows.filter((row) => !row.is_template))}>
+        <WorkflowTable
+          rows={rows.filter((row) => !row.is_template)}
+          onCopy={onCopy}
+          verb={words.list.copy}
+          why={why}
+        />
+      </Card>
+      {rows.some((row) => row.is_template) && (
+        <Card title={words.list.templates}>
+          <WorkflowTable
+            rows={rows.filter((row) => row.is_template)}
+            onCopy={onCopy}
+            verb={words.list.useTemplate}
+            why={why}
+          />
+        </Card>
+      )}
+    </>
   );
 }
 

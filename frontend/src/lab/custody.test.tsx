@@ -24,6 +24,7 @@ const rows = [
 const still: Custody = {
   host: { id: "a", name: "Host 1" },
   move: null,
+  connections: [],
   is_allowed: true,
   place_kinds: ["bench"],
 };
@@ -123,4 +124,20 @@ test("a vessel is carried to a place of the lab, with a reason", async () => {
     },
   });
   await waitFor(() => expect(screen.queryByTestId("carry-form")).toBeNull());
+});
+
+test("a vessel with tubes on it is not offered to be carried, and says what holds it", async () => {
+  const connections = [
+    { key: "valve_1_4_flask_1", medium: "liquid", to: "Valve 1" },
+    { key: "k", medium: "gas", to: "" },
+  ];
+  lab({ ...still, connections });
+  const button = await screen.findByTestId("carry");
+  expect(button).toBeDisabled();
+  await screen.findByText("Nothing has happened to it yet.");
+  await userEvent.hover(screen.getByTestId("carry").parentElement ?? document.body);
+  const why = await screen.findAllByText(/^It is connected to/);
+  expect(why[0]).toHaveTextContent(
+    "It is connected to Valve 1 (liquid, valve_1_4_flask_1), something you may not see (gas), and cannot be carried.",
+  );
 });

@@ -4,7 +4,7 @@ import { useId, useState } from "react";
 import { useArrival, useCarry } from "@/api/commands";
 import { useTopics } from "@/api/live";
 import { useCustody, useResources } from "@/api/queries";
-import { placesFor, stepOf, whereText } from "@/model/custody";
+import { connectedText, placesFor, stepOf, whereText } from "@/model/custody";
 import type { Custody, Resource } from "@/model/wire";
 import { Failed } from "@/ui/card";
 import { Button, Dialog, Refused, TextField } from "@/ui/controls";
@@ -97,7 +97,8 @@ export function Carry({ resource }: { resource: Resource }) {
 function whyNot(custody: Custody | undefined): string | null {
   if (!custody) return "Loading…";
   if (!custody.is_allowed) return words.custody.mayNot;
-  return custody.move ? words.custody.onItsWay : null;
+  if (custody.move) return words.custody.onItsWay;
+  return custody.connections.length ? connectedText(custody.connections) : null;
 }
 
 function useChoices(resource: Resource, custody: Custody): Choice[] {

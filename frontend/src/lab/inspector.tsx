@@ -12,6 +12,7 @@ import { Glyph } from "@/ui/glyph";
 import { Amount, FillBar } from "@/ui/number";
 import { Carry, OnItsWay } from "./custody";
 import { RecordReaction } from "./reaction";
+import { Reserve, ReservedBy } from "./reservations";
 import { TakeStock, type StockAsked } from "./stock";
 import { WellGrid } from "./wellmap";
 import { words } from "./words";
@@ -60,6 +61,9 @@ function Details(props: { resource: Resource; isShort: boolean; ask: StockAsked 
         {ask && resource.holds_liquid && resource.parent_id !== null && (
           <Carry key={`carry ${resource.id}`} resource={resource} />
         )}
+        {ask && resource.parent_id !== null && (
+          <Reserve key={`reserve ${resource.id}`} resource={resource} />
+        )}
         {ask && hasStock && <TakeStock key={resource.id} resource={resource} ask={ask} />}
       </header>
       {resource.is_quarantined && (
@@ -72,6 +76,7 @@ function Details(props: { resource: Resource; isShort: boolean; ask: StockAsked 
         </p>
       )}
       {ask && resource.holds_liquid && <OnItsWay key={`way ${resource.id}`} resource={resource} />}
+      {ask && <ReservedBy key={`reserved ${resource.id}`} resource={resource} />}
       {resource.holds_liquid && <ContentsTable resource={resource} />}
       <WellsNow resource={resource} />
       <Facts resource={resource} isShort={isShort} />

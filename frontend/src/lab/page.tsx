@@ -8,6 +8,7 @@ import { usePast, useResources } from "@/api/queries";
 import type { ResourceRow } from "@/model/wire";
 import { Card, Empty, Loaded } from "@/ui/card";
 import { Button } from "@/ui/controls";
+import { Downloads } from "@/ui/downloads";
 import { useLabTime } from "@/ui/time";
 import { ContentsTable, ResourceInspector, Wells } from "./inspector";
 import type { StockAsked } from "./stock";
@@ -39,6 +40,7 @@ export function LabPage() {
         <h1>{words.tree.title}</h1>
         <i className="sp" />
         <Moment at={at} onChange={(next) => set("at", next)} />
+        <Exports at={at} />
       </div>
       {at === null ? (
         <Present picked={picked} onPick={pick} ask={ask} />
@@ -49,6 +51,25 @@ export function LabPage() {
         <TicketDialog key={ticket} id={ticket} onClose={() => set("ticket", null)} />
       )}
     </div>
+  );
+}
+
+/** The lab as files; of a moment that has passed, what it held. */
+function Exports({ at }: { at: string | null }) {
+  const { contents, lots, lab, uniLabOs } = words.exports;
+  const then = at === null ? "" : `?${new URLSearchParams({ at }).toString()}`;
+  const present = [
+    { ...lots, path: "lots/export", name: "lots.csv" },
+    { ...lab, path: "lab/export", name: "lab.json" },
+    { ...uniLabOs, path: "lab/export?form=uni-lab-os", name: "uni-lab-os.json" },
+  ];
+  return (
+    <Downloads
+      files={[
+        { ...contents, path: `resources/contents${then}`, name: "contents.csv" },
+        ...(at === null ? present : []),
+      ]}
+    />
   );
 }
 

@@ -16,7 +16,7 @@ const lab: Lab = {
   time_zone: "UTC",
   speed: 1,
   stop: { is_stopped: false, stop_id: null, stopped_at: null, stopped_by: null, hosts: [] },
-  counts: { runs_live: 0, approvals_open: 0, needs_you: 0 },
+  counts: { runs_live: 0, approvals_open: 0, drivers_open: 0, needs_you: 0 },
 };
 const user: User = {
   id: 1,

@@ -33,6 +33,7 @@ const PAGES: Page[] = [
   { to: "/approvals", label: words.nav.approvals, icon: "approvals", key: "a" },
   { to: "/twin", label: words.nav.twin, icon: "twin", key: "t" },
   { to: "/devices", label: words.nav.devices, icon: "devices", key: "d", also: "/hosts/" },
+  { to: "/drivers", label: words.nav.drivers, icon: "code", key: "v" },
   { to: "/files", label: words.nav.files, icon: "file", key: "f" },
   { to: "/lab", label: words.nav.lab, icon: "tree", key: "l", also: "/lineage/" },
 ];
@@ -156,6 +157,7 @@ function Bell({ count }: { count: number }) {
 function countOf(to: string, lab: Lab): { value: number; quiet: boolean } {
   if (to === "/runs") return { value: lab.counts.runs_live, quiet: true };
   if (to === "/approvals") return { value: lab.counts.approvals_open, quiet: false };
+  if (to === "/drivers") return { value: lab.counts.drivers_open, quiet: false };
   return { value: 0, quiet: true };
 }
 

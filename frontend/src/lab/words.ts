@@ -8,6 +8,7 @@ export const words = {
     approvals: "Approvals",
     twin: "Twin",
     devices: "Devices",
+    drivers: "Drivers",
     files: "Files",
     lab: "Lab",
     admin: "Admin",
@@ -130,6 +131,26 @@ export const words = {
     sayBoth: "Choose a place, and write why.",
     send: "Carry it there",
   },
+  reserve: {
+    button: "Reserve…",
+    title: "Reserve",
+    reserved: "Reserved",
+    then: "Then",
+    by: "by",
+    you: "you",
+    until: "until",
+    end: "End it",
+    howLong: "For how long",
+    hours: "Hours, up to 24",
+    reason: "What is it for?",
+    about:
+      "Nobody else begins anything on it, or on what stands in it, before the time is over. What is under way goes on.",
+    behind: (count: number): string =>
+      count === 1
+        ? "Somebody has reserved it already: yours comes after."
+        : `${count} others have reserved it already: yours comes after.`,
+    send: "Reserve it",
+  },
   ticket: {
     title: "Two stories differ",
     close: "Close…",
@@ -138,6 +159,28 @@ export const words = {
     reasonHelp: "The audit keeps it. A quarantine ends by taking stock, not by closing.",
     reasonFirst: "Write the reason first.",
     send: "Close the ticket",
+  },
+  exports: {
+    contents: {
+      label: "Contents (CSV)",
+      about: "Each lot in each vessel, now or as it was at the time shown",
+      testId: "export-contents",
+    },
+    lots: {
+      label: "Deliveries (CSV)",
+      about: "Every lot that was received, as the import of lots reads it",
+      testId: "export-lots",
+    },
+    lab: {
+      label: "Lab file (JSON)",
+      about: "The lab as it stands, to be opened again",
+      testId: "export-lab",
+    },
+    uniLabOs: {
+      label: "Uni-Lab-OS graph (JSON)",
+      about: "The same for Uni-Lab-OS, with what the vessels hold",
+      testId: "export-uni-lab-os",
+    },
   },
   past: {
     label: "As it was at",

@@ -25,6 +25,14 @@ export function whereText(move: NonNullable<Custody["move"]>): string {
   }
 }
 
+/** Why what is connected cannot be carried, connection by connection. */
+export function connectedText(connections: Custody["connections"]): string {
+  const named = connections.map(({ key, medium, to }) =>
+    to ? `${to} (${medium}, ${key})` : `something you may not see (${medium})`,
+  );
+  return `It is connected to ${named.join(", ")}, and cannot be carried.`;
+}
+
 /** Places to which a vessel may be carried: no part of itself, and not where it stands. */
 export function placesFor(
   resource: Pick<ResourceRow, "id" | "parent_id">,

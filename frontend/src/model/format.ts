@@ -248,7 +248,7 @@ function shortChange(name: string, value: number): string {
 
 /** A message of the server as a sentence: begins with a capital unless its first word is a name. */
 export function sentence(text: string): string {
-  return /^[a-z][a-z']*([ ,.:;]|$)/.test(text)
+  return /^[a-z][a-z']*([ ,:;]|\.(?!\w)|$)/.test(text)
     ? text.charAt(0).toUpperCase() + text.slice(1)
     : text;
 }

@@ -45,6 +45,7 @@ const SCALE: Record<string, Record<string, [factor: number, offset: number]>> = 
   temperature_difference: { K: [1, 0] },
   time: { ms: [1e-3, 0], s: [1, 0], min: [60, 0], h: [3600, 0] },
   speed: { rpm: [1, 0] },
+  pressure: { mbar: [0.1, 0], kPa: [1, 0] },
   mass: { kg: [1e6, 0], g: [1000, 0], mg: [1, 0], ug: [1e-3, 0], µg: [1e-3, 0], μg: [1e-3, 0] },
 };
 

@@ -1,6 +1,8 @@
 /** Small workflows and runs for the tests of this folder and of the screens. */
 
 import type {
+  DriverPlace,
+  DriverRow,
   Job,
   JobState,
   PlannedJob,
@@ -203,3 +205,46 @@ export const aRow = (
   pose: null,
   ...change,
 });
+
+export function aDriver(changes: Partial<DriverRow> = {}): DriverRow {
+  return {
+    id: "v1",
+    module: "drivers.virtual.timer",
+    class_name: "HostTimer",
+    role: "timer",
+    digest: "ab12cd34".repeat(8),
+    origin: "release",
+    state: "approved",
+    note: "",
+    quality: "bronze",
+    doc: "Waits.",
+    proposed_by: null,
+    proposed_at: null,
+    approved_by: null,
+    approved_at: null,
+    read_at: "2026-11-01T00:00:00Z",
+    devices: [],
+    can: { decide: false, withdraw: false },
+    ...changes,
+  };
+}
+
+export function aPlace(changes: Partial<DriverPlace> = {}): DriverPlace {
+  return {
+    id: "d1",
+    key: "timer_1",
+    name: "Timer 1",
+    state: "enrolled",
+    host: { id: "h", name: "Bench 1", state: "online" },
+    driver: {
+      version_id: "v1",
+      digest: "ab12cd34".repeat(8),
+      class_name: "HostTimer",
+      next: null,
+      problem: null,
+    },
+    job: null,
+    can_change: true,
+    ...changes,
+  };
+}

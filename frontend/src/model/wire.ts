@@ -1,6 +1,7 @@
 /** What crosses the border between server and browser; named as the server names it. */
 
 export type * from "./wirelab";
+export type * from "./wiredrivers";
 import type { DeviceRow, HostRow } from "./wirelab";
 
 export type Id = string;
@@ -55,7 +56,7 @@ export interface Lab {
     stopped_by: string | null;
     hosts: StopHost[];
   };
-  counts: { runs_live: number; approvals_open: number; needs_you: number };
+  counts: { runs_live: number; approvals_open: number; drivers_open: number; needs_you: number };
 }
 
 export interface Session {
@@ -112,6 +113,8 @@ export interface Schema {
   "x-advanced"?: boolean;
   "x-quantity"?: string;
   "x-unit"?: string;
+  /** `all` may stand in the place of a volume. */
+  "x-all"?: boolean;
   "x-resource"?: { holds?: string; kind?: string[]; acts?: boolean };
 }
 

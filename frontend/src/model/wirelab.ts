@@ -1,6 +1,7 @@
 /** What crosses the border about approvals, resources, devices and hosts. */
 
 import type { DeviceAction, Id, Iso, JobState, Plan } from "./wire";
+import type { DriverUse } from "./wiredrivers";
 
 export interface LabEvent {
   seq: number;
@@ -105,9 +106,30 @@ export interface Custody {
     released_at: Iso | null;
     is_told: boolean;
   } | null;
+  /** What keeps it where it is: it is not carried before these are off. */
+  connections: { key: string; medium: string; to: string }[];
   is_allowed: boolean;
   /** Kinds of resource that carry others. */
   place_kinds: string[];
+}
+
+/** Exclusive use of a resource in the near future; the time ends it. */
+export interface Reservation {
+  id: Id;
+  resource: { id: Id; name: string };
+  holder: string;
+  is_own: boolean;
+  may_end: boolean;
+  reason: string;
+  made_at: Iso;
+  expires_at: Iso;
+  ended_at: Iso | null;
+}
+
+/** Reservations of a resource and of what it stands in, in the order of asking. */
+export interface Reservations {
+  is_allowed: boolean;
+  reservations: Reservation[];
 }
 
 export interface StockLot {
@@ -202,13 +224,7 @@ export interface DeviceRow {
 }
 
 export interface Device extends DeviceRow {
-  driver: {
-    class_name: string;
-    digest: string;
-    protocol: string;
-    quality: string;
-    doc: string;
-  } | null;
+  driver: (DriverUse & { protocol: string; quality: string; doc: string }) | null;
   actions: DeviceAction[];
   statuses: { name: string; label: string; unit: string; doc: string }[];
   config: Record<string, unknown>;

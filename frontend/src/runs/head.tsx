@@ -10,6 +10,7 @@ import { currentStep, findProblems, stepNumber, type StepProgress } from "@/mode
 import { runState } from "@/model/states";
 import type { Run } from "@/model/wire";
 import { Button, Dialog, Refused, TextField } from "@/ui/controls";
+import { Downloads } from "@/ui/downloads";
 import { Icon } from "@/ui/icons";
 import { ModeChip, StateChip } from "@/ui/state";
 import { At, useLabTime, useNow } from "@/ui/time";
@@ -45,7 +46,7 @@ function Acts({ run }: { run: Run }) {
   const [isAborting, setAborting] = useState(false);
   const isOver = run.state === "complete" || run.state === "aborted";
   const offline = useStatus() === "offline" ? "Not connected." : null;
-  if (isOver) return <Crate run={run} />;
+  if (isOver) return <Exports run={run} />;
   const isPaused = run.pause_reasons.length > 0 || run.can.resume || run.state === "paused";
   return (
     <>
@@ -95,18 +96,15 @@ function Acts({ run }: { run: Run }) {
 }
 
 /** Everything about the run in one file, for an archive or a notebook. */
-function Crate({ run }: { run: Run }) {
+function Exports({ run }: { run: Run }) {
+  const { crate, eln } = words.exports;
   return (
-    <a
-      className="btn wide"
-      href={`/api/v1/runs/${run.id}/crate`}
-      download={`run-${run.number}.crate.zip`}
-      title={words.crateHelp}
-      data-testid="crate"
-    >
-      <Icon name="download" />
-      {words.crate}
-    </a>
+    <Downloads
+      files={[
+        { ...crate, path: `runs/${run.id}/crate`, name: `run-${run.number}.crate.zip` },
+        { ...eln, path: `runs/${run.id}/eln`, name: `run-${run.number}.eln` },
+      ]}
+    />
   );
 }
 

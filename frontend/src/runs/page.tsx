@@ -15,6 +15,7 @@ import { Facts, RunHead } from "./head";
 import { JobFacts } from "./job";
 import { RunLog } from "./log";
 import { Problems } from "./problem";
+import { RunReportTab } from "./report";
 import { StepStrip } from "./strip";
 import { RunTelemetry } from "./telemetry";
 import { Timeline } from "./gantt";
@@ -22,7 +23,7 @@ import { words } from "./words";
 
 const RunCanvas = lazy(async () => ({ default: (await import("./canvastab")).RunCanvas }));
 
-const TABS = ["timeline", "canvas", "logs", "telemetry", "events"] as const;
+const TABS = ["timeline", "canvas", "logs", "telemetry", "events", "report"] as const;
 type Tab = (typeof TABS)[number];
 
 export function RunPage() {
@@ -154,6 +155,7 @@ function Main(props: {
   }
   if (tab === "logs") return <RunLog runId={run.id} job={job} />;
   if (tab === "telemetry") return <RunTelemetry run={run} most={12} height={180} />;
+  if (tab === "report") return <RunReportTab runId={run.id} />;
   if (tab === "events") return <Events run={run} most={null} link={props.link} />;
   return (
     <>

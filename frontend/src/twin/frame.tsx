@@ -1,6 +1,6 @@
 /** The scene in its frame, and the truth when it is no longer live. */
 
-import { useEffect, useRef, useState, type RefObject } from "react";
+import { useCallback, useEffect, useRef, useState, type RefObject } from "react";
 import { useStatus } from "@/api/connection";
 import { useTwin } from "@/api/queries";
 import { Button } from "@/ui/controls";
@@ -53,12 +53,29 @@ function Cameras({ frame }: { frame: RefObject<HTMLIFrameElement | null> }) {
   );
 }
 
-export function TwinFrame({ title }: { title: string }) {
+/** Light tubes in the scene of a frame, and in no other. */
+function useRoute(frame: RefObject<HTMLIFrameElement | null>, route: readonly string[]) {
+  const asked = JSON.stringify(route);
+  const tell = useCallback(() => {
+    const target = frame.current;
+    if (!target) return;
+    const told = { labwebRoute: JSON.parse(asked) as string[] };
+    target.contentWindow?.postMessage(told, new URL(target.src).origin);
+  }, [frame, asked]);
+  useEffect(tell, [tell]);
+  return tell;
+}
+
+const NO_ROUTE: readonly string[] = [];
+
+export function TwinFrame(props: { title: string; route?: readonly string[] }) {
+  const { title, route = NO_ROUTE } = props;
   const { isLive, lostAt, life, url } = useTwinLife();
   const [isWanted, setWanted] = useState(() => !matchMedia("(max-width: 640px)").matches);
   const time = useLabTime();
   const isDark = useIsDark();
   const frame = useRef<HTMLIFrameElement>(null);
+  const tellRoute = useRoute(frame, route);
   const state = isLive ? "live" : url === null ? "unknown" : "frozen";
   const words = lostAt === null ? "The twin is not running" : `Frozen since ${time.second(lostAt)}`;
   return (
@@ -70,6 +87,7 @@ export function TwinFrame({ title }: { title: string }) {
           src={`${url}${isDark ? "dark" : "light"}/`}
           title={title}
           tabIndex={-1}
+          onLoad={tellRoute}
         />
       )}
       {isWanted && isLive && <Cameras frame={frame} />}

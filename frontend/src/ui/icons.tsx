@@ -47,6 +47,7 @@ const PATHS = {
   trash: "M4 7h16M9 7V4h6v3M6 7l1 13h10l1-13",
   up: "M6 15l6-6 6 6",
   admin: "M12 3l8 3v6c0 5-3.5 8-8 9-4.5-1-8-4-8-9V6zM9 12l2 2 4-4",
+  code: "M8 7l-5 5 5 5M16 7l5 5-5 5M13.5 5l-3 14",
   file: "M6 3h8l4 4v14H6zM14 3v4h4M9 16l2-4 2 3 2-5",
   download: "M12 4v11M7 10.5l5 5 5-5M4 20h16",
   tidy: "M4 5h6v5H4zM14 14h6v5h-6zM10 7.5h4a3 3 0 0 1 3 3V14",
@@ -100,6 +101,8 @@ export function iconOf(kind: string): IconName {
     ["timer", "time"],
     ["wait", "time"],
     ["react", "flask"],
+    ["separate", "flask"],
+    ["evap", "flask"],
   ];
   return known.find(([part]) => kind.toLowerCase().includes(part))?.[1] ?? "devices";
 }

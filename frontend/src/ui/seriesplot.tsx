@@ -61,7 +61,8 @@ function plotOptions(
     legend: { show: false },
     cursor: { y: false, points: { size: 6 }, drag: { x: true, y: false } },
     padding: [8, 16, 0, 0],
-    scales: { x: { time: false } },
+    // Chemists read shifts from the left down to zero.
+    scales: { x: { time: false, dir: drawn.x.unit.toUpperCase() === "PPM" ? -1 : 1 } },
     axes: [
       { ...axis, size: 24, space: 64, label: axisLabel(drawn.x), values: (_, at) => marks(at) },
       { ...axis, size: 44, space: 28, label: axisLabel(drawn.y), values: (_, at) => markTexts(at) },

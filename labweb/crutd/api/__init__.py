@@ -33,7 +33,7 @@ from labweb.resources import selectors as resource_selectors
 from labweb.resources.api import render_end
 from labweb.resources.selectors import Lab, Lot, Resource
 
-_AT = OpenApiParameter(
+AT = OpenApiParameter(
     "at",
     {"type": "string", "format": "date-time"},
     description="Show the lab as it was at this time, ISO 8601 with its zone. A time to come is "
@@ -59,7 +59,7 @@ def visible(request: Request, resource_id: UUID) -> Resource:
 class Resources(APIView):
     """The tree."""
 
-    @extend_schema(parameters=[_AT])
+    @extend_schema(parameters=[AT])
     def get(self, request: Request) -> Response:
         """List every resource the caller may see, in tree order; `at` shows them as they were."""
         lab = resource_selectors.the_lab()
@@ -143,8 +143,10 @@ class OperationCheck(APIView):
     def post(self, request: Request) -> Response:
         """List every finding against an operation as things stand; change nothing."""
         act = body(request, Act)
-        require_act(user_of(request), act.operation)
-        findings = services.check_operation(act.operation, lab=resource_selectors.the_lab())
+        user = user_of(request)
+        require_act(user, act.operation)
+        lab = resource_selectors.the_lab()
+        findings = services.check_operation(act.operation, lab=lab, actor_id=user.pk)
         return Response({"findings": [finding.to_json() for finding in findings]})
 
 
@@ -216,7 +218,6 @@ def _row(
     devices: Mapping[str, Any],
 ) -> dict[str, Any]:
     kind = KINDS.get(row.kind)
-    capacity = row.config.get("capacity_ul")
     device = devices.get(str(row.id))
     return {
         "id": str(row.id),
@@ -239,7 +240,7 @@ def _row(
             for lot_id, amount in sorted(held.items(), key=lambda item: (-item[1].nl, -item[1].ug))
         ],
         "volume_nl": sum(amount.nl for amount in held.values()),
-        "capacity_nl": None if capacity is None else round(capacity * 1000),
+        "capacity_nl": selectors.capacity_nl_of(row),
         "is_quarantined": row.quarantined_by is not None,
         "is_archived": row.is_archived,
         "device": None if device is None else {"id": str(device.id), "name": device.name},
@@ -303,6 +304,8 @@ def _summary(
     match operation.get("op"):
         case "transfer_liquid" | "transfer_mass":
             return f"{names.get('source')} → {names.get('target')}, {text}"
+        case "transfer_resource" if operation["from_id"] == operation["to_id"]:
+            return f"{names.get('subject')}: handed to another host at {names.get('target')}"
         case "transfer_resource" | "restore":
             return f"{names.get('subject')}: {names.get('source')} → {names.get('target')}"
         case "update":

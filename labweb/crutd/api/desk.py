@@ -36,7 +36,7 @@ class Stock(APIView):
         user = user_of(request)
         lab = resource_selectors.the_lab()
         look = operations.Correct(resource_id=row.id, account=Account.SUSPENSE, reason="look")
-        findings = services.check_operation(look, lab=lab)
+        findings = services.check_operation(look, lab=lab, actor_id=user.pk)
         why_not = findings[0].message if findings else None
         if row.id not in resource_selectors.allowed_ids(user, Permission.RESOLVE):
             why_not = "only people with the right to resolve may take stock here"

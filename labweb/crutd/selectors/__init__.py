@@ -14,9 +14,10 @@ from labweb.crutd.models import Entry, EventSubject, Holding, Ticket
 from labweb.crutd.models import Event as Event
 from labweb.crutd.models import Transaction as Transaction
 from labweb.domain.crutd import operations
+from labweb.domain.crutd.balance import Move
 from labweb.domain.crutd.decide import ResourceState
 from labweb.domain.crutd.ledger import Amount
-from labweb.domain.crutd.lifecycle import FINAL
+from labweb.domain.crutd.lifecycle import FINAL, TransactionState
 from labweb.domain.crutd.provenance import is_nominal
 from labweb.domain.errors import NotFoundError
 from labweb.domain.resources.contents import LotId
@@ -70,7 +71,7 @@ def state_of(
         parent_id=row.parent_id,
         contents={lot: amount.nl for lot, amount in held.items() if amount.nl},
         masses={lot: amount.ug for lot, amount in held.items() if amount.ug},
-        capacity_nl=_thousandfold(row.config.get("capacity_ul")),
+        capacity_nl=capacity_nl_of(row),
         capacity_ug=_thousandfold(row.config.get("capacity_mg")),
         dead_volume_nl=_thousandfold(row.config.get("dead_volume_ul")) or 0,
         data=row.data,
@@ -80,8 +81,19 @@ def state_of(
     )
 
 
-def _thousandfold(value: float | None) -> int | None:
-    return None if value is None else round(value * 1000)
+def _thousandfold(value: object) -> int | None:
+    """Return a figure of a config in the finer unit; what is no number states nothing.
+
+    What came from elsewhere and was kept as it was (`foreign`) may say anything.
+    """
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return None
+    return round(value * 1000)
+
+
+def capacity_nl_of(row: Resource) -> int | None:
+    """Return how much liquid a resource holds; None: nobody stated it."""
+    return _thousandfold(row.config.get("capacity_ul"))
 
 
 def snapshot(rows: Iterable[Resource]) -> dict[UUID, ResourceState]:
@@ -107,8 +119,8 @@ def snapshot_and_lots(
     return _states(rows, held, known), lots
 
 
-def snapshot_to_settle(rows: Collection[Resource]) -> dict[UUID, ResourceState]:
-    """Return what is needed to settle, which where a thing stands is not; one query."""
+def snapshot_in_place(rows: Collection[Resource]) -> dict[UUID, ResourceState]:
+    """Return the state of rows without where they stand, for a view or a settlement; one query."""
     return _states(rows, amounts(row.id for row in rows), ({}, set()))
 
 
@@ -124,9 +136,8 @@ def _states(
     }
 
 
-def lab_snapshot(lab: Lab) -> dict[UUID, ResourceState]:
-    """Return the state of every node, for compiling a workflow."""
-    rows = list(resource_selectors.resources_of(lab))
+def lab_snapshot(rows: Collection[Resource]) -> dict[UUID, ResourceState]:
+    """Return the state of all the nodes of a lab, for compiling a workflow; one query."""
     held = amounts(row.id for row in rows)
     parents = {row.id: row.parent_id for row in rows}
     closed = {row.id for row in rows if row.is_archived}
@@ -307,3 +318,33 @@ def given_up(lab: Lab) -> list[GivenUp]:
         if row.quarantined_by in ends
     ]
     return sorted(found, key=lambda one: one.at)
+
+
+def posted_by(job_ids: Iterable[UUID]) -> list[Move]:
+    """Return what the jobs moved, entry by entry."""
+    rows = Entry.objects.filter(state=Entry.State.POSTED, transaction__job_id__in=list(job_ids))
+    columns = ("lot_id", "debit", "credit", "amount_nl", "amount_ug")
+    return [
+        Move(LotId(str(lot)), debit, credit, nl, ug)
+        for lot, debit, credit, nl, ug in rows.values_list(*columns)
+    ]
+
+
+def reactions_of(job_ids: Iterable[UUID]) -> list[operations.React]:
+    """Return the reactions that the jobs have put on record, in their order."""
+    done = Transaction.objects.filter(
+        job_id__in=list(job_ids), state=TransactionState.COMMITTED.value, operation__op="react"
+    )
+    told = done.order_by("settled_at", "id").values_list("operation", flat=True)
+    found = (operations.from_json(plain) for plain in told)
+    return [one for one in found if isinstance(one, operations.React)]
+
+
+def standing(lot_ids: Iterable[UUID]) -> dict[LotId, dict[UUID, Amount]]:
+    """Return where each lot stands now, by vessel; what is in the waste is not there any more."""
+    rows = Holding.objects.filter(lot_id__in=list(lot_ids)).exclude(resource__kind="waste")
+    found: dict[LotId, dict[UUID, Amount]] = {}
+    for lot, vessel, nl, ug in rows.values_list("lot_id", "resource_id", "amount_nl", "amount_ug"):
+        if nl or ug:
+            found.setdefault(LotId(str(lot)), {})[vessel] = Amount(nl, ug)
+    return found

@@ -49,7 +49,7 @@ def lab_file_of(lab: Lab) -> LabFile:
     A lab that was imported and not changed gives back an equal lab file. Places, data,
     contents and devices that did change are as they are.
     """
-    tree = resource_selectors.tree_of(lab)
+    tree = resource_selectors.tree_of(resource_selectors.resources_of(lab))
     lots = tuple(_lots(lab))
     found = amounts(tree.by_id)
     devices, discovered = _devices(lab)
@@ -79,6 +79,7 @@ def _materials(lab: Lab) -> Iterable[Material]:
             name=row.name,
             inchikey=row.inchikey or None,
             density_mg_ul=row.density_mg_ul,
+            concentration_mmol_l=row.concentration_mmol_l,
             ph=row.ph,
             hazards=tuple(row.hazards),
             groups=tuple(row.groups),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from datetime import date
 from types import MappingProxyType
 from uuid import UUID
@@ -29,10 +29,11 @@ def facts_for(
     states: Mapping[UUID, ResourceState],
     known: Mapping[LotId, Lot] = MappingProxyType({}),
 ) -> Facts:
-    """Return what a check of the operation needs; a query for unknown lots, two for a new thing."""
+    """Return what a check needs; a query for unknown lots, two for a new or a carried thing."""
     receive = operation if isinstance(operation, operations.Receive) else None
     create = operation if isinstance(operation, operations.Create) else None
     react = operation if isinstance(operation, operations.React) else None
+    carried = operation if isinstance(operation, operations.TransferResource) else None
     wanted = {lot for state in states.values() for lot in (*state.contents, *state.masses)}
     if isinstance(operation, operations.Correct):
         wanted |= {LotId(lot) for lot in (*operation.measured_nl, *operation.measured_ug)}
@@ -52,6 +53,9 @@ def facts_for(
         taken_lots=frozenset()
         if react is None
         else resource_selectors.taken_lots(lab, react.products),
+        attachments=()
+        if carried is None
+        else resource_selectors.attachments_of(carried.resource_id),
         is_known_delivery=receive is not None
         and resource_selectors.is_known_delivery(lab, receive),
         is_taken=create is not None
@@ -59,11 +63,13 @@ def facts_for(
     )
 
 
-def lab_facts(lab: Lab) -> Facts:
-    """Return every lot and material of a lab, for compiling a workflow; two queries."""
-    lots = {LotId(str(row.id)): _lot(row) for row in resource_selectors.lots_of(lab)}
-    rows = resource_selectors.materials_of(lab)
-    return Facts(on=today(lab), lots=lots, materials={row.id: _material(row) for row in rows})
+def lab_facts(lab: Lab, lots: Iterable[Lot], materials: Iterable[Material]) -> Facts:
+    """Return all the lots and materials of a lab as facts, for compiling a workflow."""
+    return Facts(
+        on=today(lab),
+        lots={LotId(str(row.id)): _lot(row) for row in lots},
+        materials={row.id: _material(row) for row in materials},
+    )
 
 
 def holders(operation: operations.Operation) -> dict[UUID, str]:

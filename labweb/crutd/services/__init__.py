@@ -6,14 +6,18 @@ from labweb.crutd.services.batches import Member, lock_batch
 from labweb.crutd.services.deliveries import receive_deliveries
 from labweb.crutd.services.importing import check_time_zone, import_lab
 from labweb.crutd.services.labware import import_labware
+from labweb.crutd.services.locking import is_free, refuse_reserved_by_others
 from labweb.crutd.services.rebuilding import rebuild, restore
 from labweb.crutd.services.recording import close_ticket, event_hash, open_ticket
+from labweb.crutd.services.reserving import end_reservation, reserve
+from labweb.crutd.services.succession import lock_next
 from labweb.crutd.services.transactions import (
     Settlement,
     advance,
     carry_out,
     check_operation,
     discard,
+    lock_and_read,
     lock_operation,
     settle,
 )
@@ -27,14 +31,20 @@ __all__ = [
     "check_time_zone",
     "close_ticket",
     "discard",
+    "end_reservation",
     "event_hash",
     "import_lab",
     "import_labware",
+    "is_free",
+    "lock_and_read",
     "lock_batch",
+    "lock_next",
     "lock_operation",
     "open_ticket",
     "rebuild",
     "receive_deliveries",
+    "refuse_reserved_by_others",
+    "reserve",
     "restore",
     "settle",
 ]

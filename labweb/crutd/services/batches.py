@@ -11,8 +11,9 @@ from django.db.transaction import atomic
 from labweb.common.clock import now
 from labweb.crutd.models import Transaction
 from labweb.crutd.selectors import Transaction as TransactionRow
+from labweb.crutd.services.locking import check_free, hold
 from labweb.crutd.services.posting import open_transaction
-from labweb.crutd.services.transactions import check_free, check_states, hold
+from labweb.crutd.services.transactions import check_states
 from labweb.domain.crutd import operations
 from labweb.domain.crutd.lifecycle import TransactionState
 from labweb.domain.runs.batch import shares
@@ -50,7 +51,7 @@ def lock_batch(
     needed = [{*operations.touched_ids(m.operation), *m.targets} for m in members]
     rows, above = hold(set().union(*needed))
     wanted = lock_set(rows, above[0])
-    check_free(rows, wanted)
+    check_free(rows, wanted, actor_id)
     for member, ids in zip(members, needed, strict=True):
         if member.is_first:
             own = {node: row for node, row in rows.items() if node in ids}

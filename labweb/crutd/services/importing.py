@@ -165,6 +165,7 @@ def _materials(lab: Lab, lab_file: LabFile) -> Iterator[Material]:
             name=material.name,
             inchikey=material.inchikey or "",
             density_mg_ul=material.density_mg_ul,
+            concentration_mmol_l=material.concentration_mmol_l,
             ph=material.ph,
             hazards=list(material.hazards),
             groups=list(material.groups),

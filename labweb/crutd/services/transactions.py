@@ -7,23 +7,23 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 from uuid import UUID
 
-from django.db import OperationalError
 from django.db.transaction import atomic
 
 from labweb.common.clock import now
 from labweb.crutd import selectors
 from labweb.crutd.models import Entry, ResourceLock, Transaction
 from labweb.crutd.selectors.facts import facts_for, holders
+from labweb.crutd.services.locking import check_free, hold, reserved_findings
 from labweb.crutd.services.posting import close_transaction, open_transaction, post, reserve
-from labweb.crutd.services.recording import open_ticket, record
+from labweb.crutd.services.recording import open_ticket, record, wait_for_others
 from labweb.domain.crutd import decide, lifecycle, operations
 from labweb.domain.crutd.decide import Change, Outcome, OutcomeKind, ResourceState
 from labweb.domain.crutd.ledger import vessels_of
 from labweb.domain.crutd.lifecycle import TransactionState
 from labweb.domain.crutd.operations import Reservation
-from labweb.domain.errors import Finding, LockedError, PreconditionError, StateError
+from labweb.domain.errors import Finding, PreconditionError, StateError
 from labweb.domain.runs.batch import heirs
-from labweb.domain.runs.locks import Lock, conflicts, lock_set
+from labweb.domain.runs.locks import lock_set
 from labweb.resources import selectors as resource_selectors
 from labweb.resources import services as resource_services
 from labweb.resources.selectors import Above, Lab, Resource
@@ -49,21 +49,25 @@ def lock_operation(
     Effect:
         None on matter. Locks hold until the transaction is settled; they never expire.
     """
-    return _lock(operation, lab, targets, actor_id=actor_id, job_id=job_id)[0]
+    return lock_and_read(operation, lab, targets, actor_id=actor_id, job_id=job_id)[0]
 
 
-def _lock(
+def lock_and_read(
     operation: operations.Operation,
     lab: Lab,
     targets: Collection[UUID],
     *,
     actor_id: UUID | None,
     job_id: UUID | None = None,
-) -> tuple[Transaction, Mapping[UUID, ResourceState]]:
-    """Lock as above, inside a block of the caller's; return the state under the locks too."""
+) -> tuple[Transaction, Mapping[UUID, Resource], Mapping[UUID, ResourceState]]:
+    """Lock as above, inside a block of the caller's.
+
+    Returns:
+        The transaction, and rows and states under the locks; a Read has no need of states.
+    """
     rows, above = hold({*operations.touched_ids(operation), *targets})
     wanted = lock_set(rows, above[0])
-    check_free(rows, wanted)
+    check_free(rows, wanted, actor_id)
     states = check_states(operation, lab, rows, above)
     row = Transaction(
         lab=lab,
@@ -75,37 +79,7 @@ def _lock(
         proposed_at=now(),
     )
     open_transaction(row, wanted, operations.reservations(operation))
-    return row, states
-
-
-def hold(ids: Collection[UUID]) -> tuple[dict[UUID, Resource], Above]:
-    """Lock the rows, and share those above them; never waits, so that nobody waits in a ring."""
-    busy = LockedError("the resources are in use this moment", code="crutd.busy")
-    try:
-        held = resource_selectors.hold(ids)
-    except OperationalError as error:
-        raise busy from error
-    if held is None:
-        raise busy
-    return held
-
-
-def check_free(rows: Mapping[UUID, Resource], wanted: Sequence[Lock]) -> None:
-    """Refuse what somebody else uses, by name.
-
-    Raises:
-        LockedError: `context` says which transaction holds it.
-    """
-    held = selectors.held_locks(lock.resource_id for lock in wanted)
-    blocked = conflicts(wanted, [lock for lock, _ in held])
-    if blocked:
-        holder = next(owner for lock, owner in held if lock.resource_id == blocked[0])
-        name = rows[blocked[0]].name if blocked[0] in rows else str(blocked[0])
-        raise LockedError(
-            f"{name} is in use",
-            code="crutd.locked",
-            context={"resource_id": str(blocked[0]), "transaction_id": str(holder)},
-        )
+    return row, rows, states
 
 
 def check_states(
@@ -118,6 +92,8 @@ def check_states(
     """
     if isinstance(operation, operations.Read):
         return {}
+    if isinstance(operation, operations.Create | operations.Receive | operations.React):
+        wait_for_others(lab)
     states, lots = selectors.snapshot_and_lots(list(rows.values()), above)
     findings = decide.check(operation, states, facts_for(operation, lab, states, lots))
     if findings:
@@ -125,11 +101,27 @@ def check_states(
     return states
 
 
-def check_operation(operation: operations.Operation, *, lab: Lab) -> list[Finding]:
-    """List all that speaks against an operation now, who uses its resources included."""
+def check_operation(
+    operation: operations.Operation, *, lab: Lab, actor_id: UUID | None
+) -> list[Finding]:
+    """List all that speaks against an operation now, who uses or has reserved things included."""
     states = selectors.snapshot(resource_selectors.rows(operations.touched_ids(operation)))
     facts = replace(facts_for(operation, lab, states), held=holders(operation))
-    return decide.check(operation, states, facts)
+    reserved = reserved_findings(operations.touched_ids(operation), actor_id)
+    return [*_empty_words(operation), *decide.check(operation, states, facts), *reserved]
+
+
+def _empty_words(operation: operations.Operation) -> list[Finding]:
+    """Refuse to write down by hand that a thing was carried to where it stands.
+
+    Between two hosts such a transfer means something: it changes hands, and nothing moves.
+    """
+    if not isinstance(operation, operations.TransferResource):
+        return []
+    if operation.from_id != operation.to_id:
+        return []
+    text = "it stands there already: nothing is carried"
+    return [Finding("crutd.there_already", text, str(operation.resource_id))]
 
 
 @atomic
@@ -194,7 +186,7 @@ def settle(transaction_id: UUID, settlement: Settlement) -> Change:
     row = selectors.transaction_for_update(transaction_id)
     operation = operations.from_json(row.operation)
     rows = resource_selectors.rows_for_update(operations.touched_ids(operation))
-    states = selectors.snapshot_to_settle(list(rows.values()))
+    states = selectors.snapshot_in_place(list(rows.values()))
     return _settle(row, operation, states, settlement)
 
 
@@ -377,7 +369,10 @@ def carry_out(
     Effect:
         Records what the person did or will have done; moves nothing by itself.
     """
-    row, states = _lock(operation, lab, targets, actor_id=actor_id)
+    empty = _empty_words(operation)
+    if empty:
+        raise PreconditionError(empty[0].message, code=empty[0].code, findings=empty)
+    row, _, states = lock_and_read(operation, lab, targets, actor_id=actor_id)
     outcome = Outcome(kind=OutcomeKind.DONE)
     settlement = Settlement(
         outcome=outcome, verification="assumed", actor_id=actor_id, message=note

@@ -28,7 +28,10 @@ class Permission(StrEnum):
     """Release the lab after a stop."""
 
     ADMIT = "admit"
-    """Admit hosts and devices."""
+    """Admit hosts and devices; say which version of its driver a device uses."""
+
+    SUBMIT = "submit"
+    """Bring driver source. It says nothing about using it: a second person approves."""
 
 
 _OBSERVER = frozenset({Permission.VIEW, Permission.STOP})

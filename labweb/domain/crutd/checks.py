@@ -36,6 +36,7 @@ from labweb.domain.crutd.stock import (
     known_lots,
 )
 from labweb.domain.errors import Finding
+from labweb.domain.graph.attached import check_loose
 from labweb.domain.graph.lab_file.config import check_config
 from labweb.domain.resources.contents import LotId, Phase, total_nl
 from labweb.domain.resources.kinds import KINDS
@@ -59,7 +60,7 @@ def _check_own(operation: Operation, snapshot: Snapshot, facts: Facts | None) ->
         case TransferMass():
             return _check_mass(operation, snapshot, facts)
         case TransferResource() | Restore():
-            return _check_carry(operation, snapshot)
+            return _check_carry(operation, snapshot, facts)
         case Delete():
             return _check_delete(operation, snapshot)
         case Create():
@@ -150,9 +151,33 @@ def _check_liquid(
                 {"resource_id": str(source.id), "usable_nl": usable},
             )
         )
+    findings += _check_parts(operation, source, facts)
     findings += check_room(target, operation.amount_nl, Phase.LIQUID)
     findings += _check_phases(source, Phase.LIQUID, facts)
     return [*findings, *_check_lots(source, target, facts)]
+
+
+def _check_parts(
+    operation: TransferLiquid, source: ResourceState, facts: Facts | None
+) -> Iterator[Finding]:
+    """Refuse parts of a layer that are not there, or that are not what is drawn in all."""
+    parts = {LotId(lot): part for lot, part in operation.parts_nl.items()}
+    if parts and total_nl(parts) != operation.amount_nl:
+        text = (
+            f"the lots of the layer come to {render_volume(total_nl(parts))}, "
+            f"asked for {render_volume(operation.amount_nl)}"
+        )
+        yield Finding("crutd.parts_disagree", text, source.name)
+    for lot, part in sorted(parts.items()):
+        there = source.contents.get(lot, 0)
+        if part > there:
+            yield Finding(
+                "crutd.insufficient_volume",
+                f"{source.name} holds {render_volume(there)} of {_name(lot, facts)}, "
+                f"asked for {render_volume(part)}",
+                source.name,
+                {"resource_id": str(source.id), "usable_nl": there, "lot_id": lot},
+            )
 
 
 def _check_mass(operation: TransferMass, snapshot: Snapshot, facts: Facts | None) -> list[Finding]:
@@ -222,21 +247,32 @@ def _check_lots(source: ResourceState, target: ResourceState, facts: Facts | Non
     return findings
 
 
-def _check_carry(operation: TransferResource | Restore, snapshot: Snapshot) -> list[Finding]:
+def _check_carry(
+    operation: TransferResource | Restore, snapshot: Snapshot, facts: Facts | None
+) -> list[Finding]:
     moved, to = snapshot[operation.resource_id], snapshot[operation.to_id]
-    findings = []
+    attachments = () if facts is None else facts.attachments
+    findings = check_loose(moved.name, str(moved.id), attachments)
     if moved.parent_id != operation.from_id:
         findings.append(
             Finding("crutd.not_there", f"{moved.name} does not stand there", moved.name)
         )
-    kind = KINDS.get(to.kind)
-    if kind is None or not kind.is_place:
-        findings.append(Finding("crutd.no_place", f"{to.name} carries nothing", to.name))
+    findings += _check_place(to)
     if operation.resource_id == operation.to_id or operation.resource_id in to.ancestor_ids:
         findings.append(
             Finding("crutd.into_itself", f"{moved.name} cannot stand in itself", moved.name)
         )
     return findings
+
+
+def _check_place(place: ResourceState) -> Iterator[Finding]:
+    """Refuse what carries nothing, and the Archive: what stands there is out of service."""
+    kind = KINDS.get(place.kind)
+    if place.kind == "archive":
+        text = f"what goes to {place.name} goes out of service: take it there by deleting it"
+        yield Finding("crutd.into_archive", text, place.name)
+    elif kind is None or not kind.is_place:
+        yield Finding("crutd.no_place", f"{place.name} carries nothing", place.name)
 
 
 def _check_delete(operation: Delete, snapshot: Snapshot) -> list[Finding]:
@@ -257,9 +293,7 @@ def _check_create(operation: Create, snapshot: Snapshot, facts: Facts | None) ->
     else:
         findings += check_config(operation.kind, operation.config, operation.key)
     parent = snapshot[operation.parent_id]
-    kind = KINDS.get(parent.kind)
-    if kind is None or not kind.is_place:
-        findings.append(Finding("crutd.no_place", f"{parent.name} carries nothing", parent.name))
+    findings += _check_place(parent)
     if facts is not None and facts.is_taken:
         text = f"a resource with the id or the key {operation.key!r} is there already"
         findings.append(Finding("crutd.taken", text, operation.key))

@@ -24,6 +24,8 @@ class Condition(msgspec.Struct, frozen=True, kw_only=True):
 
     device_id: UUID
     status: str
+    """A name, or `name.field` for one field of a reading that has several."""
+
     equals: bool | int | str | None = None
     low: float | None = None
     high: float | None = None
@@ -47,6 +49,43 @@ class Condition(msgspec.Struct, frozen=True, kw_only=True):
 
     is_sensor: bool = False
     """The reading comes from an instrument other than the one that acts."""
+
+    must_pass: bool = False
+    """After acting, nobody being able to look means that nobody knows: in doubt, not assumed."""
+
+
+def sees_vessel(
+    camera_id: UUID, *, is_present: bool, min_confidence: float, timeout_s: float = 0.0
+) -> Condition:
+    """Require that a camera sees that a vessel stands at its place, or that none does."""
+    return Condition(
+        name="camera.presence",
+        device_id=camera_id,
+        status="sighting.is_present",
+        equals=is_present,
+        confidence_status="sighting.presence_confidence_ratio",
+        min_confidence=min_confidence,
+        image_status="sighting.image_sha256",
+        timeout_s=timeout_s,
+        is_sensor=True,
+        must_pass=True,
+    )
+
+
+def sees_tag(
+    camera_id: UUID, tag: str, *, min_confidence: float, timeout_s: float = 0.0
+) -> Condition:
+    """Require that a camera reads that tag on what stands at its place."""
+    presence = sees_vessel(
+        camera_id, is_present=True, min_confidence=min_confidence, timeout_s=timeout_s
+    )
+    return msgspec.structs.replace(
+        presence,
+        name="camera.tag",
+        status="sighting.tag",
+        equals=tag,
+        confidence_status="sighting.tag_confidence_ratio",
+    )
 
 
 class Verdict(StrEnum):
@@ -82,6 +121,18 @@ class Verification(StrEnum):
 
 Readings = Mapping[tuple[UUID, str], Any]
 """Fresh value by (device, status)."""
+
+
+def spread(device_id: UUID, status: str, value: Any) -> dict[tuple[UUID, str], Any]:  # noqa: ANN401
+    """Return a reading as readings: one that has fields is one for each of them.
+
+    Example:
+        >>> list(spread(UUID(int=1), "sighting", {"tag": "V-7"}).values())
+        ['V-7']
+    """
+    if not isinstance(value, Mapping):
+        return {(device_id, status): value}
+    return {(device_id, f"{status}.{field}"): part for field, part in value.items()}
 
 
 def evaluate(condition: Condition, now: Readings, before: Readings) -> Result:
@@ -135,7 +186,7 @@ def _doubt(condition: Condition, now: Readings, evidence: dict[str, Any]) -> str
         image = now.get((device, condition.image_status))
         if not isinstance(image, str) or not _SHA256.fullmatch(image):
             return f"no image of {condition.status} was kept"
-        evidence["image_sha256"] = image
+        evidence |= {"image_sha256": image, "camera_id": str(device)}
     if condition.confidence_status is not None:
         confidence = _number(now.get((device, condition.confidence_status)))
         if confidence is None or not 0 <= confidence <= 1:

@@ -36,7 +36,15 @@ from labweb.domain.crutd.reaction import react_postings
 from labweb.domain.crutd.snapshot import ResourceState as ResourceState
 from labweb.domain.crutd.snapshot import Snapshot as Snapshot
 from labweb.domain.errors import StateError
-from labweb.domain.resources.contents import Contents, LotId, Phase, take, total_nl
+from labweb.domain.resources.contents import (
+    Contents,
+    LotId,
+    Phase,
+    add,
+    remove,
+    take,
+    total_nl,
+)
 
 
 class OutcomeKind(StrEnum):
@@ -189,7 +197,9 @@ def _settle_poured(
         raise StateError(f"{moved} {unit} cannot have moved", code="crutd.not_positive")
     if moved == 0:
         return Change(state=TransactionState.ROLLED_BACK)
-    if moved > total_nl(there):
+    parts = operation.parts_nl if isinstance(operation, TransferLiquid) else {}
+    is_short = any(part > there.get(LotId(lot), 0) for lot, part in parts.items())
+    if moved > total_nl(there) or is_short:
         raise StateError(
             f"{moved} {unit} moved out of {source.name}, which held {total_nl(there)} {unit}",
             code="crutd.contradiction",
@@ -200,9 +210,25 @@ def _settle_poured(
             code="crutd.contradiction",
         )
     ends = (str(operation.source_id), str(operation.target_id))
-    return Change(
-        state=TransactionState.COMMITTED, postings=_postings(take(there, moved), phase, ends)
-    )
+    drawn = drawn_parts(there, parts, moved)
+    return Change(state=TransactionState.COMMITTED, postings=_postings(drawn, phase, ends))
+
+
+def drawn_parts(there: Contents, wanted: Mapping[str, int], moved_nl: int) -> dict[LotId, int]:
+    """Return what went over of each lot when one layer was drawn.
+
+    Less than was wanted is the same share of each lot of the layer; what is more came, well
+    mixed, out of what lies next to it.
+
+    Example:
+        >>> brine, ether = LotId("brine"), LotId("ether")
+        >>> drawn_parts({brine: 10, ether: 10}, {"brine": 10}, 12)
+        {'brine': 10, 'ether': 2}
+    """
+    layer = {LotId(lot): part for lot, part in wanted.items() if part}
+    if moved_nl <= total_nl(layer):
+        return take(layer, moved_nl)
+    return add(layer, take(remove(there, layer), moved_nl - total_nl(layer)))
 
 
 def _settle_reacted(operation: React, snapshot: Snapshot, outcome: Outcome) -> Change:

@@ -61,13 +61,21 @@ class Update(
 
 
 class TransferLiquid(
-    msgspec.Struct, frozen=True, tag="transfer_liquid", tag_field="op", kw_only=True
+    msgspec.Struct,
+    frozen=True,
+    tag="transfer_liquid",
+    tag_field="op",
+    kw_only=True,
+    omit_defaults=True,
 ):
     """Move liquid from one vessel to another; a syringe is a vessel."""
 
     source_id: UUID
     target_id: UUID
     amount_nl: int
+    parts_nl: dict[str, Amount] = msgspec.field(default_factory=dict)
+    """What goes over of each lot, where somebody has said which lots lie in the layer that is
+    drawn, or boil off. Empty: the source is well mixed, and each lot gives its share."""
 
 
 class TransferResource(
@@ -187,6 +195,8 @@ class React(msgspec.Struct, frozen=True, tag="react", tag_field="op", kw_only=Tr
     products: Annotated[tuple[Product, ...], Meta(min_length=1, max_length=100)]
     reason: Text
     residue_ug: Amount = 0
+    basis: UUID | msgspec.UnsetType = msgspec.UNSET
+    """Lot of which one mole gives at most one mole of the first product: the yield is on it."""
 
 
 Operation = (

@@ -50,6 +50,9 @@ def _check_said(operation: React, state: ResourceState) -> Iterator[Finding]:
     named = [*(s.lot_id for s in operation.reactants), *(p.lot_id for p in operation.products)]
     if len(set(named)) != len(named):
         yield Finding("crutd.same_lot", "a lot is named twice", state.name)
+    if operation.basis and operation.basis not in {s.lot_id for s in operation.reactants}:
+        text = "the lot that the yield is on is none of the reactants"
+        yield Finding("crutd.no_lot", text, state.name, {"lot_id": str(operation.basis)})
     keys = [product.key for product in operation.products]
     if len(set(keys)) != len(keys):
         yield Finding("crutd.same_lot", "two products have one key", state.name)

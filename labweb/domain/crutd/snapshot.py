@@ -8,6 +8,7 @@ from datetime import date
 from typing import Any
 from uuid import UUID
 
+from labweb.domain.graph.attached import Attachment
 from labweb.domain.resources.contents import Contents, LotId, Phase
 
 
@@ -103,6 +104,9 @@ class Facts:
 
     is_taken: bool = False
     """A resource of the new one's id or key is there already."""
+
+    attachments: tuple[Attachment, ...] = ()
+    """What connects the thing that is to be carried, or what stands in it, with the rest."""
 
     held: Mapping[UUID, str] = field(default_factory=dict)
     """Transaction that uses a resource now."""

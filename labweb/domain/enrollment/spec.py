@@ -167,7 +167,8 @@ class DriverSpec(msgspec.Struct, frozen=True, kw_only=True):
     """Dotted name, `drivers.connectors.tricontinent_c3000`; "" for a file outside the package."""
 
     digest: str
-    """SHA-256 of the source file, lower-case hex. What an approval signs."""
+    """SHA-256 of the bundle, lower-case hex: what an approval signs. Of a file outside the
+    package, that of the file."""
 
     roles: tuple[str, ...] = ()
     """Interfaces the class declares, `pump`, `valve`, in the order it names them."""

@@ -165,7 +165,9 @@ def write_end(
     """Settle an action and write its end: row, resources and event together."""
     operation = operations.from_json(row.do.operation)
     known = snapshot(tx, operations.touched_ids(operation))
-    conclusion, change = _settle(operation, known, edge.conclude(report, post))
+    only_reads = isinstance(operation, operations.Read)
+    concluded = edge.conclude(report, post, only_reads=only_reads)
+    conclusion, change = _settle(operation, known, concluded)
     revs = apply_change(tx, change, row.action_id)
     body = change_body(change, revs, conclusion.outcome, conclusion.verification)
     body |= {

@@ -45,7 +45,7 @@ def find_batches(
     """Return, for each host that is online, the jobs of a run that may go there now.
 
     A job is one of the batch when all before it is complete or in the batch too, so that
-    the host never has to ask.
+    the host never has to ask. One that carries a thing is none: other hosts have a say.
 
     Args:
         jobs: All jobs of one run.
@@ -54,7 +54,8 @@ def find_batches(
     done = {job.index for job in jobs if job.is_satisfied}
     found: dict[UUID, list[JobView]] = {}
     for job in sorted(jobs, key=lambda one: one.index):
-        if job.state is not JobState.QUEUED or job.host_id not in online_hosts:
+        is_waiting = job.state is JobState.QUEUED and job.host_id in online_hosts
+        if not is_waiting or job.is_carry:
             continue
         members = found.setdefault(job.host_id, [])
         known = done | {one.index for one in members}

@@ -3,7 +3,13 @@
     owned by A ──ask──▶ leaving A ──released by A──▶ in transit ──received by B──▶ owned by B
 
 A host is the single writer of what it owns. In between the server keeps the last state that
-the first host wrote; a person carries the thing, and scans it where it arrives.
+the first host wrote. All that stands in a thing goes along with it.
+
+A person carries the thing, and scans it where it arrives. A device that carries it for a run
+does so in the hands of its own host: the thing is handed over to that host where it stands,
+carried, and handed on where it was put. No hand-over moves anything then.
+
+    owned by A ─▶ owned by the host that carries ─ carried ─▶ owned by B
 """
 
 from __future__ import annotations
@@ -46,6 +52,21 @@ class Custody:
 
     view: ResourceView | None = None
     """What the last owner knew of it, for the next."""
+
+
+def next_hands(
+    owner: UUID | None, wanted: UUID | None, *, gone: Collection[UUID] = ()
+) -> UUID | None:
+    """Return the host that a thing has to be handed to; None: to nobody.
+
+    Args:
+        owner: Host that writes its facts; None: no host does.
+        wanted: Host that carries it next, or that has the place where it was put.
+        gone: Hosts that were declared lost or revoked: nobody waits for their word.
+    """
+    if owner is None or wanted is None or owner == wanted:
+        return None
+    return None if owner in gone or wanted in gone else wanted
 
 
 def ask(custody: Custody, *, transfer_id: UUID, target: UUID, in_use: Collection[UUID]) -> Custody:
@@ -110,6 +131,8 @@ def after_received(custody: Custody, *, host: UUID, transfer_id: UUID) -> Custod
 def take_release(tx: JournalWrite, release: Release, *, in_use: Collection[UUID]) -> bool:
     """Let a resource go, once for each move; False: the command says nothing new.
 
+    What stands in it goes along, and nothing goes while any of it is in use or in doubt.
+
     Args:
         tx: The write.
         release: The command, whose signature, host and epoch hold.
@@ -117,27 +140,45 @@ def take_release(tx: JournalWrite, release: Release, *, in_use: Collection[UUID]
     """
     if not tx.is_first_refusal(f"release:{release.transfer_id}"):
         return False
-    held = tx.resource(release.resource_id)
-    is_free = held is None or held.quarantined_by is None
     body = {"transfer_id": str(release.transfer_id), "resource_id": str(release.resource_id)}
-    known = release.view if held is None else held.view
-    if known is None or not is_free or release.resource_id in in_use:
+    known = _latest(tx, release.resource_id, release.view)
+    ids = [release.resource_id, *(part.id for part in release.parts)]
+    if known is None or not all(_is_free(tx, one, in_use) for one in ids):
         tx.append("kept", None, {**body, "code": "custody.in_use"})
         return True
-    if release.view is not None and release.view.rev > known.rev:
-        known = release.view
-    tx.drop_resource(release.resource_id)
-    view = msgspec.json.decode(canonical(known))
-    tx.append("released", None, {**body, "view": view})
+    told = {part.id: part for part in release.parts}
+    parts = [_latest(tx, part.id, part) for part in release.parts]
+    fresh = [one for one in parts if one is not None and one != told[one.id]]
+    for one in ids:
+        tx.drop_resource(one)
+    tx.append("released", None, {**body, "view": _plain(known), "parts": [*map(_plain, fresh)]})
     return True
 
 
+def _is_free(tx: JournalWrite, resource_id: UUID, in_use: Collection[UUID]) -> bool:
+    held = tx.resource(resource_id)
+    return resource_id not in in_use and (held is None or held.quarantined_by is None)
+
+
+def _latest(tx: JournalWrite, resource_id: UUID, told: ResourceView | None) -> ResourceView | None:
+    """Return the newer of what this host knows and what the server told."""
+    held = tx.resource(resource_id)
+    if held is None or (told is not None and told.rev > held.view.rev):
+        return told
+    return held.view
+
+
+def _plain(view: ResourceView) -> object:
+    return msgspec.json.decode(canonical(view))
+
+
 def take_receive(tx: JournalWrite, receive: Receive) -> bool:
-    """Take a resource over, once for each move; False: the command says nothing new."""
+    """Take a resource over with all in it, once for each move; False: nothing new is said."""
     if not tx.is_first_refusal(f"receive:{receive.transfer_id}"):
         return False
     view = msgspec.structs.replace(receive.view, rev=receive.view.rev + 1)
-    tx.put_resource(HeldResource(view=view))
+    for one in (view, *receive.parts):
+        tx.put_resource(HeldResource(view=one))
     body = {"transfer_id": str(receive.transfer_id), "resource_id": str(view.id)}
     tx.append("received", None, {**body, "rev": view.rev})
     return True

@@ -198,15 +198,32 @@ class Conclusion:
     message: str = ""
 
 
-def conclude(report: Report, post: Sequence[tuple[Condition, Result]]) -> Conclusion:
+def conclude(
+    report: Report, post: Sequence[tuple[Condition, Result]], *, only_reads: bool = False
+) -> Conclusion:
     """Decide how an action ends from the device's report and the post-conditions.
 
     A sensor that contradicts the device means that nobody knows: in doubt, with both
-    numbers as evidence for the person who resolves it.
+    numbers as evidence for the person who resolves it. So does one that had to confirm and
+    could not look. An action that only reads leaves no doubt: what it had to see was not
+    seen, and it is aborted.
     """
     if not report.ok:
         return _conclude_failure(report)
-    failed = [result for _, result in post if result.verdict is Verdict.FAIL]
+    failed = [
+        result
+        for condition, result in post
+        if result.verdict is Verdict.FAIL
+        or (condition.must_pass and result.verdict is Verdict.UNOBSERVABLE)
+    ]
+    if failed and only_reads:
+        return Conclusion(
+            state=ActionState.ABORTED,
+            outcome=Outcome(kind=OutcomeKind.PARTIAL, moved_nl=0),
+            verification=Verification.DEVICE,
+            code=failed[0].name,
+            message=failed[0].message,
+        )
     if failed:
         return Conclusion(
             state=ActionState.IN_DOUBT,

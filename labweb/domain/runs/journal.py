@@ -7,6 +7,7 @@ SQLite, the simulator in memory.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, Protocol
 from uuid import UUID
 
@@ -23,7 +24,7 @@ class JournalError(LabError):
     default_code = "journal.unusable"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class ActionRow:
     """One action of the journal."""
 
@@ -49,9 +50,9 @@ class ActionRow:
         """Return the command as it came."""
         return Signed(body=self.body, key_id=self.key_id, signature=self.signature)
 
-    @property
+    @cached_property
     def do(self) -> Do:
-        """Return the command, read anew from its signed text."""
+        """The command, read from its signed text."""
         command = decode_command(self.body)
         if not isinstance(command, Do):
             raise JournalError(f"action {self.action_id} holds a {type(command).__name__}")

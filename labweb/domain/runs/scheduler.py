@@ -23,6 +23,9 @@ class JobView:
     owner_ids: frozenset[UUID] = frozenset()
     """Hosts that own what the job uses, beside its own."""
 
+    is_carry: bool = False
+    """It carries a thing, which may have to change hands before and after: it goes alone."""
+
     is_passed: bool = False
     """A person said that the run goes on, though the job ended undone."""
 
@@ -97,6 +100,14 @@ def run_state(current: RunState, jobs: Sequence[JobView], *, is_given_up: bool =
         return RunState.PAUSED
     has_begun = any(job.is_satisfied for job in jobs)
     return RunState.RUNNING if has_begun else RunState.QUEUED
+
+
+def state_after_dispatch(current: RunState) -> RunState | None:
+    """Return the state of a run of which one more job was sent; None: its jobs decide.
+
+    Nothing in a run that is queued or running needs a person.
+    """
+    return RunState.RUNNING if current in {RunState.QUEUED, RunState.RUNNING} else None
 
 
 def _is_anything_done(jobs: Sequence[JobView]) -> bool:

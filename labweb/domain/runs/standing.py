@@ -9,11 +9,14 @@ from __future__ import annotations
 
 from uuid import UUID
 
-from labweb.domain.messages import StopLab, Welcome, canonical
+from labweb.domain.messages import DeviceConfig, StopLab, Welcome, canonical
 from labweb.domain.runs.batch import stop_safely
 from labweb.domain.runs.edge import HostState
 from labweb.domain.runs.journal import JournalWrite
 from labweb.domain.runs.moment import Moment
+
+STATE_KEYS = ("host_id", "epoch", "floor", "armed_boot_id", "stop_id", "link_lost")
+"""The remembered values that `state_of` reads."""
 
 
 def state_of(meta: dict[str, str], boot_id: str) -> HostState:
@@ -66,10 +69,18 @@ def write_welcome(tx: JournalWrite, welcome: Welcome) -> None:
     meta = tx.meta()
     tx.set_meta("epoch", str(max(welcome.epoch, int(meta.get("epoch", 0)))))
     tx.set_meta("floor", str(max(welcome.floor, int(meta.get("floor", 0)))))
-    tx.set_meta("devices", canonical(welcome.devices).decode())
+    write_devices(tx, welcome.devices, welcome.staged)
     tx.set_meta("command_keys", canonical(welcome.command_keys).decode())
     if welcome.mode != "normal":
         tx.set_meta("armed_boot_id", None)
+
+
+def write_devices(
+    tx: JournalWrite, devices: list[DeviceConfig], staged: list[DeviceConfig]
+) -> None:
+    """Remember what the host serves, and what it makes ready."""
+    tx.set_meta("devices", canonical(devices).decode())
+    tx.set_meta("staged", canonical(staged).decode())
 
 
 def write_ack(tx: JournalWrite, seq: int) -> None:

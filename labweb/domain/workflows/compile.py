@@ -10,9 +10,14 @@ from labweb.domain.crutd.operations import Update
 from labweb.domain.errors import Finding, InfeasibleError, ProtocolError
 from labweb.domain.workflows.edges import find_earlier, sort_steps
 from labweb.domain.workflows.passes.acting import PLANNERS
+from labweb.domain.workflows.passes.boiling import plan_evaporate
+from labweb.domain.workflows.passes.carrying import plan_carry
 from labweb.domain.workflows.passes.draft import Drafting, DraftJob, DraftStep
 from labweb.domain.workflows.passes.emptying import plan_empty_syringe
+from labweb.domain.workflows.passes.gassing import plan_evacuate_refill
+from labweb.domain.workflows.passes.layering import plan_separate
 from labweb.domain.workflows.passes.ledger import Ledger
+from labweb.domain.workflows.passes.looking import plan_look
 from labweb.domain.workflows.passes.ordering import check_order
 from labweb.domain.workflows.passes.reacting import plan_react
 from labweb.domain.workflows.passes.references import check_references
@@ -27,6 +32,11 @@ _PLANNERS = {
     "transfer": plan_transfer,
     "empty_syringe": plan_empty_syringe,
     "react": plan_react,
+    "separate": plan_separate,
+    "evaporate": plan_evaporate,
+    "evacuate_refill": plan_evacuate_refill,
+    "carry": plan_carry,
+    "look": plan_look,
     **PLANNERS,
 }
 
@@ -78,12 +88,16 @@ def _draft(
     bound = bind_materials(workflow)
     ids = [step.id for step in bound.steps]
     order = sort_steps(ids, bound.edges)
-    drafting = Drafting(view=lab, earlier=find_earlier(ids, bound.edges))
+    record = Ledger(lab)
+    drafting = Drafting(view=lab, earlier=find_earlier(ids, bound.edges), contents=record.holds)
     if not order:
         finding = Finding("protocol.empty", "the workflow has no steps", "", {"field": "steps"})
         return [], [], [finding]
     steps = {step.id: step for step in bound.steps}
-    drafts = [_draft_step(steps[step_id], drafting) for step_id in order]
+    drafts = []
+    for step_id in order:
+        drafts.append(_draft_step(steps[step_id], drafting))
+        record.run_step(drafts[-1])
     findings = drafting.findings + check_order(drafts, drafting.earlier, lab)
     ledger = Ledger(lab)
     prepare = _initialize(drafts, drafting, ledger)

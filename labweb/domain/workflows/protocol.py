@@ -338,7 +338,7 @@ def _check_params(
 def _problem(parameter: StepParameter, value: object) -> tuple[str, str] | None:
     match parameter.sort:
         case ParameterSort.QUANTITY:
-            return _quantity_problem(parameter, value)
+            return None if parameter.means_all(value) else _quantity_problem(parameter, value)
         case ParameterSort.RESOURCE:
             if isinstance(value, str) and (_is_uuid(value) or _KEY.match(value)):
                 return None

@@ -9,7 +9,15 @@ from typing import Any
 
 from labweb.domain.errors import Finding, InfeasibleError, ProtocolError
 from labweb.domain.graph.rig.model import Rig
-from labweb.domain.workflows.on_rig import conditions, gases, liquids, parting, rinsing
+from labweb.domain.workflows.on_rig import (
+    conditions,
+    gases,
+    instruments,
+    liquids,
+    parting,
+    rinsing,
+    rounds,
+)
 from labweb.domain.workflows.on_rig.binding import Binding, bind
 from labweb.domain.workflows.on_rig.equipment import Equipment
 from labweb.domain.workflows.on_rig.making import BY_HAND, Making
@@ -19,6 +27,7 @@ from labweb.domain.workflows.on_rig.safety import shut_down
 from labweb.domain.workflows.on_rig.scheduling import critical_path_s, earlier_steps
 from labweb.domain.workflows.xdl.expansion.basic import BasicOperation, Kind
 from labweb.domain.workflows.xdl.expansion.expand import Expansion, all_operations, expand
+from labweb.domain.workflows.xdl.expansion.reading import default_number
 from labweb.domain.workflows.xdl.findings import Findings
 from labweb.domain.workflows.xdl.markup import NOWHERE
 from labweb.domain.workflows.xdl.recipe import Procedure, Recipe
@@ -28,6 +37,7 @@ VERSION = 1
 MOST_STEPS = 100_000
 """Most steps that a plan has."""
 _MOST_DEFECTS = 8
+_MOST_ROUNDS = "repeat.most_rounds"
 
 _HANDLERS: Mapping[Kind, Callable[[Making, BasicOperation], None]] = {
     Kind.ADD_LIQUID: liquids.add_liquid,
@@ -56,6 +66,12 @@ _HANDLERS: Mapping[Kind, Callable[[Making, BasicOperation], None]] = {
     Kind.START_LIGHT: conditions.start_light,
     Kind.STOP_LIGHT: conditions.stop_light,
     Kind.MEASURE: conditions.measure,
+    Kind.START_ULTRASOUND: instruments.start_ultrasound,
+    Kind.STOP_ULTRASOUND: instruments.stop_ultrasound,
+    Kind.MICROWAVE: instruments.microwave,
+    Kind.SPIN: instruments.spin,
+    Kind.COLLECT_DISTILLATE: instruments.distill,
+    Kind.ADJUST: rounds.adjust,
     Kind.ASK: conditions.ask,
     Kind.AWAIT: conditions.await_lane,
 }
@@ -96,27 +112,22 @@ def compile_recipe(recipe: Recipe, rig: Rig, wish: Wish | None = None) -> dict[s
         None.
     """
     asked = wish or Wish()
-    if recipe.is_compiled or len(recipe.syntheses) != 1:
-        what = "is compiled already" if recipe.is_compiled else "holds not exactly one synthesis"
-        raise ProtocolError(f"the file {what}", code="plan.no_recipe")
-    acts = unfold(
-        recipe,
-        parameters=asked.parameters,
-        equiv_reference=asked.equiv_reference,
-        equiv_amount=asked.equiv_amount,
-    )
-    expanded = expand(acts)
+    expanded = expand_recipe(recipe, asked)
     equipment, told = Equipment(rig), Findings()
     binding = bind(recipe.synthesis, all_operations(expanded), equipment, asked.bind, told)
     rinses = _rinses(recipe.synthesis, binding, asked, told)
     told.all += check_holds(equipment, asked)
-    counting = Making(equipment=equipment, binding=binding, told=Findings(), rinses=rinses)
+    roles = {reagent.id: str(reagent.values.get("role")) for reagent in recipe.synthesis.reagents}
+    counting = Making(
+        equipment=equipment, binding=binding, told=Findings(), rinses=rinses, roles=roles
+    )
     _make(counting, expanded, asked)
     making = Making(
         equipment=equipment,
         binding=binding,
         told=told,
         rinses=rinses,
+        roles=roles,
         needed_nl=dict(counting.taken_nl),
     )
     contents = _make(making, expanded, asked)
@@ -127,6 +138,33 @@ def compile_recipe(recipe: Recipe, rig: Rig, wish: Wish | None = None) -> dict[s
     for text in binding.notes:
         making.note(text)
     return _render(making, contents)
+
+
+def check_single(recipe: Recipe) -> None:
+    """Refuse a file that is no single recipe.
+
+    Raises:
+        ProtocolError: It is compiled already, or holds several syntheses, or none.
+    """
+    if recipe.is_compiled or len(recipe.syntheses) != 1:
+        what = "is compiled already" if recipe.is_compiled else "holds not exactly one synthesis"
+        raise ProtocolError(f"the file {what}", code="plan.no_recipe")
+
+
+def expand_recipe(recipe: Recipe, wish: Wish) -> tuple[Expansion, ...]:
+    """Return the basic operations of a recipe, still without a rig.
+
+    Raises:
+        ProtocolError: The recipe does not say enough; `findings` list what is missing.
+    """
+    check_single(recipe)
+    acts = unfold(
+        recipe,
+        parameters=wish.parameters,
+        equiv_reference=wish.equiv_reference,
+        equiv_amount=wish.equiv_amount,
+    )
+    return expand(acts)
 
 
 def check_holds(equipment: Equipment, wish: Wish) -> list[Finding]:
@@ -149,7 +187,7 @@ def _rinses(procedure: Procedure, binding: Binding, wish: Wish, told: Findings) 
     for name in wish.rinse:
         if name not in binding.reagents:
             message = f"nothing can be rinsed with {name!r}: no flask of the rig holds it"
-            told.tell("plan.no_reagent", message, procedure.place)
+            told.tell("plan.no_reagent", message, procedure.place, reagent=name)
     if wish.rinse:
         return tuple(name for name in wish.rinse if name in binding.reagents)
     return tuple(
@@ -203,7 +241,10 @@ class _Walk:
             with self._lane(one):
                 for operation in one.operations:
                     self._one(operation)
-                for _ in self._rounds(one):
+                if one.act.name == "Loop" or (one.act.name == "Repeat" and one.act.repeats is None):
+                    self._until_done(one)
+                    continue
+                for _ in range((one.act.repeats or 1) if one.act.name == "Repeat" else 1):
                     self.run(one.children)
 
     def _one(self, operation: BasicOperation) -> None:
@@ -220,13 +261,15 @@ class _Walk:
             making.note(f"{making.operation}: {text}, of the table of defaults")
         handler(making, operation)
 
-    def _rounds(self, one: Expansion) -> range:
-        act, told = one.act, self._making.told
-        if act.name == "Loop" or (act.name == "Repeat" and act.repeats is None):
-            message = f"{act.name} goes on until a reading ends it: a plan says all of it before"
-            told.tell("plan.open_loop", message, act.place)
-            return range(1)
-        return range((act.repeats or 1) if act.name == "Repeat" else 1)
+    def _until_done(self, one: Expansion) -> None:
+        """Make a loop that a reading ends, as often as the table of defaults says at most."""
+        making, most = self._making, int(default_number(_MOST_ROUNDS))
+        if one.act.name == "Loop":
+            message = "Loop goes on for ever: say how often, or let a Monitor end a Repeat"
+            making.told.tell("plan.open_loop", message, one.act.place)
+            return
+        making.note(f"{one.act.name}: rounds={_MOST_ROUNDS}, of the table of defaults")
+        rounds.until_done(making, one.act.place, most, lambda: self.run(one.children))
 
     @contextmanager
     def _lane(self, one: Expansion) -> Iterator[None]:
@@ -252,6 +295,7 @@ def _render(making: Making, contents: Mapping[str, Any]) -> dict[str, Any]:
             "after": [other + 1 for other in after],
             "estimate_s": step.estimate_s,
         }
+        | ({"skip_if": [other + 1 for other in step.skip_if]} if step.skip_if else {})
         for place, (step, after) in enumerate(zip(making.steps, earlier, strict=True))
     ]
     equipment = making.equipment
@@ -261,7 +305,7 @@ def _render(making: Making, contents: Mapping[str, Any]) -> dict[str, Any]:
         "plan": VERSION,
         "bindings": {
             "vessels": dict(sorted(making.binding.vessels.items())),
-            "reagents": {n: keys[0] for n, keys in sorted(making.binding.reagents.items())},
+            "reagents": {n: _flasks(making, n) for n in sorted(making.binding.reagents)},
         },
         "contents": dict(contents),
         "capacities_ul": {k: micro(c) for k, c in sorted(capacities.items()) if c},
@@ -269,6 +313,13 @@ def _render(making: Making, contents: Mapping[str, Any]) -> dict[str, Any]:
         "totals": _totals(making, critical_path_s(making.steps, earlier)),
         "notes": list(making.notes),
     }
+
+
+def _flasks(making: Making, name: str) -> str | list[str]:
+    """Return the flask that a reagent comes out of; a list when it comes out of several."""
+    keys = making.binding.reagents[name]
+    used = [key for key in keys if making.taken_nl.get(key)] or [keys[0]]
+    return used[0] if len(used) == 1 else used
 
 
 def _totals(making: Making, critical_s: float) -> dict[str, Any]:

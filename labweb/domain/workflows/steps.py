@@ -7,9 +7,10 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import replace
 from typing import Any
 
+from labweb.domain.resources.kinds import KINDS, Nature
+from labweb.domain.workflows.chemistry_steps import CHEMISTRY_STEPS, REACT
 from labweb.domain.workflows.unit_operations import (
     LONGEST_QUANTITY,
     LONGEST_REFERENCE,
@@ -18,6 +19,13 @@ from labweb.domain.workflows.unit_operations import (
     StepParameter,
     StepPort,
     UnitOperation,
+    advanced,
+    device,
+    optional,
+    portion,
+    quantity,
+    text,
+    vessel,
 )
 
 __all__ = [
@@ -34,42 +42,37 @@ __all__ = [
     "sentence_text",
 ]
 
+_FIXED = {"lab", "site", "room", "bench", "workstation", "deck", "slot", "archive", "foreign"}
+
+CARRIED_KINDS = tuple(
+    name
+    for name, kind in KINDS.items()
+    if kind.nature is Nature.RESOURCE and name not in _FIXED | {"well", "tip_spot", "storage"}
+)
+"""What a device may carry: vessels, and labware with all that stands in it."""
+
+_PLACES = tuple(name for name, kind in KINDS.items() if kind.is_place and name != "archive")
+
 _FIELD = re.compile(r"\{(\w+)\}")
 _MISSING = "…"
 
 
-def _vessel(name: str, label: str, help_text: str) -> StepParameter:
-    return StepParameter(
-        name=name,
-        sort=ParameterSort.RESOURCE,
-        label=label,
-        help=help_text,
-        wants={"holds": "liquid"},
-    )
-
-
-def _quantity(name: str, quantity: str, label: str, help_text: str) -> StepParameter:
-    sort = ParameterSort.QUANTITY
-    return StepParameter(name=name, sort=sort, label=label, help=help_text, quantity=quantity)
-
-
-def _device(name: str, kinds: list[str], label: str, help_text: str) -> StepParameter:
-    wants: dict[str, Any] = {"kind": kinds} if kinds else {"acts": True}
-    sort = ParameterSort.RESOURCE
-    return StepParameter(name=name, sort=sort, label=label, help=help_text, wants=wants)
-
-
-def _text(name: str, label: str, help_text: str) -> StepParameter:
-    return StepParameter(name=name, sort=ParameterSort.TEXT, label=label, help=help_text)
-
-
-def _optional(parameter: StepParameter) -> StepParameter:
-    return replace(parameter, is_required=False)
-
-
-def _advanced(parameter: StepParameter) -> StepParameter:
-    return replace(parameter, is_required=False, is_advanced=True)
-
+_CALLED = (
+    StepParameter(
+        name="action",
+        sort=ParameterSort.NAME,
+        label="Action",
+        help="Name of the action in the driver.",
+    ),
+    StepParameter(
+        name="args",
+        sort=ParameterSort.ARGUMENTS,
+        label="Arguments",
+        help="As the driver's schema asks for; numbers in the unit of their name.",
+        is_required=False,
+    ),
+)
+"""Which action of a device is called, and with what."""
 
 STEP_KINDS: Mapping[str, UnitOperation] = {
     operation.kind: operation
@@ -79,27 +82,28 @@ STEP_KINDS: Mapping[str, UnitOperation] = {
             label="Transfer",
             help="Move liquid from one vessel to another with a syringe pump.",
             parameters=(
-                _vessel("source", "From", "Vessel the liquid is drawn from."),
-                _vessel("target", "To", "Vessel the liquid is poured into."),
-                _quantity("volume", "volume", "Volume", "How much is moved, such as 5 mL."),
-                _advanced(
-                    _quantity(
+                vessel("source", "From", "Vessel the liquid is drawn from."),
+                vessel("target", "To", "Vessel the liquid is poured into."),
+                portion("volume", "Volume", "How much is moved, such as 5 mL, or all."),
+                advanced(
+                    quantity(
                         "flow_rate",
                         "flow_rate",
                         "Flow rate",
                         "How fast; a full syringe in 20 s when left empty.",
                     )
                 ),
-                _advanced(
-                    _device(
+                advanced(device("through", ["cartridge"], "Through", "Cartridge on its way.")),
+                advanced(
+                    device(
                         "pump",
                         ["syringe_pump"],
                         "Pump",
                         "The pump that must do it; the one that wastes least when left empty.",
                     )
                 ),
-                _advanced(
-                    _device(
+                advanced(
+                    device(
                         "confirm_with",
                         ["balance"],
                         "Confirm with",
@@ -109,6 +113,7 @@ STEP_KINDS: Mapping[str, UnitOperation] = {
             ),
             clauses=(
                 "Transfer {volume} from {source} to {target}",
+                " through {through}",
                 " at {flow_rate}",
                 " with {pump}",
                 ", confirmed by {confirm_with}",
@@ -119,10 +124,10 @@ STEP_KINDS: Mapping[str, UnitOperation] = {
             label="Empty the syringe",
             help="Push out everything a syringe holds by the record, in one stroke.",
             parameters=(
-                _device("pump", ["syringe_pump"], "Pump", "The pump whose syringe is emptied."),
-                _vessel("target", "Into", "Vessel the liquid is poured into."),
-                _advanced(
-                    _quantity(
+                device("pump", ["syringe_pump"], "Pump", "The pump whose syringe is emptied."),
+                vessel("target", "Into", "Vessel the liquid is poured into."),
+                advanced(
+                    quantity(
                         "flow_rate",
                         "flow_rate",
                         "Flow rate",
@@ -137,13 +142,13 @@ STEP_KINDS: Mapping[str, UnitOperation] = {
             label="Heat or chill",
             help="Bring a vessel to a temperature; with a hold, switch off after it.",
             parameters=(
-                _vessel("vessel", "Vessel", "Vessel on a heater or chiller."),
-                _quantity("temperature", "temperature", "Temperature", "Such as 60 °C."),
-                _optional(
-                    _quantity("stir_speed", "speed", "Stir at", "Stir meanwhile, such as 400 rpm.")
+                vessel("vessel", "Vessel", "Vessel on a heater or chiller."),
+                quantity("temperature", "temperature", "Temperature", "Such as 60 °C."),
+                optional(
+                    quantity("stir_speed", "speed", "Stir at", "Stir meanwhile, such as 400 rpm.")
                 ),
-                _optional(
-                    _quantity(
+                optional(
+                    quantity(
                         "hold_for",
                         "time",
                         "Hold for",
@@ -163,9 +168,9 @@ STEP_KINDS: Mapping[str, UnitOperation] = {
             label="Stir",
             help="Stir a vessel for a time, then stop.",
             parameters=(
-                _vessel("vessel", "Vessel", "Vessel on a stirrer."),
-                _quantity("stir_speed", "speed", "Speed", "Such as 400 rpm."),
-                _quantity("duration", "time", "Duration", "How long, such as 10 min."),
+                vessel("vessel", "Vessel", "Vessel on a stirrer."),
+                quantity("stir_speed", "speed", "Speed", "Such as 400 rpm."),
+                quantity("duration", "time", "Duration", "How long, such as 10 min."),
             ),
             clauses=("Stir {vessel} at {stir_speed} for {duration}",),
         ),
@@ -173,55 +178,23 @@ STEP_KINDS: Mapping[str, UnitOperation] = {
             kind="stop_heat_stir",
             label="Stop heating and stirring",
             help="Switch off whatever heats or stirs a vessel.",
-            parameters=(_vessel("vessel", "Vessel", "Vessel on a heater or stirrer."),),
+            parameters=(vessel("vessel", "Vessel", "Vessel on a heater or stirrer."),),
             clauses=("Stop heating and stirring {vessel}",),
         ),
         UnitOperation(
             kind="wait",
             label="Wait",
             help="Do nothing for a time, counted by a timer of the lab.",
-            parameters=(_quantity("duration", "time", "Duration", "How long, such as 10 min."),),
+            parameters=(quantity("duration", "time", "Duration", "How long, such as 10 min."),),
             clauses=("Wait {duration}",),
         ),
-        UnitOperation(
-            kind="react",
-            label="React",
-            help="Let a vessel stand until its reaction is over, and record what came of it.",
-            parameters=(
-                _vessel("vessel", "Vessel", "Vessel in which it happens."),
-                _quantity("duration", "time", "Duration", "How long it takes, such as 2 h."),
-                StepParameter(
-                    name="consumed",
-                    sort=ParameterSort.AMOUNTS,
-                    label="Consumed",
-                    help="What reacts of each lot, by its key: acid-1: 40 uL.",
-                ),
-                _text("product", "Product", "Key of the new lot; no other lot has it."),
-                _text("material", "Of material", "Key of a material of the lab."),
-                _optional(_quantity("volume", "volume", "Volume made", "For a liquid product.")),
-                _optional(_quantity("mass", "mass", "Mass made", "For a solid product.")),
-                _optional(
-                    _quantity(
-                        "residue",
-                        "mass",
-                        "Residue",
-                        "Mass of what was made beside the product; the masses must agree.",
-                    )
-                ),
-                _text("reason", "Known from", "How the amounts are known, such as NMR of run 12."),
-            ),
-            clauses=(
-                "Let {vessel} react for {duration} to {product}",
-                ", {volume}",
-                ", {mass}",
-                ", residue {residue}",
-            ),
-        ),
+        REACT,
+        *CHEMISTRY_STEPS,
         UnitOperation(
             kind="weigh",
             label="Weigh",
             help="Read a balance once it is stable.",
-            parameters=(_device("balance", ["balance"], "Balance", "Balance to read."),),
+            parameters=(device("balance", ["balance"], "Balance", "Balance to read."),),
             clauses=("Weigh on {balance}",),
             measures="Mass",
         ),
@@ -230,30 +203,54 @@ STEP_KINDS: Mapping[str, UnitOperation] = {
             label="Measure pH",
             help="Read a pH transmitter.",
             parameters=(
-                _device("transmitter", ["transmitter"], "Transmitter", "pH transmitter to read."),
+                device("transmitter", ["transmitter"], "Transmitter", "pH transmitter to read."),
             ),
             clauses=("Measure pH with {transmitter}",),
             measures="pH",
+        ),
+        UnitOperation(
+            kind="look",
+            label="Look",
+            help="Look at a place with a camera. What is not seen surely ends the run here.",
+            parameters=(
+                device("camera", [], "Camera", "Camera that looks at the place."),
+                optional(
+                    text("tag", "Tag", "Tag that must be read there; empty: no vessel may stand.")
+                ),
+            ),
+            clauses=("Look with {camera}", " for {tag}"),
+        ),
+        UnitOperation(
+            kind="carry",
+            label="Carry",
+            help="Have a device take a vessel or labware to another place, with all in it.",
+            parameters=(
+                device("resource", list(CARRIED_KINDS), "What", "Nothing may be plugged to it."),
+                device("place", list(_PLACES), "To", "Place where it stands afterwards."),
+                device("device", [], "With", "Arm, vehicle or store that carries it."),
+                *_CALLED,
+                optional(text("tag", "Tag", "Tag on the thing, which the cameras must read.")),
+                optional(device("guard_with", [], "Guard with", "Camera that must see it before.")),
+                optional(
+                    device(
+                        "confirm_with", [], "Confirm with", "Camera that must see it afterwards."
+                    )
+                ),
+            ),
+            clauses=(
+                "Carry {resource} to {place} with {device}",
+                ", tag {tag}",
+                ", seen before by {guard_with}",
+                ", seen afterwards by {confirm_with}",
+            ),
         ),
         UnitOperation(
             kind="device_action",
             label="Device action",
             help="Call one action of one device, as its driver declares it.",
             parameters=(
-                _device("device", [], "Device", "Device that acts."),
-                StepParameter(
-                    name="action",
-                    sort=ParameterSort.NAME,
-                    label="Action",
-                    help="Name of the action in the driver.",
-                ),
-                StepParameter(
-                    name="args",
-                    sort=ParameterSort.ARGUMENTS,
-                    label="Arguments",
-                    help="As the driver's schema asks for; numbers in the unit of their name.",
-                    is_required=False,
-                ),
+                device("device", [], "Device", "Device that acts."),
+                *_CALLED,
             ),
             clauses=("Run {action} on {device}",),
         ),

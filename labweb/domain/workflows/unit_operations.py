@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from enum import StrEnum
 from typing import Any
 
@@ -11,6 +11,8 @@ from labweb.domain.units import DIMENSIONS
 
 LONGEST_REFERENCE = 80
 LONGEST_QUANTITY = 64
+ALL = "all"
+"""All that is there, in the place of an amount."""
 
 
 class PortKind(StrEnum):
@@ -73,11 +75,17 @@ class StepParameter:
 
     is_required: bool = True
     is_advanced: bool = False
+    takes_all: bool = False
+    """`all` may stand in the place of a volume."""
 
     @property
     def is_vessel(self) -> bool:
         """Tell whether this names a vessel, which material ports carry."""
         return self.wants.get("holds") == "liquid"
+
+    def means_all(self, value: object) -> bool:
+        """Tell whether all there is by then is asked for, where that may be."""
+        return self.takes_all and value == ALL
 
     def takes_text(self, value: object) -> bool:
         """Tell whether a name or a line of text may stand here."""
@@ -96,7 +104,8 @@ class StepParameter:
         match self.sort:
             case ParameterSort.QUANTITY:
                 unit = next(iter(DIMENSIONS[self.quantity].units))
-                hints = {"x-quantity": self.quantity, "x-unit": unit}
+                hints: dict[str, Any] = {"x-quantity": self.quantity, "x-unit": unit}
+                hints |= {"x-all": True} if self.takes_all else {}
                 return {"type": "string", "maxLength": LONGEST_QUANTITY, **hints, **schema}
             case ParameterSort.RESOURCE:
                 hint = {"x-resource": dict(self.wants)}
@@ -168,3 +177,47 @@ class UnitOperation:
             "outputs": [asdict(port) for port in self.outputs],
             "params": self.schema(),
         }
+
+
+def vessel(name: str, label: str, help_text: str) -> StepParameter:
+    """Return a parameter that names a vessel that liquid stands in."""
+    return StepParameter(
+        name=name,
+        sort=ParameterSort.RESOURCE,
+        label=label,
+        help=help_text,
+        wants={"holds": "liquid"},
+    )
+
+
+def quantity(name: str, quantity: str, label: str, help_text: str) -> StepParameter:
+    """Return a parameter that is a quantity with its unit."""
+    sort = ParameterSort.QUANTITY
+    return StepParameter(name=name, sort=sort, label=label, help=help_text, quantity=quantity)
+
+
+def portion(name: str, label: str, help_text: str) -> StepParameter:
+    """Return a parameter that is a volume, or all there is by then."""
+    return replace(quantity(name, "volume", label, help_text), takes_all=True)
+
+
+def device(name: str, kinds: list[str], label: str, help_text: str) -> StepParameter:
+    """Return a parameter that names a resource of some kinds; of none, whatever acts."""
+    wants: dict[str, Any] = {"kind": kinds} if kinds else {"acts": True}
+    sort = ParameterSort.RESOURCE
+    return StepParameter(name=name, sort=sort, label=label, help=help_text, wants=wants)
+
+
+def text(name: str, label: str, help_text: str) -> StepParameter:
+    """Return a parameter that is a line of text."""
+    return StepParameter(name=name, sort=ParameterSort.TEXT, label=label, help=help_text)
+
+
+def optional(parameter: StepParameter) -> StepParameter:
+    """Let a parameter be left out."""
+    return replace(parameter, is_required=False)
+
+
+def advanced(parameter: StepParameter) -> StepParameter:
+    """Let a parameter be left out, and out of sight."""
+    return replace(parameter, is_required=False, is_advanced=True)

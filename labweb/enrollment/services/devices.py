@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 from functools import partial
 from typing import Any
 from uuid import UUID
 
-import msgspec
 from django.db.transaction import atomic, on_commit
 
 from labweb.accounts import services as account_services
@@ -16,27 +13,13 @@ from labweb.accounts.selectors import User
 from labweb.common import feed
 from labweb.common.clock import now
 from labweb.domain.approvals.roles import Permission
-from labweb.domain.enrollment.spec import DriverSpec
-from labweb.domain.errors import DefinitionError, EnrollmentError, StateError
+from labweb.domain.enrollment.admission import Admission, check_admission
+from labweb.domain.errors import DefinitionError, StateError
 from labweb.enrollment import selectors
 from labweb.enrollment.models import Device, DriverVersion
 from labweb.enrollment.services.link import tell_host
 from labweb.resources import selectors as resource_selectors
 from labweb.resources.selectors import Lab
-
-
-def keep_driver(spec: DriverSpec) -> DriverVersion:
-    """Record a driver version that was read; the same digest is the same version."""
-    row, _ = DriverVersion.objects.get_or_create(
-        digest=spec.digest,
-        defaults={
-            "module": spec.module,
-            "class_name": spec.class_name,
-            "role": spec.role,
-            "spec": msgspec.to_builtins(spec),
-        },
-    )
-    return row
 
 
 def found_device(
@@ -49,51 +32,38 @@ def found_device(
     """Write a device that was found, or bring its address and driver up to date.
 
     Effect:
-        None on matter. One that is known keeps the state it was given by a person.
+        None on matter. One that is known keeps the state it was given by a person, and the
+        version of its driver that a person chose.
     """
     fields["driver"] = driver
-    row = Device.objects.filter(pk=device_id).first()
+    row = Device.objects.filter(pk=device_id).select_related("driver").first()
     if row is None:
         return Device.objects.create(id=device_id, lab=lab, **fields)
+    if row.driver.origin == DriverVersion.Origin.UPLOAD:
+        fields["driver"] = row.driver
     for name in ("transport", "driver", "config", "nodes", "name"):
         setattr(row, name, fields[name])
     row.save()
     return row
 
 
-def read_catalog() -> dict[str, DriverSpec]:
-    """Return every driver of the package by `module:Class`, read as text by another process.
-
-    Raises:
-        EnrollmentError: The catalog could not be read.
-    """
-    done = subprocess.run(
-        [sys.executable, "-m", "drivers.catalog", "--json"],
-        capture_output=True,
-        check=False,
-        timeout=60,
-    )
-    if done.returncode:
-        raise EnrollmentError(
-            f"the driver catalog failed: {done.stderr.decode(errors='replace')[-500:]}",
-            code="driver.catalog_failed",
-        )
-    specs = msgspec.json.decode(done.stdout, type=_Catalog).drivers
-    return {f"{spec.module}:{spec.class_name}": spec for spec in specs}
-
-
-class _Catalog(msgspec.Struct):
-    drivers: list[DriverSpec]
-
-
 @atomic
-def admit_device(device_id: UUID, *, actor: User, reason: str) -> Device:
+def admit_device(
+    device_id: UUID, *, actor: User, reason: str, admission: Admission | None = None
+) -> Device:
     """Admit a candidate: from now on its actions may be planned and dispatched.
+
+    Args:
+        device_id: Which.
+        actor: Who admits it.
+        reason: What was checked.
+        admission: Admitted actions with their limits, an empty one for reading only; None:
+            all that the driver declares.
 
     Raises:
         NotFoundError: There is none.
         ForbiddenError: The actor may not admit where it stands.
-        DefinitionError: No reason was given.
+        DefinitionError: No reason was given, or the admission does not fit the driver.
         StateError: It is no candidate and not suspended.
 
     Effect:
@@ -103,11 +73,21 @@ def admit_device(device_id: UUID, *, actor: User, reason: str) -> Device:
     _check_review(row, actor, reason)
     if row.state not in {Device.State.CANDIDATE, Device.State.SUSPENDED}:
         raise StateError(f"{row.name} is {row.state} already", code="device.not_candidate")
+    findings = check_admission(selectors.declared_spec(row), admission or {})
+    if findings:
+        raise DefinitionError(
+            "the admission does not fit the driver", code="device.admission", findings=findings
+        )
     row.state = Device.State.ENROLLED
     row.admitted_by = actor
     row.admitted_at = now()
-    row.save(update_fields=["state", "admitted_by", "admitted_at"])
-    account_services.write_audit("device.admit", str(row.id), actor=actor, reason=reason)
+    row.suspended_for = ""
+    row.admission = None if admission is None else {k: dict(v) for k, v in admission.items()}
+    row.save()
+    detail = {"admission": row.admission}
+    account_services.write_audit(
+        "device.admit", str(row.id), actor=actor, reason=reason, detail=detail
+    )
     on_commit(partial(tell_host, row.host_id, {"type": "edge.renew"}))
     on_commit(partial(feed.publish, "devices", {"device_id": str(row.id)}))
     return row

@@ -90,31 +90,31 @@ def withdraw_fences() -> int:
 
 
 @atomic
-def revoke_host(host_id: UUID, *, actor: User, reason: str, has_work: bool) -> EdgeHost:
-    """Take a host's key away for good: it is never let in again.
+def revoke_host(host_id: UUID, *, actor: User, reason: str) -> EdgeHost:
+    """Take a host's keys away for good: it is never let in again.
 
     Raises:
         NotFoundError: There is none.
         ForbiddenError: The actor may not admit hosts.
         DefinitionError: No reason was given.
-        StateError: It was revoked before, or it still has work: fence it first, with two
-            signatures.
+        StateError: It was revoked before.
 
     Effect:
-        None on matter. Its devices serve nobody until they are given to another host.
+        None on matter. Its connection is closed and what it was given is void; the caller
+        puts its jobs in doubt in the same block. Its devices serve nobody until they are
+        given to another host.
     """
     row = selectors.host_for_update(host_id)
     _check_actor(row, actor, reason)
     if row.state == SessionState.REVOKED.value:
         raise StateError(f"{row.name} was revoked before", code="host.revoked")
-    if has_work:
-        text = f"{row.name} has work that has not ended: let it end, or fence the host first"
-        raise StateError(text, code="host.in_flight")
     keep_record(row, quarantined(record_of(row), "host.revoked"))
     row.state = SessionState.REVOKED.value
     row.state_at = now()
+    row.suspended_at = None
     row.heartbeat = {"code": "host.revoked", "message": f"revoked by {actor.printed_name}"}
     row.save()
+    row.certificates.filter(ended_at__isnull=True).update(ended_at=now())
     account_services.write_audit("host.revoke", str(row.id), actor=actor, reason=reason)
     on_commit(partial(tell_host, row.id, {"type": "edge.renew"}))
     on_commit(partial(feed.publish, "hosts", {"host_id": str(row.id)}))

@@ -17,7 +17,7 @@ from labweb.common.clock import new_id, now
 from labweb.common.wake import wake_dispatcher
 from labweb.domain.approvals.roles import Permission
 from labweb.domain.errors import DefinitionError, EnrollmentError, StateError
-from labweb.domain.messages import Hello, Welcome, hello_bytes
+from labweb.domain.messages import DeviceConfig, Devices, Hello, Welcome, hello_bytes
 from labweb.domain.runs.session import (
     HostRecord,
     SessionState,
@@ -31,6 +31,7 @@ from labweb.domain.runs.session import (
 )
 from labweb.enrollment import selectors
 from labweb.enrollment.models import Device, EdgeHost
+from labweb.enrollment.services.certificates import check_certificate, note_use
 from labweb.enrollment.services.link import tell_host
 from labweb.resources import selectors as resource_selectors
 from labweb.resources.selectors import Lab
@@ -132,11 +133,18 @@ def readmit_host(host_id: UUID, *, actor: User, reason: str) -> EdgeHost:
 
 
 @atomic
-def open_session(hello: Hello, nonce: str) -> Welcome:
+def open_session(hello: Hello, nonce: str, certificate: bytes | None = None) -> Welcome:
     """Open a session for a host that proved its key, under a fresh epoch.
 
+    Args:
+        hello: Who it says it is.
+        nonce: What it was asked to sign.
+        certificate: DER form of the one that its connection was opened with, which the
+            authority has signed; None: over loopback, without.
+
     Raises:
-        EnrollmentError: Unknown host, wrong signature or revoked. Nothing changed.
+        EnrollmentError: Unknown host, wrong signature, no good certificate, or revoked.
+            Nothing changed.
 
     Effect:
         Commands of older epochs are void from now on.
@@ -144,9 +152,10 @@ def open_session(hello: Hello, nonce: str) -> Welcome:
     known = selectors.find_host(hello.host_id)
     if known is None or not known.public_key:
         raise EnrollmentError("this host was never admitted", code="host.unknown")
-    if not signing.is_signed_by(known.public_key, hello_bytes(hello, nonce), hello.signature):
-        raise EnrollmentError("the signature is not this host's", code="host.bad_signature")
     row = selectors.host_for_update(hello.host_id)
+    key = check_certificate(row, certificate)
+    if not signing.is_signed_by(key, hello_bytes(hello, nonce), hello.signature):
+        raise EnrollmentError("the signature is not this host's", code="host.bad_signature")
     record = record_of(row)
     answer = decide_hello(record, hello, live_instance_id=_live_instance(row))
     if answer.kind == "refuse":
@@ -161,6 +170,7 @@ def open_session(hello: Hello, nonce: str) -> Welcome:
     if opening.mode == "quarantine" and not record.quarantine:
         row.heartbeat = {"code": answer.code, "message": answer.message}
     row.save()
+    note_use(row, certificate)
     on_commit(partial(feed.publish, "hosts", {"host_id": str(row.id)}))
     return welcome_of(row, opening.mode)
 
@@ -169,6 +179,12 @@ def _live_instance(row: EdgeHost) -> str:
     """Return the process whose connection is open and not silent; empty: there is none."""
     is_heard = row.state in {SessionState.ONLINE.value, SessionState.SYNCING.value}
     return row.instance_id if is_heard and row.session_id is not None else ""
+
+
+def is_session_open(host_id: UUID, epoch: int) -> bool:
+    """Tell whether a connection still is the host's session, and the host not revoked."""
+    rows = EdgeHost.objects.filter(pk=host_id, epoch=epoch)
+    return rows.exclude(state=SessionState.REVOKED.value).exists()
 
 
 def close_session(host_id: UUID, epoch: int) -> None:
@@ -186,7 +202,27 @@ def welcome_of(row: EdgeHost, mode: str) -> Welcome:
         server_at_s=now().timestamp(),
         mode=mode,
         devices=[selectors.config_for_host(device) for device in devices],
+        staged=staged_of(row),
         command_keys={signing.key_id(): signing.public_key()},
+    )
+
+
+def staged_of(row: EdgeHost) -> list[DeviceConfig]:
+    """Return the devices that shall have another version of their driver, with that version."""
+    rows = selectors.staged_devices(row)
+    return [selectors.config_for_host(device, device.next_driver) for device in rows]
+
+
+def devices_of(host_id: UUID, epoch: int) -> Devices | None:
+    """Return what a host serves and makes ready now; None: there is no such host."""
+    row = selectors.find_host(host_id)
+    if row is None:
+        return None
+    devices = row.devices.filter(state=Device.State.ENROLLED).select_related("driver")
+    return Devices(
+        epoch=epoch,
+        devices=[selectors.config_for_host(device) for device in devices],
+        staged=staged_of(row),
     )
 
 

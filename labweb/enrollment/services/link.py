@@ -14,6 +14,11 @@ def host_group(host_id: UUID) -> str:
     return f"edge.{host_id.hex}"
 
 
+def join_group(request_id: UUID) -> str:
+    """Return the channel-layer group of a machine that waits for an answer."""
+    return f"join.{request_id.hex}"
+
+
 def tell_host(host_id: UUID, message: Mapping[str, Any]) -> None:
     """Send to a host's live connection; lost when there is none."""
     feed.send(host_group(host_id), message)

@@ -44,12 +44,13 @@ class Requests(APIView):
         if state == "open":
             rows = rows.filter(state="open")
         found = list(rows[:200])
-        runs = selectors.runs_by_id([row.run_id for row in found])
+        runs = selectors.runs_by_id([approval_selectors.run_of(row) for row in found])
         allowed = resource_selectors.permissions_of(user)
         return Response(
             {
                 "requests": [
-                    render.render_request(row, runs[row.run_id], user, allowed) for row in found
+                    render.render_request(row, runs[approval_selectors.run_of(row)], user, allowed)
+                    for row in found
                 ]
             }
         )
@@ -62,7 +63,7 @@ class RequestDetail(APIView):
         """Return a request with the exact plan it is about."""
         user = user_of(request)
         row = approval_selectors.find_request(request_id)
-        run = visible(row.run_id, user)
+        run = visible(approval_selectors.run_of(row), user)
         jobs = list(selectors.jobs_of(run))
         return Response(
             {
@@ -74,7 +75,7 @@ class RequestDetail(APIView):
 
 
 def _materials(run: Run) -> list[dict[str, Any]]:
-    states = crutd_selectors.lab_snapshot(run.lab)
+    states = crutd_selectors.lab_snapshot(list(resource_selectors.resources_of(run.lab)))
     before = {str(node): sum(state.contents.values()) for node, state in states.items()}
     after = dict(before)
     for job in run.plan["jobs"]:
@@ -107,4 +108,5 @@ class DecideRequest(APIView):
             request_id, actor=user, is_approved=verdict.is_approved, comment=verdict.comment
         )
         row = approval_selectors.find_request(request_id)
-        return Response(render.render_request(row, selectors.find_run(row.run_id), user))
+        run = selectors.find_run(approval_selectors.run_of(row))
+        return Response(render.render_request(row, run, user))

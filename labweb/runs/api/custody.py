@@ -23,7 +23,7 @@ from labweb.resources import selectors as resource_selectors
 from labweb.runs import selectors, services
 from labweb.runs.selectors import Custody
 
-_PLACES = sorted(name for name, kind in KINDS.items() if kind.is_place)
+_PLACES = sorted(name for name, kind in KINDS.items() if kind.is_place and name != "archive")
 
 
 class HandOver(msgspec.Struct, forbid_unknown_fields=True):
@@ -56,7 +56,7 @@ class InWhoseHands(APIView):
     """Which host writes a resource's facts, and the move it is on."""
 
     def get(self, request: Request, resource_id: UUID) -> Response:
-        """Tell its host, its move if there is one, and whether the caller may act on it."""
+        """Tell its host, its move if there is one, what it is connected to, and who may act."""
         row = visible(request, resource_id)
         user = user_of(request)
         move = selectors.open_move_of(row.id)
@@ -65,10 +65,26 @@ class InWhoseHands(APIView):
             {
                 "host": _named(owner),
                 "move": None if move is None else _move(move, request),
+                "connections": _connections(row.id, request),
                 "is_allowed": row.id in resource_selectors.allowed_ids(user, Permission.RUN),
                 "place_kinds": _PLACES,
             }
         )
+
+
+def _connections(resource_id: UUID, request: Request) -> list[dict[str, str]]:
+    """Render what keeps a resource where it is; a far end that is hidden stays unnamed."""
+    found = resource_selectors.attachments_of(resource_id)
+    seen = resource_selectors.allowed_ids(user_of(request), Permission.VIEW)
+    names = resource_selectors.names(one.other.resource_id for one in found)
+    return [
+        {
+            "key": one.key,
+            "medium": one.medium.value,
+            "to": names[one.other.resource_id] if one.other.resource_id in seen else "",
+        }
+        for one in found
+    ]
 
 
 def _named(host: EdgeHost | None) -> dict[str, str] | None:

@@ -22,8 +22,8 @@ from labweb.resources.selectors import Lab
 from labweb.runs import selectors, services
 from labweb.runs.api import render
 from labweb.runs.models import Run
-from labweb.workflows import api as workflow_api
 from labweb.workflows import selectors as workflow_selectors
+from labweb.workflows.api import drawing as workflow_api
 
 
 class CheckDocument(msgspec.Struct, forbid_unknown_fields=True):
@@ -42,9 +42,10 @@ class Check(APIView):
         user = user_of(request)
         document = body(request, CheckDocument).document
         lab = resource_selectors.the_lab()
-        seen = resource_selectors.allowed_ids(user, Permission.VIEW)
-        hidden = {str(row.id) for row in resource_selectors.resources_of(lab)} - set(map(str, seen))
-        names = {key: name for key, name in services.names_for(lab).items() if key not in hidden}
+        reach = resource_selectors.reach_of(user, Permission.VIEW)
+        view = services.lab_view(lab)
+        hidden = {str(node.id) for node in view.tree.resources if node.id not in reach.ids}
+        names = {key: name for key, name in view.names.items() if key not in hidden}
         answer: dict[str, Any] = {
             "findings": [],
             "plan": None,
@@ -52,9 +53,7 @@ class Check(APIView):
             "sentences": _sentences(document, names),
         }
         try:
-            services.check_named(lab, document, user, Permission.VIEW)
-            found = services.preview(lab, document)
-            resource_selectors.require(user, Permission.VIEW, services.touched(found.plan))
+            found = services.preview(lab, document, view=view, reach=reach)
         except LabError as error:
             findings = [finding.to_json() for finding in error.findings]
             answer["findings"] = findings or [

@@ -17,19 +17,28 @@ from labweb.runs import services
 from labweb.runs.api.runs import Reason
 
 
+class HostReason(Reason):
+    """Why; and for a revocation, whether it is known that the host has work."""
+
+    with_work: bool = False
+
+
 class HostAct(APIView):
     """Fence, revoke or readmit."""
 
     act = ""
-    bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": Reason}
+    bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": HostReason}
 
     def post(self, request: Request, host_id: UUID) -> Response:
         """Carry out the act; say how the host stands then."""
-        user, reason = user_of(request), body(request, Reason).reason
+        user, said = user_of(request), body(request, HostReason)
+        reason = said.reason
         if self.act == "fence":
             host = services.fence_host(host_id, actor=user, reason=reason)
         elif self.act == "revoke":
-            host = services.revoke_host(host_id, actor=user, reason=reason)
+            host = services.revoke_host(
+                host_id, actor=user, reason=reason, with_work=said.with_work
+            )
         else:
             host = enrollment_services.readmit_host(host_id, actor=user, reason=reason)
         return Response({"id": str(host.id), "state": host.state})

@@ -13,6 +13,7 @@ from labweb.common.clock import now
 from labweb.common.render import iso
 from labweb.domain.approvals.policy import check_decision
 from labweb.domain.approvals.roles import Permission
+from labweb.domain.runs.custody import CustodyState
 from labweb.domain.runs.job import AT_EDGE, FINAL, JobState, RunState
 from labweb.domain.runs.session import SessionState
 from labweb.domain.units import render_volume
@@ -114,13 +115,9 @@ def plan_json(plan: Mapping[str, Any], digest: str, names: Mapping[str, str]) ->
 def render_run(run: Run, user: User) -> dict[str, Any]:
     """Render a run whole."""
     jobs = list(selectors.jobs_of(run))
-    names = names_of(run.lab)
-    attempts = {
-        attempt.job_id: attempt
-        for attempt in Attempt.objects.filter(job__run=run)
-        .select_related("transaction")
-        .order_by("number")
-    }
+    in_doubt = any(job.state == JobState.IN_DOUBT.value for job in jobs)
+    names = names_of(run.lab) if in_doubt else {}
+    attempts = {attempt.job_id: attempt for attempt in _attempts(run)}
     waiting = selectors.answered_actions(attempt.id for attempt in attempts.values())
     request = approval_selectors.request_of(run.id)
     allowed = resource_selectors.permissions_of(user)
@@ -152,6 +149,14 @@ def render_run(run: Run, user: User) -> dict[str, Any]:
             "resolve": Permission.RESOLVE in allowed,
         },
     }
+
+
+def _attempts(run: Run) -> Iterable[Attempt]:
+    """Return every try of a run's jobs, the newest of each last; none before it has begun."""
+    if run.started_at is None:
+        return ()
+    rows = Attempt.objects.filter(job__run=run).select_related("transaction")
+    return rows.order_by("number")
 
 
 def _hosts_away(jobs: list[Job]) -> list[dict[str, Any]]:
@@ -299,3 +304,28 @@ def render_request(
             "at": iso(decision.at),
         },
     }
+
+
+def render_hand_overs(run: Run) -> list[dict[str, Any]]:
+    """Render, as lines of a log, how what a run carries went from host to host."""
+    lines: list[dict[str, Any]] = []
+    for move in selectors.moves_of_run(run):
+        if move.job is None or move.origin is None or move.target is None:
+            continue
+        thing, first, second = move.resource.name, move.origin.name, move.target.name
+        told = [("asked", move.at, f"{first} is asked to hand {thing} to {second}")]
+        if move.released_at is not None:
+            text = f"{thing} is released by {first}, in transit to {second}"
+            told.append(("released", move.released_at, text))
+        if move.ended_at is not None:
+            ends = {
+                move.target_id: ("received", f"{thing} is received by {second}"),
+                move.origin_id: ("kept", f"{thing} is kept by {first}"),
+            }
+            text = f"nobody knows in whose hands {thing} is: a person takes stock of it"
+            is_known = move.state == CustodyState.OWNED.value
+            kind, text = ends.get(move.owner_id if is_known else None, ("lost", text))
+            told.append((kind, move.ended_at, text))
+        base = {"job_id": str(move.job_id), "job_index": move.job.index, "body": {}}
+        lines += [{**base, "at": iso(at), "kind": kind, "text": text} for kind, at, text in told]
+    return lines

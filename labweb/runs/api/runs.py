@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from datetime import datetime
 from typing import Any, ClassVar
 from uuid import UUID
 
@@ -94,7 +96,7 @@ class Runs(APIView):
         wanted = body(request, StartRun)
         version = workflow_selectors.find_version(wanted.version_id)
         run = services.start_run(version, actor=user, seen_digest=wanted.plan_digest)
-        return Response(render.render_run(selectors.find_run(run.id), user), status=201)
+        return Response(render.render_run(run, user), status=201)
 
 
 class RunDetail(APIView):
@@ -146,7 +148,14 @@ class RunLog(APIView):
             for event in selectors.host_events(list(jobs))
             if event.action_id is not None
         ]
+        handed = render.render_hand_overs(run)
+        if handed:
+            lines = sorted([*lines, *handed], key=_moment_of)
         return Response({"lines": lines})
+
+
+def _moment_of(line: Mapping[str, Any]) -> datetime:
+    return datetime.fromisoformat(line["at"])
 
 
 def _line(kind: str, report: dict[str, Any], sentence_text: str) -> str:

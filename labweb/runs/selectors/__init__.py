@@ -4,17 +4,18 @@ from __future__ import annotations
 
 import os
 from collections.abc import Collection, Iterable
+from datetime import datetime
 from typing import Any
 from uuid import UUID
 
 import msgspec
-from django.db.models import QuerySet
+from django.db.models import Q, QuerySet
 
 from labweb.approvals import selectors as approval_selectors
 from labweb.common.render import iso
 from labweb.crutd import selectors as crutd_selectors
 from labweb.domain.errors import NotFoundError
-from labweb.domain.runs.job import AT_EDGE, JobState, RunState
+from labweb.domain.runs.job import AT_EDGE, UNSTARTED, JobState, RunState
 from labweb.domain.runs.scheduler import JobView, StepJob, held_by_steps
 from labweb.domain.workflows.plan import Execution
 from labweb.enrollment import selectors as enrollment_selectors
@@ -25,24 +26,20 @@ from labweb.runs.models import Attempt, HostEvent, Outbox
 from labweb.runs.models import Custody as Custody
 from labweb.runs.models import Job as Job
 from labweb.runs.models import Run as Run
-from labweb.runs.selectors.custody import carries_others as carries_others
+from labweb.runs.selectors.custody import hands_between as hands_between
 from labweb.runs.selectors.custody import hosts_between as hosts_between
+from labweb.runs.selectors.custody import hosts_of_carry as hosts_of_carry
 from labweb.runs.selectors.custody import is_told as is_told
 from labweb.runs.selectors.custody import moves_of as moves_of
+from labweb.runs.selectors.custody import moves_of_run as moves_of_run
 from labweb.runs.selectors.custody import open_move_of as open_move_of
 from labweb.runs.selectors.custody import owner_of as owner_of
+from labweb.runs.selectors.needs import LIVE as LIVE
+from labweb.runs.selectors.needs import runs_that_need as runs_that_need
 from labweb.runs.selectors.recovery import ended_job as ended_job
 from labweb.runs.selectors.recovery import later_jobs as later_jobs
 from labweb.runs.selectors.recovery import recovery_choices as recovery_choices
 from labweb.runs.selectors.recovery import recovery_of as recovery_of
-
-LIVE = [
-    RunState.QUEUED.value,
-    RunState.RUNNING.value,
-    RunState.PAUSING.value,
-    RunState.PAUSED.value,
-    RunState.COMPLETING.value,
-]
 
 
 def runs_of(lab: Lab) -> QuerySet[Run]:
@@ -114,7 +111,9 @@ def job_for_update(job_id: UUID) -> Job:
         NotFoundError: There is none.
     """
     rows = Job.objects.select_for_update(of=("self",), no_key=True)
-    rows = rows.select_related("run__lab", "device__host").defer("run__plan")
+    rows = rows.select_related("run__lab", "device__host", "device__driver").defer(
+        "run__plan", "device__driver__spec"
+    )
     row = rows.filter(pk=job_id).first()
     if row is None:
         raise NotFoundError(f"no job {job_id}", code="job.not_found")
@@ -154,7 +153,7 @@ def step_blocked_by(job: Job) -> UUID | None:
 
 def jobs_of(run: Run) -> QuerySet[Job]:
     """Jobs of a run in plan order, with devices."""
-    return Job.objects.filter(run=run).select_related("device__host").order_by("index")
+    return run.jobs.select_related("device__host").order_by("index")
 
 
 def jobs_with_runs(lab: Lab, seen: Collection[UUID], ids: Iterable[UUID]) -> QuerySet[Job]:
@@ -177,33 +176,45 @@ def find_job(job_id: UUID) -> Job:
 
 def views(run_id: UUID) -> list[JobView]:
     """Return what scheduling needs to know of a run's jobs."""
-    rows = Job.objects.filter(run_id=run_id).order_by("index")
+    rows = Job.objects.filter(run_id=run_id).order_by("index").select_related("device", "run__lab")
+    return [_view(row) for row in rows.defer("run__plan", "evidence", "args")]
+
+
+def _view(row: Job) -> JobView:
+    state, operation = JobState(row.state), row.operation
+    is_carry = operation.get("op") == "transfer_resource"
+    owners: frozenset[UUID] = frozenset()
+    if is_carry and state in UNSTARTED:
+        thing, place = UUID(operation["resource_id"]), UUID(operation["to_id"])
+        owners = hosts_of_carry(row.run.lab, thing, place)
+    return JobView(
+        id=row.id,
+        index=row.index,
+        state=state,
+        after=tuple(row.after),
+        host_id=row.device.host_id,
+        owner_ids=owners,
+        is_passed=bool(row.passed_by),
+        is_carry=is_carry,
+    )
+
+
+def runs_to_schedule() -> list[tuple[UUID, Execution | None]]:
+    """Return the runs with work left, oldest first, none of a stopped lab.
+
+    With each goes what its workflow declares for the time its hosts cannot hear the server.
+    """
+    states = [RunState.QUEUED.value, RunState.RUNNING.value]
+    rows = Run.objects.filter(state__in=states, lab__is_stopped=False).order_by("created_at")
     return [
-        JobView(
-            id=job_id,
-            index=index,
-            state=JobState(state),
-            after=tuple(after),
-            host_id=host_id,
-            is_passed=bool(passed_by),
-        )
-        for job_id, index, state, after, host_id, passed_by in rows.values_list(
-            "id", "index", "state", "after", "device__host_id", "passed_by"
-        )
+        (run_id, None if found is None else msgspec.convert(found, Execution))
+        for run_id, found in rows.values_list("id", "plan__execution")
     ]
 
 
-def execution_of(run: Run) -> Execution | None:
-    """Return what a run's workflow declares for the time its hosts cannot hear the server."""
-    found = run.plan.get("execution")
-    return None if found is None else msgspec.convert(found, Execution)
-
-
-def runs_to_schedule() -> QuerySet[Run]:
-    """Runs with work left, oldest first; none of a stopped lab."""
-    states = [RunState.QUEUED.value, RunState.RUNNING.value]
-    rows = Run.objects.filter(state__in=states, lab__is_stopped=False).order_by("created_at")
-    return rows.defer("plan")
+def next_number(job: Job) -> int:
+    """Return the number of the next try of a job whose host is locked."""
+    return job.attempts.count() + 1
 
 
 def hold_run_of(action_id: UUID) -> None:
@@ -240,9 +251,18 @@ def last_attempt(job: Job) -> Attempt | None:
     return job.attempts.order_by("-number").first()
 
 
-def pending_outbox(host: EdgeHost) -> QuerySet[Outbox]:
-    """Commands that a host has not answered, in dispatch order."""
-    return Outbox.objects.filter(host=host, settled_at__isnull=True).order_by("id")
+def due_outbox(rung_before: datetime) -> QuerySet[Outbox]:
+    """Commands that a host which is online has not answered, and that were not rung since then.
+
+    In dispatch order, with their hosts.
+    """
+    due = Q(published_at__isnull=True) | Q(published_at__lt=rung_before)
+    rows = Outbox.objects.filter(due, settled_at__isnull=True)
+    return (
+        rows.filter(host__in=enrollment_selectors.hosts_online())
+        .select_related("host")
+        .order_by("id")
+    )
 
 
 def jobs_in_doubt(lab: Lab) -> QuerySet[Job]:
@@ -309,7 +329,8 @@ def lab_summary(lab: Lab) -> dict[str, Any]:
     alone = paused.exclude(jobs__state=JobState.IN_DOUBT.value).count()
     tickets = crutd_selectors.open_tickets(lab).count()
     unknown = len(crutd_selectors.given_up(lab))
-    waiting = approval_selectors.requests_of(lab).filter(state="open").count()
+    waiting = approval_selectors.requests_of(lab).filter(state="open", run_id__isnull=False).count()
+    brought = approval_selectors.open_about_drivers(lab).count()
     return {
         "id": str(lab.id),
         "key": lab.key,
@@ -321,7 +342,8 @@ def lab_summary(lab: Lab) -> dict[str, Any]:
         "counts": {
             "runs_live": live.count(),
             "approvals_open": waiting,
-            "needs_you": doubts + alone + waiting + unknown + tickets + lab.is_stopped,
+            "drivers_open": brought,
+            "needs_you": doubts + alone + waiting + brought + unknown + tickets + lab.is_stopped,
         },
     }
 

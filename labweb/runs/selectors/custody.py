@@ -7,12 +7,13 @@ from uuid import UUID
 from django.db.models import Q, QuerySet
 
 from labweb.domain.crutd.operations import TransferResource
+from labweb.domain.runs.custody import next_hands
 from labweb.domain.runs.session import SessionState
 from labweb.enrollment import selectors as enrollment_selectors
 from labweb.enrollment.selectors import EdgeHost
 from labweb.resources import selectors as resource_selectors
 from labweb.resources.selectors import Lab, Resource
-from labweb.runs.models import Custody, Job, Outbox
+from labweb.runs.models import Custody, Job, Outbox, Run
 
 _GONE = {SessionState.FENCED.value, SessionState.REVOKED.value}
 """Hosts that will never answer again: the record is the server's."""
@@ -60,14 +61,28 @@ def is_told(move: Custody) -> bool:
     return rows.filter(action_id=move.transfer_id).exists()
 
 
-def carries_others(row: Resource) -> bool:
-    """Say whether anything stands in a resource."""
-    return resource_selectors.resources_of(row.lab).filter(parent_id=row.id).exists()
-
-
 def hosts_between(row: Resource, operation: TransferResource) -> tuple[EdgeHost, EdgeHost] | None:
     """Return the host that has a vessel and the one of the place it goes to; None: not two."""
-    owner, target = owner_of(row.lab, row.id), owner_of(row.lab, operation.to_id)
-    if owner is None or target is None or owner.pk == target.pk:
+    return hands_between(owner_of(row.lab, row.id), owner_of(row.lab, operation.to_id))
+
+
+def hands_between(
+    owner: EdgeHost | None, wanted: EdgeHost | None
+) -> tuple[EdgeHost, EdgeHost] | None:
+    """Return both hosts where the first has to hand a thing to the second; None: it need not."""
+    if owner is None or wanted is None:
         return None
-    return None if {owner.state, target.state} & _GONE else (owner, target)
+    gone = {host.pk for host in (owner, wanted) if host.state in _GONE}
+    return None if next_hands(owner.pk, wanted.pk, gone=gone) is None else (owner, wanted)
+
+
+def hosts_of_carry(lab: Lab, resource_id: UUID, place_id: UUID) -> frozenset[UUID]:
+    """Return the hosts that a carry waits for: of the thing and of the place it goes to."""
+    found = (owner_of(lab, resource_id), owner_of(lab, place_id))
+    return frozenset(host.pk for host in found if host is not None and host.state not in _GONE)
+
+
+def moves_of_run(run: Run) -> QuerySet[Custody]:
+    """Hand-overs of what a run carries, oldest first."""
+    rows = Custody.objects.filter(job__run=run).order_by("at")
+    return rows.select_related("resource", "origin", "target", "job")

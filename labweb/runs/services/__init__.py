@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from labweb.runs.services.asking import asks_told, let_ask, take_ask, withdraw_ask
 from labweb.runs.services.control import (
     abort_run,
     pause_run,
@@ -12,6 +13,7 @@ from labweb.runs.services.control import (
 )
 from labweb.runs.services.custody import begin_transfer, confirm_arrival, hand_over
 from labweb.runs.services.dispatch import publish_outbox
+from labweb.runs.services.drivers import replace_driver
 from labweb.runs.services.expiry import expire_requests
 from labweb.runs.services.fencing import (
     fence_host,
@@ -21,41 +23,47 @@ from labweb.runs.services.fencing import (
 )
 from labweb.runs.services.ingest import ingest_events
 from labweb.runs.services.isolation import isolate_hosts
+from labweb.runs.services.pictures import take_picture
 from labweb.runs.services.recovery import recover_job
+from labweb.runs.services.reservations import end_reservation, reserve
 from labweb.runs.services.schedule import dispatch_ready
 from labweb.runs.services.start import (
-    check_named,
     decide_request,
-    names_for,
+    lab_view,
     preview,
     start_run,
-    touched,
 )
 
 __all__ = [
     "abort_run",
+    "asks_told",
     "begin_transfer",
-    "check_named",
     "confirm_arrival",
     "decide_request",
     "dispatch_ready",
+    "end_reservation",
     "expire_requests",
     "fence_host",
     "hand_over",
     "ingest_events",
     "isolate_hosts",
-    "names_for",
+    "lab_view",
+    "let_ask",
     "note_quarantine",
     "note_rival",
     "pause_run",
     "preview",
     "publish_outbox",
     "recover_job",
+    "replace_driver",
+    "reserve",
     "reset_lab",
     "resolve_job",
     "resume_run",
     "revoke_host",
     "start_run",
     "stop_lab",
-    "touched",
+    "take_ask",
+    "take_picture",
+    "withdraw_ask",
 ]

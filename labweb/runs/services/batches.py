@@ -25,7 +25,8 @@ from labweb.resources import selectors as resource_selectors
 from labweb.runs import selectors
 from labweb.runs.models import Attempt, Job, Outbox, Run
 from labweb.runs.services import dispatch
-from labweb.runs.services.state import move_job, refresh_run
+from labweb.runs.services.drivers import switch_before
+from labweb.runs.services.state import move_job, note_sent
 
 logger = logging.getLogger(__name__)
 
@@ -33,7 +34,7 @@ _WAIT_S = 3600.0
 """Beside what comes before it, for how long a member may wait."""
 
 
-def dispatch_batch(run: Run, job_ids: Sequence[UUID], execution: Execution) -> int:
+def dispatch_batch(run_id: UUID, job_ids: Sequence[UUID], execution: Execution) -> int:
     """Lock everything that the jobs need and write one command for them all.
 
     Returns:
@@ -42,19 +43,19 @@ def dispatch_batch(run: Run, job_ids: Sequence[UUID], execution: Execution) -> i
     """
     try:
         with atomic():
-            return _dispatch(run, job_ids, execution)
+            return _dispatch(run_id, job_ids, execution)
     except LockedError as error:
-        logger.debug("a batch of run %s waits: %s", run.number, error.message)
+        logger.debug("a batch of run %s waits: %s", run_id, error.message)
         return 0
     except PreconditionError as error:
         dispatch.hold_job(job_ids[0], error)
         return 0
 
 
-def _dispatch(run: Run, job_ids: Sequence[UUID], execution: Execution) -> int:
+def _dispatch(run_id: UUID, job_ids: Sequence[UUID], execution: Execution) -> int:
     host_id = Job.objects.values_list("device__host_id", flat=True).get(pk=job_ids[0])
     host = enrollment_selectors.host_for_update(host_id)
-    run = selectors.run_for_update(run.pk)
+    run = selectors.run_for_update(run_id)
     jobs = [selectors.job_for_update(job_id) for job_id in job_ids]
     if run.pause_reasons or any(job.state != JobState.QUEUED.value for job in jobs):
         return 0
@@ -63,6 +64,7 @@ def _dispatch(run: Run, job_ids: Sequence[UUID], execution: Execution) -> int:
         if blocking is not None:
             text = f"run {blocking} is in the middle of a step here"
             raise LockedError(text, code="run.step_held")
+    switch_before(host, jobs)
     batch_id = new_id()
     indices = {job.index for job in jobs}
     members = [
@@ -92,8 +94,7 @@ def _dispatch(run: Run, job_ids: Sequence[UUID], execution: Execution) -> int:
     Outbox.objects.create(host=host, action_id=batch_id, kind="batch", body=body, at=now())
     for job in jobs:
         move_job(job, JobState.DISPATCHED, Mover.SCHEDULER)
-    dispatch.note_start(run)
-    refresh_run(run.pk)
+    note_sent(run)
     return len(jobs)
 
 
@@ -102,7 +103,7 @@ def _attempt(host: EdgeHost, job: Job, transaction: Transaction, batch_id: UUID)
     return Attempt.objects.create(
         id=new_id(),
         job=job,
-        number=job.attempts.count() + 1,
+        number=selectors.next_number(job),
         host=host,
         transaction=transaction,
         dseq=host.last_dseq,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
+from typing import Any
 from uuid import UUID
 
 import msgspec
@@ -17,11 +18,17 @@ from labweb.common.clock import new_id, now
 from labweb.common.wake import wake_dispatcher
 from labweb.crutd import selectors as crutd_selectors
 from labweb.crutd import services as crutd_services
+from labweb.crutd.selectors import Transaction
 from labweb.crutd.services import Settlement
 from labweb.domain.approvals.roles import Permission
 from labweb.domain.crutd.decide import Outcome, OutcomeKind
 from labweb.domain.crutd.operations import TransferResource
-from labweb.domain.errors import DefinitionError, NotFoundError, StateError
+from labweb.domain.errors import (
+    DefinitionError,
+    NotFoundError,
+    PreconditionError,
+    StateError,
+)
 from labweb.domain.messages import EdgeEvent, Receive, Release, ResourceView
 from labweb.domain.runs import custody as rules
 from labweb.domain.runs.custody import CustodyState
@@ -29,8 +36,9 @@ from labweb.enrollment.selectors import EdgeHost
 from labweb.resources import selectors as resource_selectors
 from labweb.resources.selectors import Resource
 from labweb.runs import selectors
-from labweb.runs.models import Custody, Outbox
+from labweb.runs.models import Custody, Job, Outbox
 from labweb.runs.services import dispatch
+from labweb.runs.services.state import announce
 
 KINDS = frozenset({"released", "kept", "received"})
 """Events of hosts that speak of custody."""
@@ -54,15 +62,12 @@ def hand_over(resource_id: UUID, place_id: UUID, *, actor: User, note: str) -> C
     row = rows.get(resource_id)
     if row is None or place_id not in rows or row.parent_id is None:
         raise NotFoundError("no such vessel or place", code="resource.not_found")
-    if selectors.carries_others(row):
-        text = f"{row.name} carries other things: only a single vessel goes to another host"
-        raise DefinitionError(text, code="custody.not_single")
     operation = TransferResource(resource_id=resource_id, from_id=row.parent_id, to_id=place_id)
     hosts = selectors.hosts_between(row, operation)
     if hosts is None:
         text = "vessel and place do not belong to two hosts: a plain transfer does"
         raise DefinitionError(text, code="custody.same_host")
-    return _ask(row, operation, *hosts, actor=actor, note=note)
+    return _ask(row, operation, hosts, actor=actor, note=note)
 
 
 @atomic
@@ -70,8 +75,7 @@ def begin_transfer(operation: TransferResource, *, actor: User, note: str) -> Cu
     """Begin a transfer that a person tells of, where two hosts have to agree on it.
 
     Returns:
-        None when no two hosts do: a plain transfer writes it down at once. Labware that
-        carries other things goes so, too, when nothing uses it.
+        None when no two hosts do: a plain transfer writes it down at once.
 
     Raises:
         DefinitionError: No note.
@@ -81,15 +85,14 @@ def begin_transfer(operation: TransferResource, *, actor: User, note: str) -> Cu
         As `hand_over`.
     """
     row = resource_selectors.find_resource(operation.resource_id)
-    hosts = None if selectors.carries_others(row) else selectors.hosts_between(row, operation)
-    return None if hosts is None else _ask(row, operation, *hosts, actor=actor, note=note)
+    hosts = selectors.hosts_between(row, operation)
+    return None if hosts is None else _ask(row, operation, hosts, actor=actor, note=note)
 
 
 def _ask(
     row: Resource,
     operation: TransferResource,
-    owner: EdgeHost,
-    target: EdgeHost,
+    hosts: tuple[EdgeHost, EdgeHost],
     *,
     actor: User,
     note: str,
@@ -99,33 +102,58 @@ def _ask(
     transaction = crutd_services.lock_operation(
         operation, lab=row.lab, targets=[row.id], actor_id=actor.pk
     )
+    made = begin(row, hosts, transaction, actor=actor)
+    account_services.write_audit("custody.ask", str(row.id), actor=actor, reason=note)
+    return made
+
+
+def begin(
+    row: Resource,
+    hosts: tuple[EdgeHost, EdgeHost],
+    transaction: Transaction,
+    *,
+    actor: User,
+    job: Job | None = None,
+) -> Custody:
+    """Ask the host that has a thing to let it go, with all that stands in it.
+
+    Args:
+        row: The thing.
+        hosts: Who has it, and who takes it over.
+        transaction: Holds the locks of the move until it has ended.
+        actor: In whose name.
+        job: Job that carries it, which needs nobody to say that it arrived.
+    """
+    owner, target = hosts
+    inside = resource_selectors.descendants([row.id]) - {row.id}
+    rows = [row, *resource_selectors.rows(inside)]
+    states = crutd_selectors.snapshot(rows)
+    view, *parts = [dispatch.view_of(one, states[one.id]) for one in rows]
     made = Custody.objects.create(
         resource_id=row.id,
         state=CustodyState.LEAVING.value,
         owner=owner,
         origin=owner,
         target=target,
-        place_id=operation.to_id,
+        place_id=UUID(transaction.operation["to_id"]),
         transfer_id=new_id(),
         transaction_id=transaction.pk,
+        parts=msgspec.to_builtins(parts),
+        job=job,
         asked_by=actor,
         at=now(),
     )
-    states = crutd_selectors.snapshot([row])
-    _send(
-        owner,
-        Release(
-            host_id=owner.id,
-            epoch=owner.epoch,
-            dseq=owner.last_dseq,
-            transfer_id=_transfer_id(made),
-            resource_id=row.id,
-            view=dispatch.view_of(row, states[row.id]),
-            issued_by=str(actor.pk),
-        ),
-        made,
+    command = Release(
+        host_id=owner.id,
+        epoch=owner.epoch,
+        dseq=owner.last_dseq,
+        transfer_id=_transfer_id(made),
+        resource_id=row.id,
+        view=view,
+        parts=parts,
+        issued_by=str(actor.pk),
     )
-    account_services.write_audit("custody.ask", str(row.id), actor=actor, reason=note)
+    _send(owner, command, made)
     _tell(made)
     return made
 
@@ -147,23 +175,24 @@ def confirm_arrival(custody_id: UUID, *, actor: User) -> Custody:
         raise StateError("it is not in transit", code="custody.not_in_transit")
     if selectors.is_told(made):
         raise StateError("its new host was told already", code="custody.told")
-    view = msgspec.convert({**made.view, "parent_id": str(made.place_id)}, ResourceView)
-    target = made.target
-    _send(
-        target,
-        Receive(
-            host_id=target.id,
-            epoch=target.epoch,
-            dseq=target.last_dseq,
-            transfer_id=_transfer_id(made),
-            view=view,
-            issued_by=str(actor.pk),
-        ),
-        made,
-    )
+    _send_receive(made, made.view, made.target, issued_by=str(actor.pk))
     account_services.write_audit("custody.arrived", str(made.resource_id), actor=actor)
     _tell(made)
     return made
+
+
+def _send_receive(made: Custody, told: dict[str, Any], target: EdgeHost, *, issued_by: str) -> None:
+    view = {**told, "parent_id": str(made.place_id)}
+    command = Receive(
+        host_id=target.id,
+        epoch=target.epoch,
+        dseq=target.last_dseq,
+        transfer_id=_transfer_id(made),
+        view=msgspec.convert(view, ResourceView),
+        parts=msgspec.convert(made.parts, list[ResourceView]),
+        issued_by=issued_by,
+    )
+    _send(target, command, made)
 
 
 def _send(host: EdgeHost, command: Release | Receive, made: Custody) -> None:
@@ -183,6 +212,8 @@ def _transfer_id(made: Custody) -> UUID:
 def _tell(made: Custody) -> None:
     for host_id in {made.owner_id, made.target_id} - {None}:
         on_commit(partial(feed.publish, "hosts", {"host_id": str(host_id)}))
+    if made.job is not None:
+        on_commit(partial(announce, made.job.run_id, made.job_id))
 
 
 def take_custody_event(host: EdgeHost, event: EdgeEvent) -> None:
@@ -224,10 +255,15 @@ def _released(host: EdgeHost, made: Custody, event: EdgeEvent) -> None:
     after = rules.after_released(
         _record(made), host=host.id, transfer_id=_transfer_id(made), view=view
     )
+    newer = {part["id"]: part for part in event.body.get("parts", [])}
+    made.parts = [newer.get(part["id"], part) for part in made.parts]
     made.state, made.owner, made.view = after.state.value, None, event.body["view"]
     made.released_at = now()
-    made.save(update_fields=["state", "owner", "view", "released_at"])
+    made.save(update_fields=["state", "owner", "view", "parts", "released_at"])
     dispatch.settle_outbox(_transfer_id(made), ["release"])
+    if made.job_id is not None and made.target is not None:
+        told = event.body["view"]
+        _send_receive(made, told, made.target, issued_by=str(made.asked_by_id))
 
 
 def _kept(host: EdgeHost, made: Custody, event: EdgeEvent) -> None:
@@ -241,6 +277,15 @@ def _kept(host: EdgeHost, made: Custody, event: EdgeEvent) -> None:
         made.transaction_id, Settlement(outcome=nothing, code="custody.in_use", message=text)
     )
     _end(made, host)
+    if made.job_id is not None:
+        _stop_for(made, made.job_id, text)
+
+
+def _stop_for(made: Custody, job_id: UUID, text: str) -> None:
+    """Have a person look at a job whose thing its host keeps, before or after it acts."""
+    dispatch.hold_job(job_id, PreconditionError(text, code="custody.in_use"))
+    detail = {"job_id": str(job_id), "resource_id": str(made.resource_id)}
+    crutd_services.open_ticket(made.resource.lab, "custody.in_use", text, detail)
 
 
 def _received(host: EdgeHost, made: Custody, event: EdgeEvent) -> None:

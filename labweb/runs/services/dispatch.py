@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import logging
 from datetime import timedelta
+from typing import Any
 from uuid import UUID
 
 import msgspec
-from django.db.models import F, Q
+from django.db import connection
+from django.db.models import F
 from django.db.transaction import atomic
 
 from labweb.common import faults, queue, signing
@@ -15,21 +17,21 @@ from labweb.common.clock import new_id, now
 from labweb.common.wake import wake_dispatcher
 from labweb.crutd import selectors as crutd_selectors
 from labweb.crutd import services as crutd_services
-from labweb.crutd.selectors import Transaction
 from labweb.domain.crutd import operations
 from labweb.domain.crutd.decide import ResourceState
 from labweb.domain.errors import LockedError, PreconditionError
 from labweb.domain.messages import Cancel, Command, Do, Reset, Resolve, ResourceView, Signed
-from labweb.domain.runs.job import JobState, Mover, RunState
+from labweb.domain.runs.job import JobState, Mover
 from labweb.domain.runs.relay import RING_AGAIN_AFTER_S, BatchDraft, signed_batch, stamped
+from labweb.domain.runs.scheduler import JobView
 from labweb.enrollment import selectors as enrollment_selectors
 from labweb.enrollment import services as enrollment_services
 from labweb.enrollment.selectors import EdgeHost
-from labweb.resources import selectors as resource_selectors
 from labweb.resources.selectors import Lab, Resource
 from labweb.runs import selectors
 from labweb.runs.models import Attempt, Job, Outbox, Run
-from labweb.runs.services.state import move_job, refresh_run
+from labweb.runs.services.drivers import switch_before
+from labweb.runs.services.state import move_job, note_sent, refresh_run
 
 logger = logging.getLogger(__name__)
 
@@ -37,8 +39,23 @@ RING_AGAIN_AFTER = timedelta(seconds=RING_AGAIN_AFTER_S)
 
 _TIMEOUT_S = 120.0
 
+# Written out: it is on the way of every click.
+_KEEP = """
+WITH numbered AS (
+    UPDATE enrollment_edgehost SET last_dseq = %(dseq)s WHERE id = %(host)s
+), tried AS (
+    INSERT INTO runs_attempt (id, job_id, number, host_id, transaction_id, dseq, epoch, at)
+    VALUES (%(id)s, %(job)s, %(number)s, %(host)s, %(transaction)s, %(dseq)s, %(epoch)s, %(at)s)
+)
+INSERT INTO runs_outbox (host_id, action_id, kind, body, at, publish_count)
+VALUES (%(host)s, %(id)s, 'do', %(body)s::jsonb, %(at)s, 0)
+"""
 
-def dispatch_job(job_id: UUID) -> bool:
+_MOST_AT_ONCE = 100
+"""How many commands one look at the outbox sends; the next one comes at once or a tick later."""
+
+
+def dispatch_job(run_id: UUID, view: JobView) -> bool:
     """Lock everything a job needs and write its command into the outbox.
 
     Returns:
@@ -47,66 +64,77 @@ def dispatch_job(job_id: UUID) -> bool:
     """
     try:
         with atomic():
-            return _dispatch(job_id)
+            return _dispatch(run_id, view)
     except LockedError as error:
-        logger.debug("job %s waits: %s", job_id, error.message)
+        logger.debug("job %s waits: %s", view.id, error.message)
         return False
     except PreconditionError as error:
-        hold_job(job_id, error)
+        hold_job(view.id, error)
         return False
 
 
-def _dispatch(job_id: UUID) -> bool:
-    host, job = _hold_for_dispatch(job_id)
-    if job.state != JobState.QUEUED.value or job.run.pause_reasons:
+def _dispatch(run_id: UUID, view: JobView) -> bool:
+    held = hold_for_dispatch(run_id, view)
+    if held is None:
         return False
+    host, run, job = held
     blocking = selectors.step_blocked_by(job)
     if blocking is not None:
         raise LockedError(f"run {blocking} is in the middle of a step here", code="run.step_held")
+    switch_before(host, [job])
     operation = operations.from_json(job.operation)
-    transaction = crutd_services.lock_operation(
+    transaction, rows, states = crutd_services.lock_and_read(
         operation,
-        lab=job.run.lab,
-        targets=[UUID(node) for node in job.locks],
-        actor_id=job.run.created_by_id,
+        job.run.lab,
+        [UUID(node) for node in job.locks],
+        actor_id=run.created_by_id,
         job_id=job.id,
     )
+    states = states or crutd_selectors.snapshot_in_place(rows.values())
     host.last_dseq += 1
-    host.save(update_fields=["last_dseq"])
-    attempt = Attempt.objects.create(
+    attempt = Attempt(
         id=new_id(),
         job=job,
-        number=job.attempts.count() + 1,
+        number=selectors.next_number(job),
         host=host,
         transaction=transaction,
         dseq=host.last_dseq,
         epoch=host.epoch,
         at=now(),
     )
-    rows = resource_selectors.rows(_view_ids(job, transaction))
-    states = crutd_selectors.snapshot(rows)
-    views = [view_of(row, states[row.id]) for row in rows]
-    _keep(host, attempt.id, command_of(job, attempt, views))
+    views = [view_of(row, states[row.id]) for row in rows.values()]
+    _keep_attempt(attempt, command_of(job, attempt, views))
     move_job(job, JobState.DISPATCHED, Mover.SCHEDULER)
-    note_start(job.run)
-    refresh_run(job.run_id)
+    note_sent(run)
     return True
 
 
-def note_start(run: Run) -> None:
-    """Write down when the first job of a run was sent."""
-    if run.started_at is None:
-        run.started_at = now()
-        run.state = RunState.RUNNING.value
-        run.save(update_fields=["started_at", "state"])
+def hold_for_dispatch(run_id: UUID, view: JobView) -> tuple[EdgeHost, Run, Job] | None:
+    """Lock host, run and job in the order in which everybody does; None: it may not go now."""
+    host = enrollment_selectors.host_for_update(view.host_id)
+    run = selectors.run_for_update(run_id)
+    job = selectors.job_for_update(view.id)
+    is_elsewhere = job.device.host_id != host.pk
+    if job.state != JobState.QUEUED.value or run.pause_reasons or is_elsewhere:
+        return None
+    return host, run, job
 
 
-def _hold_for_dispatch(job_id: UUID) -> tuple[EdgeHost, Job]:
-    """Lock host, run and job in the order in which everybody locks them."""
-    host_id, run_id = Job.objects.values_list("device__host_id", "run_id").get(pk=job_id)
-    host = enrollment_selectors.host_for_update(host_id)
-    selectors.run_for_update(run_id)
-    return host, selectors.job_for_update(job_id)
+def _keep_attempt(attempt: Attempt, command: Do) -> None:
+    """Write the number that a host has come to, a try that has it, and its command; at once."""
+    values: dict[str, Any] = {
+        "id": attempt.id,
+        "job": attempt.job_id,
+        "number": attempt.number,
+        "host": attempt.host_id,
+        "transaction": attempt.transaction_id,
+        "dseq": attempt.dseq,
+        "epoch": attempt.epoch,
+        "at": attempt.at,
+        "body": msgspec.json.encode(command).decode(),
+    }
+    with connection.cursor() as cursor:
+        cursor.execute(_KEEP, values)
 
 
 def hold_job(job_id: UUID, error: PreconditionError) -> None:
@@ -121,8 +149,7 @@ def hold_job(job_id: UUID, error: PreconditionError) -> None:
 
 def command_of(job: Job, attempt: Attempt, views: list[ResourceView]) -> Do:
     """Return the command of one try of a job."""
-    device = enrollment_selectors.find_device(job.device_id)
-    spec = enrollment_selectors.spec_of(device)
+    spec = enrollment_selectors.specs_of([job.device])[job.device_id]
     timeout_s = spec.action(job.action).timeout_s or _TIMEOUT_S
     return Do(
         host_id=attempt.host_id,
@@ -134,7 +161,7 @@ def command_of(job: Job, attempt: Attempt, views: list[ResourceView]) -> Do:
         attempt=attempt.number,
         line="",
         device_id=job.device_id,
-        driver_digest=device.driver.digest,
+        driver_digest=job.device.driver.digest,
         action=job.action,
         args=job.args,
         operation=job.operation,
@@ -144,11 +171,6 @@ def command_of(job: Job, attempt: Attempt, views: list[ResourceView]) -> Do:
         timeout_s=timeout_s,
         issued_by=str(job.run.created_by_id),
     )
-
-
-def _view_ids(job: Job, transaction: Transaction) -> set[UUID]:
-    operation = operations.from_json(transaction.operation)
-    return set(operations.touched_ids(operation)) | {UUID(node) for node in job.locks}
 
 
 def view_of(row: Resource, state: ResourceState) -> ResourceView:
@@ -235,31 +257,26 @@ def publish_outbox() -> int:
     Returns:
         How many were sent.
     """
-    count = 0
-    for host in enrollment_selectors.hosts_online():
-        count += _publish_for(host)
-    return count
-
-
-def _publish_for(host: EdgeHost) -> int:
-    due = Q(published_at__isnull=True) | Q(published_at__lt=now() - RING_AGAIN_AFTER)
-    count = 0
     with atomic():
-        rows = selectors.pending_outbox(host).filter(due).select_for_update(skip_locked=True)
-        for row in rows[:100]:
-            signed = _signed(row, host.epoch)
-            faults.point("relay.before_ring")
-            if not queue.ring(host.id, signed):
-                logger.warning("the broker is away: telling host %s directly", host.name)
-            if row.publish_count:
-                nudge = {"type": "edge.nudge", "signed": msgspec.to_builtins(signed)}
-                enrollment_services.tell_host(host.id, nudge)
-            faults.point("relay.after_ring")
-            Outbox.objects.filter(pk=row.pk).update(
-                published_at=now(), publish_count=F("publish_count") + 1
-            )
-            count += 1
-    return count
+        due = selectors.due_outbox(now() - RING_AGAIN_AFTER)
+        rows = list(due.select_for_update(skip_locked=True, of=("self",))[:_MOST_AT_ONCE])
+        for row in rows:
+            _publish(row)
+    return len(rows)
+
+
+def _publish(row: Outbox) -> None:
+    signed = _signed(row, row.host.epoch)
+    faults.point("relay.before_ring")
+    if row.host.has_broker and not queue.ring(row.host_id, signed):
+        logger.warning("the broker is away: telling host %s directly", row.host.name)
+    if row.publish_count or not row.host.has_broker:
+        nudge = {"type": "edge.nudge", "signed": msgspec.to_builtins(signed)}
+        enrollment_services.tell_host(row.host_id, nudge)
+    faults.point("relay.after_ring")
+    Outbox.objects.filter(pk=row.pk).update(
+        published_at=now(), publish_count=F("publish_count") + 1
+    )
 
 
 def _signed(row: Outbox, epoch: int) -> Signed:

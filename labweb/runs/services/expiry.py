@@ -8,6 +8,7 @@ from django.db.transaction import atomic, on_commit, set_rollback
 
 from labweb.accounts import services as account_services
 from labweb.approvals import services as approval_services
+from labweb.approvals.selectors import run_of
 from labweb.common.clock import now
 from labweb.domain.runs.job import JobState, Mover, RunState
 from labweb.runs.models import Job, Run
@@ -37,7 +38,7 @@ def _expire_one() -> bool:
     request = approval_services.expire_one()
     if request is None:
         return False
-    run = Run.objects.filter(pk=request.run_id).select_for_update(skip_locked=True).first()
+    run = Run.objects.filter(pk=run_of(request)).select_for_update(skip_locked=True).first()
     if run is None:
         # Somebody acts on the run and may wait for the request: they go first.
         set_rollback(True)

@@ -13,6 +13,7 @@ from labweb.crutd import selectors as crutd_selectors
 from labweb.crutd import services as crutd_services
 from labweb.crutd.services import Settlement
 from labweb.domain.crutd.decide import Outcome, OutcomeKind
+from labweb.domain.errors import StateError
 from labweb.domain.runs.job import JobState, Mover
 from labweb.domain.runs.session import FENCED_CODE, SessionState
 from labweb.enrollment import selectors as enrollment_selectors
@@ -24,6 +25,11 @@ from labweb.runs.services.custody import lose_moves_of
 from labweb.runs.services.state import move_job, refresh_run
 
 logger = logging.getLogger(__name__)
+
+_WHY = {
+    SessionState.FENCED.value: (FENCED_CODE, "was declared lost"),
+    SessionState.REVOKED.value: ("host.revoked", "was revoked"),
+}
 
 
 def quarantine(host: EdgeHost, code: str, message: str) -> None:
@@ -54,9 +60,7 @@ def note_quarantine(host_id: UUID) -> None:
 def put_in_doubt(host: EdgeHost) -> None:
     """Put every dispatched job of a fenced host in doubt: its log can tell nothing of them."""
     Outbox.objects.filter(host=host, settled_at__isnull=True).update(settled_at=now())
-    is_lost = host.state == SessionState.FENCED.value
-    code = FENCED_CODE if is_lost else "host.quarantined"
-    state = "was declared lost" if is_lost else "is quarantined"
+    code, state = _WHY.get(host.state, ("host.quarantined", "is quarantined"))
     lose_moves_of(host)
     for job in selectors.jobs_at(host):
         attempt = selectors.last_attempt(job)
@@ -106,12 +110,39 @@ def fence_host(host_id: UUID, *, actor: User, reason: str) -> EdgeHost:
 
 
 @atomic
-def revoke_host(host_id: UUID, *, actor: User, reason: str) -> EdgeHost:
-    """Take a host's key away for good, once nothing of it is under way.
+def revoke_host(host_id: UUID, *, actor: User, reason: str, with_work: bool = False) -> EdgeHost:
+    """Take a host's keys away for good, and close its connection.
+
+    Args:
+        host_id: Which.
+        actor: Who takes them away.
+        reason: Why, for the record.
+        with_work: Even though it has work: what it was given is in doubt then.
 
     Raises:
-        As `enrollment.services.revoke_host`.
+        As `enrollment.services.revoke_host`, and
+        StateError: It has work, and nobody said that this is known.
+
+    Effect:
+        None on matter. Resources of what was under way are quarantined until people answer;
+        the host is not asked any more.
     """
     host = enrollment_selectors.host_for_update(host_id)
-    has_work = selectors.jobs_at(host).exists() or selectors.doubts_at(host).exists()
-    return enrollment_services.revoke_host(host_id, actor=actor, reason=reason, has_work=has_work)
+    count = work_count(host)
+    if count and not with_work and host.state != SessionState.REVOKED.value:
+        text = (
+            f"{host.name} has {count} jobs that have not ended: let them end, or revoke it with "
+            "its work, which puts them in doubt"
+        )
+        raise StateError(text, code="host.in_flight", context={"jobs_count": count})
+    host = enrollment_services.revoke_host(host_id, actor=actor, reason=reason)
+    if count:
+        message = f"{host.name} was revoked: answer for each job that it was given"
+        crutd_services.open_ticket(host.lab, "host.revoked", message, {"host_id": str(host.id)})
+    put_in_doubt(host)
+    return host
+
+
+def work_count(host: EdgeHost) -> int:
+    """Count the jobs that a host was given and that have not ended, those in doubt included."""
+    return selectors.jobs_at(host).count() + selectors.doubts_at(host).count()

@@ -26,8 +26,9 @@ from labweb.enrollment import services as enrollment_services
 from labweb.enrollment.selectors import EdgeHost
 from labweb.runs import selectors
 from labweb.runs.models import Attempt, HostEvent, Outbox
-from labweb.runs.services import dispatch
+from labweb.runs.services import dispatch, drivers
 from labweb.runs.services.batches import settle_batch
+from labweb.runs.services.carrying import hand_on
 from labweb.runs.services.custody import KINDS, take_custody_event
 from labweb.runs.services.fencing import quarantine
 from labweb.runs.services.state import move_job, refresh_run
@@ -57,6 +58,7 @@ def ingest_events(host_id: UUID, epoch: int, events: Sequence[EdgeEvent]) -> int
             for event in intake.fresh:
                 _keep(host, event)
                 _apply(host, event)
+            drivers.switch_idle(host)
     except (LabError, ValueError, KeyError, TypeError, AttributeError) as error:
         quarantine(host, "host.bad_event", f"an event makes no sense: {error}")
         return None
@@ -92,6 +94,8 @@ def _apply(host: EdgeHost, event: EdgeEvent) -> None:
             body__stop_id=event.body.get("stop_id"),
             settled_at__isnull=True,
         ).update(settled_at=now())
+    if event.kind in drivers.KINDS:
+        drivers.take_driver_event(host, event)
     if event.kind in KINDS:
         take_custody_event(host, event)
     if event.action_id is None:
@@ -130,7 +134,8 @@ def _settle(attempt: Attempt, event: EdgeEvent, meaning: Meaning) -> None:
     if meaning.is_resolution and outcome.kind is OutcomeKind.UNKNOWN:
         crutd_services.discard(attempt.transaction_id, replace(settlement, keep_quarantined=True))
     else:
-        crutd_services.settle(attempt.transaction_id, settlement)
+        change = crutd_services.settle(attempt.transaction_id, settlement)
+        hand_on(attempt, change)
 
 
 def _fields(attempt: Attempt, event: EdgeEvent, meaning: Meaning) -> dict[str, Any]:

@@ -15,13 +15,14 @@ from labweb.common.clock import now
 from labweb.crutd import services as crutd_services
 from labweb.domain.approvals.roles import Permission
 from labweb.domain.crutd import operations
-from labweb.domain.crutd.operations import TransferLiquid
+from labweb.domain.crutd.operations import TransferLiquid, TransferResource
 from labweb.domain.errors import DefinitionError, StateError
 from labweb.domain.runs import recovery
 from labweb.domain.runs.job import JobState, Mover, RunState
 from labweb.resources import selectors as resource_selectors
 from labweb.runs import selectors
 from labweb.runs.models import Job, Run
+from labweb.runs.services.custody import begin_transfer
 from labweb.runs.services.replan import change_step
 from labweb.runs.services.state import announce, move_job, refresh_run
 
@@ -122,6 +123,10 @@ def _by_hand(job: Job, actor: User, moved_nl: int | None, note: str) -> int | No
         crutd_services.carry_out(
             done, lab=job.run.lab, actor_id=actor.pk, note=f"by hand for {job.sentence}: {note}"
         )
+    elif isinstance(operation, TransferResource) and moved_nl is None:
+        told = f"by hand for {job.sentence}: {note}"
+        if begin_transfer(operation, actor=actor, note=told) is None:
+            crutd_services.carry_out(operation, lab=job.run.lab, actor_id=actor.pk, note=told)
     elif moved_nl is not None:
         raise DefinitionError("nothing is poured by this job", code="run.bad_amount")
     job.passed_by = "hand"

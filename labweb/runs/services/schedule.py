@@ -7,6 +7,7 @@ from labweb.domain.runs.scheduler import ready
 from labweb.enrollment import selectors as enrollment_selectors
 from labweb.runs import selectors
 from labweb.runs.services.batches import dispatch_batch
+from labweb.runs.services.carrying import dispatch_carry
 from labweb.runs.services.dispatch import dispatch_job
 
 
@@ -16,14 +17,15 @@ def dispatch_ready() -> int:
     Returns:
         How many jobs were dispatched.
     """
-    online = set(enrollment_selectors.hosts_online().values_list("pk", flat=True))
+    online = set(enrollment_selectors.hosts_ready().values_list("pk", flat=True))
     count = 0
-    for run in selectors.runs_to_schedule():
-        views = selectors.views(run.id)
-        execution = selectors.execution_of(run)
+    for run_id, execution in selectors.runs_to_schedule():
+        views = selectors.views(run_id)
+        alone = [view for view in ready(views, online) if execution is None or view.is_carry]
+        for view in alone:
+            count += (dispatch_carry if view.is_carry else dispatch_job)(run_id, view)
         if execution is None:
-            count += sum(dispatch_job(view.id) for view in ready(views, online))
             continue
         for members in find_batches(views, online):
-            count += dispatch_batch(run, [view.id for view in members], execution)
+            count += dispatch_batch(run_id, [view.id for view in members], execution)
     return count

@@ -73,7 +73,6 @@ def seed_devices(lab_id: UUID, lab_file: LabFile, host_key: str, urls: Mapping[s
             lab, key=host.key, name=host.name, host_id=host.id, public_key=host_key
         )
     for entry in lab_file.devices:
-        spec = catalog[entry.driver]
         state = "candidate" if entry.key in lab_file.discovered else "enrolled"
         enrollment_services.found_device(
             lab,
@@ -81,7 +80,7 @@ def seed_devices(lab_id: UUID, lab_file: LabFile, host_key: str, urls: Mapping[s
             key=entry.key,
             name=entry.name,
             host_id=entry.host_id,
-            driver=enrollment_services.keep_driver(spec),
+            driver=enrollment_services.keep_driver(catalog[entry.driver]),
             transport=urls[entry.key],
             config=dict(entry.config),
             nodes={role: str(node) for role, node in entry.nodes.items()},
@@ -153,7 +152,8 @@ def _url(entry: DeviceEntry, found: Mapping[str, str]) -> str:
         return entry.transport or ""
     endpoint = found.get(entry.line)
     if endpoint is None:
-        return f"virtual:{entry.simulator.model}"
+        pace = os.environ.get("LABWEB_SPEED", "1")
+        return f"virtual:{entry.simulator.model}" + ("" if pace == "1" else f"?pace={pace}")
     if endpoint.startswith("pty:"):
         options = _SERIAL.get(entry.simulator.model, "baud=9600&format=8N1")
         return f"serial://{endpoint.removeprefix('pty:')}?{options}"
@@ -161,13 +161,20 @@ def _url(entry: DeviceEntry, found: Mapping[str, str]) -> str:
     if entry.simulator.model.startswith("modbus"):
         device = entry.simulator.settings.get("device_id", 1)
         return f"modbus+tcp://{address}?device={device}"
-    return f"tcp://{address}"
+    scheme = "http" if entry.simulator.model == "network_camera" else "tcp"
+    return f"{scheme}://{address}"
 
 
-def write_bench(lab_file: LabFile, found: Mapping[str, str], data: Path) -> None:
-    """Write what the simulated instruments read."""
+def write_bench(lab_file: LabFile, found: Mapping[str, str], data: Path, chemistry: Path) -> None:
+    """Write what the simulated instruments read.
+
+    What substances do by themselves no lab file says: a simulation declares it in a file beside
+    it, and where there is none, nothing reacts, parts or boils.
+    """
     bench = bench_for(lab_file, found)
     known = {key: bench[key] for key in ("schema", "vessels", "instruments")}
+    if chemistry.exists():
+        known["chemistry"] = _read(chemistry, {})
     write_private(data / "bench.json", known)
 
 
@@ -219,7 +226,7 @@ def seed(lab_file: LabFile, *, data: Path, templates: Path, source: dict[str, st
     root = resource_selectors.root_of(resource_selectors.labs().get(pk=lab_file.id))
     seed_people(root.id, data / "passwords.json")
     found = endpoints(lab_file, data)
-    write_bench(lab_file, found, data)
+    write_bench(lab_file, found, data, templates.with_name("chemistry.json"))
     public = write_host(lab_file, data)
     write_twin(data)
     seed_devices(lab_file.id, lab_file, public, transport_urls(lab_file, found))

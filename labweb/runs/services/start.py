@@ -21,11 +21,13 @@ from labweb.approvals.selectors import ApprovalRequest
 from labweb.common.clock import now
 from labweb.common.wake import wake_dispatcher
 from labweb.crutd import selectors as crutd_selectors
+from labweb.crutd import services as crutd_services
 from labweb.crutd.selectors.facts import lab_facts
 from labweb.domain.approvals.roles import Permission
 from labweb.domain.crutd import operations
 from labweb.domain.crutd.decide import ResourceState
 from labweb.domain.errors import Finding, PreconditionError, RevisionError
+from labweb.domain.resources.contents import LotId
 from labweb.domain.runs.job import JobState, Mover, RunState
 from labweb.domain.workflows import plan as plans
 from labweb.domain.workflows.compile import LabView, compile_workflow
@@ -46,16 +48,20 @@ _REQUEST_LIFE = timedelta(hours=24)
 
 def lab_view(lab: Lab) -> LabView:
     """Return the frozen picture of a lab that compiling works on."""
-    devices = list(enrollment_selectors.enrolled_devices(lab))
+    rows = list(resource_selectors.resources_of(lab))
+    devices = list(enrollment_selectors.enrolled_devices(lab).defer("driver__spec"))
+    specs = enrollment_selectors.specs_of(devices)
+    lots = list(resource_selectors.lots_of(lab))
+    materials = list(resource_selectors.materials_of(lab))
     return LabView(
-        tree=resource_selectors.tree_of(lab),
+        tree=resource_selectors.tree_of(rows),
         graph=resource_selectors.graph_of(lab),
-        devices=tuple(enrollment_selectors.to_domain(row) for row in devices),
-        snapshot=_as_devices_say(crutd_selectors.lab_snapshot(lab), devices),
-        densities_mg_ul=resource_selectors.densities(lab),
-        facts=lab_facts(lab),
-        lots=resource_selectors.lot_keys(lab),
-        materials=resource_selectors.material_keys(lab),
+        devices=tuple(enrollment_selectors.to_domain(row, specs[row.id]) for row in devices),
+        snapshot=_as_devices_say(crutd_selectors.lab_snapshot(rows), devices),
+        densities_mg_ul={LotId(str(lot.id)): lot.material.density_mg_ul for lot in lots},
+        facts=lab_facts(lab, lots, materials),
+        lots={lot.key: LotId(str(lot.id)) for lot in lots},
+        materials={row.key: row.id for row in materials},
     )
 
 
@@ -66,12 +72,10 @@ def _as_devices_say(
 
     A pump that was switched off has lost its zero, whatever was recorded before.
     """
-    latest = telemetry_selectors.latest(row.id for row in devices)
-    told = {row.id: latest.get(row.id, {}).get("is_initialized") for row in devices}
+    told = telemetry_selectors.latest_of("is_initialized", [row.id for row in devices])
     found = dict(snapshot)
     for row in devices:
-        sample = told[row.id]
-        if sample is None or sample[1] is not False:
+        if told.get(row.id) is not False:
             continue
         for node in (UUID(text) for text in row.nodes.values()):
             state = found[node]
@@ -79,11 +83,6 @@ def _as_devices_say(
                 data = {**state.data, "is_initialized": False}
                 found[node] = replace(state, data=data)
     return found
-
-
-def names_for(lab: Lab) -> dict[str, str]:
-    """Return name by id of every resource and device, for sentences."""
-    return lab_view(lab).names
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,17 +94,37 @@ class Preview:
     """Names of the policies that want a person to look first."""
 
 
-def preview(lab: Lab, document: dict[str, Any]) -> Preview:
+def preview(
+    lab: Lab,
+    document: dict[str, Any],
+    *,
+    view: LabView | None = None,
+    reach: resource_selectors.Reach | None = None,
+) -> Preview:
     """Compile a workflow document against the lab as it is.
 
+    Args:
+        lab: The lab.
+        document: The workflow.
+        view: The lab as it was read already; None reads it.
+        reach: Where the asker has the permission that they need on all that the document
+            names and its plan uses; None: nobody asks.
+
     Raises:
+        ForbiddenError: They lack it on one of these. Told before anything is compiled where
+            the document names it: findings tell what is in the vessels they speak of.
         ProtocolError: The document is malformed; findings list each place.
         PlanningError: This lab cannot do it; findings list each reason.
 
     Effect:
         None.
     """
-    plan = compile_workflow(parse_workflow(document), lab_view(lab))
+    view = view or lab_view(lab)
+    if reach is not None:
+        reach.require(_named(view, document))
+    plan = compile_workflow(parse_workflow(document), view)
+    if reach is not None:
+        reach.require(touched(plan))
     names = tuple(policy.name for policy in approval_services.asking_policies(lab, plan))
     return Preview(plan, names)
 
@@ -119,18 +138,12 @@ def touched(plan: Plan) -> set[UUID]:
     return ids
 
 
-def check_named(lab: Lab, document: dict[str, Any], actor: User, permission: Permission) -> None:
-    """Refuse a document that names a resource on which the actor lacks the permission.
-
-    Done before compiling, whose findings tell what is in the vessels they speak of.
-
-    Raises:
-        ForbiddenError: It names one.
-    """
+def _named(view: LabView, document: dict[str, Any]) -> set[UUID]:
+    """Return the resources that a document names, by id or key."""
     texts = set(_texts(document))
-    rows = resource_selectors.resources_of(lab).values_list("id", "key")
-    named = {node for node, key in rows if str(node) in texts or f"@{key}" in texts}
-    resource_selectors.require(actor, permission, named)
+    return {
+        node.id for node in view.tree.resources if str(node.id) in texts or f"@{node.key}" in texts
+    }
 
 
 def _texts(value: object) -> Iterator[str]:
@@ -142,17 +155,35 @@ def _texts(value: object) -> Iterator[str]:
             yield from _texts(child)
 
 
+@dataclass(frozen=True, slots=True)
+class Wish:
+    """A node beside a host asked for the run, in the actor's name."""
+
+    ask_id: UUID
+    host_id: UUID
+    rule: str
+    """What a person has to look at it for."""
+
+
 @atomic
-def start_run(version: WorkflowVersion, *, actor: User, seen_digest: str | None = None) -> Run:
+def start_run(
+    version: WorkflowVersion,
+    *,
+    actor: User,
+    seen_digest: str | None = None,
+    wish: Wish | None = None,
+) -> Run:
     """Compile a version against the lab as it is and queue it, or ask for approval.
 
-    `seen_digest` is of the plan that the actor saw; None agrees to the present one.
+    `seen_digest` is of the plan that the actor saw; None agrees to the present one. A wish
+    always asks for approval.
 
     Raises:
         RevisionError: The plan is not the one the actor saw; nothing was written.
         ProtocolError, PlanningError: As `preview`; nothing was written.
         ForbiddenError: The actor may not run things on some resource of the plan.
         PreconditionError: The lab is stopped.
+        LockedError: Somebody else has reserved a resource of the plan.
 
     Effect:
         Nothing moves before the dispatcher sends the first job.
@@ -161,12 +192,13 @@ def start_run(version: WorkflowVersion, *, actor: User, seen_digest: str | None 
     if lab.is_stopped:
         finding = Finding("run.lab_stopped", "the lab is stopped: a person has to reset it first")
         raise PreconditionError(finding.message, code=finding.code, findings=[finding])
-    check_named(lab, version.document, actor, Permission.RUN)
-    found = preview(lab, version.document)
-    resource_selectors.require(actor, Permission.RUN, touched(found.plan))
+    reach = resource_selectors.reach_of(actor, Permission.RUN)
+    found = preview(lab, version.document, reach=reach)
+    crutd_services.refuse_reserved_by_others(touched(found.plan), actor_id=actor.pk)
     plan_digest = plans.digest(found.plan)
     _check_seen(plan_digest, seen_digest)
-    needs_person = bool(found.policies)
+    policies = found.policies if wish is None else (*found.policies, wish.rule)
+    needs_person = bool(policies)
     state = RunState.AWAITING_APPROVAL if needs_person else RunState.QUEUED
     number = (Run.objects.filter(lab=lab).aggregate(Max("number"))["number__max"] or 0) + 1
     run = Run.objects.create(
@@ -178,11 +210,13 @@ def start_run(version: WorkflowVersion, *, actor: User, seen_digest: str | None 
         state=state.value,
         created_by=actor,
         created_at=now(),
+        ask_id=None if wish is None else wish.ask_id,
+        ask_host_id=None if wish is None else wish.host_id,
     )
     job_state = JobState.AWAITING_APPROVAL if needs_person else JobState.QUEUED
     write_jobs(run, found.plan, job_state)
     if needs_person:
-        _ask(run, found.policies, actor)
+        _ask(run, policies, actor)
     else:
         wake_dispatcher()
     account_services.write_audit(
@@ -252,7 +286,9 @@ def decide_request(
     Effect:
         Approved: the run is queued. Rejected: it ends without having begun.
     """
-    run = selectors.run_for_update(approval_selectors.find_request(request_id).run_id)
+    run = selectors.run_for_update(
+        approval_selectors.run_of(approval_selectors.find_request(request_id))
+    )
     request = approval_services.decide(
         request_id, actor=actor, is_approved=is_approved, comment=comment
     )

@@ -12,7 +12,7 @@ from labweb.common import feed
 from labweb.common.clock import now
 from labweb.common.wake import wake_dispatcher
 from labweb.domain.runs.job import FINAL, JobState, Mover, RunState, check_step
-from labweb.domain.runs.scheduler import run_state
+from labweb.domain.runs.scheduler import run_state, state_after_dispatch
 from labweb.runs import selectors
 from labweb.runs.models import Job, Run
 
@@ -44,6 +44,17 @@ def announce(run_id: UUID, job_id: UUID | None = None) -> None:
     data = {"run_id": str(run_id), "job_id": None if job_id is None else str(job_id)}
     feed.publish(f"run:{run_id}", data)
     feed.publish("runs", data)
+
+
+def note_sent(run: Run) -> None:
+    """Bring a run that is locked in line with a job of it that was sent."""
+    state = state_after_dispatch(RunState(run.state))
+    if state is None:
+        refresh_run(run.pk)
+    elif run.started_at is None or run.state != state.value:
+        run.started_at = run.started_at or now()
+        run.state = state.value
+        run.save(update_fields=["started_at", "state"])
 
 
 def refresh_run(run_id: UUID) -> Run:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from labweb.telemetry.services.drawing import drawn
-from labweb.telemetry.services.files import Upload, check_links, keep_file
+from labweb.telemetry.services.files import Upload, check_links, keep_file, keep_picture
 from labweb.telemetry.services.incoming import READ_TASK, bring, read_incoming, ring_incoming
 from labweb.telemetry.services.samples import KEEP_S, SILENT_S, take_in, trim
 
@@ -16,6 +16,7 @@ __all__ = [
     "check_links",
     "drawn",
     "keep_file",
+    "keep_picture",
     "read_incoming",
     "ring_incoming",
     "take_in",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import hashlib
+import io
 import os
 import re
 import tempfile
@@ -46,6 +47,7 @@ MEDIA_TYPES = {
 """By format; a file that is only kept has the type that its sender tells."""
 
 PARQUET = "application/vnd.apache.parquet"
+JPEG = "image/jpeg"
 KEPT_ONLY = "none"
 _BLOCK = 2**20
 _STORE_LOCK = 0x6C62_66
@@ -111,6 +113,25 @@ def keep_file(upload: Upload, *, lab: Lab, actor: User) -> File:
         return read_and_keep(upload, name, raw, sha256, lab=lab, actor=actor)
 
 
+def keep_picture(data: bytes, sha256: str, *, device: Device, job_id: UUID) -> None:
+    """Keep a JPEG picture that a camera took for a job; one that is kept stays as it is.
+
+    Effect:
+        None on matter. Writes bytes under the data directory, a row, and one line of audit.
+    """
+    name = f"{device.key[:200]}.{sha256[:12]}.jpg"
+    stream = io.BytesIO(data)
+    upload = Upload(stream, name, JPEG, KEPT_ONLY, device=device, job_id=job_id)
+    with room() as folder:
+        raw = folder / "raw"
+        received(stream, raw)
+        try:
+            read_and_keep(upload, name, raw, sha256, lab=device.lab, actor=None)
+        except StateError as error:
+            if error.code != "file.exists":
+                raise
+
+
 def check_upload(upload: Upload, lab: Lab, actor: User) -> str:
     """Check what can be known before a byte is read, and return the name to keep it under.
 
@@ -136,7 +157,7 @@ def room() -> Iterator[Path]:
 
 
 def read_and_keep(
-    upload: Upload, name: str, raw: Path, sha256: str, *, lab: Lab, actor: User
+    upload: Upload, name: str, raw: Path, sha256: str, *, lab: Lab, actor: User | None
 ) -> File:
     """Keep bytes that lie in a `room`, with their series and readings, or nothing of them.
 
@@ -217,7 +238,9 @@ def _lock_store() -> None:
         cursor.execute("SELECT pg_advisory_xact_lock(%s)", [_STORE_LOCK])
 
 
-def _recorded(upload: Upload, name: str, sha256: str, made: Made, *, lab: Lab, actor: User) -> File:
+def _recorded(
+    upload: Upload, name: str, sha256: str, made: Made, *, lab: Lab, actor: User | None
+) -> File:
     links: dict[str, Any] = {
         "lab": lab,
         **subject_of(upload),
@@ -265,7 +288,7 @@ def check_new(upload: Upload, sha256: str, lab: Lab) -> None:
         )
 
 
-def _series(row: File, digest: str, place: int, links: dict[str, Any], actor: User) -> File:
+def _series(row: File, digest: str, place: int, links: dict[str, Any], actor: User | None) -> File:
     return File.objects.create(
         **links,
         sha256=digest,

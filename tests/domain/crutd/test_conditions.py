@@ -14,6 +14,9 @@ from labweb.domain.crutd.conditions import (
     Verdict,
     Verification,
     evaluate,
+    sees_tag,
+    sees_vessel,
+    spread,
     statuses_of,
     verification_of,
 )
@@ -41,7 +44,7 @@ def test_a_camera_that_is_sure_confirms_and_keeps_its_image() -> None:
     assert result.verdict is Verdict.PASS
     assert result.evidence == {
         "status": "tag", "value": "VIAL-7", "wanted": "VIAL-7", "image_sha256": IMAGE,
-        "confidence": 0.97, "min_confidence": 0.9,
+        "camera_id": str(CAMERA), "confidence": 0.97, "min_confidence": 0.9,
     }  # fmt: skip
     assert verification_of([(vial_seen(), result)], reported=True) is Verification.SENSED
 
@@ -76,6 +79,44 @@ def test_a_camera_that_is_not_sure_or_kept_no_image_saw_nothing(values: dict[str
 def test_every_status_that_a_verdict_needs_is_read() -> None:
     assert statuses_of(vial_seen()) == ("tag", "confidence", "image_sha256")
     assert statuses_of(vial_seen(stable_status="steady"))[1] == "steady"
+
+
+SIGHTING = {
+    "is_present": True, "presence_confidence_ratio": 0.95, "tag": "VIAL-7",
+    "tag_confidence_ratio": 0.95, "image_sha256": IMAGE,
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("fields", "verdict"),
+    [
+        ({}, Verdict.PASS),
+        ({"tag": "VIAL-8"}, Verdict.FAIL),
+        ({"tag": ""}, Verdict.FAIL),
+        ({"tag": None}, Verdict.UNOBSERVABLE),
+        ({"tag_confidence_ratio": 0.89}, Verdict.UNOBSERVABLE),
+        ({"tag": "VIAL-8", "tag_confidence_ratio": 0.89}, Verdict.UNOBSERVABLE),
+        ({"image_sha256": None}, Verdict.UNOBSERVABLE),
+    ],
+)
+def test_one_sighting_tells_tag_confidence_and_image_together(
+    fields: dict[str, Any], verdict: Verdict
+) -> None:
+    now = spread(CAMERA, "sighting", SIGHTING | fields)
+    assert evaluate(sees_tag(CAMERA, "VIAL-7", min_confidence=0.9), now, {}).verdict is verdict
+
+
+def test_an_empty_place_has_to_be_seen() -> None:
+    empty = sees_vessel(CAMERA, is_present=False, min_confidence=0.9)
+    for is_present, sure, verdict in [
+        (False, 0.95, Verdict.PASS),
+        (True, 0.95, Verdict.FAIL),
+        (None, 0.0, Verdict.UNOBSERVABLE),
+        (False, 0.5, Verdict.UNOBSERVABLE),
+    ]:
+        fields = {"is_present": is_present, "presence_confidence_ratio": sure}
+        assert evaluate(empty, spread(CAMERA, "sighting", SIGHTING | fields), {}).verdict is verdict
+    assert evaluate(empty, {}, {}).verdict is Verdict.UNOBSERVABLE
 
 
 def limits(**fields: Any) -> Condition:  # noqa: ANN401

@@ -71,7 +71,7 @@ def test_anything_but_an_object_is_refused(value: object) -> None:
 
 
 def test_an_unknown_kind_is_refused_and_the_known_ones_are_named() -> None:
-    finding = the_finding(flow(step("s", "evaporate")))
+    finding = the_finding(flow(step("s", "distill")))
     assert (finding.code, finding.subject) == ("protocol.unknown_kind", "s")
     assert "transfer" in finding.message
 

@@ -23,7 +23,10 @@ def test_every_form_in_the_documentation_is_accepted(url: str) -> None:
     [
         "",
         "ttyUSB0",
-        "http://127.0.0.1:80",
+        "https://127.0.0.1:443",
+        "http://127.0.0.1",
+        "http://127.0.0.1:80/snapshot.jpg",
+        "http://user:guest@127.0.0.1:80",
         "tcp://127.0.0.1",
         "tcp://127.0.0.1:0",
         "tcp://127.0.0.1:70000",

@@ -95,8 +95,6 @@ class LabMachine(RuleBasedStateMachine):
         for vessel, amount in held:
             self.volume[vessel] += amount
 
-    # --- acts ---
-
     def attempt(self, act: Callable[[], Any]) -> Any:  # noqa: ANN401
         """Try; a refusal is an error of ours, with a code, and leaves everything as it was."""
         before = self.fingerprint()
@@ -116,6 +114,11 @@ class LabMachine(RuleBasedStateMachine):
         counts = tuple(model._default_manager.count() for model in (Event, Transaction, Ticket))
         return held, places, counts
 
+    def transfer(self, out_of: str, into: str, amount: int) -> operations.TransferLiquid:
+        return operations.TransferLiquid(
+            source_id=self.ids[out_of], target_id=self.ids[into], amount_nl=amount
+        )
+
     def by_hand(self, operation: operations.Operation) -> bool:
         act = lambda: services.carry_out(operation, lab=self.lab, actor_id=None)  # type: ignore[arg-type]  # noqa: E731
         return self.attempt(act) is not None
@@ -123,9 +126,7 @@ class LabMachine(RuleBasedStateMachine):
     @rule(out_of=st.sampled_from(VESSELS), into=st.sampled_from(VESSELS), amount=AMOUNTS)
     def dispatch(self, out_of: str, into: str, amount: int) -> None:
         """Lock a transfer for a host."""
-        operation = operations.TransferLiquid(
-            source_id=self.ids[out_of], target_id=self.ids[into], amount_nl=amount
-        )
+        operation = self.transfer(out_of, into, amount)
         touched = operations.touched_ids(operation)
         states = selectors.snapshot(Resource.objects.filter(pk__in=touched))
         act = lambda: services.lock_operation(  # noqa: E731
@@ -240,18 +241,16 @@ class LabMachine(RuleBasedStateMachine):
     @rule(out_of=st.sampled_from(VESSELS), into=st.sampled_from(VESSELS), amount=AMOUNTS)
     def pour(self, out_of: str, into: str, amount: int) -> None:
         """Pour by hand."""
-        ends = {"source_id": self.ids[out_of], "target_id": self.ids[into]}
-        if self.by_hand(operations.TransferLiquid(amount_nl=amount, **ends)):
+        if self.by_hand(self.transfer(out_of, into, amount)):
             self.volume[self.ids[out_of]] -= amount
             self.volume[self.ids[into]] += amount
 
     @rule(out_of=st.sampled_from(VESSELS), into=st.sampled_from(VESSELS), amount=AMOUNTS)
     def crash(self, out_of: str, into: str, amount: int) -> None:
-        """Die between the last write and the commit: nothing happened."""
+        """Die between the last write and the commit."""
         before = self.fingerprint()
-        ends = {"source_id": self.ids[out_of], "target_id": self.ids[into]}
         with atomic():
-            self.by_hand(operations.TransferLiquid(amount_nl=amount, **ends))
+            self.by_hand(self.transfer(out_of, into, amount))
             set_rollback(True)
         assert self.fingerprint() == before
 
@@ -306,8 +305,6 @@ class LabMachine(RuleBasedStateMachine):
             self.by_hand(operations.Restore(resource_id=row.id, **ends))
         else:
             self.by_hand(operations.Delete(resource_id=row.id, archive_id=archive))
-
-    # --- what holds ---
 
     @invariant()
     def holds(self) -> None:

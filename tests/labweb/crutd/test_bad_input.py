@@ -4,20 +4,23 @@ from __future__ import annotations
 
 import json
 import threading
+import time
 from typing import Any
-from uuid import UUID
+from uuid import UUID, uuid4
 
 import pytest
-from django.db import connections
+from django.db import connection, connections
+from django.db.transaction import atomic
 
 from labweb.crutd import services
+from labweb.crutd.models import EventHead
 from labweb.domain.crutd import operations
 from labweb.domain.errors import LabError
 from labweb.domain.graph.lab_file.read import read_lab
 from labweb.resources.models import Lab, Resource
 from tests.builders import STARTER, Bench, a_lab
 from tests.labweb.crutd.hand import delivery, done, material, node, post, pour, refused, rows
-from tests.labweb.web import call, signed_in
+from tests.labweb.web import call, read, signed_in
 
 
 @pytest.mark.parametrize(
@@ -156,3 +159,68 @@ def test_a_body_nested_a_hundred_thousand_deep_is_refused(bench: Bench) -> None:
     assert answer.status_code in (400, 413, 422), answer.content[:300]
     assert rows() == before
     assert call(signed_in(bench.people["chemist"]), "GET", "/api/v1/resources").status_code == 200
+
+
+@pytest.mark.parametrize("said", ["much", True, None, [1], {"ul": 1}])
+def test_a_config_that_states_no_number_states_no_capacity(
+    bench: Bench,
+    said: Any,  # noqa: ANN401
+) -> None:
+    """A thing of no known kind may say anything; the lab is shown all the same."""
+    config = dict.fromkeys(("capacity_ul", "capacity_mg", "dead_volume_ul"), said)
+    create = {"op": "create", "resource_id": str(uuid4()), "parent_id": node(bench, "bench_1")}
+    done(bench, create | {"key": "odd", "name": "Odd", "kind": "foreign", "config": config})
+    told = read(signed_in(bench.people["chemist"]), "/api/v1/resources")["resources"]
+    assert [row["capacity_nl"] for row in told if row["key"] == "odd"] == [None]
+    refused(bench, pour(bench, "water", "odd", 1000), "crutd.unknown_capacity")
+
+
+@pytest.mark.django_db(transaction=True)
+def test_a_lot_that_two_people_receive_at_the_same_time_comes_once() -> None:
+    """Of one number, into two vessels: both ask before either has written."""
+    lab = a_lab()
+    material(lab)
+    told = [delivery(lab, to=key, number="N-1") for key in ("flask_1", "flask_2")]
+    ends: list[str] = []
+
+    def receive(plain: dict[str, Any]) -> None:
+        try:
+            operation = operations.from_json(plain)
+            services.carry_out(operation, lab=lab.lab, actor_id=lab.people["chemist"].pk)
+            ends.append("received")
+        except LabError as error:
+            ends.append(error.code)
+        finally:
+            connections.close_all()
+
+    threads = [threading.Thread(target=receive, args=(one,)) for one in told]
+    with atomic():
+        EventHead.objects.select_for_update().get(lab=lab.lab)
+        for thread in threads:
+            thread.start()
+        _wait_until_both_wait()
+    for thread in threads:
+        thread.join()
+    assert sorted(ends) == ["crutd.lot_received_twice", "received"]
+
+
+def _wait_until_both_wait() -> None:
+    sql = (
+        "SELECT count(*) FROM pg_stat_activity "
+        "WHERE datname = current_database() AND wait_event_type = 'Lock'"
+    )
+    until = time.monotonic() + 30
+    with connection.cursor() as cursor:
+        while time.monotonic() < until:
+            cursor.execute("SELECT pg_stat_clear_snapshot()")
+            cursor.execute(sql)
+            if cursor.fetchone()[0] >= 2:
+                return
+            time.sleep(0.05)
+    raise AssertionError("the two do not wait")
+
+
+@pytest.mark.parametrize("at", ["0001-01-01T00:00:00%2B23:59", "1900-01-01T00:00:00%2B23:00"])
+def test_a_time_that_the_database_cannot_read_is_refused(bench: Bench, at: str) -> None:
+    told = read(signed_in(bench.people["chemist"]), f"/api/v1/resources?at={at}", 422)
+    assert told["code"] in ("http.query", "time.before_lab")

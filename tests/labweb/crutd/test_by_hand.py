@@ -197,7 +197,7 @@ def test_a_vessel_that_is_held_elsewhere_is_not_used(bench: Bench) -> None:
 
 def test_after_a_refused_transfer_a_vial_is_never_in_neither_place(bench: Bench) -> None:
     """A carry that is refused, and one that fails half way, leave the vial where it stood."""
-    flask, home = bench.node("flask_1"), bench.node("flask_1").parent_id
+    flask, home = bench.unplug("flask_1"), bench.node("flask_1").parent_id
     to_nowhere = {
         "op": "transfer_resource",
         "resource_id": str(flask.id),
@@ -212,5 +212,5 @@ def test_after_a_refused_transfer_a_vial_is_never_in_neither_place(bench: Bench)
     gone = to_nowhere | {"to_id": str(uuid4())}
     assert post(bench, gone)[0] == 404
     assert bench.node("flask_1").parent_id == home
-    done(bench, to_nowhere | {"to_id": node(bench, "archive")})
-    assert bench.node("flask_1").parent_id == bench.node("archive").id
+    done(bench, to_nowhere | {"to_id": node(bench, "bench_1")})
+    assert bench.node("flask_1").parent_id == bench.node("bench_1").id

@@ -138,11 +138,33 @@ def test_what_is_in_service_is_not_restored(bench: Bench) -> None:
     refused(bench, operation, "crutd.not_archived")
 
 
+@pytest.mark.parametrize("op", ["transfer_resource", "restore", "create"])
+def test_nothing_in_service_comes_to_stand_in_the_archive(bench: Bench, op: str) -> None:
+    """What stands there is out of service; so only a delete takes it there."""
+    flask = bench.unplug("flask_1")
+    there, old = node(bench, "archive"), str(flask.parent_id)
+    operation = {"op": op, "resource_id": str(flask.id), "from_id": old, "to_id": there}
+    if op == "restore":
+        done(bench, archive(bench, "flask_1"))
+        operation["from_id"] = there
+    if op == "create":
+        operation = {"op": op, "resource_id": str(uuid4()), "parent_id": there}
+        operation |= {"key": "new", "name": "New", "kind": "vial"}
+    refused(bench, operation, "crutd.into_archive")
+
+
+def test_a_carry_to_where_a_thing_stands_is_not_written_down(bench: Bench) -> None:
+    flask = bench.unplug("flask_1")
+    ends = dict.fromkeys(("from_id", "to_id"), str(flask.parent_id))
+    operation = {"op": "transfer_resource", "resource_id": str(flask.id), **ends}
+    refused(bench, operation, "crutd.there_already")
+
+
 def test_what_stands_in_something_archived_is_archived_with_it(bench: Bench) -> None:
     rack = UUID(int=5, version=4)
     create = {"op": "create", "resource_id": str(rack), "parent_id": node(bench, "bench_1")}
     done(bench, create | {"key": "rack", "name": "Rack", "kind": "carrier"})
-    flask = bench.node("flask_1")
+    flask = bench.unplug("flask_1")
     ends = {"from_id": str(flask.parent_id), "to_id": str(rack)}
     done(bench, {"op": "transfer_resource", "resource_id": str(flask.id), **ends})
     done(bench, archive(bench, "rack"))

@@ -8,6 +8,7 @@ import random
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
+from datetime import timedelta
 from multiprocessing.sharedctypes import SynchronizedArray
 from queue import Empty
 from uuid import UUID
@@ -16,18 +17,23 @@ import pytest
 from django.db import OperationalError, connections
 
 from labweb.crutd import services
-from labweb.crutd.models import ResourceLock
+from labweb.crutd.models import ResourceLock, ResourceReservation
 from labweb.crutd.services import Settlement
 from labweb.domain.crutd.decide import Outcome, OutcomeKind
 from labweb.domain.crutd.operations import Read
 from labweb.domain.errors import LockedError
 from labweb.resources.models import Resource
 from labweb.resources.selectors import Lab
-from tests.builders import a_lab
+from tests.builders import a_lab, a_user
 
 IS_SOAK = "LABWEB_SOAK" in os.environ
 PROCESSES, REQUESTS = (16, 10_000) if IS_SOAK else (4, 60)
 STARVED_S = 5.0
+RESERVE_AFTER_S = 1.0
+SHORTEST_PAUSE_S = 0.005
+LONGEST_PAUSE_S = {False: 0.16, True: 0.04}
+"""Without a reservation and with one."""
+
 
 pytestmark = [
     pytest.mark.django_db(transaction=True),
@@ -107,13 +113,15 @@ def make(lab: Lab, parent: Resource, key: str, kind: str) -> Resource:
     )
 
 
-def fight(field: Field, lab: Lab, seed: int, scores: multiprocessing.Queue[Score]) -> None:
+def fight(
+    field: Field, lab: Lab, seed: int, holder_id: UUID, scores: multiprocessing.Queue[Score]
+) -> None:
     """Lock, use and release some of them, again and again."""
     choice, score = random.Random(seed), Score()
     for _ in range(REQUESTS):
         places = choice.sample(range(len(field.ids)), choice.randint(1, 3))
         begun_s = time.monotonic()
-        transaction_id = acquire(field, lab, places, choice, score)
+        transaction_id = acquire(field, lab, places, choice, score, holder_id)
         score.longest_s = max(score.longest_s, time.monotonic() - begun_s)
         score.double += not field.enter(places)
         time.sleep(choice.random() * 0.002)
@@ -133,30 +141,56 @@ def part_from_the_server() -> None:
 
 
 def acquire(
-    field: Field, lab: Lab, places: Sequence[int], choice: random.Random, score: Score
+    field: Field,
+    lab: Lab,
+    places: Sequence[int],
+    choice: random.Random,
+    score: Score,
+    holder_id: UUID,
 ) -> UUID:
-    """Ask until the locks are there, with a pause of random length in between."""
-    first, *others = (field.ids[place] for place in places)
+    """Ask until the locks are there, with pauses that grow; who has waited long reserves them.
+
+    A request that is refused costs the processor half of one that is granted, so that those who
+    ask without a pause take it from those who hold what they wait for. And one who wants a whole
+    bench would be overtaken for ever by those who want a well of it.
+    """
+    ids = [field.ids[place] for place in places]
+    begun_s, pause_s = time.monotonic(), SHORTEST_PAUSE_S
+    reserved: list[ResourceReservation] = []
     while True:
         try:
-            return services.lock_operation(
-                Read(device_id=first), lab=lab, targets=others, actor_id=None
-            ).id
+            if not reserved and time.monotonic() - begun_s > RESERVE_AFTER_S:
+                reserved = services.reserve(
+                    ids, holder_id=holder_id, lasts=timedelta(minutes=1), reason="has waited long"
+                )
+                pause_s = SHORTEST_PAUSE_S
+            if services.is_free(ids, actor_id=holder_id):
+                row = services.lock_operation(
+                    Read(device_id=ids[0]), lab=lab, targets=ids[1:], actor_id=holder_id
+                )
+                for one in reserved:
+                    services.end_reservation(one.pk, actor_id=holder_id)
+                return row.id
         except LockedError:
-            time.sleep(0.001 + choice.random() * 0.004)
+            pass
         except OperationalError as error:
             score.deadlocks += "deadlock" in str(error)
             raise
+        time.sleep(choice.uniform(pause_s / 2, pause_s))
+        pause_s = min(2 * pause_s, LONGEST_PAUSE_S[bool(reserved)])
 
 
 def test_no_resource_has_two_users_no_ring_of_waiters_and_nobody_starves() -> None:
     lab = a_lab().lab
     field = a_field(lab)
+    bench = Resource.objects.get(pk=field.ids[0])
+    holders = [a_user("chemist", on=bench, name=f"fighter_{n}").pk for n in range(PROCESSES)]
     part_from_the_server()
     context = multiprocessing.get_context("fork")
     scores: multiprocessing.Queue[Score] = context.Queue()
     fighters = [
-        context.Process(target=fight, args=(field, lab, seed, scores)) for seed in range(PROCESSES)
+        context.Process(target=fight, args=(field, lab, seed, holder, scores))
+        for seed, holder in enumerate(holders)
     ]
     for fighter in fighters:
         fighter.start()

@@ -27,7 +27,7 @@ from tests.labweb.web import read, signed_in
 
 
 def move(bench: Bench, key: str, place: str) -> None:
-    row = bench.node(key)
+    row = bench.unplug(key)
     assert row.parent_id is not None
     operation = operations.TransferResource(
         resource_id=row.id, from_id=row.parent_id, to_id=bench.node(place).id
@@ -46,7 +46,7 @@ def test_a_lab_that_was_only_imported_is_rebuilt(bench: Bench) -> None:
 
 def test_a_lab_that_ran_and_was_worked_on_by_hand_is_rebuilt(bench: Bench) -> None:
     an_edge(bench).work_off(a_started_run(bench))
-    move(bench, "flask_2", "archive")
+    move(bench, "flask_2", "balance_1")
     bench_1 = bench.node("bench_1")
     do(bench, operations.Update(resource_id=bench_1.id, data={"note": "clean"}))
     do(
@@ -149,7 +149,7 @@ def test_every_moment_can_be_shown_again(bench: Bench) -> None:
 
     edge = an_edge(bench)
     moments = [(now(), state())]
-    move(bench, "flask_2", "archive")
+    move(bench, "flask_2", "balance_1")
     moments.append((now(), state()))
     attempt = to_transfer(a_started_run(bench), edge)
     moments.append((now(), state()))
@@ -173,7 +173,7 @@ def test_every_moment_can_be_shown_again(bench: Bench) -> None:
 def test_the_api_shows_the_lab_as_it_was(bench: Bench) -> None:
     client = signed_in(bench.people["observer"])
     before, at = read(client, "/api/v1/resources"), now()
-    move(bench, "flask_2", "archive")
+    move(bench, "flask_2", "balance_1")
     an_edge(bench).work_off(a_started_run(bench))
     after = read(client, "/api/v1/resources")
     was = read(client, f"/api/v1/resources?at={quote(at.isoformat())}")

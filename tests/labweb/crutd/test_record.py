@@ -34,7 +34,7 @@ WRITES = {
 
 
 def move_to(bench: Bench, key: str, place: str) -> operations.TransferResource:
-    row = bench.node(key)
+    row = bench.unplug(key)
     assert row.parent_id is not None
     return operations.TransferResource(
         resource_id=row.id, from_id=row.parent_id, to_id=bench.node(place).id
@@ -100,7 +100,7 @@ def test_an_import_receives_its_contents_and_balances(bench: Bench) -> None:
 
 
 def test_a_persons_move_changes_one_row_and_leaves_an_event(bench: Bench) -> None:
-    operation = move_to(bench, "flask_2", "archive")
+    operation = move_to(bench, "flask_2", "balance_1")
     flask = bench.node("flask_2")
     services.carry_out(operation, lab=bench.lab, actor_id=bench.people["chemist"].pk)
     moved = bench.node("flask_2")
@@ -112,11 +112,24 @@ def test_a_persons_move_changes_one_row_and_leaves_an_event(bench: Bench) -> Non
 
 
 def test_what_is_locked_cannot_be_moved(bench: Bench) -> None:
-    operation = move_to(bench, "flask_2", "archive")
+    operation = move_to(bench, "flask_2", "balance_1")
     services.lock_operation(operation, lab=bench.lab, targets=[], actor_id=None)
     with pytest.raises(LockedError) as refusal:
         services.carry_out(operation, lab=bench.lab, actor_id=bench.people["chemist"].pk)
     assert refusal.value.code == "crutd.locked"
+
+
+def test_a_lock_above_is_told_by_what_it_concerns(bench: Bench) -> None:
+    """Whoever asks may not know of all that stands above."""
+    whole = operations.Read(device_id=bench.node("bench_1").id)
+    services.lock_operation(whole, lab=bench.lab, targets=[], actor_id=None)
+    with pytest.raises(LockedError) as refusal:
+        services.lock_operation(
+            operations.Read(device_id=bench.node("ph_1").id),
+            lab=bench.lab, targets=[], actor_id=None,
+        )  # fmt: skip
+    name = bench.node("ph_1").name
+    assert refusal.value.message == f"what {name} stands in is in use"
 
 
 def queries_of_a_transfer(bench: Bench) -> tuple[int, int]:
@@ -158,7 +171,7 @@ def test_a_lock_on_a_place_closes_what_stands_in_it(bench: Bench) -> None:
     update = operations.Update(resource_id=bench_1.id, data={"note": "closed"})
     services.lock_operation(update, lab=lab, targets=[], actor_id=None)
     with pytest.raises(LockedError):
-        services.carry_out(move_to(bench, "flask_2", "archive"), lab=lab, actor_id=actor)
+        services.carry_out(move_to(bench, "flask_2", "balance_1"), lab=lab, actor_id=actor)
 
 
 def test_nothing_can_be_carried_into_itself(bench: Bench) -> None:

@@ -16,6 +16,9 @@ from django.db import connection
 from labweb.crutd.models import Balance, Entry, Event, EventHead, Holding, ResourceLock
 from labweb.crutd.selectors.chain import first_broken_event
 from labweb.crutd.selectors.verifying import CHECKS, ledger_violations
+from labweb.crutd.services import Settlement, lock_operation, settle
+from labweb.domain.crutd.decide import Outcome, OutcomeKind
+from labweb.domain.crutd.operations import Update
 from tests.builders import Bench, a_started_run, an_edge, to_transfer
 
 
@@ -263,3 +266,33 @@ def test_the_head_moves_with_the_events(worked: Bench) -> None:
     head = EventHead.objects.get()
     assert (head.seq, head.hash) == (last.seq, last.hash)
     assert Balance.objects.count() > 1
+
+
+# --- what a device or a person wrote is not tampering ---
+
+
+@pytest.mark.parametrize("told", [-0.0, 1e16, -2.5e300, 1e-9, 100.0])
+def test_a_number_that_the_database_writes_in_another_way_was_not_edited(
+    worked: Bench, told: float, tmp_path: Path
+) -> None:
+    """A tared balance reads -0.0: the event that says so fits its hash, and can be exported."""
+    row = lock_operation(
+        Update(resource_id=worked.node("balance_1").id, data={"is_tared": True}),
+        lab=worked.lab,
+        targets=(),
+        actor_id=None,
+    )
+    outcome = Outcome(kind=OutcomeKind.DONE, data={"mass_mg": told})
+    settle(row.id, Settlement(outcome=outcome))
+    assert first_broken_event(worked.lab) is None
+    assert run("export_events", str(tmp_path / "events"))[0] == 0
+
+
+def test_what_a_host_told_keeps_its_hash_in_the_database(bench: Bench, tmp_path: Path) -> None:
+    edge = an_edge(bench)
+    attempt = to_transfer(a_started_run(bench), edge)
+    edge.begin(attempt)
+    edge.report("actuated", attempt.id, report={"mass_mg": -0.0, "ticks": 1e16})
+    edge.finish(attempt)
+    edge.work_off(attempt.job.run)
+    assert run("export_events", str(tmp_path / "events"))[0] == 0

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import msgspec
 
 from labweb.crutd.models import ResourceLock
+from labweb.domain.crutd.conditions import Condition, Readings, Result, evaluate
 from labweb.domain.messages import Command, Signed, Welcome
 from labweb.domain.runs import acting, edge, relay, standing, taking
 from labweb.domain.runs.acting import Scene, Started
@@ -19,8 +22,8 @@ from tests.simulation.memory import Disk, MemoryWrite
 class Host:
     """A host with the real rules over a journal in memory."""
 
-    def __init__(self, bench: Bench) -> None:
-        self.edge = Edge(bench)
+    def __init__(self, bench: Bench, edge: Edge | None = None) -> None:
+        self.edge = edge or Edge(bench)
         self.disk = Disk(self.edge.host_id, self.edge.journal_id)
         self.mono_s = 1.0
         self.wall_s = 1_800_000_000.0
@@ -46,26 +49,35 @@ class Host:
         return Moment(boot_id="boot", mono_s=self.mono_s, wall_s=self.wall_s)
 
     def take(self) -> None:
-        """Take every batch and cancel that waits in the outbox."""
-        for row in Outbox.objects.filter(settled_at__isnull=True).order_by("id"):
+        """Take every command for this host that waits in the outbox."""
+        rows = Outbox.objects.filter(host_id=self.edge.host_id, settled_at__isnull=True)
+        for row in rows.order_by("id"):
             signed, command = as_sent(row, self.edge.epoch)
             with self.write() as tx:
                 taking.take_command(
                     tx, signed, command, at=self.now(), line_of=lambda device_id: "line"
                 )
 
-    def step(self, *, report: Report | None = None) -> bool:
-        """Carry out the next action that may start; False: none may."""
+    def step(
+        self,
+        *,
+        report: Report | None = None,
+        before: Readings | None = None,
+        after: Readings | None = None,
+    ) -> bool:
+        """Carry out the next action that may start; False: none may.
+
+        Conditions are judged only on the readings that are given, before and after the act.
+        """
         for row in self.disk.rows(ActionState.ACCEPTED):
             with self.write() as tx:
-                found = acting.start(
-                    tx, row, row.do, at=self.now(), scene=Scene(pid=1, driver_digest="d")
-                )
+                scene = Scene(pid=1, driver_digest="d", judged=judged(row.do.pre, before))
+                found = acting.start(tx, row, row.do, at=self.now(), scene=scene)
             if isinstance(found, Started):
                 amount = row.do.operation.get("amount_nl")
                 done = report or Report(ok=True, moved_nl=amount)
                 with self.write() as tx:
-                    acting.write_end(tx, row, done, [])
+                    acting.write_end(tx, row, done, judged(row.do.post, after))
                 return True
             if found.kind == edge.REJECT:
                 return True
@@ -76,6 +88,16 @@ class Host:
         fresh = self.disk.events[self.told :]
         assert services.ingest_events(self.edge.host_id, self.edge.epoch, fresh) is not None
         self.told = len(self.disk.events)
+
+
+def judged(
+    conditions: list[dict[str, Any]], readings: Readings | None
+) -> list[tuple[Condition, Result]]:
+    """Judge conditions as they came in a command; None: nobody judges them."""
+    if readings is None:
+        return []
+    known = msgspec.convert(conditions, list[Condition])
+    return [(one, evaluate(one, readings, {})) for one in known]
 
 
 def as_sent(row: Outbox, epoch: int) -> tuple[Signed, Command]:

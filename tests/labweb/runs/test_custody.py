@@ -10,13 +10,16 @@ import pytest
 from django.http import HttpResponse
 
 from labweb.crutd.models import Event, ResourceLock, Ticket
-from labweb.domain.errors import DefinitionError, LockedError, StateError
+from labweb.domain.errors import DefinitionError, LockedError, PreconditionError, StateError
+from labweb.domain.graph.attached import LOOSE
+from labweb.domain.graph.topology import Medium
 from labweb.enrollment import services as enrollment_services
 from labweb.enrollment.models import EdgeHost
-from labweb.resources.models import Resource
+from labweb.resources.models import Connection, Resource
 from labweb.runs import services
 from labweb.runs.models import Custody, Outbox
 from tests.builders import Bench, Edge, host_key, public_half
+from tests.labweb.crutd.hand import a_jar, node, post, refused
 from tests.labweb.web import call, signed_in
 
 
@@ -30,7 +33,7 @@ class Second(Edge):
 
 @pytest.fixture
 def flask(bench: Bench) -> Resource:
-    return bench.node("flask_1")
+    return bench.unplug("flask_1")
 
 
 @pytest.fixture
@@ -286,11 +289,84 @@ def test_a_vessel_of_a_host_that_was_declared_lost_is_carried_without_asking_it(
     assert bench.node("flask_1").parent_id == place.id
 
 
-def test_labware_that_carries_others_goes_by_a_plain_transfer(
+def test_what_stands_in_a_vessel_goes_along_as_its_host_knows_it(
     bench: Bench, flask: Resource, place: Resource, hosts: tuple[Edge, Edge]
 ) -> None:
-    Resource.objects.create(
+    bar = Resource.objects.create(
         id=uuid4(), lab=bench.lab, key="bar", name="Stir bar", kind="vial", parent=flask
     )
-    assert carried(bench, flask, place).status_code == 201
+    assert carried(bench, flask, place).status_code == 202
+    made = Custody.objects.get()
+    row = Outbox.objects.get(kind="release")
+    (part,) = row.body["parts"]
+    assert part["id"] == str(bar.id)
+    body = {"transfer_id": str(made.transfer_id), "resource_id": str(flask.id)}
+    newer = {**part, "rev": part["rev"] + 3}
+    hosts[0].report("released", None, **body, view=row.body["view"], parts=[newer])
+    services.confirm_arrival(made.id, actor=bench.people["chemist"])
+    assert Outbox.objects.get(kind="receive").body["parts"] == [newer]
+    receive(made, hosts[1])
+    assert bench.node("bar").parent_id == flask.id
     assert Event.objects.filter(name="transfer").count() == 1
+
+
+# --- what is connected is not carried ---
+
+
+def plug(bench: Bench, key: str, medium: str) -> Connection:
+    return Connection.objects.create(
+        lab=bench.lab,
+        key=f"{key}_{medium}",
+        source=bench.node(key),
+        source_port="a",
+        target=bench.node("bench_1"),
+        target_port="b",
+        medium=medium,
+    )
+
+
+def away(bench: Bench, key: str) -> dict[str, Any]:
+    ends = {"from_id": str(bench.node(key).parent_id), "to_id": node(bench, "lab")}
+    return {"op": "transfer_resource", "resource_id": node(bench, key), **ends}
+
+
+@pytest.mark.parametrize("medium", sorted(set(Medium) - LOOSE))
+def test_a_vessel_that_is_connected_is_not_carried(bench: Bench, medium: str) -> None:
+    a_jar(bench, "jar")
+    plug(bench, "jar", medium)
+    told = refused(bench, away(bench, "jar"), "crutd.connected")
+    (finding,) = told["findings"]
+    assert f"jar_{medium} ({medium})" in finding["message"]
+    (named,) = finding["context"]["connections"]
+    assert (named["port"], named["other_id"]) == ("a", node(bench, "bench_1"))
+    (shown,) = hands(bench, bench.node("jar"))["connections"]
+    assert shown == {"key": f"jar_{medium}", "medium": medium, "to": "Bench 1"}
+
+
+@pytest.mark.parametrize("medium", sorted(LOOSE))
+def test_a_vessel_that_only_stands_there_is_carried(bench: Bench, medium: str) -> None:
+    a_jar(bench, "jar")
+    plug(bench, "jar", medium)
+    assert hands(bench, bench.node("jar"))["connections"] == []
+    assert post(bench, away(bench, "jar"))[0] == 201
+
+
+def test_what_holds_a_part_holds_the_whole_but_a_link_inside_of_it_does_not(bench: Bench) -> None:
+    flask = bench.unplug("flask_1")
+    a_jar(bench, "jar")
+    Resource.objects.filter(key="jar").update(parent=flask)
+    inside = plug(bench, "jar", "liquid")
+    assert refused(bench, away(bench, "flask_1"), "crutd.connected")
+    Connection.objects.filter(pk=inside.pk).update(target=flask)
+    assert post(bench, away(bench, "flask_1"))[0] == 201
+
+
+def test_a_vessel_with_tubes_on_it_is_not_handed_over(
+    bench: Bench, place: Resource, flask: Resource, hosts: tuple[Edge, Edge]
+) -> None:
+    plug(bench, "flask_1", "gas")
+    with pytest.raises(PreconditionError) as refusal:
+        asked(bench, flask, place)
+    assert refusal.value.code == "crutd.connected"
+    assert not Custody.objects.exists()
+    assert not Outbox.objects.exists()

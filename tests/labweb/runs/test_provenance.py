@@ -63,7 +63,7 @@ def pour(bench: Bench, source: str, target: str, amount_nl: int) -> Transaction:
 
 
 def carry(bench: Bench, key: str, place: str) -> Transaction:
-    row = bench.node(key)
+    row = bench.unplug(key)
     assert row.parent_id is not None
     operation = operations.TransferResource(
         resource_id=row.id, from_id=row.parent_id, to_id=bench.node(place).id

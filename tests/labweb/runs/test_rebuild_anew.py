@@ -14,6 +14,7 @@ from labweb.resources.models import Connection, Lot, Material, Resource
 from labweb.runs.models import Job
 from labweb.runs.services import rebuilding
 from tests.builders import Bench, a_started_run, an_edge, dispatched, to_transfer
+from tests.labweb.crutd.hand import a_jar
 from tests.labweb.crutd.test_rebuild import move
 from tests.labweb.crutd.test_verify import tamper
 from tests.labweb.runs.test_provenance import done, pour
@@ -47,7 +48,8 @@ def a_history(bench: Bench) -> None:
     edge = an_edge(bench)
     edge.work_off(a_started_run(bench))
     pour(bench, "reactor_1", "flask_1", 1_000_000)
-    move(bench, "flask_2", "archive")
+    a_jar(bench, "jar")
+    move(bench, "jar", "balance_1")
     edge.lose(to_transfer(a_started_run(bench), edge))
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import hashlib
 from typing import Any
 from uuid import uuid4
 
@@ -11,8 +12,11 @@ import pytest
 from asgiref.sync import sync_to_async
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 
-from labweb.domain.messages import Events, Heartbeat, Hello
-from labweb.runs.models import HostEvent
+from labweb.domain.messages import Ask, Events, Heartbeat, Hello, WithdrawAsk
+from labweb.domain.pictures import Picture
+from labweb.runs import services
+from labweb.runs.models import HostEvent, Run
+from labweb.telemetry.models import File
 from tests.builders import Bench, Edge, a_lab
 from tests.labweb.sockets import Socket, a_socket
 
@@ -141,3 +145,50 @@ async def test_a_connection_without_a_hello_is_closed_within_seconds(bench: Benc
     async with a_socket(PATH, origin=None) as socket:
         await nonce_of(socket)
         assert await socket.closed() == 4403
+
+
+async def test_a_picture_of_no_action_is_refused_and_the_connection_goes_on(bench: Bench) -> None:
+    edge = await made(bench)
+    data = b"\xff\xd8\xff no picture"
+    action_id = uuid4()
+    digest = hashlib.sha256(data).hexdigest()
+    picture = Picture(
+        epoch=1,
+        action_id=action_id,
+        device_id=uuid4(),
+        sha256=digest,
+        offset_bytes=0,
+        size_bytes=len(data),
+        data=data,
+    )
+    async with a_socket(PATH, origin=None) as socket:
+        await answer_to(socket, edge.hello(await nonce_of(socket)))
+        assert (await socket.receive())["t"] == "resume"
+        await send(socket, picture)
+        answer = await socket.receive()
+        assert (answer["t"], answer["code"]) == ("picture_taken", "picture.refused")
+        assert (answer["action_id"], answer["sha256"]) == (str(action_id), digest)
+    assert not await File.objects.aexists()
+
+
+async def test_a_wish_is_told_to_its_end_and_counts_only_in_its_session(bench: Bench) -> None:
+    people, edge = bench.people, await made(bench)
+    await sync_to_async(services.let_ask)(
+        edge.host_id, name=people["chemist"], actor=people["admin"]
+    )
+    device = await sync_to_async(bench.device)("timer_1")
+    ask = Ask(
+        epoch=1, ask_id=uuid4(), device_id=device.id, action="wait", args={"duration_s": 1.0},
+        source="ros2",
+    )  # fmt: skip
+    async with a_socket(PATH, origin=None) as socket:
+        await answer_to(socket, edge.hello(await nonce_of(socket)))
+        assert (await socket.receive())["t"] == "resume"
+        await send(socket, msgspec.structs.replace(ask, epoch=7, ask_id=uuid4()))
+        await send(socket, ask)
+        told = await socket.receive()
+        assert (told["t"], told["state"]) == ("ask_told", "awaiting_approval")
+        await send(socket, WithdrawAsk(epoch=1, ask_id=ask.ask_id))
+        told = await socket.receive()
+        assert (told["state"], told["is_final"]) == ("stopped", True)
+    assert await Run.objects.acount() == 1

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import io
+import base64
 import json
 import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, cast
-from uuid import UUID, uuid4
+from uuid import UUID
 
 import pytest
 from django.core.files.uploadedfile import SimpleUploadedFile
@@ -17,21 +17,17 @@ from django.http import HttpResponse
 from django.test import Client
 from pytest_django import Settings
 
-from labweb.approvals.models import ApprovalRequest
-from labweb.common.clock import now
 from labweb.crutd import services as crutd_services
 from labweb.domain.crutd.decide import Outcome, OutcomeKind
-from labweb.enrollment import services as enrollment_services
 from labweb.enrollment.models import EdgeHost
-from labweb.resources.models import Lot, Resource
 from labweb.runs import services as run_services
-from labweb.runs.models import Attempt, Custody
-from labweb.telemetry.selectors import File, Incoming
-from labweb.telemetry.services import Upload, bring, keep_file
-from labweb.workflows import services as workflow_services
-from tests.builders import HEAT, PASSWORD, Bench, a_started_run, an_edge, to_transfer
+from labweb.runs.models import Attempt
+from tests.builders import PASSWORD, Bench, a_started_run, an_edge
+from tests.labweb.enrollment.driver_texts import TIMER, timer
 from tests.labweb.instrument_files import TRACE
-from tests.labweb.web import call, code_of, routes, signed_in
+from tests.labweb.security.things import one_of_each
+from tests.labweb.web import call, routes, signed_in
+from tests.labweb.web import code_of as error_code_of
 
 EVERY = ("anonymous", "observer", "chemist", "approver", "admin")
 MEMBERS = EVERY[1:]
@@ -48,12 +44,17 @@ A_VIAL = {
     "operation": {
         "op": "create",
         "resource_id": "0198a000-0000-7000-8000-000000000001",
-        "parent_id": "<archive>",
+        "parent_id": "<heater>",
         "key": "vial",
         "name": "Vial",
         "kind": "vial",
     }
 }
+
+A_RECIPE = base64.b64encode(
+    b"<XDL><Synthesis><Hardware/><Reagents/>"
+    b'<Procedure><Wait time="1 s"/></Procedure></Synthesis></XDL>'
+).decode()
 
 API: dict[tuple[str, str], tuple[tuple[str, ...], Any]] = {
     ("GET", "session"): (EVERY, None),
@@ -64,11 +65,28 @@ API: dict[tuple[str, str], tuple[tuple[str, ...], Any]] = {
     ("GET", "devices"): (MEMBERS, None),
     ("GET", "devices/<device>"): (MEMBERS, None),
     ("GET", "devices/<device>/telemetry"): (MEMBERS, None),
+    ("POST", "devices/<device>/driver"): (
+        ADMINS,
+        {"version_id": "<approved>", "reason": "better"},
+    ),
+    ("GET", "drivers"): (MEMBERS, None),
+    ("POST", "drivers"): (ADMINS, {"module": TIMER, "source": timer(9)}),
+    ("POST", "drivers/reading"): (ADMINS, {"module": TIMER, "source": timer(9)}),
+    ("GET", "drivers/<driver>"): (MEMBERS, None),
+    ("GET", "drivers/<driver>/changes/<since>"): (MEMBERS, None),
+    ("POST", "drivers/<driver>/decision"): (DECIDERS, {"is_approved": True}),
+    ("POST", "drivers/<driver>/withdraw"): (ADMINS, {"reason": "old"}),
     ("GET", "hosts"): (MEMBERS, None),
     ("GET", "hosts/<host>"): (MEMBERS, None),
     ("POST", "hosts/<host>/fence"): (ADMINS, {"reason": "it burnt"}),
     ("POST", "hosts/<host>/readmit"): (ADMINS, {"reason": "looked"}),
     ("POST", "hosts/<host>/revoke"): (ADMINS, {"reason": "stolen"}),
+    ("GET", "join-tokens"): (ADMINS, None),
+    ("POST", "join-tokens"): (ADMINS, {"name": "Bench 9"}),
+    ("DELETE", "join-tokens/<token>"): (ADMINS, None),
+    ("GET", "join-requests"): (ADMINS, None),
+    ("POST", "join-requests/<join>/admit"): (ADMINS, {"code": "<code>", "reason": "stood there"}),
+    ("POST", "join-requests/<join>/reject"): (ADMINS, {"reason": "unknown"}),
     ("POST", "resources/<resource>/handover"): (WORKERS, {"place_id": "<place>", "note": "moved"}),
     ("POST", "handovers/<custody>/arrived"): (WORKERS, {}),
     ("GET", "twin"): (MEMBERS, None),
@@ -76,11 +94,22 @@ API: dict[tuple[str, str], tuple[tuple[str, ...], Any]] = {
     ("POST", "deliveries"): ((), {"lots": []}),
     ("GET", "connections"): (MEMBERS, None),
     ("GET", "resources"): (MEMBERS, None),
+    ("GET", "resources/contents"): (MEMBERS, None),
+    ("GET", "lab/export"): (MEMBERS, None),
+    ("GET", "lots/export"): (MEMBERS, None),
     ("GET", "resources/<resource>"): (MEMBERS, None),
     ("GET", "resources/<resource>/lineage"): (MEMBERS, None),
     ("GET", "resources/<resource>/provenance"): (MEMBERS, None),
     ("GET", "resources/<resource>/custody"): (MEMBERS, None),
     ("GET", "resources/<resource>/stock"): (MEMBERS, None),
+    ("GET", "resources/<resource>/reservations"): (MEMBERS, None),
+    ("GET", "reservations"): (MEMBERS, None),
+    ("POST", "reservations"): (
+        WORKERS,
+        {"resource_ids": ["<place>"], "minutes": 30, "reason": "a wash"},
+    ),
+    # The chemist's own, and approvers may end it too.
+    ("POST", "reservations/<reservation>/end"): (WORKERS, {}),
     ("GET", "resources/<resource>/reaction"): (MEMBERS, None),
     ("GET", "tickets/<ticket>"): (MEMBERS, None),
     ("POST", "tickets/<ticket>/close"): (WORKERS, {"reason": "looked"}),
@@ -99,12 +128,16 @@ API: dict[tuple[str, str], tuple[tuple[str, ...], Any]] = {
     ("PUT", "workflows/<workflow>/draft"): (WORKERS, {"document": {}, "revision": 1}),
     ("POST", "workflows/<workflow>/versions"): (WORKERS, {}),
     ("GET", "workflows/<workflow>/versions/<number>"): (MEMBERS, None),
+    ("POST", "recipes/open"): (WORKERS, {"name": "a", "recipe": A_RECIPE}),
+    ("POST", "recipes/advise"): (WORKERS, {"name": "a", "recipe": A_RECIPE}),
+    ("POST", "recipes/keep"): (WORKERS, {"name": "Mine", "recipe": A_RECIPE}),
     ("GET", "runs"): (MEMBERS, None),
     ("POST", "runs"): (WORKERS, {"version_id": "<version>"}),
     ("GET", "runs/<run>"): (MEMBERS, None),
     ("GET", "runs/<run>/events"): (MEMBERS, None),
     ("GET", "runs/<run>/log"): (MEMBERS, None),
     ("GET", "runs/<run>/provenance"): (MEMBERS, None),
+    ("GET", "runs/<run>/report"): (MEMBERS, None),
     ("GET", "runs/<run>/crate"): (MEMBERS, None),
     ("GET", "runs/<run>/eln"): (MEMBERS, None),
     ("GET", "files"): (MEMBERS, None),
@@ -145,104 +178,10 @@ def rest_routes() -> Iterator[tuple[str, str]]:
             yield from ((method.upper(), name_of(route)) for method in methods)
 
 
-def a_file(bench: Bench) -> File:
-    upload = Upload(
-        stream=io.BytesIO(TRACE.encode()),
-        name="a.csv",
-        media_type="text/csv",
-        format="csv",
-        resource=bench.node("water"),
-    )
-    return keep_file(upload, lab=bench.lab, actor=bench.people["chemist"])
-
-
-def an_incoming_file(bench: Bench) -> Incoming:
-    upload = Upload(
-        stream=io.BytesIO(b"a file that waits"),
-        name="b.csv",
-        media_type="text/csv",
-        format="csv",
-        resource=bench.node("water"),
-    )
-    return bring(upload, lab=bench.lab, actor=bench.people["chemist"])
-
-
-def a_second_host(bench: Bench) -> tuple[EdgeHost, Resource]:
-    """A host with a place of its own, by the device that stands there."""
-    host = enrollment_services.add_host(
-        bench.lab, key="spare", name="spare", host_id=uuid4(), public_key="x"
-    )
-    bench_1 = bench.node("bench_1")
-    place = Resource.objects.create(
-        id=uuid4(),
-        lab=bench.lab,
-        key="spot",
-        name="Spot",
-        kind=bench_1.kind,
-        nature=bench_1.nature,
-        parent=bench.node("lab"),
-    )
-    enrollment_services.found_device(
-        bench.lab,
-        uuid4(),
-        driver=bench.device("pump_1").driver,
-        key="stand",
-        name="stand",
-        host_id=host.id,
-        transport="virtual:stand",
-        nodes={"place": str(place.id)},
-        config={},
-        state="enrolled",
-    )
-    return host, place
-
-
-def on_its_way(bench: Bench, host: EdgeHost, place: Resource) -> Custody:
-    flask = bench.node("flask_2")
-    view = {"id": str(flask.id), "name": flask.name, "kind": flask.kind, "rev": flask.rev}
-    return Custody.objects.create(
-        resource=flask,
-        state="in_transit",
-        target=host,
-        place=place,
-        transfer_id=uuid4(),
-        view=view,
-        at=now(),
-    )
-
-
 @pytest.fixture
 def ids(bench: Bench, settings: Settings, tmp_path: Path) -> dict[str, str]:
-    """Give one of each thing that a URL names, in a state in which every act is possible."""
     settings.DATA_DIR = tmp_path
-    run = a_started_run(bench)
-    attempt = to_transfer(run, an_edge(bench))
-    request_run = a_started_run(bench, HEAT)
-    workflow = workflow_services.create_workflow(
-        bench.lab, name="Own", document=None, actor=bench.people["chemist"]
-    )
-    workflow_services.save_version(workflow.id, note="", actor=bench.people["chemist"])
-    file = a_file(bench)
-    spare, place = a_second_host(bench)
-    return {
-        "host": str(spare.id),
-        "place": str(place.id),
-        "custody": str(on_its_way(bench, spare, place).id),
-        "device": str(bench.device("timer_1").id),
-        "resource": str(bench.node("water").id),
-        "lot": str(Lot.objects.get(key="water_lot").id),
-        "archive": str(bench.node("archive").id),
-        "workflow": str(workflow.id),
-        "version": str(bench.version("Move 5 mL of water").id),
-        "number": "1",
-        "run": str(run.id),
-        "job": str(attempt.job_id),
-        "file": str(file.pk),
-        "incoming": str(an_incoming_file(bench).pk),
-        "reading": str(file.readings.all()[0].pk),
-        "ticket": str(crutd_services.open_ticket(bench.lab, "host.gap", "a gap", {}).id),
-        "request": str(ApprovalRequest.objects.get(run_id=request_run.id).id),
-    }
+    return one_of_each(bench)
 
 
 def prepare(bench: Bench, route: str, ids: dict[str, str]) -> None:
@@ -256,6 +195,7 @@ def prepare(bench: Bench, route: str, ids: dict[str, str]) -> None:
         state = "isolated" if route.endswith("fence") else "quarantined"
         EdgeHost.objects.filter(pk=ids["host"]).update(state=state)
     if route == "resources/<resource>/handover":
+        bench.unplug("water")
         attempt = Attempt.objects.get(job_id=ids["job"])
         nothing = Outcome(kind=OutcomeKind.PARTIAL, moved_nl=0)
         crutd_services.settle(attempt.transaction_id, crutd_services.Settlement(outcome=nothing))
@@ -309,7 +249,7 @@ def test_each_role_may_what_the_table_says_and_nothing_else(
         if not expected:
             wrong.append((method, route, answer.status_code, answer.content[:200]))
         if role == "anonymous" and answer.status_code == 403:
-            assert code_of(answer) == "http.not_authenticated"
+            assert error_code_of(answer) == "http.not_authenticated"
     assert not wrong
 
 

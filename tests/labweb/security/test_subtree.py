@@ -155,7 +155,7 @@ def test_a_check_tells_nothing_of_vessels_outside(bench: Bench, client: Client) 
 
 
 def test_what_is_moved_out_is_gone_with_the_next_request(bench: Bench, client: Client) -> None:
-    flask = bench.node("flask_1")
+    flask = bench.unplug("flask_1")
     path = f"{API}/resources/{flask.id}"
     read(client, path)
     move = operations.TransferResource(

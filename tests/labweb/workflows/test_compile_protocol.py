@@ -70,6 +70,64 @@ def test_a_refusal_is_exit_code_2_with_all_findings(tmp_path: Path) -> None:
     assert "plan.no_stirrer" in err
 
 
+def without_water() -> str:
+    graph = bench()
+    graph["nodes"] = [n for n in graph["nodes"] if n["id"] != "flask_water"]
+    graph["links"] = [n for n in graph["links"] if n["source"] != "flask_water"]
+    return json.dumps(graph)
+
+
+def called(
+    folder: Path, capsys: pytest.CaptureFixture[str], text: str, graph: str, *options: str
+) -> tuple[int, str, str]:
+    """Run the command in this process: exit code, and what it printed."""
+    (folder / "graph.json").write_text(graph)
+    (folder / "recipe.xdl").write_text(text)
+    try:
+        lab = str(folder / "graph.json")
+        call_command(COMMAND.rpartition(".")[2], str(folder / "recipe.xdl"), "--lab", lab, *options)
+        code = 0
+    except CommandError as error:
+        code = error.returncode
+    out, err = capsys.readouterr()
+    return code, out, err
+
+
+def test_advice_is_a_graph_that_compiles_and_is_written_only_when_asked(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    graph, target = without_water(), tmp_path / "better.json"
+    code, out, _ = called(tmp_path, capsys, recipe(ADD), graph, "--json")
+    assert code == 2
+    assert "advice" not in json.loads(out)
+    code, out, _ = called(tmp_path, capsys, recipe(ADD), graph, "--json", "--advise")
+    assert (code, target.exists()) == (2, False)
+    advice = json.loads(out)["advice"]
+    assert [change["change"] for change in advice["changes"]] == ["add_flask"]
+    options = ("--advise", "--write-graph", str(target))
+    code, out, _ = called(tmp_path, capsys, recipe(ADD), graph, *options)
+    assert code == 2
+    assert "1  Add flask flask_water of 100 mL for water at port" in out
+    assert (tmp_path / "graph.json").read_text() == graph
+    written = target.read_bytes()
+    assert hashlib.sha256(written).hexdigest() == advice["graph_sha256"]
+    assert json.loads(written) == advice["graph"]
+    assert called(tmp_path, capsys, recipe(ADD), written.decode())[0] == 0
+    assert called(tmp_path, capsys, recipe(ADD), graph, *options)[0] == 1
+    assert target.read_bytes() == written
+
+
+def test_without_advice_it_is_said_why(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    text = recipe('Transfer from_vessel="reactor" to_vessel="filter" volume="all"')
+    graph = json.dumps(bench())
+    code, out, _ = called(tmp_path, capsys, text, graph, "--json", "--advise")
+    assert code == 2
+    assert [f["code"] for f in json.loads(out)["advice"]["findings"]] == ["plan.no_advice"]
+    assert "plan.no_advice" in called(tmp_path, capsys, text, graph, "--advise")[2]
+    alone = ("--write-graph", str(tmp_path / "x.json"))
+    assert called(tmp_path, capsys, text, graph, *alone)[0] == 1
+
+
 def other_port(action: dict[str, Any]) -> None:
     action["parameters"]["port"] = "3"
 
@@ -104,7 +162,7 @@ def test_a_plan_of_which_one_action_is_wrong_is_not_shown(
     files = (str(tmp_path / "recipe.xdl"), "--lab", str(tmp_path / "graph.json"))
     call_command("compile_protocol", *files, "--json")
     assert json.loads(capsys.readouterr().out)["ok"]
-    monkeypatch.setattr(f"{COMMAND}.compile_recipe", altered)
+    monkeypatch.setattr("labweb.domain.workflows.recipe_on_rig.compile_recipe", altered)
     with pytest.raises(CommandError, match=r"plan\.not_proved") as caught:
         call_command("compile_protocol", *files, "--json")
     assert caught.value.returncode == 2

@@ -62,6 +62,7 @@ CARRIER_BY_MODEL: Mapping[str, str | None] = {
     "masterflex_ls": "pty",
     "watson_marlow_323": "pty",
     "conductivity_sensor": "pty",
+    "network_camera": "tcp",
     "timer": None,
 }
 """Model of simulated instrument → what carries its bytes; None needs no carrier."""
@@ -75,8 +76,8 @@ SIMULATED_PH = (0.0, 14.0)
 
 _INSTRUMENT_ID = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,63}")
 
-_TOUCHING = frozenset({Medium.THERMAL, Medium.MECHANICAL, Medium.ELECTRICAL})
-"""Media over which a heater, stirrer or probe acts on a vessel."""
+_TOUCHING = frozenset({Medium.THERMAL, Medium.MECHANICAL, Medium.ELECTRICAL, Medium.VACUUM})
+"""Media over which a heater, stirrer, probe or vacuum acts on a vessel."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -204,7 +205,17 @@ class _Bench:
                 self._part(lot, amount_nl)
                 for lot, amount_nl in self.lab.contents.get(resource.id, {}).items()
             ],
+            **self._condenser(resource),
         }
+
+    def _condenser(self, resource: Resource) -> dict[str, str]:
+        """Return where the vapour of a vessel ends: behind a way for gas that leads one way."""
+        for way in self.lab.graph.by_resource.get(resource.id, ()):
+            far = self.lab.tree.by_id[way.target.resource_id]
+            is_out = way.source.resource_id == resource.id and not way.is_two_way
+            if way.medium is Medium.GAS and is_out and self._is_store(far):
+                return {"condenses_into": far.key}
+        return {}
 
     def _part(self, lot_id: LotId, amount_nl: int) -> dict[str, Any]:
         lot = self.lab.lots_by_id[lot_id]
@@ -263,13 +274,24 @@ class _Bench:
                 continue
             resource = self.lab.tree.by_id[far.resource_id]
             other = self.owners.get(far.resource_id)
+            behind = self._behind(resource)
             if self._is_store(resource):
                 yield own.port, {"vessel": resource.key}
+            elif behind is not None:
+                yield own.port, {"vessel": behind.key, "through": resource.key}
             elif other is not None:
                 end = {"instrument": instrument_id(other), "port": far.port}
                 yield own.port, end | {"capacity_ul": self._tube_ul(tube)}
             else:
                 self.unattached.append(f"port {own.port} of {device.key}: {resource.key}")
+
+    def _behind(self, resource: Resource) -> Resource | None:
+        """Return the vessel into which a cartridge leads."""
+        if resource.kind != "cartridge":
+            return None
+        ways = (w for o, _, w in self._tubes(resource.id) if w.source.resource_id == resource.id)
+        ends = (self.lab.tree.by_id[way.target.resource_id] for way in ways)
+        return next((end for end in ends if self._is_store(end)), None)
 
     def _tube_ul(self, tube: Connection) -> float:
         if tube.dead_volume_nl is None:

@@ -33,6 +33,7 @@ class MaterialEntry(_Strict, frozen=True, kw_only=True):
     name: Name
     inchikey: Annotated[str, Meta(pattern=r"^[A-Z]{14}-[A-Z]{10}-[A-Z]$")] | None = None
     density_mg_ul: Positive | None = None
+    concentration_mmol_l: Positive | None = None
     ph: Annotated[float, Meta(ge=-2, le=16)] | None = None
     hazards: list[Annotated[str, Meta(min_length=1, max_length=100)]] = msgspec.field(
         default_factory=list

@@ -50,6 +50,10 @@ class Material:
     density_mg_ul: float | None = None
     """None is unknown; nobody may fill it in by guess."""
 
+    concentration_mmol_l: float | None = None
+    """How much of the substance it is named for is in a litre of it, pure or dissolved. None is
+    unknown: no yield is reckoned on it."""
+
     ph: float | None = None
     hazards: tuple[str, ...] = ()
     groups: tuple[str, ...] = ()

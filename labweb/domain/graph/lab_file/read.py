@@ -174,6 +174,7 @@ class _Reader:
             name=entry.name,
             inchikey=entry.inchikey,
             density_mg_ul=entry.density_mg_ul,
+            concentration_mmol_l=entry.concentration_mmol_l,
             ph=entry.ph,
             hazards=tuple(entry.hazards),
             groups=tuple(entry.groups),

@@ -48,6 +48,7 @@ def _material(material: Material) -> dict[str, Any]:
         name=material.name,
         inchikey=material.inchikey,
         density_mg_ul=material.density_mg_ul,
+        concentration_mmol_l=material.concentration_mmol_l,
         ph=material.ph,
         hazards=list(material.hazards),
         groups=list(material.groups),

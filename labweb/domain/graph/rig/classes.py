@@ -37,6 +37,7 @@ _ROTAVAP = Sort(role=Role.VESSEL, leave_by="evaporate", enter_by="evaporate")
 _STIRRER = Sort(role=Role.OTHER, medium=Medium.MECHANICAL)
 _HEATER = Sort(role=Role.OTHER, medium=Medium.THERMAL)
 _SENSOR = Sort(role=Role.OTHER, medium=Medium.ELECTRICAL)
+_LAMP = Sort(role=Role.OTHER, medium=Medium.ELECTRICAL)
 _VACUUM = Sort(role=Role.VACUUM, medium=Medium.VACUUM)
 
 CHEMPUTER: Mapping[str, Sort] = {
@@ -74,6 +75,9 @@ _INSTRUMENTS: tuple[tuple[re.Pattern[str], Sort], ...] = tuple(
             r"hot_?plate|rct|ret_?control|ret_?visc|julabo|cf41|huber|heat|chill|cool|cryo",
             _HEATER,
         ),
+        (r"ultra_?so|sonic", _STIRRER),
+        (r"microwave|condenser|still", _HEATER),
+        (r"lamp|light|led$", _LAMP),
         (r"sensor|camera|meter$", _SENSOR),
     )
 )

@@ -8,8 +8,9 @@ from typing import Any
 from uuid import UUID
 
 from labweb.domain.graph.elements import Element, Role, Tube
-from labweb.domain.graph.lab_file.model import LabFile
+from labweb.domain.graph.lab_file.model import LabFile, Mode
 from labweb.domain.graph.lab_file.read import read_lab
+from labweb.domain.graph.lab_file.render import render_lab
 from labweb.domain.graph.rig.elements import find_defects
 from labweb.domain.graph.rig.model import Rig, RigFormat
 from labweb.domain.graph.topology import Connection
@@ -58,6 +59,19 @@ def rig_of_lab(raw: bytes) -> Rig:
     tubes = tuple(tube_of_connection(connection, keys) for connection in lab.connections)
     defects = find_defects(elements, tubes)
     return Rig(RigFormat.LABWEB, elements, tubes, defects, {}, raw.decode("utf-8-sig"))
+
+
+def render_graph(lab: LabFile) -> bytes:
+    """Write a lab as a `lab.json` for its graph alone.
+
+    How its instruments are reached is no part of that, and need not hold: a lab that simulates
+    may have admitted an instrument that nobody simulates.
+    """
+    devices = tuple(
+        replace(device, transport=f"tcp://{place}", simulator=None)
+        for place, device in enumerate(lab.devices)
+    )
+    return render_lab(replace(lab, mode=Mode.LIVE, devices=devices))
 
 
 def _attributes(lab: LabFile, resource: Resource, keys: Mapping[UUID, str]) -> dict[str, Any]:

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+import zlib
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
-from labweb.domain.errors import Finding
+from labweb.domain.errors import Finding, LabFileError
 from labweb.domain.graph.elements import Tube
-from labweb.domain.graph.lab_file.guard import MAX_NODES, decode_json, refuse, refuse_all
+from labweb.domain.graph.lab_file.guard import MAX_BYTES, MAX_NODES, decode_json, refuse, refuse_all
 from labweb.domain.graph.lab_file.uni_lab_os.nodes import parse_ports
 from labweb.domain.graph.rig.classes import chemputer_sort
 from labweb.domain.graph.rig.elements import (
@@ -26,6 +27,9 @@ from labweb.domain.graph.rig.model import Rig, RigFormat
 from labweb.domain.graph.topology import Medium
 
 _VALVE_PORT = "-1"
+_GZIP = b"\x1f\x8b"
+_GZIP_WINDOW = 31
+"""Says to zlib that a gzip head comes first."""
 
 
 def read_rig(raw: bytes) -> Rig:
@@ -54,6 +58,26 @@ def read_rig(raw: bytes) -> Rig:
     if not isinstance(value, Mapping) or not isinstance(value.get("nodes"), list):
         raise refuse("lab_file.no_nodes", 'the file has no list "nodes", so it is no graph')
     return _build(value, RigFormat.NODE_LINK, None)
+
+
+def unpacked(raw: bytes) -> bytes:
+    """Return a graph, unpacked when it is packed; one byte too many shows that it is too large.
+
+    Raises:
+        LabFileError: It is no whole gzip file.
+    """
+    if not raw.startswith(_GZIP):
+        return raw
+    message = "the file is no whole gzip file"
+    refusal = LabFileError(message, findings=[Finding("lab_file.gzip", message)])
+    packed = zlib.decompressobj(wbits=_GZIP_WINDOW)
+    try:
+        found = packed.decompress(raw, MAX_BYTES + 1)
+    except zlib.error as error:
+        raise refusal from error
+    if packed.unused_data or not (packed.eof or len(found) > MAX_BYTES):
+        raise refusal
+    return found
 
 
 def _build(value: Mapping[str, Any], format_: RigFormat, text: str | None) -> Rig:

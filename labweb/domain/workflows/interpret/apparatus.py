@@ -14,6 +14,10 @@ _HEATER = re.compile(r"julabo|cf41|huber|heat(?!orque)|chill|cool|cryo|thermosta
 _SENSOR = re.compile(r"sensor|camera|meter$|probe|transmitter|balance")
 _LAMP = re.compile(r"lamp|light|led$|led_|photo")
 _PNEUMATIC = re.compile(r"pneumatic")
+_SOUND = re.compile(r"ultra_?so|sonic")
+_MICROWAVE = re.compile(r"microwave")
+_CONDENSER = re.compile(r"condenser|still")
+_CENTRIFUGE = re.compile(r"centrifuge")
 _LINE = re.compile(r"chemputer_?vacuum")
 
 ACTIONS_OF: Mapping[str, frozenset[str]] = {
@@ -36,6 +40,10 @@ ACTIONS_OF: Mapping[str, frozenset[str]] = {
     "sensor": frozenset(("measure",)),
     "boundary": frozenset(("watch_boundary", "stop_watching")),
     "lamp": frozenset(("start_light", "stop_light")),
+    "sound": frozenset(("start_ultrasound", "stop_ultrasound")),
+    "microwave": frozenset(["heat_by_microwave"]),
+    "condenser": frozenset(["distill"]),
+    "centrifuge": frozenset(["spin"]),
 }
 _LIQUID = {
     Role.VALVE: frozenset(("set_port",)),
@@ -54,9 +62,13 @@ def abilities(element: Element) -> frozenset[str]:
         return ACTIONS_OF["evaporator"]
     if element.role is Role.VACUUM:
         return frozenset() if is_line(element) else ACTIONS_OF["vacuum"]
+    word = element.kind.lower()
+    if element.role is Role.VESSEL:
+        is_itself = (("centrifuge", _CENTRIFUGE), ("microwave", _MICROWAVE))
+        own = [sort for sort, pattern in is_itself if pattern.search(word)]
+        return frozenset(action for sort in own for action in ACTIONS_OF[sort])
     if element.role is not Role.OTHER:
         return frozenset()
-    word = element.kind.lower()
     sorts = [
         sort
         for sort, is_it in (
@@ -66,6 +78,9 @@ def abilities(element: Element) -> frozenset[str]:
             ("sensor", _SENSOR.search(word)),
             ("boundary", "conductivity" in word),
             ("lamp", _LAMP.search(word)),
+            ("sound", _SOUND.search(word)),
+            ("microwave", _MICROWAVE.search(word)),
+            ("condenser", _CONDENSER.search(word)),
         )
         if is_it
     ]

@@ -53,13 +53,18 @@ ALLOWED: Mapping[str, frozenset[str]] = {
     "light": frozenset(("start_light",)),
     "stop_light": frozenset(("stop_light",)),
     "measure": frozenset(("measure",)),
+    "sonicate": frozenset(("start_ultrasound",)),
+    "stop_sonicate": frozenset(("stop_ultrasound",)),
+    "microwave": frozenset(("heat_by_microwave",)),
+    "spin": frozenset(("spin",)),
+    "distill": frozenset(("distill",)),
     "clean": frozenset(("flow",)),
     "flush": frozenset(("gas",)),
     "ask": frozenset(),
 }
 """Kind of a claim → what its step may do. A `check` by hand may stand anywhere."""
 
-_NOWHERE = PUMP_WORDS | {"set_supply", "wait"}
+_NOWHERE = PUMP_WORDS | {"set_supply", "wait", "distill"}
 """Actions that are not done to a vessel that a link joins to their device."""
 
 
@@ -274,8 +279,37 @@ def _check_light(state: State, claim: Claim, before: Before) -> None:
 
 def _check_measure(state: State, claim: Claim, before: Before) -> None:
     del before
-    if [effect.value for effect in _effects(state, "measure")] != [claim.quantity]:
-        fail(state, f"{claim.quantity} of {claim.vessel} is not measured once")
+    wanted = (claim.quantity, claim.low, claim.high)
+    if [effect.value for effect in _effects(state, "measure")] != [wanted]:
+        fail(state, f"{claim.quantity} of {claim.vessel} is not measured once as claimed")
+
+
+def _check_sound(state: State, claim: Claim, before: Before) -> None:
+    del before
+    baths = devices_at(state.plumbing, claim.vessel or "", "start_ultrasound")
+    if bool(state.sounding.intersection(baths)) is not (claim.kind == "sonicate"):
+        fail(state, f"ultrasound at {claim.vessel} is not as claimed")
+
+
+def _check_once(state: State, claim: Claim, before: Before) -> None:
+    """Compare what a device does of itself, from beginning to end, with what is claimed of it."""
+    del before
+    action, wanted = {
+        "microwave": (
+            "heat_by_microwave",
+            (claim.temperature_c, claim.duration_s, claim.power_w),
+        ),
+        "spin": (
+            "spin",
+            (claim.speed_rpm, claim.acceleration_g, claim.duration_s, claim.temperature_c),
+        ),
+        "distill": ("distill", (claim.vessel, claim.to, claim.duration_s, claim.vapour_c)),
+    }[claim.kind]
+    if [effect.value for effect in _effects(state, action)] != [wanted]:
+        fail(state, f"{action} is not done once as claimed")
+    heaters = devices_at(state.plumbing, claim.vessel or "", "set_temperature")
+    if claim.kind == "distill" and not state.temperatures.keys() & set(heaters):
+        fail(state, f"nothing heats {claim.vessel} while it is distilled")
 
 
 def _check_ask(state: State, claim: Claim, before: Before) -> None:
@@ -308,5 +342,10 @@ _CHECKS: Mapping[str, Callable[[State, Claim, Before], None]] = {
     "light": _check_light,
     "stop_light": _check_light,
     "measure": _check_measure,
+    "sonicate": _check_sound,
+    "stop_sonicate": _check_sound,
+    "microwave": _check_once,
+    "spin": _check_once,
+    "distill": _check_once,
     "ask": _check_ask,
 }

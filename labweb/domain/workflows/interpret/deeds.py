@@ -158,8 +158,47 @@ def _light(state: State, action: Action) -> object:
 
 def _measure(state: State, action: Action) -> object:
     del state
-    parameters = action.parameters
-    return parameters.quantity if isinstance(parameters, schema.Quantity) else None
+    given = action.parameters
+    return (given.quantity, given.low, given.high) if isinstance(given, schema.Quantity) else None
+
+
+def _sound(state: State, action: Action) -> object:
+    if action.name == "start_ultrasound":
+        state.sounding.add(action.device)
+    else:
+        state.sounding.discard(action.device)
+    return None
+
+
+def _microwave(state: State, action: Action) -> object:
+    del state
+    given = action.parameters
+    if not isinstance(given, schema.Microwave):
+        return None
+    return (given.temperature_c, given.duration_s, given.power_w)
+
+
+def _spin(state: State, action: Action) -> object:
+    given = action.parameters
+    if not isinstance(given, schema.Spinning):
+        return None
+    state.held(action.device).is_layered = True
+    return (given.speed_rpm, given.acceleration_g, given.duration_s, given.temperature_c)
+
+
+def _distill(state: State, action: Action) -> object:
+    given = action.parameters
+    if not isinstance(given, schema.Distilling):
+        return None
+    joined = vessels_of(state.plumbing, action.device)
+    for key in (given.from_, given.to):
+        if key not in joined:
+            message = f"{action.device} is not joined to {key}"
+            state.complain("interpret.no_path", message, device=action.device)
+            return None
+        state.see_no_vacuum(given.to, f"{action.device} fills {given.to}")
+    state.mix_in(given.to, state.held(given.from_).let_go())
+    return (given.from_, given.to, given.duration_s, given.vapour_c)
 
 
 _DEEDS: Mapping[str, Callable[[State, Action], object]] = {
@@ -183,6 +222,11 @@ _DEEDS: Mapping[str, Callable[[State, Action], object]] = {
     "start_light": _light,
     "stop_light": _light,
     "measure": _measure,
+    "start_ultrasound": _sound,
+    "stop_ultrasound": _sound,
+    "heat_by_microwave": _microwave,
+    "spin": _spin,
+    "distill": _distill,
 }
 
 

@@ -10,9 +10,11 @@ from labweb.domain.graph.rig.model import Rig
 from labweb.domain.workflows.interpret.apparatus import abilities
 from labweb.domain.workflows.interpret.claims import check_claim
 from labweb.domain.workflows.interpret.deeds import act
+from labweb.domain.workflows.interpret.matter import Contents
 from labweb.domain.workflows.interpret.plan import Action, Plan, Step
 from labweb.domain.workflows.interpret.plumbing import COLLECT, Plumbing
 from labweb.domain.workflows.interpret.pneumatics import Before
+from labweb.domain.workflows.interpret.rounds import Rounds
 from labweb.domain.workflows.interpret.schema import BY_HAND, TIMER, Claim
 from labweb.domain.workflows.interpret.state import (
     LOWER,
@@ -63,8 +65,14 @@ def execute(rig: Rig, plan: Plan, graph_sha256: str = "", *, is_alone: bool = Fa
             state.complain("interpret.capacity", message, vessel=key)
     _check_vessels(state, plan)
     _fill_before(state, plan)
-    records = [_execute_step(state, step) for step in plan.steps]
+    records, rounds = [], Rounds(state)
+    for step in plan.steps:
+        state.where = f"step {step.id}"
+        rounds.begin(step)
+        records.append(_execute_step(state, step))
+        state.routes[step.id] = plumbing.tubes_of(records[-1].ways)
     state.where = "end"
+    rounds.finish()
     _check_stopped(state)
     state.findings += check_after(plan.steps, [record.touched for record in records])
     state.findings += check_totals(plan, records)
@@ -86,7 +94,7 @@ def _check_vessels(state: State, plan: Plan) -> None:
         ("contents", {*plan.contents} - {*filter(state.plumbing.is_vessel, plan.contents)}),
         ("capacities_ul", plan.capacities.keys() - known),
         ("bindings.vessels", {*plan.bindings.vessels.values()} - known),
-        ("bindings.reagents", {*plan.bindings.reagents.values()} - known),
+        ("bindings.reagents", plan.bindings.flasks() - known),
     )
     for place, keys in named:
         for key in sorted(keys):
@@ -117,6 +125,7 @@ def _execute_step(state: State, step: Step) -> Record:
     )
     for group in step.groups:
         _execute_group(state, group)
+    _conserve(state, before)
     for key, syringe in sorted(state.syringes.items()):
         if syringe.nominal:
             message = f"{key} ends with {microlitres(syringe.nominal)} in it"
@@ -126,6 +135,19 @@ def _execute_step(state: State, step: Step) -> Record:
     if all(_is_place(state, key) for key in _places(step.claim)):
         check_claim(state, step.claim, before)
     return record
+
+
+def _conserve(state: State, before: Before) -> None:
+    """Bound each lot that a step moved by what there was before it."""
+    if any(effect.name in ("fill", "add_solid") for effect in state.record.effects):
+        return
+    flows = [flow for flow in state.record.flows if not flow.is_gas]
+    sources = {flow.source.key for flow in flows}
+    for key in sources | {flow.target.key for flow in flows}:
+        limit = before.contents.get(key, Contents()).copy()
+        for other in sources - {key}:
+            limit.add(before.contents.get(other, Contents()))
+        state.held(key).keep_within(limit)
 
 
 def _places(claim: Claim) -> Iterator[str]:
@@ -191,6 +213,7 @@ def _check_stopped(state: State) -> None:
         ((key, "heats or chills") for key in state.temperatures),
         ((key, "draws vacuum") for key in state.running_pumps()),
         ((key, "gives light") for key in state.lights),
+        ((key, "gives ultrasound") for key in state.sounding),
         ((end.key, f"supplies {s}") for end, s in state.supplies.items() if s != "none"),
         ((key, "is watched") for key, by in state.watched.items() if by),
     )

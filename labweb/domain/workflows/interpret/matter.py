@@ -39,11 +39,13 @@ class Contents:
     liquids: dict[str, Range] = field(default_factory=dict)
     solids: dict[str, Range] = field(default_factory=dict)
     volume: Range = NOTHING
+    is_layered: bool = False
+    """It was spun: what is drawn of it holds nobody knows which share of each lot."""
 
     @property
     def is_known(self) -> bool:
-        """Tell whether the amount of every liquid lot is known."""
-        return all(amount.is_known for amount in self.liquids.values())
+        """Tell whether each part of it holds its share of every liquid lot."""
+        return not self.is_layered and all(amount.is_known for amount in self.liquids.values())
 
     @property
     def holds_nothing(self) -> bool:
@@ -52,7 +54,7 @@ class Contents:
 
     def copy(self) -> Contents:
         """Return contents that change independently."""
-        return Contents(dict(self.liquids), dict(self.solids), self.volume)
+        return Contents(dict(self.liquids), dict(self.solids), self.volume, self.is_layered)
 
     def add(self, other: Contents) -> None:
         """Mix in all of `other`."""
@@ -70,10 +72,25 @@ class Contents:
     def take_everything(self, *, with_solids: bool = True) -> Contents:
         """Take all liquid, and all solids unless they stay behind."""
         taken = Contents(self.liquids, self.solids if with_solids else {}, self.volume)
-        self.liquids, self.volume = {}, NOTHING
+        self.liquids, self.volume, self.is_layered = {}, NOTHING, False
         if with_solids:
             self.solids = {}
         return taken
+
+    def span(self, other: Contents) -> Contents:
+        """Return what there is when it is this or the other."""
+
+        def both(one: dict[str, Range], two: dict[str, Range]) -> dict[str, Range]:
+            pairs = {lot: (one.get(lot, NOTHING), two.get(lot, NOTHING)) for lot in one | two}
+            return {
+                k: Range(min(a.least, b.least), max(a.most, b.most)) for k, (a, b) in pairs.items()
+            }
+
+        volume = Range(
+            min(self.volume.least, other.volume.least), max(self.volume.most, other.volume.most)
+        )
+        liquids, solids = both(self.liquids, other.liquids), both(self.solids, other.solids)
+        return Contents(liquids, solids, volume, self.is_layered or other.is_layered)
 
     def take(self, volume: int, *, with_solids: bool = True) -> Contents:
         """Take `volume`, or what there is if that is less; mixed matter goes in proportion."""
@@ -90,6 +107,14 @@ class Contents:
         drawn = Range(0, min(volume, self.volume.most))
         rest = Range(max(0, self.volume.least - volume), self.volume.most)
         return self._take_unknown(volume, drawn, rest, with_solids=True)
+
+    def keep_within(self, limit: Contents) -> None:
+        """Note that there is of no lot more than in `limit`."""
+        for own, bound in ((self.liquids, limit.liquids), (self.solids, limit.solids)):
+            for lot, amount in own.items():
+                most = min(amount.most, bound.get(lot, NOTHING).most)
+                own[lot] = Range(min(amount.least, most), most)
+        self._tighten()
 
     def let_go(self) -> Contents:
         """Let an unknown part of the liquid leave, as by boiling, and return that part."""

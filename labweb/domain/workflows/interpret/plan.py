@@ -53,6 +53,8 @@ class Step:
     groups: tuple[tuple[Action, ...], ...]
     after: tuple[int, ...]
     estimate_s: float
+    skip_if: tuple[int, ...] = ()
+    """Readings that decide whether it is carried out; none: it is."""
 
 
 @dataclass(frozen=True)
@@ -205,7 +207,8 @@ class _Reader:
         groups = [self.group(g, f"{subject}.actions[{i}]") for i, g in enumerate(raw.actions)]
         if claim is None:
             return None
-        return Step(raw.id, claim, tuple(groups), tuple(raw.after), raw.estimate_s)
+        after, skip_if = tuple(raw.after), tuple(raw.skip_if)
+        return Step(raw.id, claim, tuple(groups), after, raw.estimate_s, skip_if)
 
     def _claim(self, value: dict[str, object], subject: str) -> Claim | None:
         claim = self._convert(value, Claim, subject)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 
 from labweb.domain.graph.elements import Element, Role, is_numbered
@@ -58,6 +58,18 @@ class Plumbing:
     def _lay(self, source: tuple[str, str], target: tuple[str, str]) -> None:
         self._forth.setdefault(source[0], []).append((source[1], End(*target)))
         self._back.setdefault(target[0], []).append((target[1], End(*source)))
+
+    def tubes_of(self, ways: Iterable[Collection[End]]) -> tuple[str, ...]:
+        """Return the tubes of which one way took up both ends, in the order of the graph."""
+        found = set(map(frozenset, ways))
+        return tuple(
+            tube.key
+            for tube in self.tubes
+            if any(
+                {End(tube.source, tube.source_port), End(tube.target, tube.target_port)} <= way
+                for way in found
+            )
+        )
 
     def neighbours(self, key: str) -> set[str]:
         """Return what any link joins to an element."""

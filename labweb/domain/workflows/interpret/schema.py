@@ -41,7 +41,12 @@ class Bindings(Strict, frozen=True):
     """Which vessel of the graph stands for which of the recipe."""
 
     vessels: dict[str, Text] = {}
-    reagents: dict[str, Text] = {}
+    reagents: dict[str, Text | list[Text]] = {}
+
+    def flasks(self) -> set[str]:
+        """Return every flask that a reagent comes out of."""
+        named = self.reagents.values()
+        return {key for one in named for key in ([one] if isinstance(one, str) else one)}
 
 
 class Totals(Strict, frozen=True):
@@ -82,6 +87,7 @@ class RawStep(Strict, frozen=True):
     actions: list[object]
     after: list[int]
     estimate_s: Duration
+    skip_if: list[int] = []
 
 
 class RawPlan(Strict, frozen=True):
@@ -176,9 +182,37 @@ class Light(Parameters, frozen=True):
 
 
 class Quantity(Parameters, frozen=True):
-    """What is measured."""
+    """What is measured, and between which readings it is done."""
 
     quantity: Text
+    low: float | None = None
+    high: float | None = None
+
+
+class Spinning(Parameters, frozen=True):
+    """How fast and how long a centrifuge spins."""
+
+    duration_s: Duration
+    speed_rpm: Speed | None = None
+    acceleration_g: Speed | None = None
+    temperature_c: Celsius | None = None
+
+
+class Microwave(Parameters, frozen=True):
+    """What microwaves heat a vessel to, and how long."""
+
+    temperature_c: Celsius
+    duration_s: Duration
+    power_w: Positive | None = None
+
+
+class Distilling(Parameters, frozen=True):
+    """What boils over, and when it ends."""
+
+    from_: Text = msgspec.field(name="from")
+    to: Text
+    duration_s: Duration | None = None
+    vapour_c: Celsius | None = None
 
 
 class HandFill(Parameters, frozen=True):
@@ -242,6 +276,11 @@ PARAMETERS: Mapping[str, type[Parameters]] = {
     "start_light": Light,
     "stop_light": Parameters,
     "measure": Quantity,
+    "start_ultrasound": Parameters,
+    "stop_ultrasound": Parameters,
+    "heat_by_microwave": Microwave,
+    "spin": Spinning,
+    "distill": Distilling,
 }
 """Action of a device → its parameters."""
 
@@ -283,6 +322,11 @@ class Claim(Strict, frozen=True):
     gas: Text | None = None
     also: list[Text] | None = None
     quantity: Text | None = None
+    low: float | None = None
+    high: float | None = None
+    acceleration_g: Speed | None = None
+    power_w: Positive | None = None
+    vapour_c: Celsius | None = None
     text: Sentence | None = None
 
 
@@ -310,7 +354,12 @@ CLAIMS: Mapping[str, tuple[str, str]] = {
     "evaporate": ("vessel", "duration_s most_s"),
     "light": ("vessel", ""),
     "stop_light": ("vessel", ""),
-    "measure": ("vessel quantity", ""),
+    "measure": ("vessel quantity", "low high"),
+    "sonicate": ("vessel", ""),
+    "stop_sonicate": ("vessel", ""),
+    "microwave": ("vessel temperature_c duration_s", "power_w"),
+    "spin": ("vessel duration_s", "speed_rpm acceleration_g temperature_c"),
+    "distill": ("vessel to", "duration_s vapour_c"),
     "clean": ("from to volume_ul", "lot through"),
     "flush": ("from to volume_ul", ""),
     "ask": ("text", ""),

@@ -79,6 +79,9 @@ class Record:
     touched: set[str] = field(default_factory=set)
     """Devices and vessels: what must not be used by two steps at once."""
 
+    ways: list[tuple[End, ...]] = field(default_factory=list)
+    """Ports that liquid was joined to, from each plunger that moved it on."""
+
     parting: dict[str, tuple[int, int]] = field(default_factory=dict)
     """Vessel whose lower phase is drawn → the most that was there, what was drawn so far."""
 
@@ -114,6 +117,9 @@ class State:
         self.supplies: dict[End, str] = {}
         self.lowered: set[str] = set()
         self.lights: set[str] = set()
+        self.sounding: set[str] = set()
+        """Ultrasonic baths and horns that are on."""
+
         self.watched: dict[str, set[str]] = {}
         """Vessel → sensors, or `@by_hand`, that watch it."""
 
@@ -121,6 +127,9 @@ class State:
         """The collecting flask of a rotary evaporator is a vessel of its own."""
 
         self.record = Record()
+        self.routes: dict[int, tuple[str, ...]] = {}
+        """Step → the tubes that its liquid went through, in the order of the graph."""
+
         self.findings: list[Finding] = []
         self.where = "plan"
         can_reach = Stands(opened={k for k, e in plumbing.elements.items() if e.role == "solenoid"})

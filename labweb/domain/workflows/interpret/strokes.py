@@ -98,7 +98,7 @@ def _find_way(state: State, action: Action) -> Way | None:
         tubes = [tube for tube in tubes if tube[0] == port]
     passed: list[str] = []
     taken: list[End] = []
-    came_from = End(action.device, tubes[0][0] if tubes else "")
+    came_from = start = End(action.device, tubes[0][0] if tubes else "")
     while True:
         far = _only(state, action.device, came_from.key, tubes)
         if far is None or far in taken:
@@ -107,6 +107,7 @@ def _find_way(state: State, action: Action) -> Way | None:
         element = plumbing.elements[far.key]
         state.record.touched.add(far.key)
         if element.role in (Role.VESSEL, Role.GAS, Role.PUMP):
+            state.record.ways.append((start, *taken))
             return _arrive(state, action, far, tuple(passed), frozenset(taken))
         leave = _leave(state, element, far)
         if leave is None:

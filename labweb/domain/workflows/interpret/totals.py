@@ -25,6 +25,9 @@ def check_after(steps: Sequence[Step], touched: Sequence[set[str]]) -> list[Find
         for other in step.after:
             known |= waits_for.get(other, 0) | 1 << other
         waits_for[step.id] = known
+        for other in (key for key in step.skip_if if not known >> key & 1):
+            message = f"step {step.id} does not wait for the reading of step {other}"
+            findings.append(Finding("interpret.unordered", message, f"step {step.id}"))
         for key in sorted(keys):
             other = last.get(key, 0)
             if other and not known >> other & 1:
@@ -70,7 +73,7 @@ def _by_hand_count(plan: Plan) -> int:
 
 def _delivered(plan: Plan, records: Sequence[Record]) -> Iterator[tuple[str, str, int]]:
     """Yield vessel, lot and units of what came out of flasks of reagents, without rinses."""
-    flasks = set(plan.bindings.reagents.values())
+    flasks = plan.bindings.flasks()
     for step, record in zip(plan.steps, records, strict=True):
         for flow in record.flows if step.claim.kind == "transfer" else ():
             if flow.source.key in flasks:

@@ -26,6 +26,7 @@ _KINDS = {
     "separator": Sort.SEPARATOR,
     "rotavap": Sort.ROTAVAP,
     "ikarv10": Sort.ROTAVAP,
+    "centrifuge": Sort.CENTRIFUGE,
     "waste": Sort.WASTE,
     "flask": Sort.FLASK,
     "bufferflask": Sort.FLASK,
@@ -154,9 +155,9 @@ class _Binder:
                 }
                 message = (
                     f"no flask of the rig holds {name!r}{nearest(name, held)}: name the flask in "
-                    f'the graph, or bind it with --bind "{name}=FLASK"'
+                    "the graph, or choose one by hand"
                 )
-                self._told.tell("plan.no_reagent", message, place)
+                self._told.tell("plan.no_reagent", message, place, reagent=name)
         return found
 
     def _flasks(self, reagent: Reagent) -> tuple[str, ...]:
@@ -190,10 +191,7 @@ class _Binder:
 
     def _fits(self, component: Component | None, key: str, use: _Use) -> bool:
         kind, sort = _kind(component), self._equipment.sort(key)
-        if kind is None or kind == sort or Sort.PLAIN in (kind, sort):
-            return True
-        # A flask is what holds liquid: a recipe may call any vessel one.
-        if kind is Sort.FLASK or (kind is Sort.REACTOR and sort is Sort.FLASK):
+        if may_be(component, sort):
             return True
         message = f"{component.id if component else key} is a {kind} and {key} a {sort}"
         self._told.tell("plan.wrong_kind", message, use.place)
@@ -215,8 +213,8 @@ class _Binder:
         ]
         able = [key for key in of_kind if self._is_able(key, use)]
         if not of_kind:
-            message = f"the rig has no {kind} for {name!r}; bind one with --bind {name}=VESSEL"
-            self._told.tell("plan.no_vessel", message, use.place)
+            message = f"the rig has no {kind} for {name!r}; choose another by hand"
+            self._told.tell("plan.no_vessel", message, use.place, role=name, sort=str(kind))
         return able or of_kind
 
     def _named(self) -> set[str]:
@@ -248,13 +246,26 @@ class _Binder:
                 continue
             listed = ", ".join(keys[:_LISTED])
             message = (
-                f"{name!r} may be any of {listed}: choose with --bind {name}=VESSEL"
+                f"{name!r} may be any of {listed}: choose one by hand"
                 if keys
                 else f"every vessel that {name!r} could be is another of the recipe's"
             )
+            facts = {"role": name, "sort": str(_kind(self._procedure.component(name)))}
             self._told.tell(
-                "plan.vessel_ambiguous" if keys else "plan.no_vessel", message, uses[name].place
+                "plan.vessel_ambiguous" if keys else "plan.no_vessel",
+                message,
+                uses[name].place,
+                **facts,
             )
+
+
+def may_be(component: Component | None, sort: Sort) -> bool:
+    """Tell whether a vessel of a sort can be what a recipe declares; None: it declares nothing."""
+    kind = _kind(component)
+    if kind is None or kind == sort or Sort.PLAIN in (kind, sort):
+        return True
+    # A flask is what holds liquid: a recipe may call any vessel one.
+    return kind is Sort.FLASK or (kind is Sort.REACTOR and sort is Sort.FLASK)
 
 
 def _kind(component: Component | None) -> Sort | None:

@@ -9,6 +9,7 @@ from labweb.domain.workflows.on_rig.equipment import Sort, Thermostat
 from labweb.domain.workflows.on_rig.making import BY_HAND, TIMER, Making, estimate, say
 from labweb.domain.workflows.passes.backbone import Group
 from labweb.domain.workflows.xdl.expansion.basic import BasicOperation
+from labweb.domain.workflows.xdl.markup import Place
 
 RAMP_C_S = 2 / 60
 """Estimate: vessels warm and cool by 2 °C a minute."""
@@ -29,7 +30,7 @@ def start_stir(making: Making, operation: BasicOperation) -> None:
     stirrer = making.equipment.stirrer(vessel)
     if stirrer is None:
         message = f"nothing stirs {vessel}"
-        making.told.tell("plan.no_stirrer", message, operation.place)
+        making.told.tell("plan.no_stirrer", message, operation.place, vessel=vessel)
         return
     making.running["stir", vessel] = stirrer
     does = {"kind": "stir", "vessel": vessel, "speed_rpm": number(speed)}
@@ -102,10 +103,10 @@ def set_temperature(making: Making, operation: BasicOperation) -> None:
     device = _thermostat(making, operation, vessel, wanted)
     if device is None:
         return
-    actions: list[Group] = making.take_checks()
     before = making.running.get(("heat", vessel))
     if before is not None and before != device:
-        actions.append([say(before, "stop_temperature")])
+        stop_temperature(making, operation)
+    actions: list[Group] = making.take_checks()
     actions.append([say(device, "set_temperature", temperature_c=float(wanted))])
     making.running["heat", vessel] = device
     does = {"kind": "heat", "vessel": vessel, "temperature_c": float(wanted)}
@@ -129,10 +130,11 @@ def _thermostat(
     if near:
         ranges = ", ".join(f"{t.key} from {t.low_c} to {t.high_c} °C" for t in near)
         message = f"{vessel} cannot be brought to {wanted.normalize():f} °C: {ranges}"
-        making.told.tell("plan.out_of_range", message, operation.place)
+        code = "plan.out_of_range"
     else:
-        message = f"nothing heats or chills {vessel}"
-        making.told.tell("plan.no_thermostat", message, operation.place)
+        message, code = f"nothing heats or chills {vessel}", "plan.no_thermostat"
+    facts = {"vessel": vessel, "temperature_c": float(wanted)}
+    making.told.tell(code, message, operation.place, **facts)
     return None
 
 
@@ -152,7 +154,8 @@ def await_temperature(making: Making, operation: BasicOperation) -> None:
     if device is None or low is None or high is None:
         if device is None:
             message = f"nothing tells the temperature of {vessel}"
-            making.told.tell("plan.no_thermostat", message, operation.place)
+            facts = {"vessel": vessel, "temperature_c": high if low is None else low}
+            making.told.tell("plan.no_thermostat", message, operation.place, **facts)
         return
     middle = (low + high) / 2
     seconds = abs(middle - making.temperatures_c.get(vessel, ROOM_C)) / RAMP_C_S
@@ -210,7 +213,8 @@ def start_light(making: Making, operation: BasicOperation) -> None:
         return
     lamp = making.equipment.lamp(vessel)
     if lamp is None:
-        making.told.tell("plan.no_lamp", f"nothing lights {vessel}", operation.place)
+        message = f"nothing lights {vessel}"
+        making.told.tell("plan.no_lamp", message, operation.place, vessel=vessel)
         return
     names = ("wavelength_nm", "power_w", "intensity_percent")
     given: dict[str, Any] = {name: number(operation.fields.get(name)) for name in names}
@@ -230,18 +234,33 @@ def stop_light(making: Making, operation: BasicOperation) -> None:
 
 
 def measure(making: Making, operation: BasicOperation) -> None:
-    """Take one reading."""
-    vessel = making.vessel(operation)
-    quantity = str(operation.fields.get("quantity", ""))
-    if vessel is None:
-        return
+    """Take one reading, and compare it where the recipe says between what it is done."""
+    vessel, fields = making.vessel(operation), operation.fields
+    quantity = str(fields.get("quantity", ""))
+    if vessel is not None:
+        window = (number(fields.get("least")), number(fields.get("most")))
+        read(making, operation.place, vessel, quantity, window)
+
+
+def read(
+    making: Making,
+    place: Place,
+    vessel: str,
+    quantity: str,
+    window: tuple[float | None, float | None],
+) -> None:
+    """Take one reading of a vessel; the window says between what it is done."""
     sensor = making.equipment.sensor(vessel, quantity)
     if sensor is None:
         message = f"no sensor at {vessel} reads {quantity}"
-        making.told.tell("plan.no_sensor", message, operation.place)
-        return
-    does = {"kind": "measure", "vessel": vessel, "quantity": quantity}
-    making.add(operation.place, does, [[say(sensor, "measure", quantity=quantity)]])
+        facts = {"vessel": vessel, "quantity": quantity}
+        making.told.tell("plan.no_sensor", message, place, **facts)
+    low, high = window
+    if low is not None or high is not None:
+        making.readings.append(len(making.steps))
+    if sensor is not None:
+        does = {"kind": "measure", "vessel": vessel, "quantity": quantity, "low": low, "high": high}
+        making.add(place, does, [[say(sensor, "measure", quantity=quantity, low=low, high=high)]])
 
 
 def ask(making: Making, operation: BasicOperation) -> None:

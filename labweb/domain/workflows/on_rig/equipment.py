@@ -14,9 +14,13 @@ from typing import Any
 from labweb.domain.graph.elements import Element, Role
 from labweb.domain.graph.rig.elements import volume_nl
 from labweb.domain.graph.rig.model import Rig
+from labweb.domain.graph.topology import Medium
 
 COLLECT = "collect"
 """Port of a rotary evaporator that its collecting flask is drawn from."""
+
+
+_CARRIES = frozenset({Medium.LIQUID, Medium.VACUUM, Medium.GAS})
 
 
 class Sort(StrEnum):
@@ -26,6 +30,7 @@ class Sort(StrEnum):
     FILTER = "filter"
     SEPARATOR = "separator"
     ROTAVAP = "rotavap"
+    CENTRIFUGE = "centrifuge"
     WASTE = "waste"
     FLASK = "flask"
     PLAIN = "vessel"
@@ -34,6 +39,7 @@ class Sort(StrEnum):
 
 _SORTS = (
     (r"rotavap|rotovap|rv_?10|r300", Sort.ROTAVAP),
+    (r"centrifuge", Sort.CENTRIFUGE),
     (r"waste", Sort.WASTE),
     (r"separator", Sort.SEPARATOR),
     (r"filter", Sort.FILTER),
@@ -49,6 +55,11 @@ _HEATS = re.compile(
 _LIGHTS = re.compile(r"lamp|light|led")
 _CONDUCTS = re.compile(r"conductivity")
 _PNEUMATIC = re.compile(r"pneumatic")
+_SENSE = "sensor|meter|probe|transmitter|electrode"
+_SENSES = re.compile(r"sensor|camera|meter$|probe|transmitter|balance")
+_CAMEL = re.compile(r"(?<=[a-z]{2})(?=[A-Z])")
+"""Where a class that is written in camel case begins a word."""
+
 _RANGES_C = (
     (re.compile(r"julabo|cf41|huber"), (Decimal(-40), Decimal(100))),
     (re.compile(r"rv_?10"), (Decimal(18), Decimal(180))),
@@ -121,6 +132,20 @@ class Equipment:
         }
 
     @cached_property
+    def ways(self) -> dict[str, list[tuple[str, str, str]]]:
+        """Return the tubes for liquid, gas and vacuum of each element: port, far end, its port."""
+        found: dict[str, set[tuple[str, str, str]]] = {}
+        for tube in self.rig.tubes:
+            ends = (self.elements[tube.source], self.elements[tube.target])
+            is_vacuum = any(end.role is Role.VACUUM for end in ends)
+            if tube.medium in _CARRIES or is_vacuum:
+                there = (tube.source_port, tube.target, tube.target_port)
+                back = (tube.target_port, tube.source, tube.source_port)
+                found.setdefault(tube.source, set()).add(there)
+                found.setdefault(tube.target, set()).add(back)
+        return {key: sorted(ways) for key, ways in found.items()}
+
+    @cached_property
     def cartridges(self) -> dict[str, str]:
         """Return cartridges and columns with their filling."""
         return {
@@ -187,6 +212,16 @@ class Equipment:
             if _is(self.elements[near], _HEATS)
         ]
 
+    def devices(self, key: str, pattern: re.Pattern[str]) -> list[str]:
+        """Return the devices of a class that a link joins to a vessel."""
+        return [near for near in self.near(key) if _is(self.elements[near], pattern)]
+
+    def device(self, key: str, pattern: re.Pattern[str]) -> str | None:
+        """Return the device of a class at a vessel: the vessel itself, or one that is joined."""
+        if pattern.search(self.elements[key].kind.lower()):
+            return key
+        return next(iter(self.devices(key, pattern)), None)
+
     def conductivity(self, key: str) -> str | None:
         """Return the conductivity sensor of a separator."""
         return next((near for near in self.near(key) if _is(self.elements[near], _CONDUCTS)), None)
@@ -197,8 +232,13 @@ class Equipment:
 
     def sensor(self, key: str, quantity: str) -> str | None:
         """Return the sensor of a quantity at a vessel."""
-        wanted = re.compile(re.escape(quantity.lower()))
-        return next((near for near in self.near(key) if _is(self.elements[near], wanted)), None)
+        wanted = re.compile(rf"(?<![a-z]){re.escape(quantity.lower())}(?={_SENSE}|[^a-z]|$)")
+        for near in self.near(key):
+            element = self.elements[near]
+            words = _CAMEL.sub(" ", element.kind).lower()
+            if _is(element, _SENSES) and wanted.search(words):
+                return near
+        return None
 
     def pneumatic(self, key: str) -> tuple[str, str] | None:
         """Return the pneumatic controller of a vessel, and the port of it."""

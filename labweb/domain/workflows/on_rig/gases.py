@@ -63,7 +63,7 @@ def _vacuum_line(
             making.note(f"{vessel} has no vacuum: its solid is not sucked dry")
         else:
             message = f"no valve joins {vessel} to a vacuum"
-            making.told.tell("plan.no_vacuum", message, operation.place)
+            making.told.tell("plan.no_vacuum", message, operation.place, vessel=vessel)
         return None
     return line, making.equipment.vacuum_pump(line.end)
 
@@ -77,7 +77,8 @@ def _drawn_too(making: Making, place: Place, vessel: str, pump: str) -> tuple[st
             f"{pump} evacuates {vessel} and draws on {key} too, which may hold something: "
             f"a valve between {key} and {pump} is missing"
         )
-        making.told.tell("plan.vacuum_shared", message, place)
+        facts = {"vessel": vessel, "pump": pump, "other": key}
+        making.told.tell("plan.vacuum_shared", message, place, **facts)
     for key in sorted(k for k, p in making.evacuated.items() if p == pump and k != vessel):
         message = f"{pump} draws on {key} already, and would change its vacuum with {vessel}"
         making.told.tell("plan.vacuum_shared", message, place)
@@ -204,7 +205,8 @@ def _gas_line(making: Making, operation: BasicOperation, vessel: str, name: str)
     if line is None:
         what = "an inert gas" if name == INERT_GAS else name
         message = f"no valve joins {vessel} to {what}"
-        making.told.tell("plan.no_gas", message, operation.place)
+        gas = max(wanted)
+        making.told.tell("plan.no_gas", message, operation.place, vessel=vessel, gas=gas)
     return line
 
 

@@ -6,11 +6,9 @@ from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from labweb.domain.graph.elements import Element, Role, Tube
-from labweb.domain.graph.topology import Medium
+from labweb.domain.graph.elements import Element, Role
 from labweb.domain.workflows.on_rig.equipment import Equipment
 
-_CARRIES = frozenset({Medium.LIQUID, Medium.VACUUM, Medium.GAS})
 _PASSED = frozenset({Role.VALVE, Role.SOLENOID, Role.MANIFOLD})
 
 
@@ -37,7 +35,7 @@ def find_line(
     equipment: Equipment, start: str, is_end: Callable[[str], bool], port: str | None = None
 ) -> Line | None:
     """Find the line with the fewest tubes; equals are settled by ids. None: there is none."""
-    ways = _ways(equipment)
+    ways = equipment.ways
     queue = deque([_Reached(start, "", (), ())])
     seen = {(start, "")}
     while queue:
@@ -65,7 +63,7 @@ def vacuum_line(equipment: Equipment, vessel: str, port: str | None = None) -> L
 
 def drawn_with(equipment: Equipment, pump: str) -> list[str]:
     """List the vessels that a vacuum pump draws on whenever it runs: no valve is between."""
-    ways = _ways(equipment)
+    ways = equipment.ways
     waiting, seen, found = [pump], {pump}, set()
     while waiting:
         for _, far, _ in ways.get(waiting.pop(), ()):
@@ -92,31 +90,13 @@ def _through(element: Element, here: _Reached, out_port: str, start: str) -> _Re
     return _Reached(here.key, here.port, (*here.valves, (element.key, position)), here.solenoids)
 
 
-def _ways(equipment: Equipment) -> dict[str, list[tuple[str, str, str]]]:
-    found: dict[str, list[tuple[str, str, str]]] = {}
-    for tube in equipment.rig.tubes:
-        if tube.medium in _CARRIES or _is_vacuum(equipment, tube):
-            found.setdefault(tube.source, []).append(
-                (tube.source_port, tube.target, tube.target_port)
-            )
-            found.setdefault(tube.target, []).append(
-                (tube.target_port, tube.source, tube.source_port)
-            )
-    return {key: sorted(set(ways)) for key, ways in found.items()}
-
-
-def _is_vacuum(equipment: Equipment, tube: Tube) -> bool:
-    ends = (equipment.elements[tube.source], equipment.elements[tube.target])
-    return any(end.role is Role.VACUUM for end in ends)
-
-
 def resting_port(equipment: Equipment, valve: str, busy: str) -> str | None:
     """Return where a valve joins neither gas nor vacuum: best a port without a tube."""
     element = equipment.elements[valve]
     if element.positions:
         return next((name for name in sorted(element.positions) if name != busy), None)
     joined: dict[str, set[str]] = {}
-    for own_port, far, _ in _ways(equipment).get(valve, ()):
+    for own_port, far, _ in equipment.ways.get(valve, ()):
         joined.setdefault(own_port, set()).add(far)
     free = sorted((element.ports or frozenset()) - joined.keys() - {element.common_port})
     if free:

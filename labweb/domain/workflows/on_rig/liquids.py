@@ -155,9 +155,8 @@ def transfer(making: Making, operation: BasicOperation) -> None:
         message = f"{name} and {wanted} are the same vessel of the rig"
         making.told.tell("plan.same_vessel", message, operation.place)
         return
-    port = port_of(operation, "from_port")
-    if port == COLLECT and making.equipment.sort(source) is Sort.ROTAVAP:
-        source, port = f"{source}#{COLLECT}", None
+    source, port = _collecting(making, source, port_of(operation, "from_port"))
+    target, to_port = _collecting(making, target, port_of(operation, "to_port"))
     volume = operation.fields.get("volume_ml")
     amount = None if volume is None else nanolitres(making, volume, operation.place)
     if volume is not None and amount is None:
@@ -172,7 +171,7 @@ def transfer(making: Making, operation: BasicOperation) -> None:
         place=operation.place,
         through=through,
         source_port=port,
-        target_port=port_of(operation, "to_port"),
+        target_port=to_port,
         draw_rate_ul_s=draw,
         push_rate_ul_s=push,
     )
@@ -185,6 +184,13 @@ def transfer(making: Making, operation: BasicOperation) -> None:
         delivered = making.delivered_nl.setdefault(target, {})
         delivered[lot] = delivered.get(lot, 0) + amount
     move_volume(making, move, amount, lot=lot)
+
+
+def _collecting(making: Making, vessel: str, port: str | None) -> tuple[str, str | None]:
+    """Return the vessel behind a port: of a rotary evaporator it may be the collecting flask."""
+    if port == COLLECT and making.equipment.sort(vessel) is Sort.ROTAVAP:
+        return f"{vessel}#{COLLECT}", None
+    return vessel, port
 
 
 def _lot_of(making: Making, source: str) -> str:

@@ -18,6 +18,7 @@ from labweb.domain.workflows.xdl.markup import NOWHERE, Place
 
 BY_HAND, TIMER = "@by_hand", "@timer"
 
+_LASTING = frozenset({"wait", "evaporate", "heat_by_microwave", "spin", "distill"})
 BY_HAND_S = 300.0
 """Estimate for what a person does."""
 
@@ -38,6 +39,9 @@ class Draft:
 
     waits_for: frozenset[str] = frozenset()
     """Lanes that must have ended."""
+
+    skip_if: tuple[int, ...] = ()
+    """Places of the readings that decide whether it is carried out; none: it is."""
 
 
 @dataclass(slots=True, kw_only=True)
@@ -96,6 +100,16 @@ class Making:
     temperatures_c: dict[str, float] = field(default_factory=dict)
     """Vessel → the temperature it was last brought to, for estimates."""
 
+    roles: Mapping[str, str] = field(default_factory=dict)
+    """Reagent → its role, as the recipe says it: acid, base …"""
+
+    skip_if: tuple[int, ...] = ()
+    """Readings after which the steps that are made meanwhile are not needed any more."""
+
+    is_in_rounds: bool = False
+    readings: list[int] = field(default_factory=list)
+    """Places of the readings with a window that were made in this round."""
+
     act: int = 0
     lane: str = ""
     waits_for: frozenset[str] = frozenset()
@@ -138,6 +152,7 @@ class Making:
             resources=frozenset(name for name in named if name != TIMER),
             lane=self.lane,
             waits_for=self.waits_for,
+            skip_if=self.skip_if,
         )
         self.waits_for = frozenset()
         self.steps.append(draft)
@@ -192,7 +207,7 @@ def _lasts(command: Command) -> float:
     given = command["parameters"]
     if command["action"] in ("aspirate", "dispense"):
         return float(given["volume_ul"]) / float(given["rate_ul_s"])
-    if command["action"] in ("wait", "evaporate"):
+    if command["action"] in _LASTING:
         return float(given.get("duration_s", given.get("most_s", 0)))
     if command["device"] == BY_HAND:
         return BY_HAND_S

@@ -40,6 +40,32 @@ class Matter:
 
     def __init__(self) -> None:
         self._held: dict[str, Portion] = {}
+        self._layered: set[str] = set()
+        """Vessels that were spun: nobody knows which share of a lot is drawn of them."""
+
+    def copy(self) -> Matter:
+        """Return what is where, to be changed independently."""
+        other = Matter()
+        other._held = {key: dict(portion) for key, portion in self._held.items()}
+        other._layered = set(self._layered)
+        return other
+
+    def span(self, other: Matter) -> None:
+        """Know from now on no more than that it is as here or as there."""
+        self._layered |= other._layered
+        for key in self._held.keys() | other._held.keys():
+            here, there = self.held(key), other.held(key)
+            self._held[key] = {
+                lot: Share(
+                    min(here.get(lot, _NOTHING).least, there.get(lot, _NOTHING).least),
+                    max(here.get(lot, _NOTHING).most, there.get(lot, _NOTHING).most),
+                )
+                for lot in here | there
+            }
+
+    def spin(self, vessel: str) -> None:
+        """Bring what is in a vessel into layers."""
+        self._layered.add(vessel)
 
     def held(self, vessel: str) -> Portion:
         """Return what is in a vessel."""
@@ -64,7 +90,13 @@ class Matter:
         """Take a volume out; of known contents its share of each lot, else what it may be."""
         held, total = self._held.get(vessel, {}), self.liquid(vessel)
         wanted = Fraction(amount_nl)
-        is_known = total.is_certain and all(share.is_certain for share in held.values())
+        if len(held) == 1 and wanted <= total.least:
+            # Of one liquid alone it is known what is drawn, however much there is.
+            (key,) = held
+            left = Share(held[key].least - wanted, held[key].most - wanted)
+            self._held[vessel] = {key: left} if left.most else {}
+            return {key: Share(wanted, wanted)}
+        is_known = vessel not in self._layered and all(share.is_certain for share in held.values())
         taken: Portion = {}
         for key, share in list(held.items()):
             if key[1] and keeps_solids:
@@ -110,6 +142,8 @@ class Matter:
     def _forget(self, vessel: str) -> None:
         held = self._held.get(vessel, {})
         self._held[vessel] = {key: share for key, share in held.items() if share.most}
+        if not self.liquid(vessel).most:
+            self._layered.discard(vessel)
 
 
 def plain(portion: Portion) -> list[dict[str, str | float]]:

@@ -43,19 +43,19 @@ def route(making: Making, move: Move, amount_nl: int) -> list[Group] | None:
     owner, port = _leaves(making, move.source)
     request = TransferRequest(
         source=owner,
-        target=move.target,
+        target=move.target.partition("#")[0],
         amount_nl=amount_nl,
         source_port=port if owner != move.source else move.source_port or port,
-        target_port=move.target_port,
+        target_port=COLLECT if "#" in move.target else move.target_port,
         draw_rate_ul_s=move.draw_rate_ul_s,
         push_rate_ul_s=move.push_rate_ul_s,
         through=move.through,
     )
     groups, findings = plan_on_rig(making.equipment.rig, request)
     for finding in findings:
-        making.told.tell(
-            finding.code, f"{move.source} to {move.target}: {finding.message}", move.place
-        )
+        message = f"{move.source} to {move.target}: {finding.message}"
+        facts = {"from": owner, "to": move.target, "through": list(move.through)}
+        making.told.tell(finding.code, message, move.place, at=finding.subject, **facts)
     return None if findings else groups
 
 
@@ -71,12 +71,14 @@ def chain_of(making: Making, source: str, target: str) -> Chain | None:
     """Return the way from one vessel to another, or None."""
     network = making.equipment.rig.network
     owner, port = _leaves(making, source)
-    if owner == target:
+    into, _, part = target.partition("#")
+    if owner == into:
         return None
     wanted = Wanted(
         source=network.index[owner],
-        target=network.index[target],
+        target=network.index[into],
         source_port=port,
+        target_port=COLLECT if part else None,
     )
     return find_chain(network, wanted)
 
@@ -91,7 +93,7 @@ def choose_waste(making: Making, source: str, place: Place) -> str | None:
     found = [(len(chain.pumps), key) for chain, key in ways if chain is not None]
     if not found:
         message = f"{source} reaches no waste of the rig"
-        making.told.tell("plan.no_waste", message, place)
+        making.told.tell("plan.no_waste", message, place, vessel=source)
         return None
     return min(found)[1]
 
@@ -116,7 +118,7 @@ def choose_buffer(making: Making, source: str, place: Place, waits_in: str = "")
             found.append((not is_own, len(there.pumps), key))
     if not found:
         message = f"{source} reaches no empty flask that gives back what it is given"
-        making.told.tell("plan.no_buffer", message, place)
+        making.told.tell("plan.no_buffer", message, place, vessel=source)
         return None
     return min(found)[2]
 
@@ -156,7 +158,7 @@ def conductors(making: Making, name: str, place: Place) -> tuple[str, ...] | Non
         making.told.tell("plan.cartridge_ambiguous", message, place)
     else:
         message = f"the rig has no cartridge with {name!r}"
-        making.told.tell("plan.no_cartridge", message, place)
+        making.told.tell("plan.no_cartridge", message, place, filling=name)
     return None
 
 
@@ -175,13 +177,13 @@ def move_volume(making: Making, move: Move, amount_nl: int, lot: str = "") -> No
     if is_under_vacuum(making, move.place, move.source, move.target):
         return
     is_waste = making.equipment.sort(move.target) is Sort.WASTE
-    if not is_waste:
-        look_for_room(making, move, Fraction(amount_nl), Fraction(amount_nl))
+    fits = is_waste or look_for_room(making, move, Fraction(amount_nl), Fraction(amount_nl))
     left = amount_nl
     while left:
         part = _supply(making, move, left, lot) if lot else left
         if is_waste:
             part = min(part, making.capacity_nl(move.target) or part)
+        if is_waste or (fits and left < amount_nl):
             look_for_room(making, move, Fraction(part), Fraction(part))
         is_enough = bool(lot) or _holds(making, move, part)
         groups = route(making, move, part) if is_enough else None
@@ -324,26 +326,32 @@ def _holds(making: Making, move: Move, amount_nl: int) -> bool:
     return False
 
 
-def look_for_room(making: Making, move: Move, least: Fraction, most: Fraction) -> None:
-    """Look for room in the target: empty a waste, ask where nobody knows, refuse what overflows."""
+def look_for_room(making: Making, move: Move, least: Fraction, most: Fraction) -> bool:
+    """Look for room in the target: empty a waste, ask where nobody knows, refuse what overflows.
+
+    Returns:
+        Whether there may be room; False: there is none, which is told.
+    """
     capacity, held = making.capacity_nl(move.target), making.matter.liquid(move.target)
     if move.target in making.lost:
-        return
+        return True
     if capacity is None or held.most + most <= capacity:
-        return
+        return True
     if making.equipment.sort(move.target) is Sort.WASTE and most <= capacity:
         empty(making, move.target, move.place)
-        return
+        return True
     if held.least + least <= capacity:
         text = f"{move.target} has room for {render_volume(int(most))}"
         making.ask_first(text)
-        return
+        return True
     message = (
         f"{move.target} holds {render_volume(capacity)}; {render_volume(int(held.least))} is in it "
         f"and {render_volume(int(least))} is to come"
     )
     # What follows is judged as if there were room, so that everything is told at once.
-    making.told.tell("plan.overflow", message, move.place)
+    needed_ul = micro(held.least + least)
+    making.told.tell("plan.overflow", message, move.place, vessel=move.target, needed_ul=needed_ul)
+    return False
 
 
 def empty(making: Making, vessel: str, place: Place) -> None:

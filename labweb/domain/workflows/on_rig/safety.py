@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from labweb.domain.workflows.on_rig import conditions, gases
+from labweb.domain.workflows.on_rig import conditions, gases, instruments
 from labweb.domain.workflows.on_rig.making import Making
 from labweb.domain.workflows.xdl.expansion.basic import BasicOperation, Kind
 
 _STOPS = {
     "light": (Kind.STOP_LIGHT, conditions.stop_light),
+    "sonicate": (Kind.STOP_ULTRASOUND, instruments.stop_ultrasound),
     "heat": (Kind.STOP_TEMPERATURE, conditions.stop_temperature),
     "vacuum": (Kind.STOP_VACUUM, gases.stop_vacuum),
     "gas": (Kind.STOP_GAS, gases.stop_gas),

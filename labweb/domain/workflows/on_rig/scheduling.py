@@ -27,7 +27,7 @@ def earlier_steps(steps: Sequence[Draft]) -> list[list[int]]:
         else:
             after |= {end for lane, end in last.items() if not lane.startswith(_BESIDE)}
             barrier = place
-        after |= {holder[name] for name in step.resources if name in holder}
+        after |= {holder[name] for name in step.resources if name in holder} | {*step.skip_if}
         found.append(sorted(after))
         last[step.lane] = place
         holder |= dict.fromkeys(step.resources, place)

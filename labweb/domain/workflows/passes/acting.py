@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from uuid import UUID
 
+from labweb.domain.crutd.conditions import Condition
 from labweb.domain.crutd.operations import Operation
 from labweb.domain.enrollment.device import Device
 from labweb.domain.errors import NotFoundError
@@ -14,6 +15,7 @@ from labweb.domain.workflows.passes.roles import (
     HEAT_TOLERANCE_C,
     HOLD_TOLERANCE_C,
     plays,
+    post_conditions,
     setting,
 )
 from labweb.domain.workflows.protocol import Step
@@ -26,15 +28,20 @@ ROOM_C = 20.0
 
 STIR_S = 3.0
 READ_S = 5.0
+_SWITCHED = (
+    ("heater", "stop_heating"),
+    ("thermostat", "stop_control"),
+    ("stirrer", "stop_stirring"),
+)
 SWITCH_S = 2.0
 
 
 def plan_heat_chill(step: Step, drafting: Drafting) -> DraftStep:
     """Stir if asked, reach the temperature, and with a hold keep it and switch off."""
     vessel = UUID(step.params["vessel"])
-    heater = _find_carrier(step, drafting, vessel, "heater")
+    heater = _find_heater(step, drafting, vessel)
     wants_stir = "stir_speed" in step.params
-    stirrer = _find_carrier(step, drafting, vessel, "stirrer") if wants_stir else None
+    stirrer = find_carrier(step, drafting, vessel, "stirrer") if wants_stir else None
     if heater is None or (wants_stir and stirrer is None):
         return DraftStep(step=step)
     name = drafting.name(vessel)
@@ -48,11 +55,11 @@ def plan_heat_chill(step: Step, drafting: Drafting) -> DraftStep:
         drafting.job(
             step,
             heater,
-            "heat_to",
+            "heat_to" if plays(heater, "heater") else "reach_temperature",
             {"temperature_c": target_c, "tolerance_c": HEAT_TOLERANCE_C},
             sentence=f"Bring {name} to {target_c:g} °C",
             locks=(vessel,),
-            estimate_s=_ramp_s(drafting, heater, vessel, target_c),
+            estimate_s=ramp_s(drafting, heater, vessel, target_c),
         )
     )
     if "hold_for" in step.params:
@@ -67,27 +74,48 @@ def _hold(
     name = drafting.name(vessel)
     hold_s = parse(step.params["hold_for"], "time")
     args = {"duration_s": hold_s, "temperature_c": target_c, "tolerance_c": HOLD_TOLERANCE_C}
+    text = f"Hold {name} at {target_c:g} °C for {hold_s:g} s"
+    if plays(heater, "heater"):
+        held = drafting.job(
+            step, heater, "hold", args, sentence=text, locks=(vessel,), estimate_s=hold_s
+        )
+    else:
+        others = () if stirrer is None else tuple(stirrer.nodes.values())
+        locks = (vessel, *heater.nodes.values(), *others)
+        post = post_conditions(heater, "hold", args)
+        held = wait_job(step, drafting, locks, sentence=text, duration="hold_for", post=post)
     jobs = [
-        drafting.job(
-            step,
-            heater,
-            "hold",
-            args,
-            sentence=f"Hold {name} at {target_c:g} °C for {hold_s:g} s",
-            locks=(vessel,),
-            estimate_s=hold_s,
-        ),
-        _stop(step, drafting, heater, "stop_heating", vessel),
+        held,
+        _stop(step, drafting, heater, _off(heater), vessel),
     ]
     if stirrer is not None:
         jobs.append(_stop(step, drafting, stirrer, "stop_stirring", vessel))
     return jobs
 
 
+def _off(heater: Device) -> str:
+    return "stop_heating" if plays(heater, "heater") else "stop_control"
+
+
+def _find_heater(step: Step, drafting: Drafting, vessel: UUID) -> Device | None:
+    """Return the hotplate or the thermostat of a vessel; note when it is not one."""
+    role = "thermostat" if _carriers(drafting, vessel, "thermostat") else "heater"
+    return find_carrier(step, drafting, vessel, role)
+
+
+def plan_start_stir(step: Step, drafting: Drafting) -> DraftStep:
+    """Stir from now on; a later step stops it."""
+    vessel = UUID(step.params["vessel"])
+    stirrer = find_carrier(step, drafting, vessel, "stirrer")
+    if stirrer is None:
+        return DraftStep(step=step)
+    return draft_of(step, [_stir(step, drafting, stirrer, vessel)])
+
+
 def plan_stir(step: Step, drafting: Drafting) -> DraftStep:
     """Stir for a time counted by a timer, then stop."""
     vessel = UUID(step.params["vessel"])
-    stirrer = _find_carrier(step, drafting, vessel, "stirrer")
+    stirrer = find_carrier(step, drafting, vessel, "stirrer")
     if stirrer is None:
         return DraftStep(step=step)
     jobs = [
@@ -102,7 +130,7 @@ def plan_stop(step: Step, drafting: Drafting) -> DraftStep:
     """Switch off the heater and the stirrer that a vessel stands on, whichever there are."""
     vessel = UUID(step.params["vessel"])
     jobs: list[DraftJob | None] = []
-    for role, action in (("heater", "stop_heating"), ("stirrer", "stop_stirring")):
+    for role, action in _SWITCHED:
         found = _carriers(drafting, vessel, role)
         jobs += [_stop(step, drafting, device, action, vessel) for device in found]
     if not jobs:
@@ -172,7 +200,8 @@ def _carriers(drafting: Drafting, vessel: UUID, role: str) -> list[Device]:
     return list(found.values())
 
 
-def _find_carrier(step: Step, drafting: Drafting, vessel: UUID, role: str) -> Device | None:
+def find_carrier(step: Step, drafting: Drafting, vessel: UUID, role: str) -> Device | None:
+    """Return the one device of a role that a vessel stands on; note when it is not one."""
     found = _carriers(drafting, vessel, role)
     if len(found) == 1:
         return found[0]
@@ -222,7 +251,7 @@ def _stir(step: Step, drafting: Drafting, stirrer: Device, vessel: UUID) -> Draf
 def _stop(
     step: Step, drafting: Drafting, device: Device, action: str, vessel: UUID
 ) -> DraftJob | None:
-    what = "heating" if action == "stop_heating" else "stirring"
+    what = "stirring" if action == "stop_stirring" else "heating"
     return drafting.job(
         step,
         device,
@@ -234,21 +263,26 @@ def _stop(
     )
 
 
-def wait_job(
+def wait_job(  # noqa: PLR0913 - as for any job; all but three are keywords
     step: Step,
     drafting: Drafting,
     locks: tuple[UUID, ...],
     *,
     sentence: str = "",
     operation: Operation | None = None,
+    duration: str = "duration",
+    post: tuple[Condition, ...] = (),
 ) -> DraftJob | None:
-    """Make a job that waits on a timer, for what the operation says happens meanwhile."""
+    """Make a job that waits on a timer, for what the operation says happens meanwhile.
+
+    `duration` is the field of the step that says how long.
+    """
     timer = _free_timer(step, drafting)
     if timer is None:
         message = "no device of this lab is a timer"
-        drafting.refuse(step, "plan.no_device", message, "params.duration", role="timer")
+        drafting.refuse(step, "plan.no_device", message, f"params.{duration}", role="timer")
         return None
-    duration_s = parse(step.params["duration"], "time")
+    duration_s = parse(step.params[duration], "time")
     return drafting.job(
         step,
         timer,
@@ -256,6 +290,7 @@ def wait_job(
         {"duration_s": duration_s},
         sentence=sentence or f"Wait {duration_s:g} s",
         operation=operation,
+        post=post,
         locks=locks,
         estimate_s=duration_s,
     )
@@ -294,7 +329,7 @@ def _plan_reading(
     return draft_of(step, [job])
 
 
-def _ramp_s(drafting: Drafting, heater: Device, vessel: UUID, target_c: float) -> float:
+def ramp_s(drafting: Drafting, heater: Device, vessel: UUID, target_c: float) -> float:
     """Estimate the time to a temperature: difference over ramp."""
     known = [drafting.view.state(i) for i in (vessel, *heater.nodes.values())]
     told = [state.data.get("temperature_c") for state in known if state is not None]
@@ -304,6 +339,7 @@ def _ramp_s(drafting: Drafting, heater: Device, vessel: UUID, target_c: float) -
 
 PLANNERS: Mapping[str, Callable[[Step, Drafting], DraftStep]] = {
     "heat_chill": plan_heat_chill,
+    "start_stir": plan_start_stir,
     "stir": plan_stir,
     "stop_heat_stir": plan_stop,
     "wait": plan_wait,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 from uuid import UUID
@@ -12,6 +12,7 @@ from labweb.domain.crutd.operations import Operation, Read, TransferLiquid, Upda
 from labweb.domain.enrollment.device import Device
 from labweb.domain.enrollment.spec import check_arguments
 from labweb.domain.errors import Finding
+from labweb.domain.resources.contents import Contents, LotId, Phase
 from labweb.domain.workflows.passes.roles import (
     acting_node,
     post_conditions,
@@ -87,14 +88,24 @@ class Drafting:
     """By step: the steps that are done before it starts."""
 
     findings: list[Finding] = field(default_factory=list)
-    products: set[str] = field(default_factory=set)
-    """Keys of the lots that reactions of this plan make."""
+    contents: Callable[[UUID], Contents]
+    """What a vessel holds at this point of the plan."""
+
+    products: dict[str, LotId] = field(default_factory=dict)
+    """By key: the lots that reactions of this plan make."""
+
+    phases: dict[str, Phase] = field(default_factory=dict)
+    """Of the lots that reactions of this plan make, by key."""
 
     timer_users: dict[UUID, list[str]] = field(default_factory=dict)
 
     def refuse(self, step: Step, code: str, message: str, at: str = "", **context: object) -> None:
         """Note why a step cannot be planned."""
         self.findings.append(Finding(code, message, step.id, {"field": at, **context}))
+
+    def lot(self, key: str) -> LotId | None:
+        """Return the lot of that key, one of this plan too; None: there is none."""
+        return self.products.get(key) or self.view.lots.get(key)
 
     def name(self, resource_id: UUID) -> str:
         """Return what a person calls a resource."""

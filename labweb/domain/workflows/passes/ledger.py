@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from uuid import UUID
 
@@ -13,12 +13,14 @@ from labweb.domain.crutd.decide import (
     OutcomeKind,
     ResourceState,
     check,
+    drawn_parts,
     settle,
 )
 from labweb.domain.crutd.ledger import Account
 from labweb.domain.crutd.operations import Operation, React, TransferLiquid
+from labweb.domain.crutd.snapshot import Facts, LotState
 from labweb.domain.errors import Finding
-from labweb.domain.resources.contents import Contents, LotId, add, remove, take, total_nl
+from labweb.domain.resources.contents import Contents, LotId, add, remove, total_nl
 from labweb.domain.units import render_volume
 from labweb.domain.workflows.passes.draft import DraftJob, DraftStep, MassCheck
 from labweb.domain.workflows.passes.emptying import syringe_empty
@@ -44,6 +46,7 @@ class Ledger:
         self._view = view
         self._states: dict[UUID, ResourceState] = dict(view.snapshot)
         self._tainted: set[UUID] = set()
+        self._facts = view.facts
         self.findings: list[Finding] = []
 
     def run_step(self, draft: DraftStep) -> DraftStep:
@@ -125,13 +128,16 @@ class Ledger:
 
     def _apply(self, step: Step, operation: Operation) -> bool:
         # What only the server knows of lots is asked for where the masses have to agree.
-        facts = self._view.facts if isinstance(operation, React) else None
+        facts = self._facts if isinstance(operation, React) else None
         found = check(operation, self._states, facts)
         if found:
             self.findings += [_blame(finding, step) for finding in found]
             return False
         self._before = {i: self._states[i].contents for i in _touched(operation)}
         self._write(settle(operation, self._states, _DONE))
+        if isinstance(operation, React) and facts is not None:
+            made = {lot.id: lot for lot in _made_lots(operation, facts)}
+            self._facts = replace(facts, lots={**facts.lots, **made})
         return True
 
     def _write(self, change: Change) -> None:
@@ -146,6 +152,11 @@ class Ledger:
                 else:
                     held = move(state.masses, {posting.lot: posting.amount_ug})
                     self._states[state.id] = replace(state, masses=held)
+        for resource_id, place_id in change.moves.items():
+            state = self._states[resource_id]
+            above = (place_id, *self._states[place_id].ancestor_ids)
+            moved = replace(state, parent_id=place_id, ancestor_ids=above)
+            self._states[resource_id] = moved
         for resource_id, data in change.data.items():
             state = self._states[resource_id]
             self._states[resource_id] = replace(state, data={**state.data, **data})
@@ -153,7 +164,8 @@ class Ledger:
     def _weighed(self, step: Step, job: DraftJob) -> DraftJob:
         if job.mass_check is None or not isinstance(job.operation, TransferLiquid):
             return job
-        parts = take(self._before[job.operation.source_id], job.operation.amount_nl)
+        held = self._before[job.operation.source_id]
+        parts = drawn_parts(held, job.operation.parts_nl, job.operation.amount_nl)
         unknown = sorted(lot for lot in parts if not self._view.densities_mg_ul.get(lot))
         if unknown:
             message = (
@@ -173,6 +185,15 @@ class Ledger:
         if draft.whole is not None:
             ids |= {draft.whole.source_id, draft.whole.target_id}
         self._tainted |= ids
+
+
+def _made_lots(operation: React, facts: Facts) -> Iterator[LotState]:
+    """Return what will be known of the lots that a reaction makes."""
+    for product in operation.products:
+        material = facts.materials.get(product.material_id)
+        if material is not None:
+            lot = LotId(str(product.lot_id))
+            yield LotState(id=lot, name=product.key, phase=product.phase, material=material)
 
 
 def mixture_mass_mg(parts: Contents, densities_mg_ul: Mapping[LotId, float | None]) -> float:

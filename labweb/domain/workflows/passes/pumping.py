@@ -6,13 +6,16 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from uuid import UUID
 
+from labweb.domain.crutd.operations import TransferLiquid
 from labweb.domain.enrollment.device import Device
 from labweb.domain.errors import Finding, NoRouteError
 from labweb.domain.graph.routing import Route, find_route, is_numbered
 from labweb.domain.graph.topology import Connection, Medium, PortRef
 from labweb.domain.resources.kinds import is_vessel
+from labweb.domain.workflows.passes.draft import Drafting
 from labweb.domain.workflows.passes.roles import acting_node, plays, setting
 from labweb.domain.workflows.passes.view import LabView
+from labweb.domain.workflows.protocol import Step
 
 MOST_STROKES = 500
 """Most strokes that one transfer is planned with."""
@@ -62,8 +65,33 @@ def pump_node(view: LabView, device: Device) -> UUID | None:
     return syringes[0] if len(syringes) == 1 else None
 
 
+def choose_way(step: Step, drafting: Drafting, whole: TransferLiquid) -> Pumping | None:
+    """Find the pump of a step that moves liquid; note why there is none."""
+    wanted = None
+    if "pump" in step.params:
+        wanted = drafting.view.find_device(UUID(step.params["pump"]))
+        if wanted is None:
+            message = "no device of this lab drives the pump that is asked for"
+            drafting.refuse(step, "plan.no_device", message, "params.pump")
+            return None
+    through = UUID(step.params["through"]) if "through" in step.params else None
+    source, target = whole.source_id, whole.target_id
+    answer = choose_pump(drafting.view, source, target, whole.amount_nl, wanted, through=through)
+    if isinstance(answer, Finding):
+        at = "params.target" if wanted is None else "params.pump"
+        drafting.refuse(step, answer.code, answer.message, at, **answer.context)
+        return None
+    return answer
+
+
 def choose_pump(
-    view: LabView, source: UUID, target: UUID, amount_nl: int, wanted: Device | None
+    view: LabView,
+    source: UUID,
+    target: UUID,
+    amount_nl: int,
+    wanted: Device | None,
+    *,
+    through: UUID | None = None,
 ) -> Pumping | Finding:
     """Find the pump that wastes least; ties go to the device whose key sorts first.
 
@@ -81,7 +109,7 @@ def choose_pump(
     found: list[Pumping] = []
     reasons: list[Finding] = []
     for device, node_id in pumps:
-        answer = _try_pump(view, device, node_id, source, target)
+        answer = _try_pump(view, device, node_id, source, target, through)
         if isinstance(answer, Pumping):
             found.append(answer)
         else:
@@ -106,11 +134,16 @@ def _is_too_small(view: LabView, pump_id: UUID, amount_nl: int) -> bool:
 
 
 def _try_pump(
-    view: LabView, device: Device, pump_id: UUID, source: UUID, target: UUID
+    view: LabView,
+    device: Device,
+    pump_id: UUID,
+    source: UUID,
+    target: UUID,
+    through: UUID | None,
 ) -> Pumping | Finding:
     try:
         into = find_route(view.graph, view.tree, source, pump_id)
-        out = find_route(view.graph, view.tree, pump_id, target)
+        out = _find_way_out(view, pump_id, target, through)
     except NoRouteError as error:
         return Finding(error.code, error.message, "", error.context)
     ends = (into.ports[-1], out.ports[0])
@@ -124,6 +157,24 @@ def _try_pump(
             return turns
         legs.append(Leg(route=route, turns=turns))
     return Pumping(device=device, pump_id=pump_id, into=legs[0], out=legs[1])
+
+
+def _find_way_out(view: LabView, pump_id: UUID, target: UUID, through: UUID | None) -> Route:
+    """Find the way from a syringe into a vessel; through a cartridge only when that is asked.
+
+    Raises:
+        NoRouteError: There is none.
+    """
+    if through is None:
+        return find_route(view.graph, view.tree, pump_id, target)
+    near = find_route(view.graph, view.tree, pump_id, through)
+    far = find_route(view.graph, view.tree, through, target)
+    return Route(
+        (*near.ports, *far.ports),
+        (*near.connections, *far.connections),
+        (*near.valves, *far.valves),
+        near.dead_volume_nl + far.dead_volume_nl,
+    )
 
 
 def find_outlet(view: LabView, device: Device, pump_id: UUID, target: UUID) -> Leg | Finding:

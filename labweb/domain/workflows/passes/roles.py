@@ -33,10 +33,17 @@ OFFERS: Mapping[str, Offer] = {
     "pump": Offer(("initialize", "aspirate", "dispense"), ("volume_ul", "is_initialized")),
     "valve": Offer(("select_port",), ("port_index",)),
     "heater": Offer(("heat_to", "hold", "stop_heating"), ("temperature_c",)),
+    "thermostat": Offer(("reach_temperature", "hold", "stop_control"), ("temperature_c",)),
+    "rotary_evaporator": Offer(
+        ("heat_bath_to", "rotate", "lower_flask", "raise_flask", "stop_rotating", "stop_heating")
+    ),
+    "vacuum_controller": Offer(("evacuate_to", "stop_pump", "vent"), ("pressure_kpa",)),
     "stirrer": Offer(("stir", "stop_stirring"), ("speed_rpm",)),
     "balance": Offer(("weigh",), ("mass_mg", "is_stable")),
     "ph": Offer(("measure",), ("value_ph",)),
     "timer": Offer(("wait",)),
+    "camera": Offer(("look",), ("sighting",)),
+    "arm": Offer(("run_program", "stop_program"), ("is_running",)),
 }
 """Role by name. A device plays it when its driver declares all of these."""
 
@@ -73,13 +80,17 @@ def recorded_data(action: str, args: Mapping[str, Any]) -> dict[str, Any]:
             return {"port_index": args["port_index"]}
         case "initialize":
             return {"is_initialized": True}
-        case "heat_to" | "hold":
+        case "heat_to" | "hold" | "reach_temperature" | "heat_bath_to":
             return {"temperature_setpoint_c": args["temperature_c"]}
-        case "stop_heating":
+        case "stop_heating" | "stop_control":
             return {"temperature_setpoint_c": None}
-        case "stir":
+        case "stir" | "rotate":
             return {"speed_setpoint_rpm": args["speed_rpm"]}
-        case "stop_stirring":
+        case "evacuate_to":
+            return {"pressure_setpoint_kpa": args["pressure_kpa"]}
+        case "stop_pump" | "vent":
+            return {"pressure_setpoint_kpa": None}
+        case "stop_stirring" | "stop_rotating":
             return {"speed_setpoint_rpm": 0.0}
         case _:
             return {}
@@ -100,6 +111,18 @@ def post_conditions(device: Device, action: str, args: Mapping[str, Any]) -> tup
         "heat_to": lambda: _near(
             device, "heater.at_temperature", "temperature_c", args["temperature_c"],
             args["tolerance_c"],
+        ),
+        "reach_temperature": lambda: _near(
+            device, "thermostat.at_temperature", "temperature_c", args["temperature_c"],
+            args["tolerance_c"],
+        ),
+        "heat_bath_to": lambda: _near(
+            device, "evaporator.bath_at_temperature", "bath_temperature_c", args["temperature_c"],
+            args["tolerance_c"],
+        ),
+        "evacuate_to": lambda: _near(
+            device, "vacuum.at_pressure", "pressure_kpa", args["pressure_kpa"],
+            args["tolerance_kpa"],
         ),
         "hold": lambda: _near(
             device, "heater.held_temperature", "temperature_c", args["temperature_c"],

@@ -5,27 +5,34 @@ from __future__ import annotations
 from uuid import UUID
 
 from labweb.domain.crutd.operations import TransferLiquid
-from labweb.domain.errors import Finding
+from labweb.domain.resources.contents import total_nl
 from labweb.domain.units import parse_volume_nl, render_volume
 from labweb.domain.workflows.passes.draft import Drafting, DraftJob, DraftStep, MassCheck
-from labweb.domain.workflows.passes.pumping import MOST_STROKES, Pumping, choose_pump
+from labweb.domain.workflows.passes.pumping import MOST_STROKES, choose_way
 from labweb.domain.workflows.passes.roles import plays
 from labweb.domain.workflows.passes.splitting import count_strokes, split_strokes
 from labweb.domain.workflows.passes.strokes import check_fineness, dead_volume_notes, make_strokes
 from labweb.domain.workflows.protocol import Step
+from labweb.domain.workflows.unit_operations import ALL
 
 
 def plan_transfer(step: Step, drafting: Drafting) -> DraftStep:
     """Plan the strokes of one Transfer; findings are noted and the jobs left out."""
     source, target = UUID(step.params["source"]), UUID(step.params["target"])
-    amount_nl = parse_volume_nl(step.params["volume"])
+    is_all = step.params["volume"] == ALL
+    amount_nl = total_nl(drafting.contents(source)) if is_all else 0
+    if is_all and not amount_nl:
+        message = f"{drafting.name(source)} is empty by then: there is nothing to move"
+        drafting.refuse(step, "crutd.insufficient_volume", message, "params.volume")
+        return DraftStep(step=step)
+    amount_nl = amount_nl or parse_volume_nl(step.params["volume"])
     if source == target:
         message = "source and target are the same vessel"
         drafting.refuse(step, "crutd.same_vessel", message, "params.target")
         return DraftStep(step=step)
     whole = TransferLiquid(source_id=source, target_id=target, amount_nl=amount_nl)
     mass_check = _mass_check(step, drafting, target)
-    pumping = _choose(step, drafting, whole)
+    pumping = choose_way(step, drafting, whole)
     if pumping is None:
         return DraftStep(step=step, whole=whole)
     strokes = make_strokes(step, drafting, pumping.device, pumping.pump_id, mass_check)
@@ -57,23 +64,6 @@ def plan_transfer(step: Step, drafting: Drafting) -> DraftStep:
         pump_id=pumping.pump_id,
         notes=dead_volume_notes(pumping.into, pumping.out),
     )
-
-
-def _choose(step: Step, drafting: Drafting, whole: TransferLiquid) -> Pumping | None:
-    wanted = None
-    if "pump" in step.params:
-        wanted = drafting.view.find_device(UUID(step.params["pump"]))
-        if wanted is None:
-            message = "no device of this lab drives the pump that is asked for"
-            drafting.refuse(step, "plan.no_device", message, "params.pump")
-            return None
-    source, target, amount_nl = whole.source_id, whole.target_id, whole.amount_nl
-    answer = choose_pump(drafting.view, source, target, amount_nl, wanted)
-    if isinstance(answer, Finding):
-        at = "params.pump" if wanted is not None else "params.target"
-        drafting.refuse(step, answer.code, answer.message, at, **answer.context)
-        return None
-    return answer
 
 
 def _mass_check(step: Step, drafting: Drafting, target: UUID) -> MassCheck | None:

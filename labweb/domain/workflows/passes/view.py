@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from uuid import UUID
 
@@ -85,6 +85,14 @@ class LabView:
                 if other is not None and other.id != vessel_id and other.id not in seen:
                     seen.add(other.id)
                     yield other
+
+    def carried(self, resource_id: UUID, place_id: UUID) -> LabView:
+        """Return the lab as it is once a thing, with all in it, stands in another place."""
+        resources = tuple(
+            replace(one, parent_id=place_id) if one.id == resource_id else one
+            for one in self.tree.resources
+        )
+        return replace(self, tree=Tree(resources))
 
     def vessels_on(self, device: Device) -> set[UUID]:
         """Return the vessels that stand on or are coupled to a device's resources."""

@@ -47,6 +47,11 @@ DEFAULTS: Mapping[str, Default] = {
     "rotavap.temperature": Default("25 °C", _CHEMPUTER),
     "clean_vessel.repeats": Default("2", _CHEMPUTER),
     "clean_vessel.time": Default("1 min", _CHEMPUTER),
+    "adjust_ph.mixing_time": Default("30 s", _LABWEB + ": a stirred flask of a litre is mixed"),
+    "adjust_ph.tolerance": Default("0.1", _LABWEB + ": accuracy of common pH electrodes"),
+    "repeat.most_rounds": Default(
+        "20", _LABWEB + ": a loop that no reading has ended asks a person"
+    ),
     "room_temperature": Default("25 °C", _LABWEB + ": middle of what a laboratory is kept at"),
     "overnight": Default("16 h", _LABWEB + ": from one working day to the next"),
     "temperature_tolerance": Default("1 °C", _LABWEB + ": resolution of common thermostats"),

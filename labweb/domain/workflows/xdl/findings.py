@@ -15,12 +15,12 @@ class Findings:
     def __init__(self) -> None:
         self.all: list[Finding] = []
 
-    def tell(self, code: str, message: str, place: Place) -> None:
-        """Add one finding."""
+    def tell(self, code: str, message: str, place: Place, **facts: object) -> None:
+        """Add one finding; `facts` are what its message says, for programs."""
         context: dict[str, object] = {"path": place.path} if place.path else {}
         if place.line:
             context = {"line": place.line, "column": place.column}
-        self.all.append(Finding(code, message, str(place), context))
+        self.all.append(Finding(code, message, str(place), context | facts))
 
 
 def nearest(name: str, known: Iterable[str]) -> str:

@@ -149,6 +149,7 @@ EXTENSIONS: Mapping[str, str] = {
     " anticlogging_solvent:reagent anticlogging_solvent_volume:volume"
     " anticlogging_reagent_volume:volume flush_tubing:bool",
     "AddSolid": "confirm_solid:bool port:port",
+    "RunColumn": "to_port:port",
     "Transfer": "from_port:port to_port:port through:through move_speed:flow aspiration_speed:flow"
     " dispense_speed:flow flush_tubing:bool stir_to_vessel:bool stir_from_vessel:bool"
     " rinse_withdrawal_excess:number",

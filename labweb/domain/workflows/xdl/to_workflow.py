@@ -15,9 +15,13 @@ from typing import Any
 
 from labweb.domain.workflows.protocol import MOST_STEPS, SCHEMA, check_workflow
 from labweb.domain.workflows.xdl.acts import Act
+from labweb.domain.workflows.xdl.declared import Declared
 from labweb.domain.workflows.xdl.defaults_table import DEFAULTS
 from labweb.domain.workflows.xdl.findings import Findings
+from labweb.domain.workflows.xdl.markup import NOWHERE
 from labweb.domain.workflows.xdl.read import refusal
+from labweb.domain.workflows.xdl.several_steps import SAID as SEVERAL_SAID
+from labweb.domain.workflows.xdl.several_steps import Made, SeveralSteps
 from labweb.domain.workflows.xdl.spec import STEPS
 from labweb.domain.workflows.xdl.values import Quantity, Value
 
@@ -35,7 +39,11 @@ _SAID: Mapping[str, frozenset[str]] = {
 
 
 def to_workflow(
-    acts: tuple[Act, ...], *, name: str, keys: Mapping[str, str] | None = None
+    acts: tuple[Act, ...],
+    *,
+    name: str,
+    keys: Mapping[str, str] | None = None,
+    declared: Declared | None = None,
 ) -> dict[str, Any]:
     """Turn unfolded acts into the plain data of a workflow.
 
@@ -43,13 +51,17 @@ def to_workflow(
         acts: As `unfold` gives them.
         name: What the workflow is called.
         keys: Vessel or reagent → key of the resource in the lab, where the name is no key.
+        declared: What a person states of lab and matter beside the recipe. With it, steps that
+            part layers, boil solvents off or let a gas in become steps too.
 
     Raises:
-        ProtocolError: `xdl.not_in_workflow`, `xdl.not_a_key`, `xdl.range_not_exact` and what a
-            workflow refuses; `findings` list all. No workflow comes of it.
+        ProtocolError: `xdl.not_in_workflow`, `xdl.not_a_key`, `xdl.range_not_exact`,
+            `xdl.not_declared` and what a workflow refuses; `findings` list all. No workflow
+            comes of it.
     """
-    writer = _Writer(dict(keys or {}))
+    writer = _Writer({**({} if declared is None else declared.keys), **(keys or {})}, declared)
     writer.lay(acts)
+    writer.check_declared()
     plain = {
         "schema": SCHEMA,
         "name": name,
@@ -66,9 +78,25 @@ def to_workflow(
 @dataclass(slots=True)
 class _Writer:
     keys: dict[str, str]
+    declared: Declared | None = None
     told: Findings = field(default_factory=Findings)
     steps: list[dict[str, Any]] = field(default_factory=list)
     edges: list[dict[str, str]] = field(default_factory=list)
+    acts_count: int = 0
+    several: SeveralSteps | None = None
+
+    def __post_init__(self) -> None:
+        if self.declared is not None:
+            self.several = SeveralSteps(self.declared, self._key, self._number, self.told)
+
+    def check_declared(self) -> None:
+        """Tell of reactions behind a step that the recipe does not have."""
+        for reaction in () if self.declared is None else self.declared.reactions:
+            if reaction.after > self.acts_count:
+                message = f"a reaction is declared after step {reaction.after}, there are " + str(
+                    self.acts_count
+                )
+                self.told.tell("xdl.not_declared", message, NOWHERE)
 
     def lay(self, acts: tuple[Act, ...], after: tuple[str, ...] = ()) -> tuple[str, ...]:
         """Write acts behind some steps; return the steps that nothing follows yet."""
@@ -95,10 +123,33 @@ class _Writer:
                     # Nothing comes of further rounds, or already too much: that is told.
                     break
             return after
-        params = self._params(act)
-        if params is None:
-            return after
-        kind, values, notes = params
+        self.acts_count += 1
+        for kind, values, notes in self._steps(act):
+            after = self._lay_step(kind, values, notes, after)
+        return after
+
+    def _steps(self, act: Act) -> list[Made]:
+        """Return the steps of an act, with the reactions that are declared behind it."""
+        made = None if self.several is None else self._made(act, self.several)
+        if made is None:
+            simple = self._params(act)
+            made = [] if simple is None else [simple]
+        if self.declared is None or self.several is None:
+            return made
+        for kind, values, _ in made:
+            self.several.note_stirring(kind, values)
+        here = (r for r in self.declared.reactions if r.after == self.acts_count)
+        return [*made, *(("react", dict(reaction.params), []) for reaction in here)]
+
+    def _made(self, act: Act, several: SeveralSteps) -> list[Made] | None:
+        made = several.make(act)
+        if made is not None:
+            self._check_said(act, SEVERAL_SAID)
+        return made
+
+    def _lay_step(
+        self, kind: str, values: dict[str, Any], notes: list[str], after: tuple[str, ...]
+    ) -> tuple[str, ...]:
         step_id = f"s{len(self.steps) + 1}"
         self.steps.append(
             {
@@ -121,16 +172,19 @@ class _Writer:
             )
         return (step_id,)
 
-    def _params(self, act: Act) -> tuple[str, dict[str, str], list[str]] | None:
+    def _check_said(self, act: Act, said: Mapping[str, frozenset[str]]) -> None:
+        for name, value in act.values.items():
+            if self._is_more(act.name, name, value, said[act.name]):
+                message = f"a workflow of labweb cannot say {name} of {act.name}"
+                self.told.tell("xdl.not_in_workflow", message, act.place)
+
+    def _params(self, act: Act) -> Made | None:
         said = _SAID.get(act.name)
         if said is None:
             message = f"a workflow of labweb has no step that does what {act.name} does"
             self.told.tell("xdl.not_in_workflow", message, act.place)
             return None
-        unsaid = [n for n, value in act.values.items() if self._is_more(act.name, n, value)]
-        for name in unsaid:
-            message = f"a workflow of labweb cannot say {name} of {act.name}"
-            self.told.tell("xdl.not_in_workflow", message, act.place)
+        self._check_said(act, _SAID)
         comment = act.values.get("comment")
         notes = [comment] if isinstance(comment, str) and comment else []
         match act.name:
@@ -149,8 +203,8 @@ class _Writer:
                 return "stir", values, notes
         return "heat_chill", self._heat(act, notes), notes
 
-    def _is_more(self, step: str, name: str, value: Value) -> bool:
-        if name in _SAID[step] or name in _ALWAYS:
+    def _is_more(self, step: str, name: str, value: Value, said: frozenset[str]) -> bool:
+        if name in said or name in _ALWAYS:
             return False
         # What is said as the standard has it anyway changes nothing.
         spec = STEPS.steps[step].properties.get(name)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 from argparse import ArgumentParser
 from collections.abc import Sequence
@@ -11,21 +10,18 @@ from typing import Any
 
 from django.core.management.base import BaseCommand, CommandError
 
-from labweb.domain.errors import Finding, LabError, LabFileError, ProtocolError, UnitError
-from labweb.domain.graph.rig.model import Rig
+from labweb.domain.errors import Finding, LabError, LabFileError, UnitError
 from labweb.domain.graph.rig.read import read_rig
 from labweb.domain.units import parse_volume_nl
-from labweb.domain.workflows.interpret.execute import check_plan
-from labweb.domain.workflows.interpret.plan import parse_plan
-from labweb.domain.workflows.on_rig.equipment import Equipment
-from labweb.domain.workflows.recipe_plan import Wish, compile_recipe
-from labweb.domain.workflows.xdl.json_form import parse_json
-from labweb.domain.workflows.xdl.markup import MAX_BYTES, Document, parse_markup
-from labweb.domain.workflows.xdl.read import check_document, refusal
+from labweb.domain.workflows.advise.search import Advice, advise
+from labweb.domain.workflows.recipe_on_rig import digest, plan_recipe, read_recipe
+from labweb.domain.workflows.recipe_plan import Wish
+from labweb.domain.workflows.xdl.markup import MAX_BYTES
 from labweb.domain.workflows.xdl.to_workflow import parse_pairs
 from labweb.workflows.management.commands.compile_transfers import read_graph
 
 REFUSED = 2
+_BY_HAND = {"plan.no_reagent", "plan.no_vessel", "plan.vessel_ambiguous"}
 _HOUR_S, _MINUTE_S = 3600, 60
 
 
@@ -70,6 +66,15 @@ class Command(BaseCommand):
         )
         parser.add_argument("--equiv-reference", default="", help="reagent that counts equivalents")
         parser.add_argument("--equiv-amount", default="", help="how much of it is one equivalent")
+        parser.add_argument(
+            "--advise", action="store_true", help="where it does not fit: say what to change"
+        )
+        parser.add_argument(
+            "--write-graph",
+            type=Path,
+            metavar="FILE",
+            help="with --advise: write the changed graph",
+        )
         parser.add_argument("--json", action="store_true", help="print plan or findings as JSON")
 
     def handle(self, *_args: object, **options: Any) -> None:  # noqa: ANN401 - parsed options
@@ -79,6 +84,7 @@ class Command(BaseCommand):
             CommandError: Exit code 1: a file cannot be read, or an option. Exit code 2: the
                 recipe is refused.
         """
+        _check_options(options)
         raw_graph = _read(options["lab"])
         try:
             rig = read_rig(raw_graph)
@@ -88,26 +94,41 @@ class Command(BaseCommand):
         wish = _wish(options)
         raw_recipe = _read_recipe(options["recipe"])
         head = {
-            "recipe": {"id": options["recipe"].stem, "sha256": _digest(raw_recipe)},
-            "graph_sha256": _digest(raw_graph),
+            "recipe": {"id": options["recipe"].stem, "sha256": digest(raw_recipe)},
+            "graph_sha256": digest(raw_graph),
         }
         try:
-            made = _compile(raw_recipe, rig, wish, options["blueprints"])
-            plan = {"plan": made["plan"]} | head | made
-            _prove(plan, rig)
+            library = [_read_recipe(path) for path in options["blueprints"]]
+            recipe = read_recipe(raw_recipe, rig, library)
         except LabError as error:
             self._print(error, as_json=options["json"])
             raise CommandError(f"{error.code}: {error.message}", returncode=REFUSED) from error
+        try:
+            plan = plan_recipe(recipe, rig, wish, head).plan
+        except LabError as error:
+            advice = advise(recipe, rig, wish) if options["advise"] else None
+            self._print(error, as_json=options["json"], advice=advice)
+            _write_graph(advice, options["write_graph"])
+            raise CommandError(f"{error.code}: {error.message}", returncode=REFUSED) from error
         self._write(plan, as_json=options["json"])
 
-    def _print(self, error: LabError, *, as_json: bool) -> None:
+    def _print(
+        self, error: LabError, *, as_json: bool, advice: Advice | list[Finding] | None = None
+    ) -> None:
         findings: Sequence[Finding] = error.findings or (Finding(error.code, error.message),)
         if as_json:
             plain = {"ok": False, "findings": [finding.to_json() for finding in findings]}
-            self.stdout.write(json.dumps(plain, ensure_ascii=False))
+            told = {} if advice is None else {"advice": _plain(advice)}
+            self.stdout.write(json.dumps(plain | told, ensure_ascii=False))
             return
-        for finding in findings:
+        for finding in [*findings, *(advice if isinstance(advice, list) else ())]:
             self.stderr.write(f"{finding.subject or '-'}  {finding.code}  {finding.message}")
+        if any(finding.code in _BY_HAND for finding in findings):
+            self.stderr.write("Choose by hand with --bind ROLE=VESSEL or REAGENT=FLASK")
+        if isinstance(advice, Advice):
+            self.stdout.write("With these changes the recipe compiles, and its plan is proved:")
+            for number, change in enumerate(advice.changes, start=1):
+                self.stdout.write(f"{number:5}  {change['text']}")
 
     def _write(self, plan: dict[str, Any], *, as_json: bool) -> None:
         if as_json:
@@ -127,26 +148,30 @@ class Command(BaseCommand):
             self.stdout.write(f"Note: {note}")
 
 
-def _compile(raw: bytes, rig: Rig, wish: Wish, blueprints: Sequence[Path]) -> dict[str, Any]:
-    library = [_document(_read_recipe(path)) for path in blueprints]
-    vessels = frozenset(Equipment(rig).vessels)
-    recipe, findings = check_document(_document(raw), rig_vessels=vessels, library=library)
-    if findings:
-        raise refusal(findings)
-    return compile_recipe(recipe, rig, wish)
+def _check_options(options: dict[str, Any]) -> None:
+    path = options["write_graph"]
+    if path is None:
+        return
+    if not options["advise"]:
+        raise CommandError("--write-graph writes what --advise finds: give both")
+    if path.exists():
+        raise CommandError(f"{path} is there already: nothing is written over")
 
 
-def _prove(plan: dict[str, Any], rig: Rig) -> None:
-    """Let the verifier, which knows nothing of the compiler, carry the plan out on paper."""
+def _write_graph(advice: Advice | list[Finding] | None, path: Path | None) -> None:
+    if path is None or not isinstance(advice, Advice):
+        return
     try:
-        read = parse_plan(json.dumps(plan, ensure_ascii=False).encode())
-        found = check_plan(rig, read, plan["graph_sha256"])
-    except LabError as error:
-        found = [*error.findings] or [Finding(error.code, error.message)]
-    if found:
-        message = f"a plan was made and cannot be proved, so it is none: {found[0].message}"
-        findings = [Finding("plan.not_proved", message), *found]
-        raise ProtocolError(message, code="plan.not_proved", findings=findings)
+        with path.open("xb") as file:
+            file.write(advice.graph)
+    except OSError as error:
+        raise CommandError(f"cannot write {path}: {error.strerror}") from error
+
+
+def _plain(advice: Advice | list[Finding]) -> dict[str, Any]:
+    if isinstance(advice, Advice):
+        return advice.to_json() | {"graph": json.loads(advice.graph)}
+    return {"ok": False, "findings": [finding.to_json() for finding in advice]}
 
 
 def _wish(options: dict[str, Any]) -> Wish:
@@ -188,15 +213,6 @@ def _read_recipe(path: Path) -> bytes:
             return file.read(MAX_BYTES + 1)
     except OSError as error:
         raise CommandError(f"cannot read {path}: {error.strerror}") from error
-
-
-def _document(raw: bytes) -> Document:
-    is_json = raw.lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"{")
-    return parse_json(raw) if is_json else parse_markup(raw)
-
-
-def _digest(raw: bytes) -> str:
-    return hashlib.sha256(raw).hexdigest()
 
 
 def _time(seconds: float) -> str:

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import gzip
 import json
 import sys
-import zlib
 from argparse import ArgumentParser
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -17,10 +15,9 @@ from django.core.management.base import BaseCommand, CommandError
 from labweb.domain.errors import Finding, LabFileError
 from labweb.domain.graph.lab_file.guard import MAX_BYTES
 from labweb.domain.graph.rig.model import Rig
-from labweb.domain.graph.rig.read import read_rig
+from labweb.domain.graph.rig.read import read_rig, unpacked
 from labweb.domain.workflows.rig_transfers import MOST_LINE_BYTES, compile_line
 
-_GZIP = b"\x1f\x8b"
 REFUSED = 2
 """Exit code when at least one line was refused."""
 
@@ -78,15 +75,7 @@ class Command(BaseCommand):
 def read_graph(path: Path) -> bytes:
     """Read a graph, unpacked when it is packed; one byte too many shows that it is too large."""
     with path.open("rb") as stream:
-        raw = stream.read(MAX_BYTES + 1)
-    if not raw.startswith(_GZIP):
-        return raw
-    try:
-        with gzip.open(path) as packed:
-            return packed.read(MAX_BYTES + 1)
-    except (zlib.error, EOFError, gzip.BadGzipFile) as error:
-        message = "the file is no whole gzip file"
-        raise LabFileError(message, findings=[Finding("lab_file.gzip", message)]) from error
+        return unpacked(stream.read(MAX_BYTES + 1))
 
 
 @contextmanager

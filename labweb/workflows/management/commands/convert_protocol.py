@@ -11,12 +11,12 @@ from typing import Any
 from django.core.management.base import BaseCommand, CommandError
 
 from labweb.domain.errors import Finding, LabError
-from labweb.domain.workflows.xdl.json_form import parse_json
-from labweb.domain.workflows.xdl.markup import MAX_BYTES, Document, parse_markup
-from labweb.domain.workflows.xdl.read import check_document, refusal
+from labweb.domain.workflows.recipe_on_rig import read_recipe, workflow_of
+from labweb.domain.workflows.recipe_plan import Wish
+from labweb.domain.workflows.xdl.declared import read_declared
+from labweb.domain.workflows.xdl.markup import MAX_BYTES
 from labweb.domain.workflows.xdl.recipe import Recipe
-from labweb.domain.workflows.xdl.to_workflow import parse_pairs, to_workflow
-from labweb.domain.workflows.xdl.unfold import unfold
+from labweb.domain.workflows.xdl.to_workflow import parse_pairs
 from labweb.domain.workflows.xdl.write import VERSIONS, render_as
 
 _XDL = {f"xdl-{version}": version for version in VERSIONS} | {"xdl-1": "1.0", "xdl-2": "2.0"}
@@ -43,6 +43,9 @@ class Command(BaseCommand):
         )
         parser.add_argument(
             "--bind", nargs="+", default=[], metavar="NAME=KEY", help="key of a vessel or reagent"
+        )
+        parser.add_argument(
+            "--declared", type=Path, help="what a person states of lab and matter, for a workflow"
         )
         parser.add_argument(
             "--parameter", nargs="+", default=[], metavar="ID=VALUE", help="value of a Parameter"
@@ -75,10 +78,8 @@ class Command(BaseCommand):
         self.stdout.write(f"{target}: {options['to']}")
 
     def _convert(self, options: dict[str, Any]) -> str:
-        library = [_document(path) for path in options["blueprints"]]
-        recipe, findings = check_document(_document(options["source"]), library=library)
-        if findings:
-            raise refusal(findings)
+        library = [_read(path) for path in options["blueprints"]]
+        recipe = read_recipe(_read(options["source"]), library=library)
         if options["to"] == "workflow":
             return self._workflow(recipe, options)
         version = _XDL.get(options["to"], recipe.version or "2.0")
@@ -94,14 +95,17 @@ class Command(BaseCommand):
         if recipe.is_compiled or len(recipe.syntheses) != 1:
             render_as(recipe, "2.0")
             raise CommandError(f"the file holds {len(recipe.syntheses)} syntheses: keep one")
-        acts = unfold(
-            recipe,
+        wish = Wish(
+            bind=keys,
             parameters=parameters,
             equiv_reference=options["equiv_reference"],
             equiv_amount=options["equiv_amount"],
         )
         name = recipe.synthesis.id or options["source"].stem
-        plain = to_workflow(acts, name=name[:200], keys=keys)
+        declared = None
+        if options["declared"] is not None:
+            declared = read_declared(_read(options["declared"]))
+        plain = workflow_of(recipe, wish, name=name[:200], declared=declared)
         return json.dumps(plain, indent=2, ensure_ascii=False) + "\n"
 
     def _print(self, findings: Sequence[Finding], *, as_json: bool) -> None:
@@ -113,14 +117,12 @@ class Command(BaseCommand):
             self.stderr.write(f"{finding.subject or '-'}  {finding.code}  {finding.message}")
 
 
-def _document(path: Path) -> Document:
+def _read(path: Path) -> bytes:
     try:
         with path.open("rb") as file:
-            raw = file.read(MAX_BYTES + 1)
+            return file.read(MAX_BYTES + 1)
     except OSError as error:
         raise CommandError(f"cannot read {path}: {error.strerror}") from error
-    is_json = raw.lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"{")
-    return parse_json(raw) if is_json else parse_markup(raw)
 
 
 def _nearest(version: str) -> str:

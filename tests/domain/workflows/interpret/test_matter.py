@@ -126,3 +126,10 @@ def test_what_is_truly_there_is_never_outside_least_and_most(
             for lot, amount in true.items():
                 known = said.liquids.get(lot, Range(0, 0))
                 assert known.least <= amount <= known.most
+
+
+def test_of_no_lot_is_there_more_than_the_limit_says() -> None:
+    held = Contents({"a": Range(0, 50), "b": Range(0, 50)}, {"s": Range(0, 9)}, Range(0, 60))
+    held.keep_within(Contents({"a": Range(5, 20)}, {"s": Range(3, 3)}, Range(5, 20)))
+    assert held.liquids == {"a": Range(0, 20), "b": Range(0, 0)}
+    assert (held.solids, held.volume) == ({"s": Range(0, 3)}, Range(0, 20))

@@ -363,5 +363,5 @@ def test_dropwise_says_a_rate_or_is_refused(time: str) -> None:
 
 
 def test_a_step_that_no_rig_is_told_yet_is_named() -> None:
-    step = 'Sonicate vessel="reactor" time="5 min"'
+    step = 'CConnect from_vessel="reactor" to_vessel="filter"'
     assert set(reasons(recipe(ADD, step), bench())) == {"plan.not_compiled"}

@@ -153,6 +153,8 @@ def adjust_ph(act: ActReading) -> Operations:
         ph=act.number("pH"),
         step_ml=act.number("step_volume"),
         most_ml=act.number("max_volume"),
+        tolerance=act.number("tolerance", "adjust_ph.tolerance"),
+        mixing_s=act.number("mixing_time", "adjust_ph.mixing_time"),
     )
 
 

@@ -97,7 +97,8 @@ class Kind(StrEnum):
     """`vessel`, `quantity`, `least`, `most`."""
 
     ADJUST = "adjust"
-    """Add `reagent` in steps of `step_ml`, `most_ml` at most, until `ph` is read."""
+    """Add `reagent` in steps of `step_ml`, `most_ml` at most, until `ph` is read. `tolerance` of
+    the reading, `mixing_s` after each step."""
 
     ASK = "ask"
     """`message`: a person answers."""

@@ -268,6 +268,7 @@ def run_column(act: ActReading) -> Operations:
         source=act.text("from_vessel"),
         target=act.text("to_vessel"),
         column=act.text("column"),
+        to_port=act.text("to_port"),
     )
 
 

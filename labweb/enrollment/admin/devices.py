@@ -1,4 +1,4 @@
-"""Admin pages of hosts and devices, and the review in which a device is admitted."""
+"""Admin pages of devices and drivers, and the review in which a device is admitted."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from django.urls import URLPattern, path, reverse
 from django.utils.html import format_html
 from django.views.decorators.http import require_http_methods
 
-from labweb.accounts.selectors import User
 from labweb.common.admin import ReadOnly
 from labweb.domain.approvals.roles import Permission
 from labweb.domain.enrollment.spec import ActionSpec, ParameterSpec, check_config
-from labweb.domain.errors import ForbiddenError, LabError, NotFoundError
+from labweb.domain.errors import DefinitionError, ForbiddenError, LabError, NotFoundError
 from labweb.enrollment import selectors, services
-from labweb.enrollment.models import Device, DriverVersion, EdgeHost
+from labweb.enrollment.admin.acting import actor_of
+from labweb.enrollment.models import Device, DriverVersion
 from labweb.resources import selectors as resource_selectors
 
 _TEMPLATE = "admin/enrollment/device/review.html"
@@ -31,21 +31,12 @@ _RECOVERY = {
 }
 
 
-@admin.register(EdgeHost)
-class EdgeHosts(ReadOnly):
-    """Machines that own devices."""
-
-    list_display = ("name", "key", "state", "last_seen_at", "epoch", "acked_seq")
-    list_filter = ("state",)
-    search_fields = ("name", "key", "id")
-
-
 @admin.register(DriverVersion)
 class DriverVersions(ReadOnly):
-    """Driver source that was read."""
+    """Driver source that was read, and who vouches for it."""
 
-    list_display = ("class_name", "module", "role", "digest", "read_at")
-    list_filter = ("role",)
+    list_display = ("class_name", "module", "state", "origin", "digest", "read_at")
+    list_filter = ("state", "origin", "role")
     search_fields = ("class_name", "module", "digest")
 
 
@@ -107,24 +98,22 @@ def _reviewable(request: HttpRequest, device_id: UUID) -> Device:
     except NotFoundError as error:
         raise Http404(error.message) from error
     try:
-        resource_selectors.require(_actor(request), Permission.ADMIT, selectors.node_ids(device))
+        resource_selectors.require(actor_of(request), Permission.ADMIT, selectors.node_ids(device))
     except ForbiddenError as error:
         raise PermissionDenied(error.message) from error
     return device
 
 
-def _actor(request: HttpRequest) -> User:
-    if not isinstance(request.user, User):
-        raise PermissionDenied
-    return request.user
-
-
 def _carry_out(request: HttpRequest, device_id: UUID) -> None:
-    reason, actor = request.POST.get("reason", ""), _actor(request)
+    reason, actor = request.POST.get("reason", ""), actor_of(request)
     match request.POST.get("act"):
         case "admit":
-            row = services.admit_device(device_id, actor=actor, reason=reason)
+            admission = _admission(request, device_id)
+            row = services.admit_device(device_id, actor=actor, reason=reason, admission=admission)
             messages.success(request, f"{row.name} is admitted.")
+        case "read_only":
+            row = services.admit_device(device_id, actor=actor, reason=reason, admission={})
+            messages.success(request, f"{row.name} is admitted for reading only.")
         case "suspend":
             row = services.suspend_device(device_id, actor=actor, reason=reason)
             messages.success(request, f"{row.name} is suspended.")
@@ -132,14 +121,38 @@ def _carry_out(request: HttpRequest, device_id: UUID) -> None:
             raise PermissionDenied
 
 
+def _admission(request: HttpRequest, device_id: UUID) -> dict[str, dict[str, float]] | None:
+    """Read which actions were ticked, and their limits; all without a limit is None."""
+    spec = selectors.declared_spec(selectors.find_device(device_id))
+    ticked = set(request.POST.getlist("action"))
+    admission: dict[str, dict[str, float]] = {}
+    for action in spec.actions:
+        if action.name in ticked:
+            admission[action.name] = {
+                one.name: _number(one, text)
+                for one in action.parameters
+                if (text := request.POST.get(f"limit.{action.name}.{one.name}", "").strip())
+            }
+    is_whole = len(admission) == len(spec.actions) and not any(admission.values())
+    return None if is_whole else admission
+
+
+def _number(parameter: ParameterSpec, text: str) -> float:
+    try:
+        return float(text)
+    except ValueError as error:
+        message = f"the limit of {parameter.name} is no number: {text[:20]!r}"
+        raise DefinitionError(message, code="device.admission") from error
+
+
 def _page(device: Device) -> dict[str, Any]:
-    spec = selectors.spec_of(device)
+    spec = selectors.declared_spec(device)
     findings = [*spec.findings, *check_config(spec, device.config)]
     return {
         "title": f"Review {device.name}",
         "device": device,
         "spec": spec,
-        "actions": [_action(action) for action in spec.actions],
+        "actions": [_action(action, device) for action in spec.actions],
         "statuses": [
             {"name": s.name, "unit": s.value.symbol, "doc": s.doc, "every_s": s.every_s}
             for s in spec.statuses
@@ -152,11 +165,16 @@ def _page(device: Device) -> dict[str, Any]:
     }
 
 
-def _action(action: ActionSpec) -> dict[str, Any]:
+def _action(action: ActionSpec, device: Device) -> dict[str, Any]:
+    admission: dict[str, dict[str, float]] | None = device.admission
+    limits = {} if admission is None else admission.get(action.name, {})
     return {
         "name": action.name,
+        "is_admitted": admission is None or action.name in admission,
         "doc": action.doc,
-        "parameters": [_parameter(parameter) for parameter in action.parameters],
+        "parameters": [
+            {**_parameter(one), "limit": limits.get(one.name)} for one in action.parameters
+        ],
         "hazards": action.hazards,
         "recovery": action.recovery,
         "recovery_means": _RECOVERY[action.recovery],
@@ -170,7 +188,14 @@ def _parameter(parameter: ParameterSpec) -> dict[str, Any]:
     limits = ", ".join(bound for bound in bounds if bound)
     if parameter.choices:
         limits = ", ".join(str(choice) for choice in parameter.choices)
-    return {"name": parameter.name, "unit": parameter.symbol, "limits": limits}
+    is_number = parameter.type in {"number", "integer"} and not parameter.choices
+    return {
+        "name": parameter.name,
+        "unit": parameter.symbol,
+        "limits": limits,
+        "is_number": is_number,
+        "maximum": high,
+    }
 
 
 def _places(device: Device) -> list[dict[str, str]]:

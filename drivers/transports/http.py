@@ -1,0 +1,189 @@
+"""Requests to an instrument that serves HTTP.
+
+Source:
+    HTTP/1.1, RFC 9112; parsed by `http.client` of the standard library.
+"""
+
+from __future__ import annotations
+
+import socket
+import threading
+from collections.abc import Callable
+from dataclasses import dataclass
+from email.utils import parsedate_to_datetime
+from http.client import HTTPConnection, HTTPException, HTTPResponse
+from typing import ClassVar
+
+from drivers.transports.base import OPEN_TIMEOUT_S, Transport
+from drivers.transports.tcp import tcp_line
+from labweb.domain.errors import DeviceTimeoutError, Effect, FrameError, UnreachableError
+
+BLOCK_BYTES = 65_536
+
+Enough = Callable[[str, bytearray], bool]
+"""From the content type and what has come of the body: whether the rest is not wanted."""
+
+
+@dataclass(frozen=True, slots=True)
+class HttpReply:
+    """What came back, within the limits that were asked for."""
+
+    status: int
+    headers: dict[str, str]
+    """By name in small letters; of a name that comes twice, the last."""
+
+    body: bytes
+
+    @property
+    def content_type(self) -> str:
+        """Return the media type with its parameters, "" when none is told."""
+        return self.headers.get("content-type", "")
+
+    @property
+    def content_age_s(self) -> float | None:
+        """Return how old the content was when it was sent, by the server's own clock.
+
+        None where the server tells one of the two times only, or none.
+
+        Raises:
+            FrameError: What it tells are no dates (RFC 9110, 5.6.7).
+        """
+        told = self.headers.get("last-modified"), self.headers.get("date")
+        if told[0] is None or told[1] is None:
+            return None
+        try:
+            made, sent = (parsedate_to_datetime(text) for text in told if text is not None)
+            return (sent - made).total_seconds()
+        except (TypeError, ValueError) as error:
+            raise FrameError(f"the content's time cannot be read: {told}") from error
+
+
+class HttpTransport(Transport):
+    """One address that answers requests; each has a connection of its own.
+
+    No redirect is followed, no proxy is asked and no cookie is kept: what answers is what
+    the URL names.
+    """
+
+    sort: ClassVar[str] = "http"
+
+    def __init__(self, url: str, host: str, port: int) -> None:
+        super().__init__(url, tcp_line(host, port))
+        self._address = (host, port)
+        self._is_open = False
+
+    @property
+    def is_open(self) -> bool:
+        """Tell whether somebody uses the address."""
+        return self._is_open
+
+    def _open(self) -> None:
+        """Make sure that somebody listens there."""
+        try:
+            socket.create_connection(self._address, timeout=OPEN_TIMEOUT_S).close()
+        except OSError as error:
+            raise UnreachableError(
+                f"{self.line} cannot be opened: {error}", effect=Effect.NONE
+            ) from error
+        self._is_open = True
+
+    def _close(self) -> None:
+        self._is_open = False
+
+    def get(
+        self,
+        path: str,
+        *,
+        timeout_s: float,
+        longest_bytes: int,
+        enough: Enough = lambda _type, _body: False,
+    ) -> HttpReply:
+        """Ask for a path and return the reply.
+
+        Args:
+            path: From the first slash on.
+            timeout_s: Longest time for all of it, however it trickles in.
+            longest_bytes: A longer body is refused, told or not.
+            enough: Ends the reading of a body that has no end, such as a stream.
+
+        Raises:
+            UnreachableError: No connection (NONE), or it broke (UNKNOWN).
+            DeviceTimeoutError: No whole reply in time; UNKNOWN.
+            FrameError: No HTTP, a body that is too long, or one that ends early; UNKNOWN.
+        """
+        with self.lock:
+            self._require_open()
+            connection = HTTPConnection(*self._address, timeout=timeout_s)
+            self._connect(connection)
+            overdue = threading.Event()
+            timer = threading.Timer(timeout_s, _hang_up, (connection.sock, overdue))
+            timer.daemon = True
+            timer.start()
+            try:
+                return self._ask(connection, path, longest_bytes, enough)
+            except (HTTPException, OSError, ValueError, FrameError) as error:
+                raise self._failure(error, is_overdue=overdue.is_set()) from error
+            finally:
+                timer.cancel()
+                connection.close()
+
+    def _connect(self, connection: HTTPConnection) -> None:
+        try:
+            connection.connect()
+        except OSError as error:
+            raise UnreachableError(
+                f"{self.line} does not answer: {error}",
+                effect=Effect.NONE,
+                context={"line": self.line},
+            ) from error
+
+    def _ask(
+        self, connection: HTTPConnection, path: str, longest_bytes: int, enough: Enough
+    ) -> HttpReply:
+        self._observe("out", f"GET {path}".encode())
+        connection.request("GET", path, headers={"Connection": "close"})
+        response = connection.getresponse()
+        headers = {name.lower(): value for name, value in response.getheaders()}
+        body = self._body(response, headers.get("content-type", ""), longest_bytes, enough)
+        return HttpReply(response.status, headers, body)
+
+    def _body(
+        self, response: HTTPResponse, content_type: str, longest_bytes: int, enough: Enough
+    ) -> bytes:
+        body = bytearray()
+        if (response.length or 0) > longest_bytes:
+            raise FrameError(f"a body of {response.length} bytes; {longest_bytes} are allowed")
+        while block := response.read1(BLOCK_BYTES):
+            self._observe("in", block)
+            body += block
+            if len(body) > longest_bytes:
+                raise FrameError(f"a body of more than {longest_bytes} bytes")
+            if enough(content_type, body):
+                return bytes(body)
+        if response.length:
+            raise FrameError(f"the body ended {response.length} bytes early")
+        return bytes(body)
+
+    def _failure(
+        self, error: Exception, *, is_overdue: bool
+    ) -> DeviceTimeoutError | FrameError | UnreachableError:
+        context = {"line": self.line}
+        if is_overdue or isinstance(error, TimeoutError):
+            return DeviceTimeoutError("no whole answer in time", context=context)
+        if isinstance(error, FrameError):
+            error.context |= context
+            return error
+        if isinstance(error, OSError):
+            return UnreachableError(
+                f"the line broke: {error}", effect=Effect.UNKNOWN, context=context
+            )
+        return FrameError(f"the answer is no HTTP: {error!r}", context=context)
+
+
+def _hang_up(opened: socket.socket, overdue: threading.Event) -> None:
+    """End a connection whose time is over, whatever it waits for."""
+    overdue.set()
+    try:
+        opened.shutdown(socket.SHUT_RDWR)
+    except OSError:
+        return  # it ended by itself just now

@@ -1,0 +1,108 @@
+/** Drivers: what pages read and write of them. */
+
+import {
+  useMutation,
+  useQuery,
+  type UseMutationResult,
+  type UseQueryResult,
+} from "@tanstack/react-query";
+import { isChanging } from "@/model/drivers";
+import type {
+  DriverDetail,
+  DriverReading,
+  DriverRow,
+  DriverUse,
+  ModuleChange,
+} from "@/model/wiredrivers";
+import { call } from "./client";
+import { keys } from "./keys";
+import { client } from "./live";
+
+function refreshDrivers(): void {
+  void client.invalidateQueries({ queryKey: keys.drivers });
+  void client.invalidateQueries({ queryKey: keys.devices });
+  void client.invalidateQueries({ queryKey: keys.home });
+  void client.invalidateQueries({ queryKey: keys.session });
+}
+
+export function useDrivers(): UseQueryResult<DriverRow[]> {
+  return useQuery({
+    queryKey: keys.driverList,
+    queryFn: ({ signal }) => call<{ drivers: DriverRow[] }>("GET", "/drivers", undefined, signal),
+    select: (answer: { drivers: DriverRow[] }) => answer.drivers,
+    refetchInterval: 30_000,
+  });
+}
+
+/** One version; asked for again each second while a device changes to or from it. */
+export function useDriver(id: string): UseQueryResult<DriverDetail> {
+  return useQuery({
+    queryKey: keys.driver(id),
+    queryFn: ({ signal }) => call<DriverDetail>("GET", `/drivers/${id}`, undefined, signal),
+    retry: false,
+    refetchInterval: ({ state }) => (state.data && isChanging(state.data.places) ? 1000 : 30_000),
+  });
+}
+
+/** What differs between two versions; neither is ever edited. */
+export function useDriverChanges(id: string, since: string | null): UseQueryResult<ModuleChange[]> {
+  return useQuery({
+    queryKey: keys.driverChanges(id, since ?? ""),
+    queryFn: ({ signal }) =>
+      call<{ modules: ModuleChange[] }>(
+        "GET",
+        `/drivers/${id}/changes/${since ?? ""}`,
+        undefined,
+        signal,
+      ),
+    select: (answer: { modules: ModuleChange[] }) => answer.modules,
+    enabled: since !== null,
+    staleTime: Infinity,
+    retry: false,
+  });
+}
+
+export interface Source {
+  module: string;
+  source: string;
+}
+
+/** Have source read as text; nothing is kept. */
+export function useReadDriver(): UseMutationResult<DriverReading, Error, Source> {
+  return useMutation({
+    mutationFn: (given) => call<DriverReading>("POST", "/drivers/reading", given),
+  });
+}
+
+export function useProposeDriver(): UseMutationResult<DriverRow, Error, Source & { note: string }> {
+  return useMutation({
+    mutationFn: (given) => call<DriverRow>("POST", "/drivers", given),
+    onSuccess: refreshDrivers,
+  });
+}
+
+export function useDecideDriver(
+  id: string,
+): UseMutationResult<DriverRow, Error, { is_approved: boolean; comment: string }> {
+  return useMutation({
+    mutationFn: (decision) => call<DriverRow>("POST", `/drivers/${id}/decision`, decision),
+    onSettled: refreshDrivers,
+  });
+}
+
+export function useWithdrawDriver(id: string): UseMutationResult<DriverRow, Error, string> {
+  return useMutation({
+    mutationFn: (reason) => call<DriverRow>("POST", `/drivers/${id}/withdraw`, { reason }),
+    onSettled: refreshDrivers,
+  });
+}
+
+/** Give a device a version; its present one takes back what is staged. */
+export function useGiveDriver(
+  deviceId: string,
+): UseMutationResult<DriverUse, Error, { version_id: string; reason: string }> {
+  return useMutation({
+    mutationFn: (choice) => call<DriverUse>("POST", `/devices/${deviceId}/driver`, choice),
+    onSettled: refreshDrivers,
+  });
+}

@@ -1,0 +1,120 @@
+/** The recipe that is open, and the graphs it is tried on. Nothing of it is stored anywhere. */
+
+import { create } from "zustand";
+import { decodeRecipe, MOST_BYTES } from "@/model/recipe";
+import { formatBytes } from "@/model/files";
+import type { RecipeAsked } from "./recipes";
+
+export const THE_LAB = "lab";
+
+interface OpenFile {
+  /** Another each time that a file is read. */
+  id: string;
+  name: string;
+  /** Base64 of its bytes. */
+  packed: string;
+  text: string;
+}
+
+export interface TriedRig {
+  id: string;
+  name: string;
+  /** Base64; null: the lab itself. */
+  packed: string | null;
+}
+
+type Bound = Record<string, string>;
+
+interface Opened {
+  recipe: OpenFile | null;
+  rigs: TriedRig[];
+  rigId: string;
+  /** Rig that the plan is compared with, or null. */
+  againstId: string | null;
+  binds: Record<string, Bound>;
+  problem: string | null;
+  openRecipe: (file: File) => Promise<void>;
+  addGraph: (file: File) => Promise<void>;
+  chooseRig: (id: string) => void;
+  compareWith: (id: string | null) => void;
+  bind: (role: string, key: string | null) => void;
+  close: () => void;
+}
+
+let count = 0;
+
+async function read(file: File): Promise<Omit<OpenFile, "text"> & { bytes: Uint8Array }> {
+  if (file.size > MOST_BYTES) {
+    throw new Error(`${file.name} has ${formatBytes(file.size)}; at most 1.4 MB are read.`);
+  }
+  const bytes = new Uint8Array(await file.arrayBuffer());
+  let binary = "";
+  for (let at = 0; at < bytes.length; at += 8192) {
+    binary += String.fromCharCode(...bytes.subarray(at, at + 8192));
+  }
+  count += 1;
+  return { id: `${count}`, name: file.name, packed: btoa(binary), bytes };
+}
+
+const nothing = {
+  recipe: null,
+  rigs: [{ id: THE_LAB, name: "This lab", packed: null }],
+  rigId: THE_LAB,
+  againstId: null,
+  binds: {},
+  problem: null,
+};
+
+export const useOpened = create<Opened>((set, get) => {
+  const tell = (error: unknown): void =>
+    set({ problem: error instanceof Error ? error.message : "The file cannot be read." });
+  return {
+    ...nothing,
+    openRecipe: async (file) => {
+      try {
+        const { bytes, ...found } = await read(file);
+        const recipe = { ...found, text: decodeRecipe(bytes) };
+        set({ recipe, binds: {}, problem: null });
+      } catch (error) {
+        tell(error);
+      }
+    },
+    addGraph: async (file) => {
+      try {
+        const { id, name, packed } = await read(file);
+        const rig = { id: `graph-${id}`, name, packed };
+        set({ rigs: [...get().rigs, rig], problem: null });
+        get().chooseRig(rig.id);
+      } catch (error) {
+        tell(error);
+      }
+    },
+    chooseRig: (rigId) => {
+      const { rigId: before, againstId, recipe } = get();
+      if (rigId === before) return;
+      set({ rigId, againstId: recipe ? before : againstId });
+    },
+    compareWith: (againstId) => set({ againstId }),
+    bind: (role, key) => {
+      const { binds, rigId } = get();
+      const others = Object.entries(binds[rigId] ?? {}).filter(([name]) => name !== role);
+      const chosen: [string, string][] = key === null ? others : [...others, [role, key]];
+      set({ binds: { ...binds, [rigId]: Object.fromEntries(chosen) } });
+    },
+    close: () => set(nothing),
+  };
+});
+
+/** What is asked of the server for a rig; null while nothing is open. */
+export function askedOn(state: Opened, rigId: string | null): RecipeAsked | null {
+  const rig = state.rigs.find((one) => one.id === rigId);
+  if (!state.recipe || !rig) return null;
+  return {
+    recipeId: state.recipe.id,
+    rigId: rig.id,
+    name: state.recipe.name.replace(/\.[^.]+$/, ""),
+    recipe: state.recipe.packed,
+    graph: rig.packed,
+    bind: state.binds[rig.id] ?? {},
+  };
+}

@@ -1,0 +1,78 @@
+/** Recipes on rigs: opened, advised on, kept. */
+
+import {
+  useMutation,
+  useQuery,
+  type UseMutationResult,
+  type UseQueryResult,
+} from "@tanstack/react-query";
+import type { KeptRecipe, Opening, RecipeAdvice, RecipeFinding } from "@/model/wirerecipe";
+import { call, spoken } from "./client";
+import { keys } from "./keys";
+import { client } from "./live";
+
+export interface RecipeAsked {
+  /** Of the recipe's and of the graph's bytes: the same ids, the same answer. */
+  recipeId: string;
+  rigId: string;
+  name: string;
+  recipe: string;
+  /** Base64; null: the lab itself. */
+  graph: string | null;
+  bind: Record<string, string>;
+}
+
+const bodyOf = ({ name, recipe, graph, bind }: RecipeAsked): object => ({
+  name,
+  recipe,
+  graph,
+  bind,
+});
+
+async function open(asked: RecipeAsked, signal: AbortSignal): Promise<Opening> {
+  const answer = await call<Opening>("POST", "/recipes/open", bodyOf(asked), signal);
+  const findings = answer.findings.map((finding): RecipeFinding => ({
+    ...spoken(finding),
+    about: finding.about,
+  }));
+  return { ...answer, findings };
+}
+
+/** What a recipe is on a rig; asked again only when a person wants it, for it takes a while. */
+export function useOpening(asked: RecipeAsked | null): UseQueryResult<Opening> {
+  return useQuery({
+    queryKey: keys.opening(asked?.recipeId ?? "", asked?.rigId ?? "", asked?.bind ?? {}),
+    queryFn: ({ signal }) => {
+      if (!asked) throw new Error("nothing is open");
+      return open(asked, signal);
+    },
+    enabled: asked !== null,
+    staleTime: Infinity,
+    retry: false,
+    // While another vessel is chosen by hand, the page stays as it is; another rig begins anew.
+    placeholderData: (previous, query) =>
+      query?.queryKey[1] === asked?.recipeId && query?.queryKey[2] === asked?.rigId
+        ? previous
+        : undefined,
+  });
+}
+
+export function useAdvice(): UseMutationResult<RecipeAdvice, Error, RecipeAsked> {
+  return useMutation({
+    mutationFn: (asked) => call<RecipeAdvice>("POST", "/recipes/advise", bodyOf(asked)),
+  });
+}
+
+export interface Keeping {
+  name: string;
+  recipe: string;
+  file: string;
+  bind: Record<string, string>;
+}
+
+export function useKeepRecipe(): UseMutationResult<KeptRecipe, Error, Keeping> {
+  return useMutation({
+    mutationFn: (wanted) => call<KeptRecipe>("POST", "/recipes/keep", wanted),
+    onSuccess: () => client.invalidateQueries({ queryKey: keys.workflows, exact: true }),
+  });
+}

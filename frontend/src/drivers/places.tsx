@@ -1,0 +1,208 @@
+/** Which device has which version, how far a change has come on its host, and the change itself. */
+
+import { useId, useState } from "react";
+import { Link } from "react-router";
+import { useGiveDriver } from "@/api/drivers";
+import { newestFirst, progressOf, STAGES } from "@/model/drivers";
+import { formatDigest } from "@/model/format";
+import { sessionState } from "@/model/hosts";
+import type { DriverDetail, DriverPlace, DriverRow } from "@/model/wiredrivers";
+import { Card, Empty } from "@/ui/card";
+import { Button, Dialog, Refused, TextField } from "@/ui/controls";
+import { Glyph } from "@/ui/glyph";
+import { StateText } from "@/ui/state";
+import { versionText } from "./source";
+import { words } from "./words";
+
+interface Props {
+  driver: DriverDetail;
+  versions: DriverRow[];
+}
+
+export function Places({ driver, versions }: Props) {
+  const [asked, setAsked] = useState<string | null>(null);
+  const place = driver.places.find((one) => one.id === asked);
+  return (
+    <Card
+      title={words.places.title}
+      note={driver.places.length ? String(driver.places.length) : null}
+      testId="driver-places"
+    >
+      {driver.places.length === 0 && <Empty>{words.places.none}</Empty>}
+      <ul className="places">
+        {driver.places.map((one) => (
+          <Place
+            key={one.id}
+            place={one}
+            driver={driver}
+            versions={versions}
+            onAsk={() => setAsked(one.id)}
+          />
+        ))}
+      </ul>
+      {place && (
+        <Change place={place} driver={driver} versions={versions} onClose={() => setAsked(null)} />
+      )}
+    </Card>
+  );
+}
+
+function Place(props: Props & { place: DriverPlace; onAsk: () => void }) {
+  const { place, driver } = props;
+  const { next, version_id: present, digest } = place.driver;
+  const progress = progressOf(place);
+  const hasThis = present === driver.id;
+  return (
+    <li data-testid="driver-place" data-device={place.key} data-stage={stageOf(place)}>
+      <span className="who">
+        <Link className="b" to={`/devices/${place.id}`}>
+          {place.name}
+        </Link>
+        <span className="s">
+          {hasThis ? words.places.has : words.places.hasOther}{" "}
+          {!hasThis && (
+            <Link className="link mono" to={`/drivers/${present}`}>
+              {formatDigest(digest)}
+            </Link>
+          )}
+        </span>
+        <span className="t12 m hostof">
+          {place.host.name} <StateText state={sessionState(place.host.state)} />
+        </span>
+      </span>
+      <Button testId="driver-change" why={whyNoChange(props)} onClick={props.onAsk}>
+        {verbOf(next !== null, hasThis)}
+      </Button>
+      {progress.reached !== null && (
+        <ol className="stages" aria-label={`Progress of ${place.name}`}>
+          {STAGES.map((stage, index) => {
+            const isDone = index < (progress.reached ?? 0);
+            return (
+              <li key={stage} data-done={isDone}>
+                <span className={isDone ? "tone-ok" : "tone-idle"}>
+                  <Glyph look={isDone ? "ok" : "idle"} />
+                </span>
+                {words.places.stage[stage]}
+              </li>
+            );
+          })}
+        </ol>
+      )}
+      {progress.text && (
+        <p className={progress.isBad ? "help bad" : "help"} role="status">
+          {progress.text}
+        </p>
+      )}
+    </li>
+  );
+}
+
+function stageOf({ driver }: DriverPlace): string {
+  if (!driver.next) return driver.problem ? "refused" : "settled";
+  return driver.next.is_ready ? "ready" : "staged";
+}
+
+function verbOf(isChanging: boolean, hasThis: boolean): string {
+  if (isChanging) return words.places.takeBack;
+  return hasThis ? words.places.back : words.places.give;
+}
+
+function whyNoChange({ place, driver, versions }: Props & { place: DriverPlace }): string | null {
+  if (!place.can_change) return words.places.mayNot;
+  if (place.driver.next) return null;
+  if (place.driver.version_id !== driver.id)
+    return driver.state === "approved" ? null : words.places.notApproved;
+  return choicesOf(place, versions).length ? null : words.places.noOther;
+}
+
+/** Approved versions that the device has not. */
+function choicesOf(place: DriverPlace, versions: DriverRow[]): DriverRow[] {
+  return newestFirst(versions).filter(
+    (row) => row.state === "approved" && row.id !== place.driver.version_id,
+  );
+}
+
+function VersionField(props: {
+  value: string;
+  choices: DriverRow[];
+  onChange: (id: string) => void;
+}) {
+  const id = useId();
+  return (
+    <div className="field">
+      <label htmlFor={id}>{words.places.dialog.version}</label>
+      <select
+        id={id}
+        className="inp"
+        value={props.value}
+        data-testid="change-version"
+        onChange={(event) => props.onChange(event.target.value)}
+      >
+        <option value="">{words.form.choose}</option>
+        {props.choices.map((row) => (
+          <option key={row.id} value={row.id}>
+            {versionText(row)}
+          </option>
+        ))}
+      </select>
+    </div>
+  );
+}
+
+function Change(props: Props & { place: DriverPlace; onClose: () => void }) {
+  const { place, driver, versions, onClose } = props;
+  const give = useGiveDriver(place.id);
+  const [isTakingBack] = useState(place.driver.next !== null);
+  const isOther = place.driver.version_id !== driver.id;
+  const [version, setVersion] = useState(isOther ? driver.id : "");
+  const [reason, setReason] = useState("");
+  const wanted = isTakingBack ? place.driver.version_id : version;
+  const text = words.places.dialog;
+  const why = !wanted ? text.noVersion : reason.trim() ? null : text.noReason;
+  return (
+    <Dialog title={text.title(place.name)} isOpen onClose={onClose} testId="change-dialog">
+      <form
+        className="sheet"
+        onSubmit={(event) => {
+          event.preventDefault();
+          if (why) return;
+          give.mutate({ version_id: wanted, reason: reason.trim() }, { onSuccess: onClose });
+        }}
+      >
+        <p className="s">{isTakingBack ? text.takeBack : text.text}</p>
+        {!isTakingBack && (
+          <VersionField
+            value={version}
+            choices={choicesOf(place, versions)}
+            onChange={setVersion}
+          />
+        )}
+        <TextField
+          label={text.reason}
+          value={reason}
+          onChange={setReason}
+          help={text.reasonHelp}
+          lines={2}
+          autoFocus
+          testId="change-reason"
+        />
+        <Refused error={give.error} />
+        <div className="acts">
+          <Button onClick={onClose} large>
+            Cancel
+          </Button>
+          <Button
+            type="submit"
+            look="pri"
+            large
+            why={why}
+            disabled={give.isPending}
+            testId="change-send"
+          >
+            {isTakingBack ? text.keep : text.send}
+          </Button>
+        </div>
+      </form>
+    </Dialog>
+  );
+}

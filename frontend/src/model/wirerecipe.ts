@@ -1,0 +1,110 @@
+/** What crosses the border about recipes that are opened on a rig. */
+
+import type { Finding, Id, Version } from "./wire";
+
+/** What a finding is about: the recipe's own text, the graph, both together, or what was asked. */
+export interface RecipeFinding extends Finding {
+  about: "recipe" | "graph" | "rig" | "wish";
+}
+
+export interface RigNode {
+  key: string;
+  kind: string;
+  role: string;
+  sort: string | null;
+  chemical: string;
+}
+
+export interface RigTube {
+  key: string;
+  source: string;
+  source_port: string;
+  target: string;
+  target_port: string;
+  medium: string;
+}
+
+export interface Rig {
+  format: string;
+  sha256: string;
+  nodes: RigNode[];
+  tubes: RigTube[];
+  defects: Finding[];
+}
+
+export interface PlannedAction {
+  device: string;
+  action: string;
+  parameters: Record<string, unknown>;
+}
+
+export type Claim = { kind: string } & Record<string, unknown>;
+
+export interface PlannedStep {
+  id: number;
+  of: { operation: string; line?: number; column?: number; act: number };
+  does: Claim;
+  /** Groups one after another; the actions of one group run at the same time. */
+  actions: PlannedAction[][];
+  after: number[];
+  estimate_s: number;
+  skip_if?: number[];
+  /** Tubes that its liquid goes through. */
+  route: string[];
+}
+
+export interface PlanTotals {
+  duration_s: number;
+  critical_path_s: number;
+  needed_ul: Record<string, number>;
+  needed_ug: Record<string, number>;
+  by_hand_count: number;
+}
+
+export interface RecipePlan {
+  bindings: { vessels: Record<string, string>; reagents: Record<string, string | string[]> };
+  steps: PlannedStep[];
+  totals: PlanTotals;
+  notes: string[];
+}
+
+export interface RoleBinding {
+  role: string;
+  what: "vessel" | "reagent";
+  told: string;
+  keys: string[];
+  choices: string[];
+  is_by_hand: boolean;
+}
+
+export interface Opening {
+  recipe: {
+    name: string;
+    version: string;
+    sha256: string;
+    is_compiled: boolean;
+    syntheses_count: number;
+    steps_count: number;
+    parameters: { id: string; value: string | null }[];
+  } | null;
+  rig: Rig | null;
+  bindings: RoleBinding[];
+  findings: RecipeFinding[];
+  /** Null unless the verifier has proved it. */
+  plan: RecipePlan | null;
+  is_proved: boolean | null;
+}
+
+export type RecipeAdvice =
+  | {
+      ok: true;
+      changes: { change: string; text: string; adds: string[] }[];
+      graph_sha256: string;
+      graph: string;
+    }
+  | { ok: false; findings: Finding[] };
+
+export interface KeptRecipe {
+  workflow_id: Id;
+  version: Version;
+}

@@ -1,0 +1,42 @@
+/** What stands against a plan, each finding with its line. */
+
+import { lineOf } from "@/model/recipe";
+import type { RecipeFinding } from "@/model/wirerecipe";
+import { Card } from "@/ui/card";
+import { words } from "./words";
+
+export function FindingsCard(props: {
+  findings: readonly RecipeFinding[];
+  onLine: (line: number) => void;
+}) {
+  return (
+    <Card title={words.findings} note={String(props.findings.length)} testId="recipe-findings">
+      <ul className="rfindings">
+        {props.findings.map((finding, place) => (
+          <li key={place} data-testid="recipe-finding" data-code={finding.code}>
+            <Where finding={finding} onLine={props.onLine} />
+            <span className="tx2">
+              <span>{finding.message}</span>
+              <span className="mono m">{finding.code}</span>
+            </span>
+          </li>
+        ))}
+      </ul>
+    </Card>
+  );
+}
+
+function Where(props: { finding: RecipeFinding; onLine: (line: number) => void }) {
+  const { finding } = props;
+  const line = lineOf(finding);
+  if (line === null) {
+    return <span className="t12 m">{finding.subject || words.about[finding.about]}</span>;
+  }
+  const column = finding.context.column;
+  return (
+    <button type="button" className="link num" onClick={() => props.onLine(line)}>
+      Line {line}
+      {typeof column === "number" && `, ${column}`}
+    </button>
+  );
+}

@@ -1,0 +1,85 @@
+"""Which device has which version of its driver, and how far a replacement has come."""
+
+from __future__ import annotations
+
+from typing import Any
+from uuid import UUID
+
+from labweb.accounts.selectors import User
+from labweb.domain.approvals.roles import Permission
+from labweb.enrollment import selectors
+from labweb.enrollment.selectors import Device, DriverVersion
+from labweb.resources import selectors as resource_selectors
+from labweb.runs import selectors as run_selectors
+
+
+def driver_of(device: Device) -> dict[str, Any]:
+    """Render which version a device has, which it is to have, and what went wrong last."""
+    after = device.next_driver
+    return {
+        "version_id": str(device.driver_id),
+        "digest": device.driver.digest,
+        "class_name": device.driver.class_name,
+        "next": None
+        if after is None
+        else {
+            "version_id": str(after.id),
+            "digest": after.digest,
+            "is_ready": device.is_next_ready,
+        },
+        "problem": device.driver_problem or None,
+    }
+
+
+def users_of(user: User) -> dict[UUID, list[dict[str, str]]]:
+    """Return the devices that the user may see, by the version that they have."""
+    found: dict[UUID, list[dict[str, str]]] = {}
+    for device in _visible(user):
+        entry = {"id": str(device.id), "key": device.key, "name": device.name}
+        found.setdefault(device.driver_id, []).append(entry)
+    return found
+
+
+def places_of(version: DriverVersion, user: User) -> list[dict[str, Any]]:
+    """Return the devices that have a version of this driver, or are to have this one.
+
+    Each with its host, the versions that it has and is to have, the job that acts, and
+    whether the user may change its version. Retired devices are left out.
+    """
+    rows = [
+        device
+        for device in _visible(user)
+        if device.state != Device.State.RETIRED
+        and (device.driver.module == version.module or device.next_driver_id == version.pk)
+    ]
+    jobs = run_selectors.jobs_at_devices(device.id for device in rows)
+    admitted = resource_selectors.allowed_ids(user, Permission.ADMIT)
+    return [
+        {
+            "id": str(device.id),
+            "key": device.key,
+            "name": device.name,
+            "state": device.state,
+            "host": {
+                "id": str(device.host_id),
+                "name": device.host.name,
+                "state": device.host.state,
+            },
+            "driver": driver_of(device),
+            "job": None
+            if device.id not in jobs
+            else {
+                "id": str(jobs[device.id].id),
+                "run_id": str(jobs[device.id].run_id),
+                "run_number": jobs[device.id].run.number,
+                "sentence": jobs[device.id].sentence,
+            },
+            "can_change": selectors.node_ids(device) <= admitted,
+        }
+        for device in rows
+    ]
+
+
+def _visible(user: User) -> list[Device]:
+    seen = resource_selectors.allowed_ids(user, Permission.VIEW)
+    return selectors.visible_devices(resource_selectors.the_lab(), seen)

@@ -1,0 +1,250 @@
+"""Drivers: what there is, who vouches for it, which device uses it, and what shall."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar
+from uuid import UUID
+
+import msgspec
+from rest_framework.request import Request
+from rest_framework.response import Response
+from rest_framework.views import APIView
+
+from labweb.accounts.selectors import User, user_of
+from labweb.api.driver_use import driver_of, places_of, users_of
+from labweb.approvals import selectors as approval_selectors
+from labweb.approvals import services as approval_services
+from labweb.approvals.selectors import ApprovalRequest
+from labweb.common.clock import now
+from labweb.common.render import iso
+from labweb.common.requests import body
+from labweb.domain.approvals.roles import Permission
+from labweb.domain.enrollment.changes import compare
+from labweb.domain.enrollment.spec import DriverSpec
+from labweb.enrollment import selectors
+from labweb.enrollment import services as enrollment_services
+from labweb.enrollment.selectors import DriverVersion
+from labweb.resources import selectors as resource_selectors
+from labweb.runs import services as run_services
+from labweb.workflows.api.drawing import render_actions
+
+
+class Submission(msgspec.Struct, forbid_unknown_fields=True):
+    """Body of a driver that a person brings."""
+
+    module: str
+    """`drivers.<class>.<model>`."""
+
+    source: str
+    note: str = ""
+
+
+class Text(msgspec.Struct, forbid_unknown_fields=True):
+    """Body of source that is to be read, and kept nowhere."""
+
+    module: str
+    source: str
+
+
+class Answer(msgspec.Struct, forbid_unknown_fields=True):
+    """Body of a decision about a driver."""
+
+    is_approved: bool
+    comment: str = ""
+
+
+class Withdrawal(msgspec.Struct, forbid_unknown_fields=True):
+    """Body of a withdrawal."""
+
+    reason: str
+
+
+class Choice(msgspec.Struct, forbid_unknown_fields=True):
+    """Body that says which version of its driver a device shall have."""
+
+    version_id: UUID
+    reason: str
+
+
+class Drivers(APIView):
+    """Versions of drivers."""
+
+    bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": Submission}
+
+    def get(self, request: Request) -> Response:
+        """List every version by module, the newest first, with the devices that use it."""
+        user = user_of(request)
+        users = users_of(user)
+        rows = selectors.drivers().defer("sources")
+        return Response({"drivers": [_render(row, user, users) for row in rows]})
+
+    def post(self, request: Request) -> Response:
+        """Read driver source and propose it; a second person approves it."""
+        user, wanted = user_of(request), body(request, Submission)
+        row = approval_services.submit_driver(
+            wanted.module, wanted.source, note=wanted.note, actor=user
+        )
+        return Response(_render(row, user, {}), status=201)
+
+
+class DriverReading(APIView):
+    """What driver source declares, before anybody proposes it."""
+
+    bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": Text}
+
+    def post(self, request: Request) -> Response:
+        """Read source as text; nothing of it is executed, and nothing is written."""
+        given = body(request, Text)
+        found, known = enrollment_services.read_driver(
+            given.module, given.source, actor=user_of(request)
+        )
+        return Response(
+            {
+                "module": found.spec.module,
+                "class_name": found.spec.class_name,
+                "digest": found.spec.digest,
+                "known": None if known is None else {"id": str(known.id), "state": known.state},
+                **_interface(found.spec),
+            }
+        )
+
+
+class DriverDetail(APIView):
+    """One version of a driver."""
+
+    def get(self, request: Request, driver_id: UUID) -> Response:
+        """Return a version with its texts, actions, statuses, settings, request and devices."""
+        user = user_of(request)
+        row = selectors.find_driver(driver_id)
+        asked = approval_selectors.newest_about_driver(row.id)
+        return Response(
+            {
+                **_render(row, user, users_of(user)),
+                "sources": row.sources,
+                **_interface(msgspec.convert(row.spec, DriverSpec)),
+                "request": None if asked is None else _request(asked),
+                "places": places_of(row, user),
+            }
+        )
+
+
+class DriverChanges(APIView):
+    """What differs between two versions."""
+
+    def get(self, _request: Request, driver_id: UUID, since_id: UUID) -> Response:
+        """Compare the texts of a version with those of another, line by line."""
+        after, before = (selectors.find_driver(one) for one in (driver_id, since_id))
+        found = compare(before.sources, after.sources)
+        return Response({"modules": [msgspec.to_builtins(one) for one in found]})
+
+
+class DecideDriver(APIView):
+    """The answer of a second person."""
+
+    bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": Answer}
+
+    def post(self, request: Request, driver_id: UUID) -> Response:
+        """Approve or reject a version."""
+        user, answer = user_of(request), body(request, Answer)
+        row = approval_services.decide_driver(
+            driver_id, actor=user, is_approved=answer.is_approved, comment=answer.comment
+        )
+        return Response(_render(row, user, users_of(user)))
+
+
+class WithdrawDriver(APIView):
+    """The end of a version."""
+
+    bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": Withdrawal}
+
+    def post(self, request: Request, driver_id: UUID) -> Response:
+        """Let a version be used no more."""
+        user, reason = user_of(request), body(request, Withdrawal).reason
+        row = approval_services.withdraw_driver(driver_id, actor=user, reason=reason)
+        return Response(_render(row, user, {}))
+
+
+class DeviceDriver(APIView):
+    """The version of its driver that a device has, and is to have."""
+
+    bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": Choice}
+
+    def post(self, request: Request, device_id: UUID) -> Response:
+        """Give a device another version; an earlier one rolls back."""
+        user, choice = user_of(request), body(request, Choice)
+        device = run_services.replace_driver(
+            device_id, choice.version_id, actor=user, reason=choice.reason
+        )
+        return Response(driver_of(device))
+
+
+def _interface(spec: DriverSpec) -> dict[str, Any]:
+    return {
+        "roles": list(spec.roles),
+        "doc": spec.doc,
+        "quality": spec.quality,
+        "imports": list(spec.imports),
+        "protocol": spec.protocol,
+        "safe_state": spec.safe_state,
+        "actions": render_actions(spec),
+        "statuses": [
+            {
+                "name": status.name,
+                "label": status.value.label or status.name,
+                "doc": status.doc,
+                "unit": status.value.symbol,
+            }
+            for status in spec.statuses
+        ],
+        "config": spec.config_schema(),
+    }
+
+
+def _request(row: ApprovalRequest) -> dict[str, Any]:
+    decision = getattr(row, "decision", None)
+    is_late = row.expires_at <= now()
+    is_open = row.state == ApprovalRequest.State.OPEN
+    return {
+        "id": str(row.id),
+        "state": ApprovalRequest.State.EXPIRED.value if is_open and is_late else row.state,
+        "asked_at": iso(row.asked_at),
+        "expires_at": iso(row.expires_at),
+        "decision": None
+        if decision is None
+        else {
+            "is_approved": decision.is_approved,
+            "printed_name": decision.printed_name,
+            "comment": decision.comment,
+            "at": iso(decision.at),
+        },
+    }
+
+
+def _render(
+    row: DriverVersion, user: User, users: dict[UUID, list[dict[str, str]]]
+) -> dict[str, Any]:
+    allowed = resource_selectors.permissions_of(user)
+    is_open = row.state == DriverVersion.State.PROPOSED
+    return {
+        "id": str(row.id),
+        "module": row.module,
+        "class_name": row.class_name,
+        "role": row.role,
+        "digest": row.digest,
+        "origin": row.origin,
+        "state": row.state,
+        "note": row.note,
+        "quality": row.spec.get("quality", ""),
+        "doc": row.spec.get("doc", ""),
+        "proposed_by": None if row.proposed_by is None else row.proposed_by.printed_name,
+        "proposed_at": iso(row.proposed_at),
+        "approved_by": None if row.approved_by is None else row.approved_by.printed_name,
+        "approved_at": iso(row.approved_at),
+        "read_at": iso(row.read_at),
+        "devices": users.get(row.id, []),
+        "can": {
+            "decide": is_open and Permission.DECIDE in allowed and row.proposed_by_id != user.pk,
+            "withdraw": Permission.ADMIT in allowed
+            and row.state in {DriverVersion.State.PROPOSED, DriverVersion.State.APPROVED},
+        },
+    }

@@ -1,0 +1,1 @@
+"""Recipes in a process of their own, bounded in time and memory."""

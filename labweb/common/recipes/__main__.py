@@ -1,0 +1,54 @@
+"""Open a recipe: `python -m labweb.common.recipes open|advise|workflow`, in JSON both ways.
+
+The request comes on standard input, the answer goes to standard output. Time and memory are
+bounded, and a hostile file ends this process alone.
+"""
+
+from __future__ import annotations
+
+import json
+import resource
+import sys
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import msgspec
+
+from labweb.domain.errors import LabError
+from labweb.domain.workflows.opening import Asked, advise_on, open_recipe, workflow_from
+
+MAX_CPU_S = 120
+MAX_MEMORY_BYTES = 2 * 2**30
+
+_ACTS: Mapping[str, Callable[[Asked], dict[str, Any]]] = {
+    "open": open_recipe,
+    "advise": advise_on,
+    "workflow": workflow_from,
+}
+
+
+def main(act: str) -> int:
+    """Answer one request: `{"answer": …}`, or `{"error": …}` with what is wrong."""
+    asked = msgspec.json.decode(sys.stdin.buffer.read(), type=Asked)
+    try:
+        told = {"answer": _ACTS[act](asked)}
+    except LabError as error:
+        told = {"error": error.to_json()}
+    sys.stdout.write(json.dumps(told, ensure_ascii=False, allow_nan=False))
+    return 0
+
+
+def _limit_resources() -> None:
+    """Bound this process: a recipe may cost neither the server's memory nor its time."""
+    for kind, most in (
+        (resource.RLIMIT_CPU, MAX_CPU_S),
+        (resource.RLIMIT_AS, MAX_MEMORY_BYTES),
+        (resource.RLIMIT_FSIZE, 0),
+        (resource.RLIMIT_CORE, 0),
+    ):
+        resource.setrlimit(kind, (most, most))
+
+
+if __name__ == "__main__":
+    _limit_resources()
+    sys.exit(main(sys.argv[1]))

@@ -1,0 +1,113 @@
+"""Downloads of the lab, of what it received and of what it holds."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+from django.http import HttpResponse
+from drf_spectacular.utils import OpenApiParameter, extend_schema
+from rest_framework.request import Request
+from rest_framework.views import APIView
+
+from labweb.accounts.selectors import user_of
+from labweb.common.clock import now
+from labweb.common.requests import moment
+from labweb.crutd.api import AT, render_past, render_rows
+from labweb.crutd.selectors.deliveries import deliveries_of
+from labweb.crutd.selectors.exporting import lab_file_of
+from labweb.crutd.selectors.past import as_it_was
+from labweb.domain.approvals.roles import Permission
+from labweb.domain.crutd.deliveries import render_deliveries
+from labweb.domain.errors import DefinitionError
+from labweb.domain.graph.lab_file.render import render_lab
+from labweb.domain.graph.lab_file.uni_lab_os.export import export_uni_lab_os
+from labweb.resources import selectors as resource_selectors
+from labweb.resources.selectors import Lab
+
+CSV = "text/csv; charset=utf-8"
+CONTENTS = ("key", "name", "kind", "lot", "material", "amount_nl", "amount_ug")
+FORMS = ("labweb", "uni-lab-os")
+_FORMULA = ("=", "+", "-", "@", "\t", "\r")
+
+
+def _whole_lab(request: Request) -> Lab:
+    """Return the lab, for those alone who may see all of it."""
+    lab = resource_selectors.the_lab()
+    ids = {row.id for row in resource_selectors.resources_of(lab)}
+    resource_selectors.require(user_of(request), Permission.VIEW, ids)
+    return lab
+
+
+class LabExport(APIView):
+    """The lab as a file."""
+
+    answer_type = "application/json"
+
+    @extend_schema(parameters=[OpenApiParameter("form", enum=FORMS)])
+    def get(self, request: Request) -> HttpResponse:
+        """Return lab.json, or with `form=uni-lab-os` a graph of Uni-Lab-OS."""
+        form = request.query_params.get("form", FORMS[0])
+        if form not in FORMS:
+            raise DefinitionError(f"form is {' or '.join(FORMS)}", code="http.query")
+        lab = _whole_lab(request)
+        if form == FORMS[0]:
+            return _file(render_lab(lab_file_of(lab)), self.answer_type, f"{lab.key}.lab.json")
+        graph = export_uni_lab_os(lab_file_of(lab))
+        text = json.dumps(graph, ensure_ascii=False, indent=2, allow_nan=False) + "\n"
+        return _file(text.encode(), self.answer_type, f"{lab.key}.uni-lab-os.json")
+
+
+class LotsExport(APIView):
+    """What was received."""
+
+    answer_type = "text/csv"
+
+    def get(self, request: Request) -> HttpResponse:
+        """Return every lot with the vessels that it came into, as the import of lots reads it."""
+        lab = _whole_lab(request)
+        text = render_deliveries(deliveries_of(lab))
+        return _file(text.encode(), CSV, f"{lab.key}.lots.csv")
+
+
+class ContentsExport(APIView):
+    """What is where."""
+
+    answer_type = "text/csv"
+
+    @extend_schema(parameters=[AT])
+    def get(self, request: Request) -> HttpResponse:
+        """Return a row for each lot in each vessel that the caller may see, now or `at` a time."""
+        lab = resource_selectors.the_lab()
+        seen = resource_selectors.allowed_ids(user_of(request), Permission.VIEW)
+        at = moment(request, "at")
+        if at is not None:
+            rows = render_past(lab, as_it_was(lab, at, now=now()), seen)
+        else:
+            found = [row for row in resource_selectors.resources_of(lab) if row.id in seen]
+            rows = render_rows(lab, found)
+        return _file(_table(rows).encode(), CSV, f"{lab.key}.contents.csv")
+
+
+def _table(rows: Iterable[Mapping[str, Any]]) -> str:
+    out = io.StringIO()
+    writer = csv.writer(out, lineterminator="\n")
+    writer.writerow(CONTENTS)
+    for row in rows:
+        for held in row["contents"]:
+            texts = (row["key"], row["name"], row["kind"], held["lot"], held["material"])
+            writer.writerow([*map(_plain, texts), held["amount_nl"], held["amount_ug"]])
+    return out.getvalue()
+
+
+def _plain(text: str) -> str:
+    """Keep a spreadsheet from taking a name for a formula."""
+    return f"'{text}" if text.startswith(_FORMULA) else text
+
+
+def _file(content: bytes, media_type: str, name: str) -> HttpResponse:
+    disposition = {"Content-Disposition": f'attachment; filename="{name}"'}
+    return HttpResponse(content, content_type=media_type, headers=disposition)

@@ -1,0 +1,86 @@
+"""Who has reserved what."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable
+from uuid import UUID
+
+from django.db import connection
+from django.db.models import QuerySet
+
+from labweb.common.clock import now
+from labweb.crutd.models import ResourceReservation as ResourceReservation
+from labweb.domain.errors import NotFoundError
+from labweb.domain.runs.locks import Lock, LockMode
+from labweb.domain.runs.reserving import Claim
+from labweb.resources.selectors import Lab
+
+_USES = """
+WITH RECURSIVE reserved(id, start, reservation_id, made_at, is_own) AS (
+    SELECT resource_id, resource_id, id, made_at, holder_id IS NOT DISTINCT FROM %s
+    FROM crutd_resourcereservation WHERE ended_at IS NULL AND expires_at > %s
+    UNION ALL
+    SELECT r.parent_id, start, reservation_id, made_at, is_own
+    FROM reserved JOIN resources_resource r ON r.id = reserved.id WHERE r.parent_id IS NOT NULL
+)
+SELECT resource_id, mode, transaction_id, NULL, NULL FROM crutd_resourcelock
+WHERE resource_id = ANY(%s) AND released_at IS NULL
+UNION ALL
+SELECT id, CASE WHEN id = start THEN 'X' ELSE 'IX' END, reservation_id, made_at, is_own
+FROM reserved WHERE id = ANY(%s)
+"""
+"""What stands above a reserved thing is taken in intention, wherever it stands by now."""
+
+
+def uses(ids: Iterable[UUID], actor_id: UUID | None) -> tuple[list[tuple[Lock, UUID]], list[Claim]]:
+    """Return live locks on the resources, each with its transaction, and reservations; one query.
+
+    Args:
+        ids: Resources, with those above them.
+        actor_id: Who asks: whose own reservations these are.
+    """
+    wanted = list(ids)
+    held: list[tuple[Lock, UUID]] = []
+    claims: list[Claim] = []
+    with connection.cursor() as cursor:
+        cursor.execute(_USES, [actor_id, now(), wanted, wanted])
+        for node, mode, owner, made_at, is_own in cursor.fetchall():
+            lock = Lock(node, LockMode(mode))
+            if made_at is None:
+                held.append((lock, owner))
+            else:
+                claims.append(
+                    Claim(lock=lock, reservation_id=owner, made_at=made_at, is_own=is_own)
+                )
+    return held, claims
+
+
+def live_reservations(lab: Lab) -> QuerySet[ResourceReservation]:
+    """Reservations of a lab that hold now, the oldest first, with holder and resource."""
+    rows = ResourceReservation.objects.filter(resource__lab=lab, ended_at=None)
+    rows = rows.filter(expires_at__gt=now())
+    return rows.select_related("holder", "resource__lab").order_by("made_at", "id")
+
+
+def is_any_live(besides_id: UUID | None) -> bool:
+    """Say whether anybody else has reserved anything now."""
+    rows = ResourceReservation.objects.filter(ended_at=None, expires_at__gt=now())
+    return rows.exclude(holder_id=besides_id).exists()
+
+
+def reservations_on(lab: Lab, ids: Collection[UUID]) -> QuerySet[ResourceReservation]:
+    """Reservations that hold now of any of these resources."""
+    return live_reservations(lab).filter(resource_id__in=ids)
+
+
+def find_reservation(reservation_id: UUID) -> ResourceReservation:
+    """Return a reservation with its holder and resource.
+
+    Raises:
+        NotFoundError: There is none.
+    """
+    rows = ResourceReservation.objects.select_related("holder", "resource__lab")
+    row = rows.filter(pk=reservation_id).first()
+    if row is None:
+        raise NotFoundError(f"no reservation {reservation_id}", code="reservation.not_found")
+    return row

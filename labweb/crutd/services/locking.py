@@ -1,0 +1,132 @@
+"""Who may have a resource now: nobody whom a lock or a reservation stands against."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from uuid import UUID
+from zoneinfo import ZoneInfo
+
+from django.db import OperationalError
+
+from labweb.accounts import selectors as account_selectors
+from labweb.crutd.selectors import reserved
+from labweb.domain.approvals.roles import Permission
+from labweb.domain.errors import Finding, LockedError
+from labweb.domain.runs.locks import Lock, conflicts, lock_set
+from labweb.domain.runs.reserving import Claim, in_the_way
+from labweb.resources import selectors as resource_selectors
+from labweb.resources.selectors import Above, Resource
+
+
+def hold(ids: Collection[UUID]) -> tuple[dict[UUID, Resource], Above]:
+    """Lock the rows, and share those above them; never waits, so that nobody waits in a ring."""
+    busy = LockedError("the resources are in use this moment", code="crutd.busy")
+    try:
+        held = resource_selectors.hold(ids)
+    except OperationalError as error:
+        raise busy from error
+    if held is None:
+        raise busy
+    return held
+
+
+def check_free(
+    rows: Mapping[UUID, Resource], wanted: Sequence[Lock], actor_id: UUID | None
+) -> None:
+    """Refuse what somebody else uses or has reserved, by name.
+
+    Raises:
+        LockedError: `context` says which transaction holds it, or who reserved it until when.
+    """
+    held, claims = reserved.uses((lock.resource_id for lock in wanted), actor_id)
+    blocked = conflicts(wanted, [lock for lock, _ in held])
+    if blocked:
+        holder = next(owner for lock, owner in held if lock.resource_id == blocked[0])
+        raise LockedError(
+            f"{_name_of(blocked[0], rows)} is in use",
+            code="crutd.locked",
+            context={"resource_id": str(blocked[0]), "transaction_id": str(holder)},
+        )
+    _refuse(_in_the_way(wanted, claims, actor_id))
+
+
+def _name_of(resource_id: UUID, rows: Mapping[UUID, Resource]) -> str:
+    """Return the name of a thing, or say how it concerns those that are asked for."""
+    if resource_id in rows:
+        return rows[resource_id].name
+    names = " and ".join(sorted(row.name for row in rows.values()))
+    return f"what {names} stands in"
+
+
+def _refuse(findings: Sequence[Finding]) -> None:
+    if findings:
+        first = findings[0]
+        raise LockedError(
+            first.message, code=first.code, findings=findings, context=dict(first.context)
+        )
+
+
+def is_free(ids: Collection[UUID], *, actor_id: UUID | None) -> bool:
+    """Say whether nobody stands in the way at this moment; takes no lock, and promises nothing.
+
+    Who waits looks here first: to ask for locks that are not to be had takes the rows from
+    those who could have them.
+    """
+    wanted = lock_set(ids, resource_selectors.ancestors(ids))
+    held, claims = reserved.uses((lock.resource_id for lock in wanted), actor_id)
+    return not conflicts(wanted, [lock for lock, _ in held]) and not in_the_way(wanted, claims)
+
+
+def refuse_reserved_by_others(ids: Collection[UUID], *, actor_id: UUID | None) -> None:
+    """Refuse to plan on what others have reserved.
+
+    Raises:
+        LockedError: `findings` list each reservation in the way.
+    """
+    _refuse(reserved_findings(ids, actor_id))
+
+
+def reserved_findings(ids: Collection[UUID], actor_id: UUID | None) -> list[Finding]:
+    """List what others have reserved of these resources, of those above and of those below."""
+    if not reserved.is_any_live(actor_id):
+        return []
+    wanted = lock_set(ids, resource_selectors.ancestors(ids))
+    _, claims = reserved.uses((lock.resource_id for lock in wanted), actor_id)
+    return _in_the_way(wanted, claims, actor_id)
+
+
+def _in_the_way(
+    wanted: Sequence[Lock], claims: Sequence[Claim], actor_id: UUID | None
+) -> list[Finding]:
+    rows = [reserved.find_reservation(one) for one in in_the_way(wanted, claims)]
+    actor = account_selectors.user_by_id(actor_id) if rows and actor_id is not None else None
+    if actor is None:
+        return [_finding(row) for row in rows]
+    seen = resource_selectors.allowed_ids(actor, Permission.VIEW)
+    return [_finding(row) if row.resource_id in seen else _hidden(row) for row in rows]
+
+
+def _hidden(row: reserved.ResourceReservation) -> Finding:
+    """Say when to come again, and nothing of what the asker may not know of."""
+    text = f"what it stands in, or what stands in it, is reserved until {_until(row)}"
+    return Finding("crutd.reserved", text, "", {"expires_at": row.expires_at.isoformat()})
+
+
+def _until(row: reserved.ResourceReservation) -> str:
+    zone = ZoneInfo(row.resource.lab.time_zone)
+    return f"{row.expires_at.astimezone(zone):%Y-%m-%d %H:%M}"
+
+
+def _finding(row: reserved.ResourceReservation) -> Finding:
+    return Finding(
+        "crutd.reserved",
+        f"{row.resource.name} is reserved by {row.holder.printed_name} until {_until(row)}: "
+        f"{row.reason}",
+        str(row.resource_id),
+        {
+            "reservation_id": str(row.pk),
+            "resource_id": str(row.resource_id),
+            "holder": row.holder.printed_name,
+            "expires_at": row.expires_at.isoformat(),
+        },
+    )

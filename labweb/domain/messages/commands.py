@@ -1,0 +1,176 @@
+"""Commands of the server to a host: signed, and nothing until the host has checked them."""
+
+from __future__ import annotations
+
+from typing import Any
+from uuid import UUID
+
+import msgspec
+
+from labweb.domain.messages.drivers import Signed
+from labweb.domain.messages.version import PROTOCOL_VERSION
+
+
+class ResourceView(msgspec.Struct, frozen=True, kw_only=True):
+    """State of one resource as the server knows it when it dispatches."""
+
+    id: UUID
+    name: str
+    kind: str
+    rev: int
+    """Raised by one at every settled change of the resource."""
+
+    parent_id: UUID | None = None
+    contents: dict[str, int] = msgspec.field(default_factory=dict)
+    """Nanolitres by lot."""
+
+    capacity_nl: int | None = None
+    dead_volume_nl: int = 0
+    data: dict[str, Any] = msgspec.field(default_factory=dict)
+    is_archived: bool = False
+
+
+class BatchPart(msgspec.Struct, frozen=True, kw_only=True):
+    """What makes an action one of a batch: it goes on by itself, with the server away."""
+
+    batch_id: UUID
+    after: list[UUID] = msgspec.field(default_factory=list)
+    """Actions of the batch that must be complete before."""
+
+    on_disconnect: str = "finish_current_then_hold"
+    """`continue`, `finish_current_then_hold` or `stop_safe`."""
+
+    max_offline_s: float = 0.0
+    """Nothing begins when the server has been away for longer; for `continue` only."""
+
+
+class Do(msgspec.Struct, frozen=True, tag="do", tag_field="t", kw_only=True):
+    """Carry out one action once."""
+
+    host_id: UUID
+    epoch: int
+    dseq: int
+    """Dispatch sequence of the host; also the fence of the device."""
+
+    action_id: UUID
+    job_id: UUID
+    run_id: UUID
+    attempt: int
+    line: str
+    device_id: UUID
+    driver_digest: str
+    action: str
+    args: dict[str, Any]
+    operation: dict[str, Any]
+    pre: list[dict[str, Any]] = msgspec.field(default_factory=list)
+    post: list[dict[str, Any]] = msgspec.field(default_factory=list)
+    resources: list[ResourceView] = msgspec.field(default_factory=list)
+    ttl_s: float = 3600.0
+    """Not started within this time of its acceptance means rejected."""
+
+    timeout_s: float = 60.0
+    issued_by: str = ""
+    approvals: list[str] = msgspec.field(default_factory=list)
+    batch: BatchPart | None = None
+    """None: it stands alone."""
+
+    v: int = PROTOCOL_VERSION
+
+
+class Cancel(msgspec.Struct, frozen=True, tag="cancel", tag_field="t", kw_only=True):
+    """Do not start the action; leaves a tombstone when the action is not known."""
+
+    host_id: UUID
+    epoch: int
+    dseq: int
+    action_id: UUID
+    issued_by: str = ""
+    is_recall: bool = False
+    """The server wants an action back that has not started, to send it again later."""
+
+    v: int = PROTOCOL_VERSION
+
+
+class Resolve(msgspec.Struct, frozen=True, tag="resolve", tag_field="t", kw_only=True):
+    """What a person found out about an action in doubt."""
+
+    host_id: UUID
+    epoch: int
+    dseq: int
+    action_id: UUID
+    answer: str
+    """`happened`, `did_not`, `partly` or `discard`."""
+
+    moved_nl: int | None = None
+    note: str = ""
+    issued_by: str = ""
+    v: int = PROTOCOL_VERSION
+
+
+class Reset(msgspec.Struct, frozen=True, tag="reset", tag_field="t", kw_only=True):
+    """Release one stop of the host; a person gave the reason. Starts nothing."""
+
+    host_id: UUID
+    epoch: int
+    dseq: int
+    stop_id: UUID
+    """The stop that is released; a latch of any other stop stays closed."""
+
+    reason: str
+    issued_by: str = ""
+    v: int = PROTOCOL_VERSION
+
+
+class Release(msgspec.Struct, frozen=True, tag="release", tag_field="t", kw_only=True):
+    """Let a resource go, for another host to take over."""
+
+    host_id: UUID
+    epoch: int
+    transfer_id: UUID
+    """Names the move for ever."""
+
+    resource_id: UUID
+    dseq: int = 0
+    view: ResourceView | None = None
+    """What the server knows of it, for a host that never had it in its hands."""
+
+    parts: list[ResourceView] = msgspec.field(default_factory=list)
+    """All that stands in it, as the server knows it: it goes along."""
+
+    issued_by: str = ""
+    v: int = PROTOCOL_VERSION
+
+
+class Receive(msgspec.Struct, frozen=True, tag="receive", tag_field="t", kw_only=True):
+    """Take a resource over, with all that stands in it, that is here or fetched from there."""
+
+    host_id: UUID
+    epoch: int
+    transfer_id: UUID
+    view: ResourceView
+    parts: list[ResourceView] = msgspec.field(default_factory=list)
+    dseq: int = 0
+    issued_by: str = ""
+    v: int = PROTOCOL_VERSION
+
+
+class Batch(msgspec.Struct, frozen=True, tag="batch", tag_field="t", kw_only=True):
+    """All that one host does of a run from here on: taken whole, or not at all."""
+
+    host_id: UUID
+    epoch: int
+    dseq: int
+    """Of its first member."""
+
+    batch_id: UUID
+    members: list[Signed]
+    """A signed `Do` each, in the order of their dispatch; none carries resources."""
+
+    resources: list[ResourceView] = msgspec.field(default_factory=list)
+    """All that the members use, as it stands before the first."""
+
+    issued_by: str = ""
+    v: int = PROTOCOL_VERSION
+
+
+Command = Do | Cancel | Resolve | Reset | Batch | Release | Receive

@@ -1,0 +1,251 @@
+"""A recipe opened on a rig, for a person to see: what is bound, what is planned, what is wrong.
+
+Everything is plain data. What cannot be planned still says as much as is known: the graph, what the
+recipe declares, and which of the graph's vessels each of it could be.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from labweb.domain.errors import Finding, LabError, UnitError
+from labweb.domain.graph.rig.model import Rig
+from labweb.domain.graph.rig.read import read_rig, unpacked
+from labweb.domain.units import parse_volume_nl
+from labweb.domain.workflows.advise.search import Advice, advise
+from labweb.domain.workflows.on_rig.binding import Binding, bind, may_be
+from labweb.domain.workflows.on_rig.equipment import Equipment, Sort
+from labweb.domain.workflows.recipe_on_rig import (
+    Proved,
+    check_recipe,
+    digest,
+    plan_recipe,
+    read_recipe,
+    workflow_of,
+)
+from labweb.domain.workflows.recipe_plan import Wish, expand_recipe
+from labweb.domain.workflows.xdl.expansion.expand import all_operations
+from labweb.domain.workflows.xdl.findings import Findings
+from labweb.domain.workflows.xdl.recipe import Procedure, Recipe
+
+_UNPROVED = "plan.not_proved"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Asked:
+    """What whoever opens a recipe says."""
+
+    name: str
+    """The file's, without its ending; it becomes the id of the recipe in the plan."""
+
+    recipe: bytes
+    graph: bytes = b""
+    """Empty: the recipe is read without a rig."""
+
+    bind: Mapping[str, str] = field(default_factory=dict)
+    holds: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
+    """Vessel of the graph → reagent → volume with its unit, as a person writes it."""
+
+    rinse: tuple[str, ...] = ()
+    parameters: Mapping[str, str] = field(default_factory=dict)
+    equiv_reference: str = ""
+    equiv_amount: str = ""
+
+    def wish(self) -> Wish:
+        """Return it for the compiler.
+
+        Raises:
+            UnitError: What a vessel holds is no volume.
+        """
+        return Wish(
+            bind=dict(self.bind),
+            holds_nl={
+                vessel: {reagent: parse_volume_nl(text) for reagent, text in held.items()}
+                for vessel, held in self.holds.items()
+            },
+            rinse=self.rinse,
+            parameters=dict(self.parameters),
+            equiv_reference=self.equiv_reference,
+            equiv_amount=self.equiv_amount,
+        )
+
+
+def open_recipe(asked: Asked) -> dict[str, Any]:
+    """Read, bind, compile and prove; what is wrong is part of the answer.
+
+    Returns:
+        `recipe`, `rig`, `bindings`, `findings`, and `plan`, which is None unless the verifier has
+        proved it. Each step of the plan has its `route`: the tubes that its liquid goes through.
+
+    Effect:
+        None.
+    """
+    answer: dict[str, Any] = {
+        "recipe": None,
+        "rig": None,
+        "bindings": [],
+        "findings": [],
+        "plan": None,
+        "is_proved": None,
+    }
+    rig, recipe = _rig(asked, answer), None
+    findings: list[Finding] = []
+    try:
+        recipe, findings = check_recipe(asked.recipe, rig)
+        answer["recipe"] = _recipe(recipe, asked)
+    except LabError as error:
+        _tell(answer, "recipe", error)
+    answer["findings"] += _plain("recipe", findings)
+    if recipe is None or rig is None or len(recipe.syntheses) != 1:
+        return answer
+    binding = None
+    try:
+        wish = asked.wish()
+        binding = None if findings else _bound(recipe, rig, wish)
+        if not findings:
+            head = {
+                "recipe": {"id": asked.name, "sha256": digest(asked.recipe)},
+                "graph_sha256": answer["rig"]["sha256"],
+            }
+            proved = plan_recipe(recipe, rig, wish, head)
+            answer["plan"], answer["is_proved"] = _planned(proved), True
+    except LabError as error:
+        answer["is_proved"] = False if error.code == _UNPROVED else None
+        _tell(answer, "rig", error)
+    answer["bindings"] = _bindings(recipe.synthesis, rig, asked, binding)
+    return answer
+
+
+def advise_on(asked: Asked) -> dict[str, Any]:
+    """Return what to change in the graph so that the recipe compiles and is proved, or why not.
+
+    Raises:
+        LabError: Recipe or graph cannot be read.
+    """
+    rig = read_rig(unpacked(asked.graph))
+    found = advise(read_recipe(asked.recipe, rig), rig, asked.wish())
+    if isinstance(found, Advice):
+        return found.to_json() | {"graph": found.graph.decode()}
+    return {"ok": False, "findings": [finding.to_json() for finding in found]}
+
+
+def workflow_from(asked: Asked) -> dict[str, Any]:
+    """Return the document of a workflow that says the whole recipe.
+
+    Raises:
+        LabError: It cannot be read, or a workflow cannot say all of it.
+    """
+    rig = read_rig(unpacked(asked.graph)) if asked.graph else None
+    return workflow_of(read_recipe(asked.recipe, rig), asked.wish(), name=asked.name[:200])
+
+
+def _rig(asked: Asked, answer: dict[str, Any]) -> Rig | None:
+    if not asked.graph:
+        return None
+    try:
+        raw = unpacked(asked.graph)
+        rig = read_rig(raw)
+    except LabError as error:
+        _tell(answer, "graph", error)
+        return None
+    equipment = Equipment(rig)
+    answer["rig"] = {
+        "format": rig.format.value,
+        "sha256": digest(raw),
+        "nodes": [
+            {
+                "key": element.key,
+                "kind": element.kind,
+                "role": element.role.value,
+                "sort": equipment.vessels.get(element.key),
+                "chemical": equipment.chemical(element.key),
+            }
+            for element in rig.elements
+        ],
+        "tubes": [
+            {
+                "key": tube.key,
+                "source": tube.source,
+                "source_port": tube.source_port,
+                "target": tube.target,
+                "target_port": tube.target_port,
+                "medium": tube.medium.value,
+            }
+            for tube in rig.tubes
+        ],
+        "defects": [defect.to_json() for defect in rig.defects],
+    }
+    return rig
+
+
+def _recipe(recipe: Recipe, asked: Asked) -> dict[str, Any]:
+    single = recipe.syntheses[0] if len(recipe.syntheses) == 1 else None
+    parameters = () if single is None else single.parameters
+    return {
+        "name": asked.name,
+        "version": recipe.version,
+        "sha256": digest(asked.recipe),
+        "is_compiled": recipe.is_compiled,
+        "syntheses_count": len(recipe.syntheses),
+        "steps_count": 0 if single is None else len(single.steps),
+        "parameters": [
+            {"id": one.id, "value": None if one.value is None else str(one.value)}
+            for one in parameters
+        ],
+    }
+
+
+def _bound(recipe: Recipe, rig: Rig, wish: Wish) -> Binding:
+    operations = all_operations(expand_recipe(recipe, wish))
+    return bind(recipe.synthesis, operations, Equipment(rig), wish.bind, Findings())
+
+
+def _bindings(
+    procedure: Procedure, rig: Rig, asked: Asked, binding: Binding | None
+) -> list[dict[str, Any]]:
+    """List what the recipe declares: what it is here, and what else it may be."""
+    equipment = Equipment(rig)
+    vessels = {} if binding is None else binding.vessels
+    reagents = {} if binding is None else binding.reagents
+    rows = []
+    for one in procedure.hardware:
+        choices = [key for key, sort in equipment.vessels.items() if may_be(one, sort)]
+        keys = [vessels[one.id]] if one.id in vessels else []
+        rows.append(_row(one.id, "vessel", one.type, keys, choices, asked))
+    flasks = [k for k, sort in equipment.vessels.items() if sort in (Sort.FLASK, Sort.PLAIN)]
+    for reagent in procedure.reagents:
+        if reagent.is_solid and reagent.id not in reagents:
+            continue
+        told = "" if reagent.name == reagent.id else reagent.name
+        keys = list(reagents.get(reagent.id, ()))
+        rows.append(_row(reagent.id, "reagent", told, keys, flasks, asked))
+    return rows
+
+
+def _row(
+    role: str, what: str, told: str, keys: list[str], choices: list[str], asked: Asked
+) -> dict[str, Any]:
+    return {
+        "role": role,
+        "what": what,
+        "told": told,
+        "keys": keys,
+        "choices": choices,
+        "is_by_hand": role in asked.bind,
+    }
+
+
+def _planned(proved: Proved) -> dict[str, Any]:
+    steps = [step | {"route": proved.routes.get(step["id"], ())} for step in proved.plan["steps"]]
+    return proved.plan | {"steps": steps}
+
+
+def _tell(answer: dict[str, Any], about: str, error: LabError) -> None:
+    findings = error.findings or (Finding(error.code, error.message),)
+    answer["findings"] += _plain("wish" if isinstance(error, UnitError) else about, findings)
+
+
+def _plain(about: str, findings: Iterable[Finding]) -> list[dict[str, Any]]:
+    return [finding.to_json() | {"about": about} for finding in findings]

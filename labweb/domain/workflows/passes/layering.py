@@ -1,0 +1,103 @@
+"""Two layers part, and the lower one is drawn out at the bottom.
+
+```text
+separator: ether ▒▒   wait    bottom ──▶ syringe ──▶ waste: brine
+           brine ██  ──────▶  ether stays
+```
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from uuid import UUID
+
+from labweb.domain.crutd.operations import TransferLiquid
+from labweb.domain.errors import UnitError
+from labweb.domain.resources.contents import LotId, remove, take, total_nl
+from labweb.domain.units import parse_volume_nl, render_volume
+from labweb.domain.workflows.passes.acting import wait_job
+from labweb.domain.workflows.passes.draft import Drafting, DraftJob, DraftStep
+from labweb.domain.workflows.passes.pumping import choose_way
+from labweb.domain.workflows.passes.splitting import split_strokes
+from labweb.domain.workflows.passes.strokes import dead_volume_notes, make_strokes
+from labweb.domain.workflows.protocol import Step
+from labweb.domain.workflows.unit_operations import ALL
+
+
+def plan_separate(step: Step, drafting: Drafting) -> DraftStep:
+    """Wait until the layers have parted, then draw what the person says the lower one is.
+
+    Which lots lie in which layer is stated, never inferred. What is drawn beyond or short of
+    the boundary, a device does not see: the record follows what was stated.
+    """
+    vessel, target = UUID(step.params["vessel"]), UUID(step.params["target"])
+    layer = stated_lots(step, drafting, vessel, "lower")
+    if layer is None:
+        return DraftStep(step=step)
+    amount_nl = total_nl(layer)
+    whole = TransferLiquid(
+        source_id=vessel,
+        target_id=target,
+        amount_nl=amount_nl,
+        parts_nl={str(lot): part for lot, part in layer.items()},
+    )
+    pumping = choose_way(step, drafting, whole)
+    if pumping is None:
+        return DraftStep(step=step, whole=whole)
+    strokes = make_strokes(step, drafting, pumping.device, pumping.pump_id)
+    if strokes is None:
+        return DraftStep(step=step, whole=whole)
+    text = f"Let the layers in {drafting.name(vessel)} part"
+    jobs: list[DraftJob | None] = [
+        wait_job(step, drafting, (vessel,), sentence=text, duration="settle_for")
+    ]
+    parts, left = split_strokes(amount_nl, strokes.syringe_nl), dict(layer)
+    for place, part_nl in enumerate(parts, start=1):
+        text = f", stroke {place} of {len(parts)}" if len(parts) > 1 else ""
+        drawn = take(left, part_nl)
+        left = remove(left, drawn)
+        draw = TransferLiquid(
+            source_id=vessel,
+            target_id=pumping.pump_id,
+            amount_nl=part_nl,
+            parts_nl={str(lot): part for lot, part in drawn.items()},
+        )
+        push = TransferLiquid(source_id=pumping.pump_id, target_id=target, amount_nl=part_nl)
+        jobs += strokes.draw(draw, pumping.into, text) + strokes.push(push, pumping.out, text)
+    if None in jobs:
+        return DraftStep(step=step, whole=whole)
+    return DraftStep(
+        step=step,
+        jobs=tuple(job for job in jobs if job is not None),
+        whole=whole,
+        pump_id=pumping.pump_id,
+        notes=dead_volume_notes(pumping.into, pumping.out),
+    )
+
+
+def stated_lots(
+    step: Step, drafting: Drafting, vessel: UUID, field: str
+) -> Mapping[LotId, int] | None:
+    """Read what a step states of the lots of a vessel: an amount, or all there is by then."""
+    held, at = drafting.contents(vessel), f"params.{field}"
+    found: dict[LotId, int] = {}
+    if not step.params[field]:
+        drafting.refuse(step, "plan.no_lot", "name at least one lot", at)
+        return None
+    for key, text in sorted(step.params[field].items()):
+        lot = drafting.lot(key)
+        if lot is None:
+            drafting.refuse(step, "plan.no_lot", f"this lab has no lot {key!r}", at, lot=key)
+            continue
+        there = held.get(lot, 0)
+        try:
+            amount_nl = there if text == ALL else parse_volume_nl(text)
+        except UnitError as error:
+            drafting.refuse(step, error.code, f"{key}: {error.message}", at, lot=key)
+            continue
+        if amount_nl > there or not there:
+            message = f"{drafting.name(vessel)} holds {render_volume(there)} of {key} by then"
+            drafting.refuse(step, "crutd.insufficient_volume", message, at, lot=key)
+            continue
+        found[lot] = amount_nl
+    return found if len(found) == len(step.params[field]) else None

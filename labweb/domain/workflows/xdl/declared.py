@@ -1,0 +1,76 @@
+"""What a recipe leaves open about one lab and about matter, stated by a person in a file beside it.
+
+A recipe names vessels by its own names, and says nothing of which lot lies in which layer, what
+boils off, and what a reaction makes. None of it is inferred.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+import msgspec
+from msgspec import Meta
+
+from labweb.domain.errors import ProtocolError
+from labweb.domain.workflows.unit_operations import ALL
+
+SCHEMA = "labweb.declared/1"
+
+Key = Annotated[str, Meta(min_length=1, max_length=80)]
+
+
+class _Strict(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Base of all entries."""
+
+
+class Reaction(_Strict, frozen=True, kw_only=True):
+    """A step `react` behind one step of the recipe."""
+
+    after: Annotated[int, Meta(ge=1)]
+    """Number of that step in the recipe, from 1, as it is unfolded."""
+
+    params: dict[str, Any]
+    """Parameters of the step, vessels as `@key`."""
+
+
+class Declared(_Strict, frozen=True, kw_only=True):
+    """Everything that is stated."""
+
+    schema: str = SCHEMA
+    keys: dict[str, Key] = {}
+    """Vessel, reagent, gas or filling of the recipe → key of the resource in the lab."""
+
+    waste: Key = ""
+    """Where a layer goes that nobody wants."""
+
+    receivers: dict[str, Key] = {}
+    """Vessel of the recipe that evaporates → key of the flask that its vapour condenses in."""
+
+    lower_layers: list[list[Key]] = []
+    """Keys of the lots in the lower layer, for each parting of the recipe in order."""
+
+    boils_off: list[list[Key]] = []
+    """Keys of the lots that boil off, for each evaporation in order."""
+
+    reactions: list[Reaction] = []
+
+
+def read_declared(raw: bytes) -> Declared:
+    """Read the file.
+
+    Raises:
+        ProtocolError: It is not as above; `xdl.not_declared`.
+    """
+    try:
+        found = msgspec.json.decode(raw, type=Declared)
+    except msgspec.DecodeError as error:
+        message = f"what is stated beside the recipe cannot be read: {error}"
+        raise ProtocolError(message, code="xdl.not_declared") from error
+    if found.schema != SCHEMA:
+        raise ProtocolError(f"schema is {found.schema!r}, not {SCHEMA!r}", code="xdl.not_declared")
+    return found
+
+
+def all_of(lots: list[str]) -> dict[str, str]:
+    """Return the parameter of a step that means all there is of some lots."""
+    return dict.fromkeys(lots, ALL)

@@ -1,0 +1,238 @@
+"""Steps of a recipe that a workflow says in several: parting layers, boiling off, letting gas in.
+
+What the recipe leaves open is taken from what a person declared, step by step in order, and from
+the table of defaults, which the notes of the step name.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from decimal import Decimal
+from typing import Any
+
+from labweb.domain.workflows.unit_operations import ALL
+from labweb.domain.workflows.xdl.acts import Act
+from labweb.domain.workflows.xdl.declared import Declared, all_of
+from labweb.domain.workflows.xdl.defaults_table import DEFAULTS
+from labweb.domain.workflows.xdl.findings import Findings
+from labweb.domain.workflows.xdl.values import Quantity
+
+Made = tuple[str, dict[str, Any], list[str]]
+"""Kind, parameters and notes of one step."""
+
+SAID: Mapping[str, frozenset[str]] = {
+    "Add": frozenset(
+        {"vessel", "reagent", "volume", "amount", "time", "speed", "stir", "stir_speed"}
+        | {"dropwise"}
+    ),
+    "Transfer": frozenset({"from_vessel", "to_vessel", "volume", "amount", "through"}),
+    "HeatChill": frozenset({"vessel", "temp", "time", "stir", "stir_speed", "purpose"}),
+    "HeatChillToTemp": frozenset({"vessel", "temp", "stir", "stir_speed", "purpose"}),
+    "Stir": frozenset({"vessel", "time", "stir_speed", "purpose"}),
+    "Wait": frozenset({"time"}),
+    "EvacuateAndRefill": frozenset({"vessel", "gas", "repeats", "vacuum_pressure"}),
+    "Separate": frozenset(
+        {"purpose", "product_phase", "from_vessel", "separation_vessel", "to_vessel"}
+        | {"waste_phase_to_vessel", "solvent", "solvent_volume", "through", "stir_time"}
+        | {"stir_speed", "settling_time"}
+    ),
+    "Evaporate": frozenset({"vessel", "temp", "pressure", "time", "stir_speed"}),
+    "FilterThrough": frozenset(
+        {"from_vessel", "to_vessel", "through", "eluting_solvent", "eluting_volume"}
+        | {"eluting_repeats"}
+    ),
+}
+"""Step → properties that a workflow can say when a person declares what else is needed."""
+
+_DISPLAY = {"time": "s", "pressure": "mbar", "rotation": "rpm", "temperature": "°C", "volume": "mL"}
+
+
+@dataclass(slots=True)
+class SeveralSteps:
+    """Turns acts into steps, in the order of the recipe."""
+
+    declared: Declared
+    key: Callable[[Act, str], str]
+    """Reference of what a property names, `@key`."""
+
+    number: Callable[[Act, str, str], str]
+    """A property as one number with a unit; tells where it is none."""
+
+    told: Findings
+    stirred: set[str] = field(default_factory=set)
+    """Vessels that are being stirred by now."""
+
+    _layers: int = 0
+    _boiled: int = 0
+
+    def make(self, act: Act) -> list[Made] | None:
+        """Return the steps of an act; None: the simple rules do for it."""
+        notes: list[str] = []
+        match act.name:
+            case "Add":
+                return self._add(act, notes)
+            case "Transfer" if _is_all(act):
+                return [self._transfer(act, "from_vessel", "to_vessel", notes)]
+            case "EvacuateAndRefill":
+                return [self._evacuate(act, notes)]
+            case "Separate":
+                return self._separate(act, notes)
+            case "Evaporate":
+                return [self._evaporate(act, notes)]
+            case "FilterThrough":
+                return self._filter_through(act, notes)
+        return None
+
+    def note_stirring(self, kind: str, values: Mapping[str, Any]) -> None:
+        """Follow what is being stirred after a step."""
+        if kind in {"heat_chill", "stir"} and "stir_speed" in values:
+            is_over = kind == "stir" or "hold_for" in values
+            (self.stirred.discard if is_over else self.stirred.add)(values["vessel"])
+
+    def _known(self, act: Act, name: str, what: str, notes: list[str]) -> str:
+        """Return a property, or the value of the table of defaults with a note of it."""
+        if name in act.values:
+            value = act.values[name]
+            sort = value.sort if isinstance(value, Quantity) else ""
+            return self.number(act, name, _DISPLAY.get(sort, ""))
+        default = DEFAULTS[what]
+        notes.append(f"{name} {default.value}: {default.source}")
+        return default.value.replace("RPM", "rpm")
+
+    def _add(self, act: Act, notes: list[str]) -> list[Made]:
+        vessel = self.key(act, "vessel")
+        values = {
+            "source": self.key(act, "reagent"),
+            "target": vessel,
+            "volume": self.number(act, "volume", "mL"),
+        }
+        if "speed" in act.values:
+            values["flow_rate"] = self.number(act, "speed", "mL/min")
+        elif "time" in act.values:
+            rate = _exact(act, "volume") / max(_exact(act, "time"), Decimal(1)) * 1000
+            values["flow_rate"] = f"{round(rate, 6):f} uL/s"
+        before: list[Made] = []
+        if act.values.get("stir") is True and vessel not in self.stirred:
+            speed = self._known(act, "stir_speed", "stir_speed", notes)
+            before = [("start_stir", {"vessel": vessel, "stir_speed": speed}, notes)]
+            self.stirred.add(vessel)
+        return [*before, ("transfer", values, [])]
+
+    def _transfer(self, act: Act, source: str, target: str, notes: list[str]) -> Made:
+        values = {
+            "source": self.key(act, source),
+            "target": self.key(act, target),
+            "volume": ALL,
+        }
+        if "through" in act.values:
+            values["through"] = self.key(act, "through")
+        return "transfer", values, notes
+
+    def _evacuate(self, act: Act, notes: list[str]) -> Made:
+        repeats = act.values.get("repeats")
+        if repeats is None:
+            repeats = DEFAULTS["evacuate.repeats"].value
+            notes.append(f"repeats {repeats}: {DEFAULTS['evacuate.repeats'].source}")
+        values = {
+            "vessel": self.key(act, "vessel"),
+            "gas": self.key(act, "gas"),
+            "pressure": self._known(act, "vacuum_pressure", "evacuate.pressure", notes),
+            "rounds": str(repeats),
+        }
+        return "evacuate_refill", values, notes
+
+    def _separate(self, act: Act, notes: list[str]) -> list[Made]:
+        separator = self.key(act, "separation_vessel")
+        made: list[Made] = []
+        if self.key(act, "from_vessel") != separator:
+            made.append(self._transfer(_without(act), "from_vessel", "separation_vessel", []))
+        if "solvent" in act.values:
+            volume = self._known(act, "solvent_volume", "separation.solvent_volume", notes)
+            source = self.key(act, "solvent")
+            added = {"source": source, "target": separator, "volume": volume}
+            made.append(("transfer", added, []))
+        speed = self._known(act, "stir_speed", "separation.fast_stir_speed", notes)
+        time = self._known(act, "stir_time", "separation.fast_stir_time", notes)
+        made.append(("stir", {"vessel": separator, "stir_speed": speed, "duration": time}, notes))
+        return [*made, *self._part(act, separator)]
+
+    def _part(self, act: Act, separator: str) -> list[Made]:
+        notes: list[str] = []
+        lower = self._next(act, self.declared.lower_layers, self._layers, "lower_layers")
+        self._layers += 1
+        product = self.key(act, "to_vessel")
+        waste = f"@{self.declared.waste}"
+        if "waste_phase_to_vessel" in act.values:
+            waste = self.key(act, "waste_phase_to_vessel")
+        is_lower = act.values.get("product_phase") == "bottom"
+        through = {"through": self.key(act, "through")} if "through" in act.values else {}
+        drawn = {
+            "vessel": separator,
+            "target": product if is_lower else waste,
+            "lower": all_of(lower),
+            "settle_for": self._known(act, "settling_time", "separation.settling_time", notes),
+        }
+        made: list[Made] = [("separate", drawn | (through if is_lower else {}), notes)]
+        upper_to = waste if is_lower else product
+        if upper_to != separator:
+            rest = {"source": separator, "target": upper_to, "volume": ALL}
+            made.append(("transfer", rest | ({} if is_lower else through), []))
+        return made
+
+    def _next(self, act: Act, lists: list[list[str]], place: int, name: str) -> list[str]:
+        if place < len(lists):
+            return lists[place]
+        message = f"{act.name}: nobody declared {name} for it, and a recipe does not say"
+        self.told.tell("xdl.not_declared", message, act.place)
+        return []
+
+    def _evaporate(self, act: Act, notes: list[str]) -> Made:
+        gone = self._next(act, self.declared.boils_off, self._boiled, "boils_off")
+        self._boiled += 1
+        called = str(act.values.get("vessel", ""))
+        receiver = self.declared.receivers.get(called, "")
+        if not receiver:
+            message = f"Evaporate: nobody declared what the vapour of {called!r} condenses in"
+            self.told.tell("xdl.not_declared", message, act.place)
+        values = {
+            "vessel": self.key(act, "vessel"),
+            "receiver": f"@{receiver}",
+            "temperature": self._known(act, "temp", "rotavap.temperature", notes),
+            "pressure": self.number(act, "pressure", "mbar"),
+            "speed": self._known(act, "stir_speed", "rotavap.rotation_speed", notes),
+            "duration": self.number(act, "time", "s"),
+            "boils_off": all_of(gone),
+        }
+        return "evaporate", values, notes
+
+    def _filter_through(self, act: Act, notes: list[str]) -> list[Made]:
+        made = [self._transfer(act, "from_vessel", "to_vessel", notes)]
+        if "eluting_solvent" not in act.values:
+            return made
+        repeats = act.values.get("eluting_repeats", 1)
+        flush = {
+            "source": self.key(act, "eluting_solvent"),
+            "target": self.key(act, "to_vessel"),
+            "volume": self.number(act, "eluting_volume", "mL"),
+            "through": self.key(act, "through"),
+        }
+        count = repeats if isinstance(repeats, int) else 1
+        return [*made, *(("transfer", dict(flush), []) for _ in range(count))]
+
+
+def _is_all(act: Act) -> bool:
+    volume = act.values.get("volume", act.values.get("amount"))
+    return isinstance(volume, Quantity) and volume.word == ALL
+
+
+def _exact(act: Act, name: str) -> Decimal:
+    value = act.values.get(name)
+    found = value.exact if isinstance(value, Quantity) else None
+    return Decimal(0) if found is None else found
+
+
+def _without(act: Act) -> Act:
+    """Return an act whose filling does not belong to its first way."""
+    values = {name: value for name, value in act.values.items() if name != "through"}
+    return Act(name=act.name, values=values, place=act.place)

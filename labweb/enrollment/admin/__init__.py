@@ -1,0 +1,7 @@
+"""Admin pages of hosts, of machines that ask to become hosts, and of devices."""
+
+from __future__ import annotations
+
+from labweb.enrollment.admin import candidates, devices, hosts
+
+__all__ = ["candidates", "devices", "hosts"]

@@ -1,0 +1,136 @@
+"""REST of machines that ask to become edge hosts."""
+
+from __future__ import annotations
+
+from typing import Any
+from uuid import UUID
+
+import msgspec
+from django.conf import settings
+from rest_framework.request import Request
+from rest_framework.response import Response
+from rest_framework.views import APIView
+
+from labweb.accounts.selectors import user_of
+from labweb.common.render import iso
+from labweb.common.requests import body
+from labweb.domain.enrollment.join import USUAL_TOKEN_S
+from labweb.enrollment import selectors, services
+from labweb.enrollment.models import JoinRequest, JoinToken
+from labweb.resources import selectors as resource_selectors
+
+
+class TokenWish(msgspec.Struct, forbid_unknown_fields=True):
+    """Body of a wish for a token."""
+
+    name: str = ""
+    minutes: float = USUAL_TOKEN_S / 60
+
+
+class Typed(msgspec.Struct, forbid_unknown_fields=True):
+    """Body of an admission: the code as the machine shows it, and what was checked."""
+
+    code: str
+    reason: str
+
+
+class Said(msgspec.Struct, forbid_unknown_fields=True):
+    """Body of a rejection."""
+
+    reason: str
+
+
+class JoinTokens(APIView):
+    """Join tokens of the lab."""
+
+    bodies = {"post": TokenWish}
+
+    def get(self, request: Request) -> Response:
+        """List the tokens, without their secrets, which nobody has."""
+        lab = resource_selectors.the_lab()
+        services.require_admission(user_of(request), lab)
+        return Response({"tokens": [_token(row) for row in selectors.tokens_of(lab)[:100]]})
+
+    def post(self, request: Request) -> Response:
+        """Make a token; this answer alone holds it."""
+        wish = body(request, TokenWish)
+        made = services.make_token(
+            resource_selectors.the_lab(),
+            actor=user_of(request),
+            name=wish.name,
+            lifetime_s=wish.minutes * 60,
+        )
+        command = services.join_command(made.text)
+        answer = {**_token(made.row), "token": made.text, "command": command}
+        return Response(answer, status=201)
+
+
+class JoinTokenDetail(APIView):
+    """One token."""
+
+    def delete(self, request: Request, token_id: UUID) -> Response:
+        """Take a token back that nobody has used."""
+        return Response(_token(services.withdraw_token(token_id, actor=user_of(request))))
+
+
+class JoinRequests(APIView):
+    """Machines that asked."""
+
+    def get(self, request: Request) -> Response:
+        """List the machines that asked, the newest first; not their codes, which they show."""
+        lab = resource_selectors.the_lab()
+        services.require_admission(user_of(request), lab)
+        rows = selectors.requests_of(lab)[:100]
+        return Response(
+            {"requests": [_request(row) for row in rows], "door": settings.EDGE_ADDRESS}
+        )
+
+
+class Admission(APIView):
+    """Yes to one machine."""
+
+    bodies = {"post": Typed}
+
+    def post(self, request: Request, join_id: UUID) -> Response:
+        """Make it a host, if the code is the one that it shows."""
+        said, actor = body(request, Typed), user_of(request)
+        host = services.admit_request(join_id, typed=said.code, reason=said.reason, actor=actor)
+        return Response({"host": {"id": str(host.id), "key": host.key, "name": host.name}})
+
+
+class Rejection(APIView):
+    """No to one machine."""
+
+    bodies = {"post": Said}
+
+    def post(self, request: Request, join_id: UUID) -> Response:
+        """Send it away; its key never asks again."""
+        reason, actor = body(request, Said).reason, user_of(request)
+        return Response(_request(services.reject_request(join_id, reason=reason, actor=actor)))
+
+
+def _token(row: JoinToken) -> dict[str, Any]:
+    return {
+        "id": str(row.id),
+        "name": row.name,
+        "created_at": iso(row.created_at),
+        "expires_at": iso(row.expires_at),
+        "used_at": iso(row.used_at),
+        "withdrawn_at": iso(row.withdrawn_at),
+        "state": selectors.token_state(row),
+    }
+
+
+def _request(row: JoinRequest) -> dict[str, Any]:
+    known = row.known_host
+    return {
+        "id": str(row.id),
+        "name": row.name,
+        "address": row.address,
+        "facts": row.facts,
+        "asked_at": iso(row.asked_at),
+        "state": "expired" if selectors.is_stale(row) else row.state,
+        "reason": row.reason,
+        "host_id": None if row.host_id is None else str(row.host_id),
+        "claims_to_be": None if known is None else {"id": str(known.id), "name": known.name},
+    }

@@ -1,0 +1,94 @@
+"""The report of a run: mass balance, yields, and the spectra of its products."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+from uuid import UUID
+
+from rest_framework.request import Request
+from rest_framework.response import Response
+from rest_framework.views import APIView
+
+from labweb.accounts.selectors import user_of
+from labweb.domain.approvals.roles import Permission
+from labweb.domain.crutd.balance import AccountChange, Yield
+from labweb.domain.crutd.provenance import is_nominal
+from labweb.domain.resources.contents import LotId
+from labweb.resources import selectors as resource_selectors
+from labweb.runs.api.files import render_reading
+from labweb.runs.api.runs import visible
+from labweb.runs.selectors.report import Report, report_of
+
+
+class RunReport(APIView):
+    """What a run did with matter."""
+
+    def get(self, request: Request, run_id: UUID) -> Response:
+        """Return masses by account, yields by product, and readings that are series.
+
+        Nothing in it was entered: masses follow from the ledger's entries and the densities of
+        the materials, a yield from a reaction's basis and from what of its product stands in
+        vessels now, the waste aside.
+        """
+        user = user_of(request)
+        run = visible(run_id, user)
+        seen = resource_selectors.allowed_ids(user, Permission.VIEW)
+        report = report_of(run, seen)
+        balance = report.balance
+        ids = {UUID(c.account) for c in _all(report) if not is_nominal(c.account)}
+        ids |= {vessel for places in report.standing.values() for vessel in places}
+        names = {row.pk: row.name for row in resource_selectors.rows(ids & seen)}
+        return Response(
+            {
+                "taken": [_change(change, report, names) for change in balance.taken],
+                "brought": [_change(change, report, names) for change in balance.brought],
+                "taken_ug": balance.taken_ug,
+                "brought_ug": balance.brought_ug,
+                "gap_ug": balance.gap_ug,
+                "unknown": [report.lots[lot].key for lot in balance.unknown],
+                "yields": [_yield(one, report, names) for one in report.yields],
+                "readings": [render_reading(row) for row in report.spectra],
+            }
+        )
+
+
+def _all(report: Report) -> tuple[AccountChange, ...]:
+    return (*report.balance.taken, *report.balance.brought)
+
+
+def _change(change: AccountChange, report: Report, names: Mapping[UUID, str]) -> dict[str, Any]:
+    nominal = is_nominal(change.account)
+    vessel = None if nominal else UUID(change.account)
+    return {
+        "account": change.account if nominal else "vessel",
+        "resource_id": None if vessel not in names else str(vessel),
+        "name": change.account if vessel is None else names.get(vessel, ""),
+        "mass_ug": change.total_ug,
+        "lots": [
+            {"lot": report.lots[lot].key, "mass_ug": mass}
+            for lot, mass in sorted(change.lots_ug.items(), key=lambda one: -abs(one[1]))
+        ],
+    }
+
+
+def _yield(one: Yield, report: Report, names: Mapping[UUID, str]) -> dict[str, Any]:
+    def key(lot: LotId) -> str:
+        return report.lots[lot].key
+
+    return {
+        "product": key(one.product),
+        "product_id": str(one.product),
+        "material": report.lots[one.product].material.name,
+        "basis": key(one.basis),
+        "basis_umol": one.basis_umol,
+        "isolated_ug": one.isolated_ug,
+        "isolated_umol": one.isolated_umol,
+        "ratio": one.ratio,
+        "missing": [key(lot) for lot in one.missing],
+        "stands_in": [
+            {"id": str(vessel), "name": names[vessel]}
+            for vessel in sorted(report.standing.get(one.product, {}))
+            if vessel in names
+        ],
+    }

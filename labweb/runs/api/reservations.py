@@ -1,0 +1,110 @@
+"""REST of reservations: exclusive use in the near future."""
+
+from __future__ import annotations
+
+from datetime import timedelta
+from typing import Annotated, Any, ClassVar
+from uuid import UUID
+
+import msgspec
+from rest_framework.request import Request
+from rest_framework.response import Response
+from rest_framework.views import APIView
+
+from labweb.accounts.selectors import User, user_of
+from labweb.common.render import iso
+from labweb.common.requests import body
+from labweb.crutd.api import visible
+from labweb.crutd.selectors import reserved
+from labweb.domain.approvals.roles import Permission
+from labweb.domain.errors import NotFoundError
+from labweb.domain.runs.reserving import LONGEST_REASON, MOST
+from labweb.resources import selectors as resource_selectors
+from labweb.runs import services
+from labweb.runs.services import reservations
+
+_MOST_MINUTES = 1_000_000
+
+
+class Wanted(msgspec.Struct, forbid_unknown_fields=True):
+    """What to reserve, for how long, and what for."""
+
+    resource_ids: Annotated[list[UUID], msgspec.Meta(max_length=10 * MOST)]
+    minutes: Annotated[int, msgspec.Meta(ge=-_MOST_MINUTES, le=_MOST_MINUTES)]
+    reason: Annotated[str, msgspec.Meta(max_length=10 * LONGEST_REASON)]
+
+
+class Nothing(msgspec.Struct, forbid_unknown_fields=True):
+    """Body of an act that takes no arguments."""
+
+
+class Reservations(APIView):
+    """What is reserved now."""
+
+    bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": Wanted}
+
+    def get(self, request: Request) -> Response:
+        """List the reservations that hold now, of resources the caller may see."""
+        user = user_of(request)
+        seen = resource_selectors.allowed_ids(user, Permission.VIEW)
+        rows = reserved.reservations_on(resource_selectors.the_lab(), seen)
+        return Response({"reservations": [_render(row, user) for row in rows]})
+
+    def post(self, request: Request) -> Response:
+        """Reserve all of the resources for the caller, or none (423 with each reason)."""
+        wanted = body(request, Wanted)
+        user = user_of(request)
+        ids = {visible(request, node).id for node in wanted.resource_ids[: MOST + 1]}
+        made = services.reserve(
+            ids, actor=user, lasts=timedelta(minutes=wanted.minutes), reason=wanted.reason
+        )
+        found = [reserved.find_reservation(row.pk) for row in made]
+        return Response({"reservations": [_render(row, user) for row in found]}, status=201)
+
+
+class ResourceReservations(APIView):
+    """What is reserved of one resource."""
+
+    def get(self, request: Request, resource_id: UUID) -> Response:
+        """List the reservations of it and of what it stands in; may the caller reserve it?"""
+        row = visible(request, resource_id)
+        user = user_of(request)
+        above = resource_selectors.ancestors([row.id])[row.id]
+        seen = resource_selectors.allowed_ids(user, Permission.VIEW)
+        rows = reserved.reservations_on(row.lab, {row.id, *above} & seen)
+        return Response(
+            {
+                "is_allowed": row.id in resource_selectors.allowed_ids(user, Permission.RUN),
+                "reservations": [_render(one, user) for one in rows],
+            }
+        )
+
+
+class EndReservation(APIView):
+    """The end of a reservation before its time."""
+
+    bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": Nothing}
+
+    def post(self, request: Request, reservation_id: UUID) -> Response:
+        """End it now; one that is over stays as it is."""
+        body(request, Nothing)
+        user = user_of(request)
+        row = reserved.find_reservation(reservation_id)
+        if row.resource_id not in resource_selectors.allowed_ids(user, Permission.VIEW):
+            raise NotFoundError(f"no reservation {reservation_id}", code="reservation.not_found")
+        services.end_reservation(row, actor=user)
+        return Response(_render(reserved.find_reservation(reservation_id), user))
+
+
+def _render(row: reserved.ResourceReservation, user: User) -> dict[str, Any]:
+    return {
+        "id": str(row.pk),
+        "resource": {"id": str(row.resource_id), "name": row.resource.name},
+        "holder": row.holder.printed_name,
+        "is_own": row.holder_id == user.pk,
+        "may_end": reservations.may_end(row, user),
+        "reason": row.reason,
+        "made_at": iso(row.made_at),
+        "expires_at": iso(row.expires_at),
+        "ended_at": iso(row.ended_at),
+    }

@@ -1,0 +1,46 @@
+"""Which runs still need a resource."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from uuid import UUID
+
+from labweb.accounts.selectors import User
+from labweb.domain.runs.job import FINAL, RunState
+from labweb.domain.runs.locks import conflicts, lock_set
+from labweb.resources import selectors as resource_selectors
+from labweb.runs.models import Job, Run
+
+LIVE = [
+    RunState.QUEUED.value,
+    RunState.RUNNING.value,
+    RunState.PAUSING.value,
+    RunState.PAUSED.value,
+    RunState.COMPLETING.value,
+]
+
+_MAY_GO = [*LIVE, RunState.AWAITING_APPROVAL.value]
+
+
+def runs_that_need(ids: Collection[UUID], *, besides: User) -> list[tuple[UUID, Run]]:
+    """Return each of the resources with each run of others whose jobs will use it.
+
+    A job needs what it locks, what stands in it, and what it stands in. Three queries.
+    """
+    final = [state.value for state in FINAL]
+    jobs = Job.objects.filter(run__state__in=_MAY_GO).exclude(run__created_by=besides)
+    jobs = jobs.exclude(state__in=final).select_related("run__created_by")
+    needed: dict[UUID, set[UUID]] = {}
+    runs: dict[UUID, Run] = {}
+    for job in jobs:
+        runs[job.run_id] = job.run
+        needed.setdefault(job.run_id, set()).update(UUID(node) for node in job.locks)
+    above = resource_selectors.ancestors(set(ids).union(*needed.values()))
+    in_order = sorted(needed, key=lambda one: runs[one].number)
+    taken = {run_id: lock_set(needed[run_id], above) for run_id in in_order}
+    return [
+        (node, runs[run_id])
+        for run_id in in_order
+        for node in sorted(ids)
+        if conflicts(lock_set([node], above), taken[run_id])
+    ]

@@ -1,0 +1,71 @@
+"""What a run did with matter, read from the ledger: its mass balance, and what it yielded."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import dataclass
+from uuid import UUID
+
+from labweb.crutd import selectors as crutd_selectors
+from labweb.domain.crutd.balance import Balance, LotFacts, Yield, find_yields, mass_balance
+from labweb.domain.crutd.ledger import Amount
+from labweb.domain.resources.contents import LotId
+from labweb.resources import selectors as resource_selectors
+from labweb.resources.selectors import Lot
+from labweb.runs.models import Run
+from labweb.telemetry import selectors as telemetry_selectors
+from labweb.telemetry.selectors import Reading
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Report:
+    """A run's matter."""
+
+    balance: Balance
+    yields: tuple[Yield, ...]
+    lots: dict[LotId, Lot]
+    """Every lot that moved."""
+
+    standing: dict[LotId, dict[UUID, Amount]]
+    """Where the products stand now, the waste aside."""
+
+    spectra: tuple[Reading, ...]
+    """Series that were read from files about the run's jobs, or about a vessel with a product."""
+
+
+def report_of(run: Run, seen: Collection[UUID]) -> Report:
+    """Reckon the report of a run from its entries, as the ledger stands now.
+
+    Args:
+        run: Which.
+        seen: Resources that the asker may know of; readings about others are left out.
+    """
+    job_ids = list(run.jobs.values_list("pk", flat=True))
+    moves = crutd_selectors.posted_by(job_ids)
+    reactions = crutd_selectors.reactions_of(job_ids)
+    products = {one.products[0].lot_id for one in reactions if isinstance(one.basis, UUID)}
+    rows = resource_selectors.find_lots({move.lot for move in moves})
+    lots = {LotId(str(row.pk)): row for row in rows}
+    facts = {
+        lot: LotFacts(
+            key=row.key,
+            density_mg_ul=row.material.density_mg_ul,
+            concentration_mmol_l=row.material.concentration_mmol_l,
+        )
+        for lot, row in lots.items()
+    }
+    standing = crutd_selectors.standing(products)
+    held = {
+        lot: (sum(a.nl for a in places.values()), sum(a.ug for a in places.values()))
+        for lot, places in standing.items()
+    }
+    yields = find_yields(reactions, facts, held)
+    vessels = {vessel for one in yields for vessel in standing.get(one.product, {})}
+    spectra = telemetry_selectors.series_about(job_ids, vessels & set(seen))
+    return Report(
+        balance=mass_balance(moves, facts),
+        yields=tuple(yields),
+        lots=lots,
+        standing=standing,
+        spectra=tuple(spectra),
+    )

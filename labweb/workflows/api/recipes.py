@@ -1,0 +1,116 @@
+"""The endpoints of recipes: opened on a rig, advised on, kept as a workflow."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar
+
+import msgspec
+from rest_framework.request import Request
+from rest_framework.response import Response
+from rest_framework.views import APIView
+
+from labweb.accounts.selectors import user_of
+from labweb.common.requests import body
+from labweb.domain.workflows.opening import Asked
+from labweb.resources import selectors as resource_selectors
+from labweb.workflows import services
+from labweb.workflows.api.drawing import render_version
+
+
+class Opened(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
+    """Body of an opening. Files are base64: their bytes are what is hashed and read."""
+
+    name: str
+    recipe: bytes
+    graph: bytes | None = None
+    """None: the lab itself, as it is now."""
+
+    bind: dict[str, str] = {}
+    holds: dict[str, dict[str, str]] = {}
+    rinse: list[str] = []
+    parameters: dict[str, str] = {}
+    equiv_reference: str = ""
+    equiv_amount: str = ""
+
+    def asked(self) -> Asked:
+        """Return it for the domain."""
+        return Asked(
+            name=self.name,
+            recipe=self.recipe,
+            graph=self.graph or b"",
+            bind=self.bind,
+            holds=self.holds,
+            rinse=tuple(self.rinse),
+            parameters=self.parameters,
+            equiv_reference=self.equiv_reference,
+            equiv_amount=self.equiv_amount,
+        )
+
+
+class Kept(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
+    """Body of a keeping."""
+
+    name: str
+    """Of the workflow."""
+
+    recipe: bytes
+    file: str = "recipe"
+    """Name of the recipe's file, for the note of the version."""
+
+    bind: dict[str, str] = {}
+    """Vessel or reagent of the recipe → key of the lab."""
+
+    parameters: dict[str, str] = {}
+    equiv_reference: str = ""
+    equiv_amount: str = ""
+
+
+class OpenRecipe(APIView):
+    """A recipe on a rig."""
+
+    bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": Opened}
+
+    def post(self, request: Request) -> Response:
+        """Read, bind, compile and prove a recipe; findings are an answer, no failure."""
+        return Response(_ask(request, services.open_recipe))
+
+
+class AdviseRecipe(APIView):
+    """What to change in a rig for a recipe."""
+
+    bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": Opened}
+
+    def post(self, request: Request) -> Response:
+        """Return the fewest changes with which the recipe compiles, and the changed graph."""
+        return Response(_ask(request, services.advise_on))
+
+
+class KeepRecipe(APIView):
+    """A recipe as a workflow."""
+
+    bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": Kept}
+
+    def post(self, request: Request) -> Response:
+        """Keep a recipe as a workflow with version 1, or say what a workflow cannot say."""
+        told = body(request, Kept)
+        asked = Asked(
+            name=told.file,
+            recipe=told.recipe,
+            bind=told.bind,
+            parameters=told.parameters,
+            equiv_reference=told.equiv_reference,
+            equiv_amount=told.equiv_amount,
+        )
+        lab = resource_selectors.the_lab()
+        version = services.keep_recipe(lab, asked, name=told.name, actor=user_of(request))
+        answer = {"workflow_id": str(version.workflow_id), "version": render_version(version)}
+        return Response(answer, status=201)
+
+
+def _ask(request: Request, act: Any) -> dict[str, Any]:  # noqa: ANN401 - one of two services
+    told = body(request, Opened)
+    lab = resource_selectors.the_lab()
+    found: dict[str, Any] = act(
+        lab, told.asked(), on_lab=told.graph is None, actor=user_of(request)
+    )
+    return found

@@ -1,0 +1,21 @@
+"""Writes of workflows, and recipes opened on a rig."""
+
+from __future__ import annotations
+
+from labweb.workflows.services.drafts import (
+    create_workflow,
+    ensure_template,
+    save_draft,
+    save_version,
+)
+from labweb.workflows.services.recipes import advise_on, keep_recipe, open_recipe
+
+__all__ = [
+    "advise_on",
+    "create_workflow",
+    "ensure_template",
+    "keep_recipe",
+    "open_recipe",
+    "save_draft",
+    "save_version",
+]

@@ -1,0 +1,144 @@
+"""Recipes: opened on a rig by another process, and kept as a workflow when a person says so."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from dataclasses import replace
+from threading import BoundedSemaphore
+from typing import Any
+
+import msgspec
+from django.conf import settings
+from django.db.transaction import atomic
+
+from labweb.accounts.selectors import User
+from labweb.crutd.selectors.exporting import lab_file_of
+from labweb.domain.approvals.roles import Permission
+from labweb.domain.errors import DefinitionError, Finding, LockedError, ProtocolError
+from labweb.domain.graph.rig.lab import render_graph
+from labweb.domain.workflows.opening import Asked
+from labweb.domain.workflows.protocol import parse_workflow, render_workflow, resolve_keys
+from labweb.domain.workflows.recipe_on_rig import digest
+from labweb.resources import selectors as resource_selectors
+from labweb.resources.selectors import Lab
+from labweb.workflows.models import WorkflowVersion
+from labweb.workflows.services.drafts import create_workflow, save_version
+
+MOST_S = 180.0
+"""Longest time to wait for an answer; the process itself has less of the processor."""
+
+WAIT_S = 30.0
+_AT_ONCE = BoundedSemaphore(2)
+"""Recipes that one server compiles side by side."""
+
+
+def open_recipe(lab: Lab, asked: Asked, *, on_lab: bool, actor: User) -> dict[str, Any]:
+    """Read a recipe, bind it to a graph, compile it and have the plan proved.
+
+    Args:
+        lab: The lab; its own graph is taken when `on_lab`.
+        asked: The recipe, and a graph unless `on_lab`.
+        on_lab: Compile against the lab as it is now.
+        actor: Who asks.
+
+    Raises:
+        ForbiddenError: The actor may not draw, or may not see the whole lab.
+        DefinitionError: `recipe.too_much`, when it takes more time or memory than a recipe may.
+        LockedError: `recipe.busy`.
+
+    Effect:
+        None. Nothing is stored.
+    """
+    found: dict[str, Any] = _run("open", _with_graph(lab, asked, on_lab=on_lab, actor=actor))
+    return found
+
+
+def advise_on(lab: Lab, asked: Asked, *, on_lab: bool, actor: User) -> dict[str, Any]:
+    """Return what to change in a graph so that a recipe compiles on it, or why nothing helps.
+
+    Raises:
+        As `open_recipe`; and LabError when recipe or graph cannot be read.
+
+    Effect:
+        None. The graph of the lab stays as it is.
+    """
+    return _run("advise", _with_graph(lab, asked, on_lab=on_lab, actor=actor))
+
+
+@atomic
+def keep_recipe(lab: Lab, asked: Asked, *, name: str, actor: User) -> WorkflowVersion:
+    """Keep a recipe as a workflow with its first version.
+
+    Raises:
+        ProtocolError: A workflow cannot say all of it, or a vessel is bound to no resource of the
+            lab; `findings` list what. Nothing was stored.
+        DefinitionError: The name, or `recipe.too_much`.
+        ForbiddenError: The actor may not draw here.
+        LockedError: `recipe.busy`.
+    """
+    _may(lab, actor, Permission.DRAW)
+    template = _run("workflow", replace(asked, name=name.strip() or asked.name))
+    tree = resource_selectors.tree_of(resource_selectors.resources_of(lab))
+    document = render_workflow(resolve_keys(parse_workflow(template), tree))
+    row = create_workflow(lab, name=name, document=document, actor=actor)
+    note = f"from {asked.name}, SHA-256 {digest(asked.recipe)}"
+    return save_version(row.id, note=note, actor=actor)
+
+
+def _may(lab: Lab, actor: User, permission: Permission) -> None:
+    resource_selectors.require(actor, permission, [resource_selectors.root_of(lab).id])
+
+
+def _with_graph(lab: Lab, asked: Asked, *, on_lab: bool, actor: User) -> Asked:
+    _may(lab, actor, Permission.DRAW)
+    if not on_lab:
+        return asked
+    _may(lab, actor, Permission.VIEW)
+    return replace(asked, graph=render_graph(lab_file_of(lab)))
+
+
+def _run(act: str, asked: Asked) -> dict[str, Any]:
+    if not _AT_ONCE.acquire(timeout=WAIT_S):
+        raise LockedError("other recipes are being compiled: try again", code="recipe.busy")
+    try:
+        raw = _answer(act, msgspec.json.encode(asked))
+    finally:
+        _AT_ONCE.release()
+    told: dict[str, Any] = msgspec.json.decode(raw)
+    if "error" in told:
+        error = told["error"]
+        raise ProtocolError(
+            error["message"],
+            code=error["code"],
+            context=error["context"],
+            findings=[Finding(**finding) for finding in error["findings"]],
+        )
+    found: dict[str, Any] = told["answer"]
+    return found
+
+
+def _answer(act: str, request: bytes) -> bytes:
+    # Neither secrets nor addresses of this server.
+    environment = {"PATH": os.environ.get("PATH", ""), "LANG": "C.UTF-8", "TZ": "UTC"}
+    try:
+        done = subprocess.run(
+            [sys.executable, "-m", "labweb.common.recipes", act],
+            cwd=settings.ROOT,
+            env=environment,
+            input=request,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
+            check=False,
+            timeout=MOST_S,
+        )
+    except subprocess.TimeoutExpired as error:
+        raise _too_much(f"took more than {MOST_S:g} s") from error
+    if done.returncode != 0:
+        raise _too_much("takes more time or memory than a recipe may")
+    return done.stdout
+
+
+def _too_much(what: str) -> DefinitionError:
+    return DefinitionError(f"this recipe on this graph {what}", code="recipe.too_much")

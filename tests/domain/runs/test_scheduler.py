@@ -1,0 +1,46 @@
+"""What becomes of a run when one more of its jobs is sent."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import product
+from uuid import UUID
+
+from labweb.domain.runs.job import JobState, RunState
+from labweb.domain.runs.scheduler import JobView, run_state, state_after_dispatch
+
+HOST = UUID(int=1)
+
+
+def _job(index: int, state: JobState, *, is_passed: bool) -> JobView:
+    return JobView(
+        id=UUID(int=index + 2),
+        index=index,
+        state=state,
+        after=(),
+        host_id=HOST,
+        is_passed=is_passed,
+    )
+
+
+def test_the_state_after_a_dispatch_is_what_the_jobs_say() -> None:
+    """For every run of three jobs of which one is queued, whatever the others are."""
+    count = 0
+    for first, second, is_passed in product(JobState, JobState, (False, True)):
+        jobs = [
+            _job(0, first, is_passed=is_passed),
+            _job(1, second, is_passed=is_passed),
+            _job(2, JobState.QUEUED, is_passed=False),
+        ]
+        for before in (RunState.QUEUED, RunState.RUNNING):
+            if run_state(before, jobs) is not before:
+                continue
+            sent = [*jobs[:2], replace(jobs[2], state=JobState.DISPATCHED)]
+            assert state_after_dispatch(before) is run_state(before, sent)
+            count += 1
+    assert count > 50
+
+
+def test_the_jobs_decide_about_a_run_that_waits_for_a_person() -> None:
+    for state in set(RunState) - {RunState.QUEUED, RunState.RUNNING}:
+        assert state_after_dispatch(state) is None

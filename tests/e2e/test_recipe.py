@@ -1,0 +1,85 @@
+"""A recipe in XDL from file to workflow: bound, planned, its route seen, another rig compared."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from playwright.sync_api import expect
+
+from tests.e2e.conftest import Visit
+from tests.e2e.visitor import Visitor
+
+pytestmark = [pytest.mark.slow, pytest.mark.timeout(240)]
+
+STATIONS = Path(__file__).resolve().parents[2] / "fixtures/labs/three_stations"
+ACETYLATION = STATIONS / "protocols/acetylation.xdl"
+COMPILED_MS = 90_000
+"""A recipe is compiled by a process of its own, on a machine that may be busy."""
+
+WARM = """<XDL><Synthesis>
+  <Hardware><Component id="reactor" type="reactor"/></Hardware>
+  <Reagents><Reagent name="Water"/></Reagents>
+  <Procedure>
+    <Add vessel="reactor" reagent="Water" volume="2 mL"/>
+    <HeatChillToTemp vessel="reactor" temp="40 °C" stir="false"/>
+  </Procedure>
+</Synthesis></XDL>
+"""
+
+
+def wait_for_plan(visitor: Visitor, state: str = "proved") -> None:
+    expect(visitor.at("proof")).to_have_attribute("data-state", state, timeout=COMPILED_MS)
+
+
+def test_a_recipe_is_opened_its_route_seen_and_it_becomes_a_workflow(
+    visit: Visit, tmp_path: Path
+) -> None:
+    file = tmp_path / "warm water.xdl"
+    file.write_text(WARM, "utf-8")
+    chemist = visit("chemist")
+    chemist.open("workflows")
+    chemist.at("open-xdl-input").set_input_files(file)
+    wait_for_plan(chemist)
+    expect(chemist.page.get_by_label("reactor is").locator("option").first).to_contain_text(
+        "reactor_1"
+    )
+    # Earlier runs may have left pure water elsewhere too.
+    chemist.page.get_by_label("Water is").select_option("water")
+    move = chemist.at("planned-step").filter(has_text="from water to reactor_1").first
+    expect(move).to_be_visible(timeout=COMPILED_MS)
+    move.locator(".pick").press("Enter")
+    expect(chemist.at("route-tube").filter(has_text="reactor_1")).to_have_count(1)
+    lit = chemist.page.locator(".rigbox[data-state=on]")
+    assert {"water", "reactor_1"} <= {box.get_attribute("data-node") for box in lit.all()}
+    move.locator(".unfold").press("Enter")
+    expect(move.get_by_test_id("planned-action").filter(has_text="aspirate")).to_be_visible()
+    chemist.press("save-recipe")
+    chemist.press("save-confirm")
+    expect(chemist.at("findings-bar")).to_have_attribute("data-state", "checked")
+    expect(chemist.at("no-findings")).to_be_visible()
+    assert chemist.complaints == []
+
+
+def test_what_does_not_fit_the_lab_fits_another_rig_and_two_rigs_are_compared(
+    visit: Visit,
+) -> None:
+    chemist = visit("chemist")
+    chemist.open("workflows/xdl")
+    expect(chemist.at("empty")).to_be_visible()
+    chemist.at("open-xdl-input").set_input_files(ACETYLATION)
+    wait_for_plan(chemist, "none")
+    expect(chemist.at("recipe-steps")).to_have_count(0)
+    finding = chemist.at("recipe-finding").filter(has_text="plan.no_vessel").first
+    finding.get_by_role("button").click()
+    line = finding.get_by_role("button").inner_text().removeprefix("Line ").partition(",")[0]
+    expect(chemist.page.locator(f"[data-line='{line}']")).to_be_focused()
+    chemist.at("add-graph-input").set_input_files(STATIONS / "row.json")
+    wait_for_plan(chemist)
+    chemist.at("add-graph-input").set_input_files(STATIONS / "wheel.json")
+    wait_for_plan(chemist)
+    expect(chemist.at("difference-counts")).to_contain_text("done otherwise")
+    steps = chemist.page.locator("[data-testid=difference-row][data-name=Steps]")
+    expect(steps).to_be_visible()
+    expect(chemist.at("step-change").first).to_be_visible()
+    assert chemist.complaints == []

@@ -1,0 +1,189 @@
+"""A device gets another version of its driver while runs go on."""
+
+from __future__ import annotations
+
+import json
+from uuid import UUID
+
+import pytest
+
+from labweb.approvals import services as approval_services
+from labweb.crutd.models import Ticket
+from labweb.domain.errors import DefinitionError, ForbiddenError, PreconditionError, StateError
+from labweb.enrollment import services as enrollment_services
+from labweb.enrollment.models import Device, DriverVersion
+from labweb.runs import services
+from labweb.runs.models import Outbox
+from tests.builders import Bench, Edge, a_started_run, an_edge, catalog, dispatched
+from tests.labweb.enrollment.driver_texts import approved, proposed, timer
+from tests.labweb.web import call, signed_in
+
+PUMP = "drivers.connectors.tricontinent_c3000"
+
+
+def a_pump(bench: Bench, change: str = "", **texts: str) -> DriverVersion:
+    """Approve another version of the starter lab's pump."""
+    text = catalog()[f"{PUMP}:TricontinentC3000"].sources[PUMP] + f"\n# {change or 'new'}\n"
+    for old, new in texts.items():
+        text = text.replace(old, new)
+    row = approval_services.submit_driver(PUMP, text, note="", actor=bench.people["admin"])
+    return approval_services.decide_driver(
+        row.id, actor=bench.people["approver"], is_approved=True, comment=""
+    )
+
+
+def want(bench: Bench, key: str, version: DriverVersion) -> Device:
+    return services.replace_driver(
+        bench.device(key).id, version.id, actor=bench.people["admin"], reason="better"
+    )
+
+
+def ready(edge: Edge, device: Device, version: DriverVersion) -> None:
+    edge.report("driver_ready", None, device_id=str(device.id), digest=version.digest)
+
+
+def digest_sent(action_id: UUID) -> str:
+    return str(Outbox.objects.get(action_id=action_id, kind="do").body["driver_digest"])
+
+
+def test_a_version_is_staged_made_ready_and_switched(bench: Bench) -> None:
+    edge, version = an_edge(bench), approved(bench, timer())
+    before = bench.device("timer_1").driver
+    device = want(bench, "timer_1", version)
+    assert (device.driver, device.next_driver) == (before, version)
+    told = enrollment_services.devices_of(edge.host_id, edge.epoch)
+    assert told is not None
+    assert [one.digest for one in told.staged] == [version.digest]
+    assert before.digest in {one.digest for one in told.devices}
+    ready(edge, device, version)
+    device = bench.device("timer_1")
+    assert (device.driver, device.next_driver, device.is_next_ready) == (version, None, False)
+
+
+def test_the_job_that_acts_ends_on_the_version_before_and_the_next_begins_on_the_new_one(
+    bench: Bench,
+) -> None:
+    run, edge = a_started_run(bench), an_edge(bench)
+    first = dispatched(run)
+    key = first.job.device.key
+    before = bench.device(key).driver
+    version = a_pump(bench)
+    edge.begin(first)
+    device = want(bench, key, version)
+    ready(edge, device, version)
+    assert bench.device(key).driver == before, "it acts still"
+    services.dispatch_ready()
+    edge.report("actuated", first.id, report={"ok": True})
+    assert bench.device(key).driver == before
+    edge.finish(first)
+    assert bench.device(key).driver == version
+    edge.work_off(run)
+    run.refresh_from_db()
+    assert run.state == "complete"
+    assert digest_sent(first.id) == before.digest
+    later = [
+        job.attempts.get().id for job in run.jobs.filter(device__key=key).order_by("index")[1:]
+    ]
+    assert later
+    assert {digest_sent(one) for one in later} == {version.digest}
+
+
+def test_a_version_that_the_host_cannot_build_leaves_the_one_before_in_place(bench: Bench) -> None:
+    edge, version = an_edge(bench), approved(bench, timer())
+    before = bench.device("timer_1").driver
+    device = want(bench, "timer_1", version)
+    edge.report(
+        "driver_refused",
+        None,
+        device_id=str(device.id),
+        digest=version.digest,
+        code="driver.import",
+        message="NameError: name 'x' is not defined",
+    )
+    device = bench.device("timer_1")
+    assert (device.driver, device.next_driver) == (before, None)
+    assert device.driver_problem["code"] == "driver.import"
+    assert "NameError" in device.driver_problem["message"]
+    assert Ticket.objects.get(code="driver.refused").detail["digest"] == version.digest
+    assert want(bench, "timer_1", version).driver_problem == {}, "it may be tried again"
+
+
+def test_an_earlier_version_rolls_back_and_the_present_one_takes_back_what_is_staged(
+    bench: Bench,
+) -> None:
+    edge, version = an_edge(bench), approved(bench, timer())
+    release = bench.device("timer_1").driver
+    ready(edge, want(bench, "timer_1", version), version)
+    assert bench.device("timer_1").driver == version
+    ready(edge, want(bench, "timer_1", release), release)
+    assert bench.device("timer_1").driver == release
+    want(bench, "timer_1", version)
+    assert want(bench, "timer_1", release).next_driver is None
+    with pytest.raises(StateError) as refusal:
+        want(bench, "timer_1", release)
+    assert refusal.value.code == "driver.known"
+
+
+def test_only_an_approved_version_is_given_to_a_device(bench: Bench) -> None:
+    version = proposed(bench, timer())
+    with pytest.raises(StateError) as refusal:
+        want(bench, "timer_1", version)
+    assert refusal.value.code == "driver.not_approved"
+
+
+def test_every_reason_why_a_version_does_not_fit_is_listed(bench: Bench) -> None:
+    """A timer cannot take the place of a pump, whose run goes on."""
+    a_started_run(bench)
+    with pytest.raises(PreconditionError) as refusal:
+        want(bench, "pump_1", approved(bench, timer()))
+    codes = {finding.code for finding in refusal.value.findings}
+    assert {"driver.role_lost", "driver.other_line", "driver.still_needed"} <= codes
+    assert "driver.argument_unknown" in codes
+    assert bench.device("pump_1").next_driver is None
+
+
+def test_a_version_that_lost_an_action_is_refused_while_a_run_needs_it(bench: Bench) -> None:
+    version = a_pump(bench, "smaller", **{"Range(0.001, 100_000.0)": "Range(0.001, 1.0)"})
+    a_started_run(bench)
+    with pytest.raises(PreconditionError) as refusal:
+        want(bench, "pump_1", version)
+    found = [one for one in refusal.value.findings if one.code == "driver.still_needed"]
+    assert any("at most 1" in one.message for one in found)
+
+
+@pytest.mark.parametrize("role", ["observer", "chemist", "approver"])
+def test_only_who_admits_devices_replaces_their_drivers(bench: Bench, role: str) -> None:
+    version = approved(bench, timer())
+    with pytest.raises(ForbiddenError):
+        services.replace_driver(
+            bench.device("timer_1").id, version.id, actor=bench.people[role], reason="x"
+        )
+    with pytest.raises(DefinitionError) as refusal:
+        services.replace_driver(
+            bench.device("timer_1").id, version.id, actor=bench.people["admin"], reason=" "
+        )
+    assert refusal.value.code == "driver.no_reason"
+
+
+def test_a_word_about_a_version_that_nobody_wants_any_more_changes_nothing(bench: Bench) -> None:
+    edge, version = an_edge(bench), approved(bench, timer())
+    device = bench.device("timer_1")
+    ready(edge, device, version)
+    body = {"device_id": str(device.id), "digest": version.digest, "code": "c", "message": "m"}
+    edge.report("driver_refused", None, **body)
+    device = bench.device("timer_1")
+    assert (device.driver_problem, device.is_next_ready) == ({}, False)
+
+
+def test_the_device_tells_over_rest_which_version_it_has_and_is_to_have(bench: Bench) -> None:
+    version = approved(bench, timer())
+    client, path = signed_in(bench.people["admin"]), f"devices/{bench.device('timer_1').id}"
+    body = {"version_id": str(version.id), "reason": "better"}
+    answer = json.loads(call(client, "POST", f"/api/v1/{path}/driver", body).content)
+    assert answer["next"] == {
+        "version_id": str(version.id),
+        "digest": version.digest,
+        "is_ready": False,
+    }
+    shown = json.loads(call(client, "GET", f"/api/v1/{path}").content)["driver"]
+    assert shown["next"]["digest"] == version.digest

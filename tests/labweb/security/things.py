@@ -1,0 +1,168 @@
+"""One of each thing that a URL names."""
+
+from __future__ import annotations
+
+import io
+from datetime import timedelta
+from uuid import uuid4
+
+from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
+
+from labweb.approvals.models import ApprovalRequest
+from labweb.common.clock import now
+from labweb.crutd import services as crutd_services
+from labweb.domain.enrollment.join import Ask, code_of, parse_token
+from labweb.enrollment import services as enrollment_services
+from labweb.enrollment.models import DriverVersion, EdgeHost, JoinRequest
+from labweb.resources.models import Lot, Resource
+from labweb.runs import services as run_services
+from labweb.runs.models import Custody
+from labweb.telemetry.selectors import File, Incoming
+from labweb.telemetry.services import Upload, bring, keep_file
+from labweb.workflows import services as workflow_services
+from tests.builders import HEAT, Bench, a_started_run, a_user, an_edge, to_transfer
+from tests.labweb.enrollment.driver_texts import approved, proposed, timer
+from tests.labweb.instrument_files import TRACE
+from workers.identity import signing_request
+from workers.keys import HostKey
+
+
+def a_file(bench: Bench) -> File:
+    upload = Upload(
+        stream=io.BytesIO(TRACE.encode()),
+        name="a.csv",
+        media_type="text/csv",
+        format="csv",
+        resource=bench.node("water"),
+    )
+    return keep_file(upload, lab=bench.lab, actor=bench.people["chemist"])
+
+
+def an_incoming_file(bench: Bench) -> Incoming:
+    upload = Upload(
+        stream=io.BytesIO(b"a file that waits"),
+        name="b.csv",
+        media_type="text/csv",
+        format="csv",
+        resource=bench.node("water"),
+    )
+    return bring(upload, lab=bench.lab, actor=bench.people["chemist"])
+
+
+def a_second_host(bench: Bench) -> tuple[EdgeHost, Resource]:
+    """A host with a place of its own, by the device that stands there."""
+    host = enrollment_services.add_host(
+        bench.lab, key="spare", name="spare", host_id=uuid4(), public_key="x"
+    )
+    bench_1 = bench.node("bench_1")
+    place = Resource.objects.create(
+        id=uuid4(),
+        lab=bench.lab,
+        key="spot",
+        name="Spot",
+        kind=bench_1.kind,
+        nature=bench_1.nature,
+        parent=bench.node("lab"),
+    )
+    enrollment_services.found_device(
+        bench.lab,
+        uuid4(),
+        driver=bench.device("pump_1").driver,
+        key="stand",
+        name="stand",
+        host_id=host.id,
+        transport="virtual:stand",
+        nodes={"place": str(place.id)},
+        config={},
+        state="enrolled",
+    )
+    return host, place
+
+
+def a_machine_that_asks(bench: Bench) -> tuple[JoinRequest, str]:
+    """A machine in the inbox, and the code on its screen."""
+    key = HostKey(Ed25519PrivateKey.generate())
+    made = enrollment_services.make_token(bench.lab, actor=bench.people["admin"])
+    read = parse_token(made.text)
+    csr = signing_request(key)
+    ask = Ask(token_id=read.token_id, secret=read.secret, csr=csr, name="Bench 8")
+    return enrollment_services.take_request(ask), code_of(read.ca_hash, key.public_raw)
+
+
+def _from_somebody(bench: Bench) -> DriverVersion:
+    """Return a driver that waits for an answer, of a person who is in no table here."""
+    version = proposed(bench, timer(8))
+    somebody = a_user("admin", on=bench.node("lab"), name="somebody")
+    version.proposed_by = somebody
+    version.save(update_fields=["proposed_by"])
+    ApprovalRequest.objects.filter(driver_id=version.id).update(asked_by=somebody)
+    return version
+
+
+def on_its_way(bench: Bench, host: EdgeHost, place: Resource) -> Custody:
+    flask = bench.node("flask_2")
+    view = {"id": str(flask.id), "name": flask.name, "kind": flask.kind, "rev": flask.rev}
+    return Custody.objects.create(
+        resource=flask,
+        state="in_transit",
+        target=host,
+        place=place,
+        transfer_id=uuid4(),
+        view=view,
+        at=now(),
+    )
+
+
+def one_of_each(bench: Bench) -> dict[str, str]:
+    """Make one of each, in a state in which every act is possible; return their ids by name."""
+    run = a_started_run(bench)
+    attempt = to_transfer(run, an_edge(bench))
+    request_run = a_started_run(bench, HEAT)
+    workflow = workflow_services.create_workflow(
+        bench.lab, name="Own", document=None, actor=bench.people["chemist"]
+    )
+    workflow_services.save_version(workflow.id, note="", actor=bench.people["chemist"])
+    file = a_file(bench)
+    spare, place = a_second_host(bench)
+    shelf = Resource.objects.create(
+        lab=bench.lab,
+        parent=bench.node("lab"),
+        key="shelf",
+        name="Shelf",
+        kind="bench",
+        nature="resource",
+    )
+    (reservation,) = run_services.reserve(
+        [shelf.id],
+        actor=bench.people["chemist"],
+        lasts=timedelta(hours=1),
+        reason="a wash",
+    )
+    token = enrollment_services.make_token(bench.lab, actor=bench.people["admin"])
+    asking, code = a_machine_that_asks(bench)
+    return {
+        "reservation": str(reservation.pk),
+        "token": str(token.row.id),
+        "join": str(asking.id),
+        "code": code,
+        "approved": (since := str(approved(bench, timer(7)).id)),
+        "since": since,
+        "driver": str(_from_somebody(bench).id),
+        "host": str(spare.id),
+        "place": str(place.id),
+        "custody": str(on_its_way(bench, spare, place).id),
+        "device": str(bench.device("timer_1").id),
+        "resource": str(bench.node("water").id),
+        "lot": str(Lot.objects.get(key="water_lot").id),
+        "heater": str(bench.node("heater_1").id),
+        "workflow": str(workflow.id),
+        "version": str(bench.version("Move 5 mL of water").id),
+        "number": "1",
+        "run": str(run.id),
+        "job": str(attempt.job_id),
+        "file": str(file.pk),
+        "incoming": str(an_incoming_file(bench).pk),
+        "reading": str(file.readings.all()[0].pk),
+        "ticket": str(crutd_services.open_ticket(bench.lab, "host.gap", "a gap", {}).id),
+        "request": str(ApprovalRequest.objects.get(run_id=request_run.id).id),
+    }

@@ -1,0 +1,149 @@
+"""Recipes over REST: opened on the lab or on a graph, advised on, kept as a workflow."""
+
+from __future__ import annotations
+
+import base64
+import json
+from threading import BoundedSemaphore
+from typing import Any
+
+import pytest
+from django.http import HttpResponse
+from django.test import Client
+
+from labweb.common.recipes import __main__ as process
+from labweb.workflows.models import Workflow, WorkflowVersion
+from labweb.workflows.services import recipes
+from tests.builders import Bench
+from tests.domain.workflows.xdl.test_opening import RECIPE, ROW, WATER, without
+from tests.labweb.web import call, code_of, signed_in
+
+API = "/api/v1/recipes"
+
+
+def packed(raw: bytes) -> str:
+    return base64.b64encode(raw).decode()
+
+
+@pytest.fixture
+def chemist(bench: Bench) -> Client:
+    return signed_in(bench.people["chemist"])
+
+
+def post(client: Client, act: str, **body: object) -> HttpResponse:
+    return call(client, "POST", f"{API}/{act}", body)
+
+
+def opened(client: Client, **body: object) -> dict[str, Any]:
+    answer = post(client, "open", **body)
+    assert answer.status_code == 200, answer.content[:500]
+    found: dict[str, Any] = json.loads(answer.content)
+    return found
+
+
+def test_a_recipe_is_planned_on_the_lab_as_it_is_and_nothing_is_stored(
+    bench: Bench, chemist: Client
+) -> None:
+    answer = opened(chemist, name="warm", recipe=packed(WATER))
+    assert answer["is_proved"] is True
+    assert answer["plan"]["bindings"]["vessels"] == {"reactor": "reactor_1"}
+    keys = {node["key"] for node in answer["rig"]["nodes"]}
+    assert {"water", "valve_1", "pump_1"} <= keys
+    assert not Workflow.objects.filter(is_template=False).exists()
+
+
+def test_another_graph_gives_another_plan(chemist: Client) -> None:
+    answer = opened(chemist, name="acetylation", recipe=packed(RECIPE), graph=packed(ROW))
+    assert answer["is_proved"] is True
+    assert answer["plan"]["recipe"]["id"] == "acetylation"
+    refused = opened(chemist, name="acetylation", recipe=packed(RECIPE))
+    assert refused["plan"] is None
+    assert {f["code"] for f in refused["findings"]} >= {"plan.no_reagent", "plan.no_vessel"}
+
+
+def test_what_is_hostile_ends_as_a_finding(chemist: Client) -> None:
+    bomb = b'<!DOCTYPE x [<!ENTITY a "aaaaaaaaaa">]><XDL>&a;</XDL>'
+    answer = opened(chemist, name="x", recipe=packed(bomb), graph=packed(ROW))
+    assert [f["code"] for f in answer["findings"]] == ["xdl.doctype"]
+    large = post(chemist, "open", name="x", recipe="A" * 3_000_000)
+    assert large.status_code == 413
+    assert code_of(post(chemist, "open", name="x", recipe="no base64!")) == "http.body"
+    assert code_of(post(chemist, "open", name="x", recipe="", lab="other")) == "http.body"
+
+
+def test_advice_comes_with_the_corrected_graph(chemist: Client) -> None:
+    answer = post(
+        chemist,
+        "advise",
+        name="acetylation",
+        recipe=packed(RECIPE),
+        graph=packed(without(ROW, "flask_water")),
+    )
+    advice = json.loads(answer.content)
+    assert (answer.status_code, advice["ok"]) == (200, True)
+    assert advice["changes"][0]["change"] == "add_flask"
+    assert any(node.get("chemical") == "water" for node in json.loads(advice["graph"])["nodes"])
+
+
+def test_a_recipe_is_kept_as_a_version_with_where_it_came_from(
+    bench: Bench, chemist: Client
+) -> None:
+    keys = {"Water": "water", "reactor": "reactor_1"}
+    answer = post(
+        chemist, "keep", name="Warm water", recipe=packed(WATER), file="warm.xdl", bind=keys
+    )
+    told = json.loads(answer.content)
+    assert answer.status_code == 201, told
+    version = WorkflowVersion.objects.get(pk=told["version"]["id"])
+    assert (version.number, str(version.workflow_id)) == (1, told["workflow_id"])
+    assert version.note.startswith("from warm.xdl, SHA-256 ")
+    assert version.author == bench.people["chemist"]
+    transfer, heat = version.document["steps"]
+    assert (transfer["kind"], heat["kind"]) == ("transfer", "heat_chill")
+    assert transfer["params"]["source"] == str(bench.node("water").id)
+    assert heat["params"]["vessel"] == str(bench.node("reactor_1").id)
+
+
+def test_a_vessel_that_the_lab_does_not_have_keeps_nothing(bench: Bench, chemist: Client) -> None:
+    before = Workflow.objects.count()
+    keys = {"Water": "water", "reactor": "elsewhere"}
+    answer = post(chemist, "keep", name="Warm", recipe=packed(WATER), bind=keys)
+    assert (answer.status_code, code_of(answer)) == (422, "protocol.unknown_key")
+    assert Workflow.objects.count() == before
+
+
+def test_what_a_workflow_cannot_say_is_refused_whole(bench: Bench, chemist: Client) -> None:
+    before = Workflow.objects.count()
+    answer = post(chemist, "keep", name="Ester", recipe=packed(RECIPE))
+    found = json.loads(answer.content)
+    assert answer.status_code == 422
+    assert {f["code"] for f in found["findings"]} >= {"xdl.not_in_workflow"}
+    assert all(f["context"].get("line") for f in found["findings"])
+    assert Workflow.objects.count() == before
+
+
+def test_an_observer_opens_nothing_and_keeps_nothing(bench: Bench) -> None:
+    observer = signed_in(bench.people["observer"])
+    for act in ("open", "advise", "keep"):
+        assert post(observer, act, name="warm", recipe=packed(WATER)).status_code == 403
+
+
+def test_more_recipes_than_the_server_compiles_wait_and_are_told_so(
+    chemist: Client, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(recipes, "_AT_ONCE", BoundedSemaphore(1))
+    monkeypatch.setattr(recipes, "WAIT_S", 0.01)
+    with recipes._AT_ONCE:
+        assert code_of(post(chemist, "open", name="x", recipe=packed(WATER))) == "recipe.busy"
+
+
+def test_a_recipe_that_takes_too_long_is_given_up(
+    chemist: Client, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(recipes, "MOST_S", 0.01)
+    answer = post(chemist, "open", name="x", recipe=packed(WATER))
+    assert code_of(answer) == "recipe.too_much"
+
+
+def test_the_process_has_less_of_the_processor_than_the_server_waits() -> None:
+    assert recipes.MOST_S > process.MAX_CPU_S

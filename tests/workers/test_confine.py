@@ -1,0 +1,136 @@
+"""A line's process reaches its own journal, bundles and device, and nothing else."""
+
+from __future__ import annotations
+
+import json
+import socket
+import subprocess
+import sys
+from pathlib import Path
+from uuid import uuid4
+
+import msgspec
+import pytest
+
+from drivers.transports.urls import line_key
+from labweb.domain.enrollment.bundle import digest_of, encode_bundle
+from labweb.domain.errors import StateError
+from labweb.domain.messages import DeviceConfig
+from tests.workers.bench import HOST_ID, ROOT, Host, PumpProcess, a_device, environment
+from tests.workers.test_drivers import approval, version
+from workers import bounds, confine, host
+from workers.bell import hang
+from workers.bounds import bounds_of, marks_of
+from workers.config import HostConfig, ValkeyConfig, line_queue
+from workers.drivers import DriverStore
+from workers.keys import create_key
+
+confining = pytest.mark.skipif(
+    confine.landlock_abi() < 4, reason="the kernel has no Landlock with ports"
+)
+OWN = {"own bundle", "own journal", "own device", "code of the release"}
+
+
+def a_config(folder: Path, **changes: object) -> HostConfig:
+    known = HostConfig(
+        host_id=HOST_ID,
+        name="bench",
+        server_url="ws://127.0.0.1:1",
+        broker_url="redis://127.0.0.1:1",
+        data_dir=str(folder),
+        key_file=str(folder / "host.key"),
+        valkey=ValkeyConfig(socket=str(folder / "v")),
+    )
+    return msgspec.structs.replace(known, **changes)
+
+
+@confining
+def test_a_line_reaches_what_is_its_own_and_nothing_else(
+    host: Host, pump: PumpProcess, tmp_path: Path
+) -> None:
+    config = a_config(host.folder)
+    create_key(Path(config.key_file))
+    store = DriverStore(config.drivers_folder)
+    for mark in ("own", "other"):
+        modules = version(mark)
+        digest = digest_of(modules)
+        signed = approval(host.server, digest)
+        store.keep(digest, encode_bundle(modules), signed, host.server.keys)
+    own = a_device(pump.url, digest=digest_of(version("own")))
+    other = store.path(digest_of(version("other")))
+    line = line_key(pump.url)
+    (config.folder / f"{line_queue(line)}.lock").touch()
+    hang(host.journal.bell_path)
+    path = tmp_path / "host.json"
+    path.write_bytes(msgspec.json.encode(config))
+    with socket.create_server(("127.0.0.1", 0)) as elsewhere:
+        words = [str(path), line, msgspec.json.encode(own).decode(), str(other)]
+        words.append(str(elsewhere.getsockname()[1]))
+        done = subprocess.run(
+            [sys.executable, "-m", "tests.workers.probe", *words],
+            cwd=ROOT,
+            env=environment(),
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+    assert done.returncode == 0, done.stderr
+    found: dict[str, bool] = json.loads(done.stdout)
+    assert {name for name, works in found.items() if works} == OWN
+    assert len(found) > 15
+
+
+def test_a_line_without_tcp_gets_no_port_and_a_port_that_came_back_is_noticed(
+    tmp_path: Path,
+) -> None:
+    config = a_config(tmp_path)
+    port = tmp_path / "tty"
+    port.touch()
+    serial = a_device(f"serial://{port}?baud=9600")
+    found = bounds_of(config, "x", [serial])
+    assert (found.ports, found.has_datagrams) == ((), False)
+    assert port in found.writable
+    before = marks_of([serial])
+    port.rename(tmp_path / "old")
+    assert marks_of([serial]) != before
+    port.touch()
+    assert marks_of([serial]) != before
+    beat = a_device("tcp://127.0.0.1:5000?beat=192.168.255.255:3000")
+    assert bounds_of(config, "x", [beat]).has_datagrams
+    assert bounds_of(config, "x", [beat]).ports == (5000,)
+
+
+@pytest.mark.parametrize(
+    ("mode", "unconfined", "accepts"),
+    [
+        ("sim", None, True),
+        ("live", None, False),
+        ("live", "accept", True),
+        ("sim", "refuse", False),
+    ],
+)
+def test_a_setting_decides_whether_an_unconfined_line_is_accepted(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    mode: str,
+    unconfined: str | None,
+    accepts: bool,
+) -> None:
+    config = a_config(tmp_path, mode=mode, unconfined=unconfined)
+    create_key(Path(config.key_file))
+    assert config.accepts_unconfined is accepts
+    monkeypatch.setattr(confine, "landlock_abi", lambda: 0)
+    assert confine.describe().startswith("unconfined")
+    if accepts:
+        assert bounds.confine_line(config, "x", []) is False
+        host.Supervisor(config, tmp_path / "host.json")
+        return
+    with pytest.raises(StateError) as refusal:
+        host.Supervisor(config, tmp_path / "host.json")
+    assert refusal.value.code == "host.unconfined"
+
+
+def test_a_device_is_named_once(tmp_path: Path) -> None:
+    """A digest that is no digest never becomes a path."""
+    device: DeviceConfig = a_device("virtual:t", id=uuid4(), digest="0" * 64)
+    assert bounds_of(a_config(tmp_path), "virtual:t", [device]).readable == ()

@@ -1,0 +1,153 @@
+"""What a host tells the server by itself, beside events: samples, and pictures."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import logging
+import time
+from collections.abc import Callable
+
+import msgspec
+from redis.exceptions import RedisError
+from websockets.asyncio.client import ClientConnection
+
+from labweb.domain import pictures as picture_frames
+from labweb.domain.messages import Ask, EdgeFrame, ServerFrame, Telemetry, WithdrawAsk
+from workers.pictures import Kept, Pictures
+from workers.store import ASKS, Store
+
+log = logging.getLogger(__name__)
+
+ACK_TIMEOUT_S = 10.0
+TELEMETRY_S = 0.1
+"""Shortest time between two telemetry frames."""
+
+ASK_LIFE_S = 5.0
+"""Older wishes are not sent: who asked has given up."""
+
+PICTURES_S = 1.0
+"""How often it is looked for pictures that wait, and one is told again that came too early."""
+
+
+async def receive(socket: ClientConnection) -> ServerFrame:
+    """Return the next frame of the server."""
+    frame: ServerFrame = msgspec.json.decode(await socket.recv(), type=ServerFrame)
+    return frame
+
+
+async def send(socket: ClientConnection, frame: EdgeFrame) -> None:
+    """Send one frame."""
+    await socket.send(msgspec.json.encode(frame).decode())
+
+
+async def tell_samples(socket: ClientConnection, store: Store, epoch: Callable[[], int]) -> None:
+    """Send what the lines have sampled, and how much of it was lost on the way."""
+    gauge = LossGauge()
+    after = ""
+    while True:
+        try:
+            if not after:
+                after = await asyncio.to_thread(store.last_key)
+            batches = await asyncio.to_thread(store.batches, after, wait_s=0.2)
+        except RedisError:
+            after = ""
+            await asyncio.sleep(1.0)
+            continue
+        if batches:
+            after = batches[-1].key
+            lost_count = sum(
+                gauge.count(one.line, len(one.samples), one.taken_count) for one in batches
+            )
+            samples = [
+                (one.device_id, one.status, one.at_s, one.value)
+                for batch in batches
+                for one in batch.samples
+            ]
+            await send(
+                socket,
+                Telemetry(epoch=epoch(), samples=samples, lost_count=lost_count),
+            )
+        await asyncio.sleep(TELEMETRY_S)
+
+
+class Word(msgspec.Struct, frozen=True):
+    """A wish, or its end, on its way from a bridge to the uplink."""
+
+    mono_s: float
+    frame: Ask | WithdrawAsk
+
+
+async def tell_asks(socket: ClientConnection, store: Store, epoch: Callable[[], int]) -> None:
+    """Send wishes of nodes beside the host; one that waited for the server is dropped."""
+    while True:
+        for text in await asyncio.to_thread(store.take_words, ASKS):
+            word = msgspec.json.decode(text, type=Word)
+            if time.monotonic() - word.mono_s < ASK_LIFE_S:
+                await send(socket, msgspec.structs.replace(word.frame, epoch=epoch()))
+        await asyncio.sleep(TELEMETRY_S)
+
+
+class PictureTeller:
+    """Sends pictures that verdicts rest on, until the server has them."""
+
+    def __init__(self, pictures: Pictures, retention_s: float) -> None:
+        self._pictures = pictures
+        self._retention_s = retention_s
+        self._taken: asyncio.Queue[picture_frames.PictureTaken] = asyncio.Queue()
+
+    def take(self, frame: picture_frames.PictureTaken) -> None:
+        """Take in what the server says of a picture."""
+        self._taken.put_nowait(frame)
+
+    async def tell(self, socket: ClientConnection, epoch: Callable[[], int]) -> None:
+        """Send each picture that waits until the server has it, or does not want it."""
+        while True:
+            for kept in await asyncio.to_thread(self._pictures.waiting):
+                try:
+                    await self._tell_picture(socket, kept, epoch())
+                except OSError as error:
+                    log.error("picture %s cannot be read: %s", kept.path.name, error)
+            await asyncio.sleep(PICTURES_S)
+
+    async def _tell_picture(self, socket: ClientConnection, kept: Kept, epoch: int) -> None:
+        data = await asyncio.to_thread(kept.path.read_bytes)
+        for offset in range(0, len(data), picture_frames.PART_BYTES):
+            part = picture_frames.Picture(
+                epoch=epoch,
+                action_id=kept.action_id,
+                device_id=kept.device_id,
+                sha256=kept.sha256,
+                offset_bytes=offset,
+                size_bytes=len(data),
+                data=data[offset : offset + picture_frames.PART_BYTES],
+            )
+            await send(socket, part)
+        with contextlib.suppress(TimeoutError):
+            async with asyncio.timeout(ACK_TIMEOUT_S):
+                while (answer := await self._taken.get()).sha256 != kept.sha256:
+                    continue
+                if answer.code != picture_frames.UNKNOWN or self._is_old(kept):
+                    await asyncio.to_thread(self._pictures.drop, kept)
+
+    def _is_old(self, kept: Kept) -> bool:
+        """Say whether a picture has waited so long that nothing will name it any more."""
+        return time.time() - kept.path.stat().st_mtime > self._retention_s
+
+
+class LossGauge:
+    """Counts samples that were taken and never came by."""
+
+    def __init__(self) -> None:
+        self._seen: dict[str, int] = {}
+
+    def count(self, line: str, sample_count: int, taken_count: int) -> int:
+        """Return how many are missing before a batch.
+
+        A count that went back means that the line's process began anew.
+        """
+        before = self._seen.get(line)
+        self._seen[line] = taken_count
+        if before is None or taken_count < before:
+            return 0
+        return max(0, taken_count - sample_count - before)

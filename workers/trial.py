@@ -1,0 +1,165 @@
+"""Try a staged version of a driver in a process of its own, and tell the server how it went."""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from signal import SIGKILL
+from typing import IO
+from uuid import UUID
+
+import msgspec
+
+from drivers.transports.urls import line_key, make_transport
+from labweb.domain.errors import LabError
+from labweb.domain.messages import DeviceConfig
+from workers.bounds import confine_line
+from workers.config import HostConfig, load_config
+from workers.devices import fingerprint
+from workers.drivers import Drivers, DriverStore, is_installed, tell_refused
+from workers.journal import Journal
+
+log = logging.getLogger(__name__)
+
+WITHIN_S = 60.0
+"""Longest time that a version may take to be imported and built, on a busy machine."""
+
+MAX_ANSWER_BYTES = 256 * 1024
+
+
+class Answer(msgspec.Struct, frozen=True):
+    """What a trial says of one device, as a line of its output."""
+
+    device_id: UUID
+    code: str = ""
+    """Empty: the driver was built."""
+
+    message: str = ""
+
+
+@dataclass
+class _Trial:
+    devices: list[DeviceConfig]
+    popen: subprocess.Popen[bytes]
+    output: IO[bytes]
+    began_s: float = field(default_factory=time.monotonic)
+
+
+class Trials:
+    """Starts and watches the trials of a host, one process for each version.
+
+    A version is tried once for each device, as long as it is staged there.
+    """
+
+    def __init__(self, config: HostConfig, path: Path, environment: Mapping[str, str]) -> None:
+        self._store = DriverStore(config.drivers_folder)
+        self._path = path
+        self._environment = dict(environment)
+        self._running: dict[str, _Trial] = {}
+        self._done: set[str] = set()
+
+    def keep(self, journal: Journal) -> None:
+        """Begin what is due, and tell of what has ended."""
+        staged = {fingerprint([device]): device for device in journal.staged()}
+        self._done &= staged.keys()
+        due: dict[str, list[DeviceConfig]] = {}
+        for mark, device in staged.items():
+            if mark not in self._done and self._is_here(device):
+                due.setdefault(device.digest, []).append(device)
+        for digest, devices in due.items():
+            if digest not in self._running:
+                self._running[digest] = self._begin(devices)
+        for digest, trial in list(self._running.items()):
+            if self._has_ended(trial):
+                del self._running[digest]
+                tried = [one for one in trial.devices if fingerprint([one]) in staged]
+                self._done |= {fingerprint([one]) for one in tried}
+                _tell(journal, trial, tried)
+
+    def end(self) -> None:
+        """End what runs."""
+        for trial in self._running.values():
+            trial.popen.kill()
+            trial.popen.wait()
+            trial.output.close()
+
+    def _is_here(self, device: DeviceConfig) -> bool:
+        return is_installed(device.module, device.digest) or self._store.has(device.digest)
+
+    def _begin(self, devices: list[DeviceConfig]) -> _Trial:
+        output = tempfile.TemporaryFile()  # noqa: SIM115 - closed when it has ended
+        argv = [sys.executable, "-m", "workers.child", str(os.getpid()), str(int(SIGKILL))]
+        argv += ["trial", str(self._path), *(str(device.id) for device in devices)]
+        popen = subprocess.Popen(
+            argv, env=self._environment, stdin=subprocess.DEVNULL, stdout=output
+        )
+        return _Trial(devices, popen, output)
+
+    def _has_ended(self, trial: _Trial) -> bool:
+        if trial.popen.poll() is None and time.monotonic() - trial.began_s > WITHIN_S:
+            trial.popen.kill()
+            trial.popen.wait()
+        return trial.popen.poll() is not None
+
+
+def _tell(journal: Journal, trial: _Trial, devices: list[DeviceConfig]) -> None:
+    answers = _answers(trial)
+    took_s = time.monotonic() - trial.began_s
+    late = f", it may take {WITHIN_S:.0f} s" if trial.popen.returncode == -SIGKILL else ""
+    text = f"the driver ended its process with code {trial.popen.returncode}{late}"
+    for device in devices:
+        answer = answers.get(device.id) or Answer(device.id, code="driver.trial", message=text)
+        if answer.code:
+            log.error("device %s keeps its driver: %s", device.key, answer.message)
+            tell_refused(journal, [device], answer.code, answer.message)
+            continue
+        log.info("device %s: driver %s is ready, %.2f s", device.key, device.digest[:12], took_s)
+        with journal.write() as tx:
+            body = {"device_id": str(device.id), "digest": device.digest}
+            tx.append("driver_ready", None, body)
+
+
+def _answers(trial: _Trial) -> dict[UUID, Answer]:
+    """Read what a trial has said; a driver may have printed anything in between."""
+    trial.output.seek(0, os.SEEK_END)
+    trial.output.seek(max(0, trial.output.tell() - MAX_ANSWER_BYTES))
+    found = {}
+    for line in trial.output.read().splitlines():
+        with contextlib.suppress(msgspec.MsgspecError):
+            answer = msgspec.json.decode(line, type=Answer)
+            found[answer.device_id] = answer
+    trial.output.close()
+    return found
+
+
+def run_trial(config: HostConfig, device_ids: Sequence[UUID]) -> None:
+    """Build the staged drivers of some devices once, as their line would; nothing is opened."""
+    journal = Journal(config.journal_path)
+    staged = [device for device in journal.staged() if device.id in device_ids]
+    keys = journal.command_keys()
+    journal.close()
+    is_confined = False
+    for device in staged:
+        try:
+            if not is_confined:
+                confine_line(config, line_key(device.transport), staged)
+                is_confined = True
+            drivers = Drivers(DriverStore(config.drivers_folder), keys)
+            drivers.load(device, make_transport(device.transport))
+            answer = Answer(device.id)
+        except LabError as error:
+            answer = Answer(device.id, error.code, error.message[:2000])
+        sys.stdout.buffer.write(b"\n" + msgspec.json.encode(answer) + b"\n")
+        sys.stdout.buffer.flush()
+
+
+if __name__ == "__main__":
+    run_trial(load_config(Path(sys.argv[1])), [UUID(text) for text in sys.argv[2:]])
