@@ -5,7 +5,7 @@ from __future__ import annotations
 import ipaddress
 import os
 import socket
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator, Iterator
 from typing import Any
 
 import pytest
@@ -46,6 +46,18 @@ def _guarded(real: Callable[..., Any]) -> Callable[..., Any]:
         return real(sock, address)
 
     return call
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_makereport(
+    item: pytest.Item, call: pytest.CallInfo[None]
+) -> Generator[None, pytest.TestReport, pytest.TestReport]:
+    """Put beside a failure what the processes of its lab said."""
+    report = yield
+    tell = getattr(getattr(item, "funcargs", {}).get("stack"), "told", None)
+    if report.failed and call.when == "call" and tell is not None:
+        report.sections.append(("the lab", tell()))
+    return report
 
 
 @pytest.fixture(scope="session", autouse=True)

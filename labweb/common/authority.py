@@ -28,6 +28,7 @@ from cryptography.hazmat.primitives.asymmetric.ec import (
     generate_private_key,
 )
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PublicKey
+from cryptography.hazmat.primitives.asymmetric.types import CertificatePublicKeyTypes
 from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 from django.conf import settings
 
@@ -216,7 +217,7 @@ def issue_to_door(path: Path) -> datetime:
 def _builder(
     issuer: x509.Name,
     subject: x509.Name,
-    key: Ed25519PublicKey | object,
+    key: CertificatePublicKeyTypes,
     begins: datetime,
     ends: datetime,
 ) -> x509.CertificateBuilder:
@@ -224,12 +225,12 @@ def _builder(
         x509.CertificateBuilder()
         .issuer_name(issuer)
         .subject_name(subject)
-        .public_key(key)  # type: ignore[arg-type] # one of the library's public keys
+        .public_key(key)
         .serial_number(x509.random_serial_number())
         .not_valid_before(begins)
         .not_valid_after(ends)
         .add_extension(
-            x509.SubjectKeyIdentifier.from_public_key(key),  # type: ignore[arg-type]
+            x509.SubjectKeyIdentifier.from_public_key(key),
             critical=False,
         )
     )

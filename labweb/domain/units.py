@@ -13,8 +13,7 @@ from decimal import Decimal
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
-from labweb.domain.dimensions import DIMENSIONS as DIMENSIONS
-from labweb.domain.dimensions import Dimension
+from labweb.domain.dimensions import DIMENSIONS, Dimension
 from labweb.domain.errors import UnitError
 
 if TYPE_CHECKING:

@@ -16,10 +16,10 @@ from drivers.catalog.scan import scan
 from drivers.catalog.source import read_source
 from drivers.load import source_path
 from drivers.transports.urls import make_transport
+from labweb.domain.dimensions import DIMENSIONS
 from labweb.domain.enrollment.bundle import digest_of
 from labweb.domain.enrollment.spec import UNITS, DriverSpec, encode, parse
 from labweb.domain.errors import DefinitionError
-from labweb.domain.units import DIMENSIONS
 from labweb.domain.units import parse as parse_quantity
 
 SPECS = scan(PACKAGE).drivers

@@ -184,6 +184,20 @@ class Stack:
         records = [json.loads(line) for line in path.read_text().splitlines()]
         return [(record["dir"], bytes.fromhex(record["hex"])) for record in records]
 
+    def told(self, last: int = 1500) -> str:
+        """Return the end of what each process wrote, and what the hosts say of themselves."""
+        parts = [
+            f"-- {path.name}\n{path.read_text(errors='replace')[-last:]}"
+            for path in sorted((self.data / "logs").glob("*.log"))
+            if path.stat().st_size
+        ]
+        for path in ("hosts", "devices"):
+            try:
+                parts.append(f"-- {path}\n{json.dumps(self.client('admin').get(path))[:3000]}")
+            except (AssertionError, httpx.HTTPError, OSError) as error:
+                parts.append(f"-- {path}\n{error!r}")
+        return "\n".join([*parts, "-- processes", *self.command_lines()])
+
     def instruments(self) -> httpx.Client:
         """Return a client of the simulated instruments' control socket."""
         ready = next(

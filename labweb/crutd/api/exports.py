@@ -9,6 +9,7 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 from django.http import HttpResponse
+from django.utils.http import content_disposition_header
 from drf_spectacular.utils import OpenApiParameter, extend_schema
 from rest_framework.request import Request
 from rest_framework.views import APIView
@@ -109,5 +110,7 @@ def _plain(text: str) -> str:
 
 
 def _file(content: bytes, media_type: str, name: str) -> HttpResponse:
-    disposition = {"Content-Disposition": f'attachment; filename="{name}"'}
+    disposition = {
+        "Content-Disposition": content_disposition_header(as_attachment=True, filename=name)
+    }
     return HttpResponse(content, content_type=media_type, headers=disposition)

@@ -105,9 +105,9 @@ def mark_of(one: Sighting) -> str:
     Another key is another candidate, whatever it says it is.
     """
     if one.public_key:
-        who = ("key", one.public_key)
+        who: tuple[str, ...] = ("key", one.public_key)
     elif one.serial:
-        who = ("serial", one.model, one.serial)  # type: ignore[assignment]
+        who = ("serial", one.model, one.serial)
     else:
         who = ("address", one.address)
     return hashlib.sha256(canonical(list(who))).hexdigest()

@@ -7,7 +7,7 @@ from dataclasses import asdict, dataclass, field, replace
 from enum import StrEnum
 from typing import Any
 
-from labweb.domain.units import DIMENSIONS
+from labweb.domain.dimensions import DIMENSIONS
 
 LONGEST_REFERENCE = 80
 LONGEST_QUANTITY = 64

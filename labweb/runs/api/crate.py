@@ -7,6 +7,7 @@ from uuid import UUID
 
 from asgiref.sync import sync_to_async
 from django.http import StreamingHttpResponse
+from django.utils.http import content_disposition_header
 from rest_framework.request import Request
 from rest_framework.views import APIView
 
@@ -76,7 +77,7 @@ def _sent(packed: IO[bytes], media_type: str, name: str) -> StreamingHttpRespons
         Blocks(packed),
         content_type=media_type,
         headers={
-            "Content-Disposition": f'attachment; filename="{name}"',
+            "Content-Disposition": content_disposition_header(as_attachment=True, filename=name),
             "Content-Length": str(size),
         },
     )

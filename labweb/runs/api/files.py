@@ -10,6 +10,7 @@ from django.core.files.uploadedfile import UploadedFile
 from django.core.files.uploadhandler import StopUpload, TemporaryFileUploadHandler
 from django.http import HttpRequest, QueryDict, StreamingHttpResponse
 from django.http.multipartparser import MultiPartParserError
+from django.utils.http import content_disposition_header
 from rest_framework.parsers import MultiPartParser
 from rest_framework.request import Request
 from rest_framework.response import Response
@@ -166,7 +167,9 @@ class FileContent(APIView):
         row = _find(request, file_id)
         answer = StreamingHttpResponse(Blocks(opened(row)), content_type=row.media_type)
         answer["Content-Length"] = str(row.size_bytes)
-        answer["Content-Disposition"] = _attachment(row.name)
+        answer["Content-Disposition"] = content_disposition_header(
+            as_attachment=True, filename=row.name
+        )
         answer["Repr-Digest"] = digest_header(row)
         answer["ETag"] = f'"{row.sha256}"'
         answer["Content-Security-Policy"] = "sandbox; default-src 'none'"
@@ -277,12 +280,6 @@ def _device(form: QueryDict, job: Job | None, seen: set[UUID]) -> Device | None:
             f"the job ran on another device than {device.name}", code="file.other_device"
         )
     return device
-
-
-def _attachment(name: str) -> str:
-    """Return a header that saves under a plain name, whatever the file is called."""
-    plain = "".join(c if c.isascii() and (c.isalnum() or c in "._- ") else "_" for c in name)
-    return f'attachment; filename="{plain}"'
 
 
 def _detail(row: File, user: User) -> dict[str, Any]:

@@ -14,8 +14,8 @@ from labweb.accounts.selectors import user_of
 from labweb.common.render import iso
 from labweb.common.requests import body
 from labweb.domain.approvals.roles import Permission
+from labweb.domain.dimensions import DIMENSIONS
 from labweb.domain.enrollment.spec import DriverSpec
-from labweb.domain.units import DIMENSIONS
 from labweb.domain.workflows.steps import palette
 from labweb.enrollment import selectors as enrollment_selectors
 from labweb.resources import selectors as resource_selectors

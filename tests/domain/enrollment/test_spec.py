@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from labweb.domain.dimensions import DIMENSIONS
 from labweb.domain.enrollment.spec import (
     UNITS,
     ActionSpec,
@@ -21,7 +22,6 @@ from labweb.domain.enrollment.spec import (
     unit_suffix,
 )
 from labweb.domain.errors import Finding, NotFoundError
-from labweb.domain.units import DIMENSIONS
 
 VOLUME = ParameterSpec(
     name="volume_ul", type="number", unit="ul", quantity="volume", minimum=1.0, maximum=5000.0

@@ -9,8 +9,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from labweb.domain.dimensions import DIMENSIONS
 from labweb.domain.errors import Finding, ProtocolError, UnitError
-from labweb.domain.units import DIMENSIONS, parse, parse_volume_nl
+from labweb.domain.units import parse, parse_volume_nl
 from labweb.domain.workflows.edges import find_cycle, sort_steps
 from labweb.domain.workflows.protocol import (
     bind_materials,

@@ -5,7 +5,7 @@ import json
 import pytest
 from jsonschema import Draft202012Validator
 
-from labweb.domain.units import DIMENSIONS
+from labweb.domain.dimensions import DIMENSIONS
 from labweb.domain.workflows.steps import (
     STEP_KINDS,
     PortKind,

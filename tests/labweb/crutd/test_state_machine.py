@@ -74,7 +74,12 @@ def bodiless(prev: str, seq: int, at: str, about: str, _body: object) -> str:
 MUTANTS: dict[str, tuple[object, str, Any, str]] = {
     "a draw loses a nanolitre": (decide, "take", less(take), "I3"),
     "every step is allowed": (lifecycle, "check_step", nothing, "cannot go from|I7"),
-    "locks do not exclude": (locking, "conflicts", nothing, "one_exclusive_lock|I9"),
+    "locks do not exclude": (
+        locking,
+        "conflicts",
+        nothing,
+        "one_exclusive_lock|never_overdrawn|I9",
+    ),
     "a reservation stays": (transactions, "post", unreleased(post), "reserves|I10"),
     "anything stands in anything": (checks, "_check_carry", nothing, "own_parent|I11"),
     "a difference opens no ticket": (transactions, "open_ticket", silent, "I12"),

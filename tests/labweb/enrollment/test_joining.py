@@ -290,7 +290,9 @@ def test_a_known_host_with_another_key_is_suspended_and_a_person_is_asked(
     key = a_key()
     request = services.take_request(ask_with(a_token(bench), key, **fields))
     assert request.known_host_id == edge.host_id
-    assert selectors.find_host(edge.host_id).suspended_at is not None  # type: ignore[union-attr]
+    host = selectors.find_host(edge.host_id)
+    assert host is not None
+    assert host.suspended_at is not None
     assert run_services.dispatch_ready() == 0, "it gets nothing new"
     assert AuditEntry.objects.filter(action="host.suspended").count() == 1
     with pytest.raises(StateError) as refusal:

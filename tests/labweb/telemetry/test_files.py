@@ -96,7 +96,7 @@ def test_a_download_is_the_bytes_with_their_checksum(bench: Bench, chemist: Clie
     digest = base64.b64encode(hashlib.sha256(TRACE.encode()).digest()).decode()
     assert answer["Repr-Digest"] == f"sha-256=:{digest}:"
     assert answer["Content-Length"] == str(len(answer.content))
-    assert answer["Content-Disposition"] == 'attachment; filename="a _b__.csv"'
+    assert answer["Content-Disposition"] == "attachment; filename*=utf-8''a%20%22b%22%C2%B5.csv"
     assert answer["Content-Security-Policy"] == "sandbox; default-src 'none'"
     assert answer["X-Content-Type-Options"] == "nosniff"
 

@@ -291,20 +291,26 @@ def _supply(making: Making, move: Move, wanted_nl: int, lot: str) -> int:
 
 
 def fill(making: Making, flask: str, lot: str, needed_nl: int, place: Place) -> None:
-    """Let a person fill a flask with what is still needed, as far as it holds it."""
-    held = making.matter.liquid(flask).least
+    """Let a person fill a flask with what is still needed, as far as it holds it.
+
+    Where more may be left in it than is sure, a person first sees that there is room.
+    """
+    held = making.matter.liquid(flask)
     capacity = making.capacity_nl(flask)
-    amount = needed_nl - int(held)
+    amount = needed_nl - int(held.least)
     if capacity is not None:
-        amount = min(amount, capacity - int(held))
+        amount = min(amount, capacity - int(held.least))
     if amount <= 0:
         return
+    room = f"{flask} has room for {render_volume(amount)}"
+    is_sure = capacity is None or held.most + amount <= capacity
+    looks = [] if is_sure else [[say(BY_HAND, "check", text=room)]]
     making.matter.add(flask, {(lot, False): exactly(amount)})
     text = f"Fill {render_volume(amount)} of {lot} into {flask}"
     action = say(BY_HAND, "fill", vessel=flask, lot=lot, volume_ul=amount / 1000, text=text)
     does = {"kind": "fill", "to": flask, "lot": lot, "volume_ul": amount / 1000}
     with making.naming("Prepare"):
-        making.add(place, does, [[action]])
+        making.add(place, does, [*looks, [action]])
 
 
 def _holds(making: Making, move: Move, amount_nl: int) -> bool:

@@ -11,7 +11,7 @@ from tests.domain.workflows.rigs import CLASSES
 
 REAGENTS = ("water", "ether", "acid")
 VESSELS = ("reactor", "filter", "separator", "rotavap", "flask_spare")
-CAPACITIES_ML = (20, 60, 200, 500)
+CAPACITIES_ML = (500, 200, 60, 20)
 PLUMBED = (
     "flask_water:0 >", "flask_ether:0 >", "flask_acid:0 >", "< waste_1:0", "< waste_2:0",
     "reactor:0 =", "< filter:top", "filter:bottom >", "separator:bottom =", "rotavap:evaporate =",
@@ -90,14 +90,14 @@ class Invented:
 @st.composite
 def rigs(draw: st.DrawFn) -> dict[str, Any]:
     """Draw a row of valves with pumps and, at random ports, most of what a laboratory has."""
-    count = draw(st.integers(2, 4))
+    count = draw(st.integers(3, 4))
     links = [(f"valve_{n}", "-1", f"pump_{n}", "0", True) for n in range(count)]
     free = [(n, port) for n in range(count) for port in range(6)]
     for n in range(1, count):
         links.append((f"valve_{n - 1}", "5", f"valve_{n}", "4", True))
         free = [end for end in free if end not in ((n - 1, 5), (n, 4))]
     free = draw(st.permutations(free))
-    missing = draw(st.sets(st.sampled_from(PLUMBED), max_size=3))
+    missing = draw(st.sets(st.sampled_from(PLUMBED), max_size=2))
     for text, (n, place) in zip([t for t in PLUMBED if t not in missing], free, strict=False):
         key, _, own = text.strip("<>= ").partition(":")
         valve, port = f"valve_{n}", str(place)
@@ -116,7 +116,7 @@ def rigs(draw: st.DrawFn) -> dict[str, Any]:
         for one, a, two, b, both in links
         for one, a, two, b in [(one, a, two, b), *([(two, b, one, a)] if both else [])]
     ]
-    gone = draw(st.sets(st.sampled_from(DEVICES), max_size=3))
+    gone = draw(st.sets(st.sampled_from(DEVICES), max_size=2))
     for key, class_, vessels in DEVICES:
         near = [vessel for vessel in vessels.split() if vessel in nodes]
         if (key, class_, vessels) not in gone and near:
@@ -144,10 +144,10 @@ def _node(key: str, draw: st.DrawFn) -> dict[str, Any]:
 @st.composite
 def recipes(draw: st.DrawFn) -> str:
     """Draw a recipe of a few steps; most begin with something in the reactor."""
-    steps = [_step(draw, text) for text in draw(st.lists(st.sampled_from(STEPS), max_size=4))]
+    steps = [_step(draw, text) for text in draw(st.lists(st.sampled_from(STEPS), max_size=3))]
     loops = [wrap for wrap, times in LOOPS for _ in range(times)]
     body = "".join(draw(st.sampled_from(loops)).format(step) for step in steps)
-    begin = _step(draw, STEPS[0].replace("{v}", "reactor")) if draw(st.integers(0, 5)) else ""
+    begin = _step(draw, STEPS[0].replace("{v}", "reactor")) if draw(st.integers(0, 11)) else ""
     hardware = "".join(
         f'<Component id="{vessel}" type="{vessel.partition("_")[0]}"/>' for vessel in VESSELS
     )
@@ -165,7 +165,7 @@ def _step(draw: st.DrawFn, text: str) -> str:
         v=source,
         w=target,
         r=draw(st.sampled_from(REAGENTS)),
-        ml=draw(st.sampled_from((1, 5, 15, 40, 90))),
+        ml=draw(st.sampled_from((1, 5, 15, 40))),
         c=draw(st.sampled_from((-20, 5, 40, 90, 150))),
         n=draw(st.integers(1, 3)),
         p=draw(st.sampled_from(("wash", "extract"))),

@@ -221,6 +221,18 @@ def test_a_loop_that_a_reading_ends_goes_whole_rounds_and_is_bounded() -> None:
     assert sum(s["does"]["kind"] == "measure" for s in first) == 1
 
 
+def test_a_flask_that_a_loop_may_have_left_full_is_looked_at_before_more_is_filled_in() -> None:
+    more = '<Add vessel="reactor" reagent="water" volume="5 mL"/>'
+    text = loop(MONITOR.format(PH.format('max="4"')) + more)
+    plan = compiled(text, with_acid(flask_water=20))
+    filled = [step["actions"] for step in plan["steps"] if step["does"]["kind"] == "fill"]
+    asked = [[a["parameters"]["text"] for group in one for a in group] for one in filled]
+    assert asked == [
+        ["Fill 20.00 mL of water into flask_water"],
+        ["flask_water has room for 5.00 mL", "Fill 5.00 mL of water into flask_water"],
+    ]
+
+
 @pytest.mark.parametrize(
     ("inner", "code"),
     [

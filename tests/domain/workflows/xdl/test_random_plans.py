@@ -23,7 +23,7 @@ from tests.domain.workflows.xdl.invent import Invented, pairs
 from tests.domain.workflows.xdl.plans import unproved
 
 EXAMPLES = 5000 if "LABWEB_SOAK" in os.environ else 200
-RARE = 0.1
+RARE = 0.2
 """Both what fits and what does not make up more than this part of the examples."""
 
 pytestmark = pytest.mark.timeout(0 if "LABWEB_SOAK" in os.environ else 600)

@@ -7,8 +7,9 @@ from decimal import Decimal
 
 import pytest
 
+from labweb.domain.dimensions import DIMENSIONS
 from labweb.domain.errors import UnitError
-from labweb.domain.units import DIMENSIONS, Notation, parse_exact, read_quantity
+from labweb.domain.units import Notation, parse_exact, read_quantity
 from labweb.domain.workflows.xdl import notation_table as table
 from labweb.domain.workflows.xdl.spec import Property
 from labweb.domain.workflows.xdl.values import Quantity, read_amount, read_value
