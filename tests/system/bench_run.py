@@ -28,6 +28,9 @@ from labweb.domain.workflows.compile import LabView
 from labweb.domain.workflows.plan import Plan, PlannedJob
 from tests.fixtures.running import Process
 
+WAITS_S = {"settle_s": 5.0, "poll_s": 10.0, "lift_s": 20.0}
+"""What drivers wait between two looks, in the bench's own time."""
+
 
 class BenchRun:
     """The lab's record, its drivers and its bench."""
@@ -101,9 +104,10 @@ def bench_run(lab: LabFile, view: LabView, folder: Path, *, speed: int) -> Itera
             if entry.line in ends:
                 path = ends[entry.line].removeprefix("pty:")
                 url = f"serial://{path}?baud=9600&format=8N1"
-            driver = getattr(importlib.import_module(module), name)(
-                make_transport(url), dict(entry.config)
-            )
+            driver_type = getattr(importlib.import_module(module), name)
+            known = driver_type.config_type.__struct_fields__
+            waits = {field: wait_s / speed for field, wait_s in WAITS_S.items() if field in known}
+            driver = driver_type(make_transport(url), {**waits, **entry.config})
             driver.connect()
             drivers[entry.id] = driver
         yield BenchRun(lab, view, bench, drivers)

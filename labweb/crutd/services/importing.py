@@ -5,6 +5,7 @@ from __future__ import annotations
 import zoneinfo
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cache
 
 from django.db.transaction import atomic
 from django.utils.text import slugify
@@ -86,13 +87,19 @@ def rows_of(lab: Lab, lab_file: LabFile) -> Rows:
     )
 
 
+@cache
+def _time_zones() -> frozenset[str]:
+    """Return the zones that this machine knows; looked up in its files once."""
+    return frozenset(zoneinfo.available_timezones())
+
+
 def check_time_zone(lab_file: LabFile) -> None:
     """See to it that times can be shown in the lab's zone.
 
     Raises:
         LabFileError: This machine knows no such zone.
     """
-    if lab_file.time_zone not in zoneinfo.available_timezones():
+    if lab_file.time_zone not in _time_zones():
         raise LabFileError(
             f"there is no time zone {lab_file.time_zone!r}; name one like Europe/Zurich or UTC",
             code="lab_file.time_zone",
