@@ -269,8 +269,7 @@ class JoinRequest(Base):
     host = models.ForeignKey(EdgeHost, null=True, on_delete=models.PROTECT, related_name="requests")
 
     class Meta:
-        verbose_name = "host that asks"
-        verbose_name_plural = "hosts that ask"
+        verbose_name = "join request"
         ordering = ["-asked_at"]
 
     def __str__(self) -> str:

@@ -7,6 +7,7 @@ import { useCustody, useResources } from "@/api/queries";
 import { connectedText, placesFor, stepOf, whereText } from "@/model/custody";
 import type { Custody, Resource } from "@/model/wire";
 import { Failed } from "@/ui/card";
+import { AskForm } from "@/ui/askform";
 import { Button, Dialog, Refused, TextField } from "@/ui/controls";
 import { Glyph } from "@/ui/glyph";
 import { Picker, type Choice } from "@/ui/picker";
@@ -124,13 +125,13 @@ function CarryForm(props: { resource: Resource; custody: Custody; onClose: () =>
     carry.mutate(move, { onSuccess: onClose });
   };
   return (
-    <form
-      className="sheet"
-      data-testid="carry-form"
-      onSubmit={(event) => {
-        event.preventDefault();
-        send();
-      }}
+    <AskForm
+      name="carry"
+      asked={carry}
+      send={words.custody.send}
+      why={to === null || !note.trim() ? words.custody.sayBoth : null}
+      onSend={send}
+      onCancel={onClose}
     >
       <div className="field">
         <label htmlFor={id}>{words.custody.place}</label>
@@ -151,22 +152,6 @@ function CarryForm(props: { resource: Resource; custody: Custody; onClose: () =>
         lines={2}
         testId="carry-reason"
       />
-      <Refused error={carry.error} />
-      <div className="acts">
-        <Button onClick={onClose} large>
-          Cancel
-        </Button>
-        <Button
-          type="submit"
-          look="pri"
-          large
-          testId="carry-send"
-          disabled={carry.isPending}
-          why={to === null || !note.trim() ? words.custody.sayBoth : null}
-        >
-          {carry.isPending ? "Sending…" : words.custody.send}
-        </Button>
-      </div>
-    </form>
+    </AskForm>
   );
 }

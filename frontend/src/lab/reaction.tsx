@@ -18,7 +18,8 @@ import {
 } from "@/model/reaction";
 import { dimensionOf, formatAmount, readSeen, STOCK_UNITS, usualUnit } from "@/model/stock";
 import type { ReactionLot, ReactionStock, Resource } from "@/model/wire";
-import { Button, Dialog, Refused, TextField } from "@/ui/controls";
+import { AskForm } from "@/ui/askform";
+import { Button, Dialog, TextField } from "@/ui/controls";
 import { Figure } from "@/ui/number";
 import { Picker } from "@/ui/picker";
 import { QuantityField } from "@/ui/quantityfield";
@@ -75,13 +76,15 @@ function ReactionForm(props: { resource: Resource; stock: ReactionStock; onClose
   const { draft, set } = drafting;
   const operation = reactionOf(resource.id, stock, draft, lotId);
   return (
-    <form
-      className="sheet"
-      data-testid="reaction-form"
-      onSubmit={(event) => {
-        event.preventDefault();
+    <AskForm
+      name="reaction"
+      asked={send}
+      send={words.stock.send}
+      why={whyNotReacted(stock, draft)}
+      onSend={() => {
         if (operation) send.mutate(operation, { onSuccess: onClose });
       }}
+      onCancel={onClose}
     >
       {stock.lots.map((lot) => (
         <Consumed key={lot.lot_id} lot={lot} drafting={drafting} />
@@ -96,23 +99,7 @@ function ReactionForm(props: { resource: Resource; stock: ReactionStock; onClose
         testId="reaction-reason"
       />
       <Balance stock={stock} draft={draft} />
-      <Refused error={send.error} />
-      <div className="acts">
-        <Button onClick={onClose} large>
-          Cancel
-        </Button>
-        <Button
-          type="submit"
-          look="pri"
-          large
-          testId="reaction-send"
-          disabled={send.isPending}
-          why={whyNotReacted(stock, draft)}
-        >
-          {send.isPending ? "Sending…" : words.stock.send}
-        </Button>
-      </div>
-    </form>
+    </AskForm>
   );
 }
 

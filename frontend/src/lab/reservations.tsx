@@ -7,6 +7,7 @@ import { useReservations } from "@/api/queries";
 import { readMinutes, SPANS, whyNotReserved } from "@/model/reserving";
 import type { Reservation, Reservations, Resource } from "@/model/wire";
 import { Failed } from "@/ui/card";
+import { AskForm } from "@/ui/askform";
 import { Button, Dialog, Refused, Segments, TextField } from "@/ui/controls";
 import { Glyph } from "@/ui/glyph";
 import { At } from "@/ui/time";
@@ -101,13 +102,13 @@ function ReserveForm(props: { resource: Resource; line: Reservations; onClose: (
     reserve.mutate(wanted, { onSuccess: onClose });
   };
   return (
-    <form
-      className="sheet"
-      data-testid="reserve-form"
-      onSubmit={(event) => {
-        event.preventDefault();
-        send();
-      }}
+    <AskForm
+      name="reserve"
+      asked={reserve}
+      send={words.reserve.send}
+      why={whyNotReserved(minutes, reason)}
+      onSend={send}
+      onCancel={onClose}
     >
       <HowLong span={span} setSpan={setSpan} hours={hours} setHours={setHours} />
       <TextField
@@ -119,23 +120,7 @@ function ReserveForm(props: { resource: Resource; line: Reservations; onClose: (
         testId="reserve-reason"
       />
       {others.length > 0 && <p className="help">{words.reserve.behind(others.length)}</p>}
-      <Refused error={reserve.error} />
-      <div className="acts">
-        <Button onClick={onClose} large>
-          Cancel
-        </Button>
-        <Button
-          type="submit"
-          look="pri"
-          large
-          testId="reserve-send"
-          disabled={reserve.isPending}
-          why={whyNotReserved(minutes, reason)}
-        >
-          {reserve.isPending ? "Sending…" : words.reserve.send}
-        </Button>
-      </div>
-    </form>
+    </AskForm>
   );
 }
 

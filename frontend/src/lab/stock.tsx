@@ -16,7 +16,8 @@ import {
 } from "@/model/stock";
 import { sentence } from "@/model/format";
 import type { Resource, Stock, StockLot } from "@/model/wire";
-import { Button, Dialog, Refused, TextField } from "@/ui/controls";
+import { AskForm } from "@/ui/askform";
+import { Button, Dialog, TextField } from "@/ui/controls";
 import { Picker } from "@/ui/picker";
 import { QuantityField } from "@/ui/quantityfield";
 import { words } from "./words";
@@ -83,13 +84,13 @@ function StockForm(props: { resource: Resource; lots: StockLot[]; onClose: () =>
     if (correction) take.mutate(correction, { onSuccess: onClose });
   };
   return (
-    <form
-      className="sheet"
-      data-testid="stock-form"
-      onSubmit={(event) => {
-        event.preventDefault();
-        send();
-      }}
+    <AskForm
+      name="stock"
+      asked={take}
+      send={words.stock.send}
+      why={missing(correction !== null, reason)}
+      onSend={send}
+      onCancel={onClose}
     >
       {resource.holds_liquid ? (
         <Amounts draft={draft} lots={lots} />
@@ -105,23 +106,7 @@ function StockForm(props: { resource: Resource; lots: StockLot[]; onClose: () =>
         testId="stock-reason"
       />
       <Effects draft={draft} isQuarantined={resource.is_quarantined} />
-      <Refused error={take.error} />
-      <div className="acts">
-        <Button onClick={onClose} large>
-          Cancel
-        </Button>
-        <Button
-          type="submit"
-          look="pri"
-          large
-          testId="stock-send"
-          disabled={take.isPending}
-          why={missing(correction !== null, reason)}
-        >
-          {take.isPending ? "Sending…" : words.stock.send}
-        </Button>
-      </div>
-    </form>
+    </AskForm>
   );
 }
 

@@ -7,7 +7,8 @@ import { useTicket } from "@/api/queries";
 import { formatFact, plain, sentence } from "@/model/format";
 import type { Ticket } from "@/model/wire";
 import { Loaded } from "@/ui/card";
-import { Button, Dialog, Refused, TextField } from "@/ui/controls";
+import { AskForm } from "@/ui/askform";
+import { Button, Dialog, TextField } from "@/ui/controls";
 import { At } from "@/ui/time";
 import { words } from "./words";
 
@@ -144,12 +145,13 @@ function Closing({ ticket }: { ticket: Ticket }) {
     );
   }
   return (
-    <form
-      className="sheet"
-      onSubmit={(event) => {
-        event.preventDefault();
-        close.mutate(reason.trim());
-      }}
+    <AskForm
+      name="ticket"
+      asked={close}
+      send={words.ticket.send}
+      why={reason.trim() ? null : words.ticket.reasonFirst}
+      onSend={() => close.mutate(reason.trim())}
+      onCancel={() => setAsking(false)}
     >
       <TextField
         label={words.ticket.reason}
@@ -159,22 +161,6 @@ function Closing({ ticket }: { ticket: Ticket }) {
         lines={2}
         testId="ticket-reason"
       />
-      <Refused error={close.error} />
-      <div className="acts">
-        <Button onClick={() => setAsking(false)} large>
-          Cancel
-        </Button>
-        <Button
-          type="submit"
-          look="pri"
-          large
-          testId="ticket-send"
-          disabled={close.isPending}
-          why={reason.trim() ? null : words.ticket.reasonFirst}
-        >
-          {words.ticket.send}
-        </Button>
-      </div>
-    </form>
+    </AskForm>
   );
 }
