@@ -46,7 +46,7 @@ class RunReport(APIView):
                 "taken_ug": balance.taken_ug,
                 "brought_ug": balance.brought_ug,
                 "gap_ug": balance.gap_ug,
-                "unknown": [report.lots[lot].key for lot in balance.unknown],
+                "unknown": [str(report.lots[lot]) for lot in balance.unknown],
                 "yields": [_yield(one, report, names) for one in report.yields],
                 "readings": [render_reading(row) for row in report.spectra],
             }
@@ -66,26 +66,26 @@ def _change(change: AccountChange, report: Report, names: Mapping[UUID, str]) ->
         "name": change.account if vessel is None else names.get(vessel, ""),
         "mass_ug": change.total_ug,
         "lots": [
-            {"lot": report.lots[lot].key, "mass_ug": mass}
+            {"lot": str(report.lots[lot]), "mass_ug": mass}
             for lot, mass in sorted(change.lots_ug.items(), key=lambda one: -abs(one[1]))
         ],
     }
 
 
 def _yield(one: Yield, report: Report, names: Mapping[UUID, str]) -> dict[str, Any]:
-    def key(lot: LotId) -> str:
-        return report.lots[lot].key
+    def name(lot: LotId) -> str:
+        return str(report.lots[lot])
 
     return {
-        "product": key(one.product),
+        "product": name(one.product),
         "product_id": str(one.product),
         "material": report.lots[one.product].material.name,
-        "basis": key(one.basis),
+        "basis": name(one.basis),
         "basis_umol": one.basis_umol,
         "isolated_ug": one.isolated_ug,
         "isolated_umol": one.isolated_umol,
         "ratio": one.ratio,
-        "missing": [key(lot) for lot in one.missing],
+        "missing": [name(lot) for lot in one.missing],
         "stands_in": [
             {"id": str(vessel), "name": names[vessel]}
             for vessel in sorted(report.standing.get(one.product, {}))
