@@ -143,7 +143,7 @@ def _moved(lab: Lab, plate: UUID) -> dict[str, tuple[int, int]]:
 def _mover(lab: Lab, plate: UUID) -> Callable[[], object]:
     """Return what carries a plate from the rack to the table, or back."""
     ends = {key: Resource.objects.get(lab=lab, key=key).id for key in ("rack", "table")}
-    person = User.objects.create(username="hand").pk
+    person = User.objects.get_or_create(username="hand")[0].pk
 
     def act() -> None:
         here = Resource.objects.values_list("parent_id", flat=True).get(pk=plate)
