@@ -10,14 +10,13 @@ from django.contrib import admin, messages
 from django.core.exceptions import PermissionDenied
 from django.http import Http404, HttpRequest, HttpResponse, HttpResponseRedirect
 from django.template.response import TemplateResponse
-from django.urls import URLPattern, path, reverse
+from django.urls import reverse
 from django.utils.html import format_html
-from django.views.decorators.http import require_http_methods
 
-from labweb.common.admin import ReadOnly
 from labweb.domain.errors import DefinitionError, ForbiddenError, LabError, NotFoundError
 from labweb.enrollment import selectors, services
 from labweb.enrollment.admin.acting import actor_of
+from labweb.enrollment.admin.reviewed import Reviewed
 from labweb.enrollment.models import Candidate, Device
 from labweb.resources import selectors as resource_selectors
 
@@ -32,7 +31,7 @@ _WHERE = {"beacon": "announces itself", "serial": "is a serial port", "network":
 
 
 @admin.register(Candidate)
-class Candidates(ReadOnly):
+class Candidates(Reviewed):
     """What hosts see, and nobody has admitted."""
 
     list_display = ("what", "standing", "review_link", "where", "fingerprint", "seen")
@@ -69,50 +68,25 @@ class Candidates(ReadOnly):
         """Say when it was seen last, and how often."""
         return f"{row.last_seen_at:%Y-%m-%d %H:%M} UTC, {row.seen_count} times"
 
-    @admin.display(description="review")
-    def review_link(self, row: Candidate) -> str:
-        """Link to the review."""
-        url = reverse("admin:enrollment_candidate_review", args=[row.pk])
-        return format_html('<a href="{}">Review</a>', url)
-
-    def get_urls(self) -> list[URLPattern]:
-        """Add the review."""
-        view = self.admin_site.admin_view(require_http_methods(["GET", "POST"])(self.review))
-        own = path("<uuid:candidate_id>/review/", view, name="enrollment_candidate_review")
-        return [own, *super().get_urls()]
-
-    def change_view(
-        self,
-        request: HttpRequest,
-        object_id: str,
-        form_url: str = "",
-        extra_context: dict[str, Any] | None = None,
-    ) -> HttpResponse:
-        """Send to the review: it says all of a candidate, and in words."""
-        del form_url, extra_context
-        if self.get_object(request, object_id) is None:
-            raise Http404
-        return HttpResponseRedirect(reverse("admin:enrollment_candidate_review", args=[object_id]))
-
-    def review(self, request: HttpRequest, candidate_id: UUID) -> HttpResponse:
+    def review(self, request: HttpRequest, row_id: UUID) -> HttpResponse:
         """Show one candidate; take it up for review, or set it aside."""
         _require(request)
         error: LabError | None = None
         if request.method == "POST":
             try:
-                device = _carry_out(request, candidate_id)
+                device = _carry_out(request, row_id)
             except NotFoundError as gone:
                 raise Http404(gone.message) from gone
             except LabError as refusal:
                 error = refusal
             else:
-                sort, target = "candidate", candidate_id
+                sort, target = "candidate", row_id
                 if device is not None:
                     sort, target = "device", device.pk
                 url = reverse(f"admin:enrollment_{sort}_review", args=[target])
                 return HttpResponseRedirect(url)
         try:
-            row = selectors.find_candidate(candidate_id)
+            row = selectors.find_candidate(row_id)
         except NotFoundError as gone:
             raise Http404(gone.message) from gone
         context = {**self.admin_site.each_context(request), **_page(request, row), "error": error}

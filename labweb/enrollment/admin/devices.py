@@ -9,9 +9,6 @@ from django.contrib import admin, messages
 from django.core.exceptions import PermissionDenied
 from django.http import Http404, HttpRequest, HttpResponse, HttpResponseRedirect
 from django.template.response import TemplateResponse
-from django.urls import URLPattern, path, reverse
-from django.utils.html import format_html
-from django.views.decorators.http import require_http_methods
 
 from labweb.common.admin import ReadOnly
 from labweb.domain.approvals.roles import Permission
@@ -19,6 +16,7 @@ from labweb.domain.enrollment.spec import ActionSpec, ParameterSpec, check_confi
 from labweb.domain.errors import DefinitionError, ForbiddenError, LabError, NotFoundError
 from labweb.enrollment import selectors, services
 from labweb.enrollment.admin.acting import actor_of
+from labweb.enrollment.admin.reviewed import Reviewed
 from labweb.enrollment.models import Device, DriverVersion
 from labweb.resources import selectors as resource_selectors
 
@@ -41,7 +39,7 @@ class DriverVersions(ReadOnly):
 
 
 @admin.register(Device)
-class Devices(ReadOnly):
+class Devices(Reviewed):
     """Instruments, found and admitted."""
 
     list_display = ("name", "key", "state", "review_link", "host", "driver", "discovered_at")
@@ -49,39 +47,17 @@ class Devices(ReadOnly):
     list_select_related = ("host", "driver")
     search_fields = ("name", "key", "id")
 
-    @admin.display(description="review")
-    def review_link(self, row: Device) -> str:
-        """Link to the review."""
-        url = reverse("admin:enrollment_device_review", args=[row.pk])
-        verb = "Review" if row.state == Device.State.CANDIDATE else "Open"
-        return format_html('<a href="{}">{}</a>', url, verb)
+    def verb(self, row: Device) -> str:
+        """Say whether it waits for somebody."""
+        return "Review" if row.state == Device.State.CANDIDATE else "Open"
 
-    def get_urls(self) -> list[URLPattern]:
-        """Add the review to the pages of the device."""
-        view = self.admin_site.admin_view(require_http_methods(["GET", "POST"])(self.review))
-        own = path("<uuid:device_id>/review/", view, name="enrollment_device_review")
-        return [own, *super().get_urls()]
-
-    def change_view(
-        self,
-        request: HttpRequest,
-        object_id: str,
-        form_url: str = "",
-        extra_context: dict[str, Any] | None = None,
-    ) -> HttpResponse:
-        """Send to the review: it says all of a device, and in words."""
-        del form_url, extra_context
-        if self.get_object(request, object_id) is None:
-            raise Http404
-        return HttpResponseRedirect(reverse("admin:enrollment_device_review", args=[object_id]))
-
-    def review(self, request: HttpRequest, device_id: UUID) -> HttpResponse:
+    def review(self, request: HttpRequest, row_id: UUID) -> HttpResponse:
         """Show one device in words; admit or suspend it with a reason."""
-        device = _reviewable(request, device_id)
+        device = _reviewable(request, row_id)
         error, status = "", 200
         if request.method == "POST":
             try:
-                _carry_out(request, device_id)
+                _carry_out(request, row_id)
             except LabError as refusal:
                 error, status = refusal.message, 422
                 device.refresh_from_db()

@@ -10,7 +10,7 @@ from django.contrib import admin, messages
 from django.core.exceptions import PermissionDenied
 from django.http import Http404, HttpRequest, HttpResponse, HttpResponseRedirect
 from django.template.response import TemplateResponse
-from django.urls import URLPattern, path, reverse
+from django.urls import URLPattern, path
 from django.utils.html import format_html
 from django.views.decorators.http import require_http_methods
 
@@ -20,6 +20,7 @@ from labweb.domain.errors import DefinitionError, ForbiddenError, LabError, NotF
 from labweb.domain.runs.session import SessionState
 from labweb.enrollment import selectors, services
 from labweb.enrollment.admin.acting import actor_of
+from labweb.enrollment.admin.reviewed import Reviewed
 from labweb.enrollment.models import EdgeHost, HostCertificate, JoinRequest, JoinToken
 from labweb.resources import selectors as resource_selectors
 
@@ -108,7 +109,7 @@ def _minutes(text: str) -> float:
 
 
 @admin.register(JoinRequest)
-class JoinRequests(ReadOnly):
+class JoinRequests(Reviewed):
     """Machines that ask to become hosts."""
 
     list_display = ("name", "standing", "review_link", "address", "claims", "asked_at")
@@ -127,42 +128,18 @@ class JoinRequests(ReadOnly):
         """Name the known host that it claims to be."""
         return "" if row.known_host is None else row.known_host.name
 
-    @admin.display(description="review")
-    def review_link(self, row: JoinRequest) -> str:
-        """Link to the review."""
-        url = reverse("admin:enrollment_joinrequest_review", args=[row.pk])
-        verb = "Compare the code" if row.state == JoinRequest.State.WAITING else "Open"
-        return format_html('<a href="{}">{}</a>', url, verb)
+    def verb(self, row: JoinRequest) -> str:
+        """Say whether it waits for somebody."""
+        return "Compare the code" if row.state == JoinRequest.State.WAITING else "Open"
 
-    def get_urls(self) -> list[URLPattern]:
-        """Add the review."""
-        view = self.admin_site.admin_view(require_http_methods(["GET", "POST"])(self.review))
-        own = path("<uuid:join_id>/review/", view, name="enrollment_joinrequest_review")
-        return [own, *super().get_urls()]
-
-    def change_view(
-        self,
-        request: HttpRequest,
-        object_id: str,
-        form_url: str = "",
-        extra_context: dict[str, Any] | None = None,
-    ) -> HttpResponse:
-        """Send to the review: it says all of a machine, and in words."""
-        del form_url, extra_context
-        if self.get_object(request, object_id) is None:
-            raise Http404
-        return HttpResponseRedirect(
-            reverse("admin:enrollment_joinrequest_review", args=[object_id])
-        )
-
-    def review(self, request: HttpRequest, join_id: UUID) -> HttpResponse:
+    def review(self, request: HttpRequest, row_id: UUID) -> HttpResponse:
         """Show one machine; admit it by its code, or reject it."""
         _require(request)
         code, status = "", 200
         error: LabError | None = None
         if request.method == "POST":
             try:
-                _carry_out(request, join_id)
+                _carry_out(request, row_id)
             except NotFoundError as gone:
                 raise Http404(gone.message) from gone
             except LabError as refusal:
@@ -170,7 +147,7 @@ class JoinRequests(ReadOnly):
             else:
                 return HttpResponseRedirect(request.path)
         try:
-            row = selectors.find_request(join_id)
+            row = selectors.find_request(row_id)
         except NotFoundError as gone:
             raise Http404(gone.message) from gone
         context = {
