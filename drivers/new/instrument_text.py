@@ -36,8 +36,8 @@ Effect = tuple[str, Any]
 AT_FIRST: Mapping[str, Any] = $at_first
 """What it tells when it is switched on."""
 
-ARGUMENTS: Mapping[str, Mapping[str, Span | type]] = $arguments
-"""Arguments of each action: a range of numbers, or a type."""
+ARGUMENTS: Mapping[str, Mapping[str, Span | type | frozenset[str]]] = $arguments
+"""Arguments of each action: a range of numbers, a type, or words to choose from."""
 
 EFFECTS: Mapping[str, Mapping[str, Effect]] = $effects
 """What an action leaves in what is told: `take` an argument, `become` a value; `add`, `subtract`
@@ -180,8 +180,10 @@ def check_of(text: str) -> str:
     return f"{functools.reduce(operator.xor, text.encode('ascii', 'replace'), 0):02X}"
 
 
-def is_allowed(value: object, wanted: Span | type) -> bool:
-    """Tell whether an argument is within its range, or of its type."""
+def is_allowed(value: object, wanted: Span | type | frozenset[str]) -> bool:
+    """Tell whether an argument is within its range, of its type, or one of its words."""
+    if isinstance(wanted, frozenset):
+        return isinstance(value, str) and value in wanted
     if isinstance(wanted, type):
         return isinstance(value, wanted)
     is_number = isinstance(value, int | float) and not isinstance(value, bool)
@@ -214,7 +216,10 @@ def instrument_text(order: Order) -> str:
 def _arguments(act: Act) -> str:
     parts = []
     for argument in act.arguments:
-        low_high = None if argument.span is None else argument.span[:2]
-        wanted = type(argument.sample).__name__ if low_high is None else repr(low_high)
+        wanted = type(argument.sample).__name__
+        if argument.span is not None:
+            wanted = repr(argument.span[:2])
+        elif argument.choices:
+            wanted = f"frozenset({list(argument.choices)!r})"
         parts.append(f'"{argument.name}": {wanted}')
     return f'"{act.name}": {{{", ".join(parts)}}}'

@@ -22,7 +22,7 @@ LISTS = (MODELS, PLACES, PROBES)
 """Files of a checkout in which a simulated instrument is entered."""
 
 _NAME = re.compile(r"[a-z][a-z0-9]*(_[a-z0-9]+)*")
-_TITLE = re.compile(r"[^\s\"'`\\|](?:[^\"'`\\|\n\r\t]{0,58}[^\s\"'`\\|])?")
+_TITLE = re.compile(r"[^\s\"'`\\|](?:[^\"'`\\|\n\r\t]{0,48}[^\s\"'`\\|])?")
 _LONGEST = 40
 _TAKEN = frozenset({"Driver", "Report", "Config", "Range", "Quantity", "Any", "Literal", "Case"})
 
@@ -146,7 +146,7 @@ def _check_words(role: str, transport: str, title: str) -> list[Finding]:
         message = f"a new driver cannot begin on {transport!r}: choose one of {', '.join(CARRIERS)}"
         found.append(Finding("driver.new", message, "transport"))
     if title and not _TITLE.fullmatch(title):
-        message = "a title is one line of at most 60 signs, without quotes, \\ and |"
+        message = "a title is one line of at most 50 signs, without quotes, \\ and |"
         found.append(Finding("driver.new", message, "title"))
     return found
 

@@ -10,7 +10,7 @@ from drivers.new.order import Order
 from drivers.new.role import Act, Role
 
 _HEAD = Template('''\
-"""The $title against its simulated instrument, over its real transport."""
+"""$title against its simulated instrument."""
 
 from collections.abc import Iterator
 from typing import Any
@@ -32,7 +32,7 @@ from tests.drivers.conformance.placed_models import (
 from tests.fixtures.running import until
 
 CASE = Case(
-    module="$folder.$name", model="$name", carrier="$carrier", settings={"act_s": 20.0}
+    module="$folder.$name", model="$name", carrier="$carrier", settings={"act_s": 25.0}
 )
 
 
@@ -198,6 +198,12 @@ def _beyond_text(role: Role) -> list[str]:
         for act in role.acts
         for argument in act.arguments
         if argument.span is not None
+    ]
+    beyond += [
+        (act.name, {**act.samples, argument.name: "nothing_of_these"})
+        for act in role.acts
+        for argument in act.arguments
+        if argument.choices
     ]
     return [_BEYOND.substitute(beyond=repr(beyond))] if beyond else []
 

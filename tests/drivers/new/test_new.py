@@ -94,6 +94,14 @@ def test_a_new_driver_of_every_role_keeps_every_rule(
         assert tidy.returncode == 0, tidy.stdout
 
 
+def test_the_longest_name_and_title_fit_into_the_lines(checkout: Path) -> None:
+    order = take_order(checkout, "a" * 40, "rotary_evaporator", "tcp", title="T" * 50)
+    write_order(checkout, order)
+    paths = [*LISTS, order.driver_path, order.instrument_path, order.test_path]
+    tidy = run(checkout, "ruff", "check", "--no-cache", *map(str, paths))
+    assert tidy.returncode == 0, tidy.stdout
+
+
 @pytest.mark.slow
 @pytest.mark.timeout(300)
 def test_the_own_test_of_every_new_driver_passes_at_once(
