@@ -9,7 +9,8 @@ A command has to wait for the answer to the one before. The rate of the line is 
 
 Source:
     LAUDA, LOOP 100 / LOOP 250 operation manual V3, section 5.11.3 "Write commands",
-    5.11.4 "Read commands", 5.11.5 "Error messages"; working range 4 to 80 °C, technical data.
+    5.11.4 "Read commands", 5.11.5 "Error messages"; range 4 to 80 °C and zeros in front of a
+    number as open drivers of the LOOP 250 have them (turbocasino, LOOP-L250-Chiller).
 """
 
 from __future__ import annotations
@@ -36,10 +37,10 @@ from labweb.domain.errors import DeviceError, FrameError, RejectedError
 
 END = b"\r\n"
 MODEL = "BC_LOOP"
-SOUND, FAULTY = "0", "-1"
+SOUND, FAULTY = 0, -1
 """Answers to STATUS, section 5.11.4."""
 
-ON, STANDBY = "0", "1"
+ON, STANDBY = 0, 1
 """Answers to IN_MODE_02, section 5.11.4."""
 
 STEP_C = 0.01
@@ -49,7 +50,8 @@ ERRORS = {
     "ERR_5": "syntax error in the value",
     "ERR_6": "value not allowed",
 }
-"""Section 5.11.5."""
+"""ERR_2 and ERR_3: section 5.11.5; ERR_5 and ERR_6 as the maker's table for the Microcool MC 250
+has them, section 6.7.5. Any other is told as it came."""
 
 ANSWER_S = 1.0
 
@@ -123,6 +125,24 @@ def decode_number(frame: bytes) -> float:
     if not re.fullmatch(r"-?[0-9]{1,3}\.[0-9]{2}", text):
         raise FrameError(f"answer is {text!r}, no number", context={"frame": frame.hex()})
     return float(text)
+
+
+def decode_whole(frame: bytes) -> int:
+    r"""Read an answer that is a whole number, written alone or in fixed point.
+
+    Raises:
+        FrameError: Not such a number.
+        RejectedError: The thermostat refuses the command.
+
+    Example:
+        >>> decode_whole(b"-1\r\n"), decode_whole(b"001.00\r\n")
+        (-1, 1)
+    """
+    text = decode_text(frame)
+    match = re.fullmatch(r"(-?[0-9]{1,3})(?:\.00)?", text)
+    if match is None:
+        raise FrameError(f"answer is {text!r}, no whole number", context={"frame": frame.hex()})
+    return int(match[1])
 
 
 class LaudaLoop(Driver[ByteTransport, Config], Thermostat):
@@ -278,10 +298,10 @@ class LaudaLoop(Driver[ByteTransport, Config], Thermostat):
         if (answer := self._text(command)) != "OK":
             raise FrameError(f"answer to {command} is {answer!r}")
 
-    def _one_of(self, command: str, *known: str) -> str:
-        answer = self._text(command)
+    def _one_of(self, command: str, *known: int) -> int:
+        answer = decode_whole(self._exchange(command))
         if answer not in known:
-            raise FrameError(f"answer to {command} is {answer!r}, none of {known}")
+            raise FrameError(f"answer to {command} is {answer}, none of {known}")
         return answer
 
     def _text(self, command: str) -> str:

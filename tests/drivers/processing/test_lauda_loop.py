@@ -4,7 +4,7 @@ import re
 
 import pytest
 
-from drivers.processing.lauda_loop import LaudaLoop, decode_number, decode_text
+from drivers.processing.lauda_loop import LaudaLoop, decode_number, decode_text, decode_whole
 from labweb.domain.errors import (
     DeviceError,
     DeviceTimeoutError,
@@ -112,6 +112,19 @@ def test_a_silent_thermostat_is_not_connected(play: Play, monkeypatch: pytest.Mo
 def test_other_numbers_are_a_frame_error(frame: bytes) -> None:
     with pytest.raises(FrameError):
         decode_number(frame)
+
+
+@pytest.mark.parametrize(
+    "frame", [b"0.01\r\n", b"--1\r\n", b"on\r\n", b"1234\r\n", b"1.\r\n", b"1"]
+)
+def test_other_whole_numbers_are_a_frame_error(frame: bytes) -> None:
+    with pytest.raises(FrameError):
+        decode_whole(frame)
+
+
+def test_a_mode_that_the_manual_does_not_have_is_a_frame_error(play: Play) -> None:
+    with pytest.raises(FrameError, match="none of"):
+        thermostat(play(text="> IN_MODE_02\\r\\n\n< 2\\r\\n\n")).is_controlling()
 
 
 def test_an_error_that_the_manual_does_not_have_is_told_as_it_came() -> None:
