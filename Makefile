@@ -67,6 +67,12 @@ fix: setup ## mend what can be mended by itself
 generate: setup ## REST schema and messages to TypeScript, driver table to docs
 	@bash deploy/setup/generate
 
+.PHONY: driver
+driver: setup ## begin a driver, its simulator and its test: NAME=acme_pump ROLE=pump TRANSPORT=serial
+	@$(PY) -m drivers.new $(if $(CLASS),--class '$(CLASS)') $(if $(TITLE),--title '$(TITLE)') \
+	    --role '$(ROLE)' --transport '$(TRANSPORT)' -- '$(NAME)'
+	@bash deploy/setup/generate
+
 .PHONY: bench
 bench: setup ## the benchmarks: each figure of the README beside its limit
 	@$(PY) -m benchmarks

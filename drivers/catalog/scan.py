@@ -18,7 +18,7 @@ from labweb.domain.errors import ConformanceError, Finding
 MAX_FILES = 2000
 """Most files that one scan reads."""
 
-_NOT_DEVICES = frozenset({"catalog", "interfaces", "transports"})
+_NOT_DEVICES = frozenset({"catalog", "interfaces", "new", "transports"})
 
 
 class Catalog(msgspec.Struct, frozen=True, kw_only=True):

@@ -42,6 +42,8 @@ FORBIDDEN_IMPORTS = [
     ("drivers", "drivers/transports/mutant.py", "drivers.base"),
     ("drivers", "drivers/interfaces/mutant.py", "drivers.sensors"),
     ("drivers", "drivers/catalog/mutant.py", "drivers.sensors"),
+    ("drivers", "drivers/new/mutant.py", "drivers.record"),
+    ("drivers", "drivers/catalog/mutant.py", "drivers.new"),
     ("drivers", "drivers/newcomer.py", "drivers.base"),
     ("viser", "twin/mutant.py", "viser"),
     ("viser", "labweb/runs/services.py", "viser"),

@@ -135,6 +135,21 @@ THERMOSTATS = [
         beyond=_BATH_BEYOND,
         status="temperature_c",
     ),
+    Case(
+        module="processing.lauda_loop",
+        model="lauda_loop",
+        config={"max_temperature_c": 75.0},
+        settings=_BATH_PHYSICS,
+        act=TEMPER,
+        cold_c=6.0,
+        verb="control",
+        beyond=(
+            *_BATH_BEYOND,
+            ("reach_temperature", {"temperature_c": 76.0, "tolerance_c": 1.0}),
+            ("reach_temperature", {"temperature_c": 3.9, "tolerance_c": 1.0}),
+        ),
+        status="temperature_c",
+    ),
 ]
 
 VACUUM_CONTROLLERS = [

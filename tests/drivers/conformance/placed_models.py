@@ -53,6 +53,9 @@ class Case:
     outer: dict[str, Any] = field(default_factory=dict)
     """Settings that control by a sensor outside the instrument."""
 
+    cold_c: float = -10.0
+    """A temperature below the room's that a thermostat reaches."""
+
     verb: str = ""
     """How the simulated instrument records that act."""
 

@@ -34,9 +34,9 @@ def test_it_reaches_the_temperature_and_stays_on(bench: Bench, case: Case) -> No
 @bath
 def test_it_cools_as_it_heats(bench: Bench, case: Case) -> None:
     with bench.connected(case) as device:
-        do(device, ("reach_temperature", {"temperature_c": -10.0, "tolerance_c": 1.0}))
+        do(device, ("reach_temperature", {"temperature_c": case.cold_c, "tolerance_c": 1.0}))
         assert read_status(device, "is_controlling") is True
-        assert abs(read_status(device, "bath_temperature_c") + 10.0) <= 1.5
+        assert abs(read_status(device, "bath_temperature_c") - case.cold_c) <= 1.5
         do(device, ("stop_control", {}))
         assert read_status(device, "is_controlling") is False
         until(lambda: bench.is_over(case), 1)

@@ -64,6 +64,7 @@ CARRIER_BY_MODEL: Mapping[str, str | None] = {
     "conductivity_sensor": "pty",
     "network_camera": "tcp",
     "timer": None,
+    "lauda_loop": "pty",
 }
 """Model of simulated instrument → what carries its bytes; None needs no carrier."""
 

@@ -1,0 +1,1 @@
+"""Writes a new driver with its simulated instrument and its test, from a role's interface."""

@@ -1,0 +1,130 @@
+"""What an action of a role leaves in what the simulated instrument tells, by role and action.
+
+`take`: the argument of this name. `become`: this value. `add`, `subtract`, `count`: the argument's
+part that was done. An action that is not here changes nothing that is told.
+"""
+
+Effect = tuple[str, object]
+
+EFFECTS: dict[str, dict[str, dict[str, Effect]]] = {
+    "balance": {
+        "tare": {"mass_mg": ("become", 0.0), "is_stable": ("become", True)},
+        "weigh": {"is_stable": ("become", True)},
+    },
+    "battery_tester": {
+        "start_test": {"channel_state": ("become", "working"), "cycle_index": ("become", 1)},
+        "await_end": {"channel_state": ("become", "finished")},
+        "stop_test": {"channel_state": ("become", "stopped")},
+    },
+    "continuous_pump": {
+        "start_flow": {
+            "rate_setpoint_ul_s": ("take", "rate_ul_s"),
+            "is_running": ("become", True),
+        },
+        "stop_flow": {"is_running": ("become", False)},
+        "deliver": {
+            "rate_setpoint_ul_s": ("take", "rate_ul_s"),
+            "is_running": ("become", False),
+        },
+    },
+    "heater_stirrer": {
+        "heat_to": {
+            "temperature_c": ("take", "temperature_c"),
+            "plate_temperature_c": ("take", "temperature_c"),
+            "temperature_setpoint_c": ("take", "temperature_c"),
+        },
+        "stir": {
+            "speed_rpm": ("take", "speed_rpm"),
+            "speed_setpoint_rpm": ("take", "speed_rpm"),
+        },
+        "stop_stirring": {"speed_rpm": ("become", 0.0)},
+        "hold": {
+            "temperature_c": ("take", "temperature_c"),
+            "temperature_setpoint_c": ("take", "temperature_c"),
+        },
+    },
+    "infusion_pump": {
+        "infuse": {"infused_ul": ("count", "volume_ul")},
+        "withdraw": {"withdrawn_ul": ("count", "volume_ul")},
+    },
+    "injection_valve": {"select_position": {"position": ("take", "position")}},
+    "power_supply": {
+        "supply": {
+            "voltage_v": ("take", "voltage_v"),
+            "current_ma": ("take", "current_ma"),
+            "voltage_setpoint_v": ("take", "voltage_v"),
+            "current_setpoint_ma": ("take", "current_ma"),
+        },
+        "stop_supply": {"voltage_v": ("become", 0.0), "current_ma": ("become", 0.0)},
+    },
+    "pump": {
+        "initialize": {"is_initialized": ("become", True), "volume_ul": ("become", 0.0)},
+        "aspirate": {"volume_ul": ("add", "volume_ul")},
+        "dispense": {"volume_ul": ("subtract", "volume_ul")},
+    },
+    "rotary_evaporator": {
+        "heat_bath_to": {
+            "bath_temperature_c": ("take", "temperature_c"),
+            "bath_setpoint_c": ("take", "temperature_c"),
+        },
+        "rotate": {
+            "speed_rpm": ("take", "speed_rpm"),
+            "speed_setpoint_rpm": ("take", "speed_rpm"),
+        },
+        "stop_rotating": {"speed_rpm": ("become", 0.0)},
+    },
+    "shaker": {
+        "shake": {"speed_rpm": ("take", "speed_rpm")},
+        "stop_shaking": {"speed_rpm": ("become", 0.0)},
+    },
+    "stirrer": {
+        "stir": {
+            "speed_rpm": ("take", "speed_rpm"),
+            "speed_setpoint_rpm": ("take", "speed_rpm"),
+        },
+        "stop_stirring": {"speed_rpm": ("become", 0.0)},
+    },
+    "storage": {
+        "initialize": {"is_ready": ("become", True)},
+        "store_plate": {"has_plate_at_transfer": ("become", False)},
+        "retrieve_plate": {"has_plate_at_transfer": ("become", True)},
+    },
+    "temperature_controller": {
+        "reach_temperature": {"temperature_c": ("take", "temperature_c")},
+        "hold": {"temperature_c": ("take", "temperature_c")},
+    },
+    "thermostat": {
+        "reach_temperature": {
+            "temperature_c": ("take", "temperature_c"),
+            "bath_temperature_c": ("take", "temperature_c"),
+            "temperature_setpoint_c": ("take", "temperature_c"),
+            "is_controlling": ("become", True),
+        },
+        "hold": {
+            "temperature_c": ("take", "temperature_c"),
+            "temperature_setpoint_c": ("take", "temperature_c"),
+            "is_controlling": ("become", True),
+        },
+        "stop_control": {"is_controlling": ("become", False)},
+    },
+    "vacuum_controller": {
+        "evacuate_to": {
+            "pressure_kpa": ("take", "pressure_kpa"),
+            "pressure_setpoint_kpa": ("take", "pressure_kpa"),
+            "is_pumping": ("become", True),
+        },
+        "stop_pump": {"is_pumping": ("become", False)},
+        "vent": {"pressure_kpa": ("become", 101.3), "is_pumping": ("become", False)},
+    },
+    "valve": {"select_port": {"port_index": ("take", "port_index")}},
+}
+
+STANDING: dict[str, object] = {
+    "is_running": False,
+    "is_controlling": False,
+    "is_pumping": False,
+    "speed_rpm": 0.0,
+    "voltage_v": 0.0,
+    "current_ma": 0.0,
+}
+"""What a simulated instrument tells once it was halted, where its role tells it."""
