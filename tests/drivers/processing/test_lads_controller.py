@@ -1,6 +1,9 @@
 """OPC UA from the driver: what is lost, what is refused, what a server says of itself."""
 
 import asyncio
+import os
+import subprocess
+import sys
 import threading
 from collections.abc import Callable, Iterator
 from typing import Any
@@ -28,7 +31,8 @@ from labweb.domain.errors import (
 from tests.corpus import INSTRUMENTS, NO_INSTRUMENTS
 from tests.drivers.conformance.cases import CONTROLLERS, TEMPER
 from tests.drivers.conformance.placed_models import Bench, Doing, do, running, sent_by
-from tests.fixtures.running import until
+from tests.fixtures.running import ROOT, until
+from workers.confine import landlock_abi
 
 CASE = next(case for case in CONTROLLERS if case.model == "lads_controller")
 SETS = INSTRUMENTS / "opcua"
@@ -313,3 +317,31 @@ def test_an_address_that_is_not_whole_is_refused(url: str) -> None:
 
 def test_devices_of_one_server_share_its_line() -> None:
     assert line_key("opc.tcp://10.0.0.7:4840/one") == "tcp:10.0.0.7:4840"
+
+
+CONFINED = """
+import sys
+from workers.confine import Bounds, confine
+confine(Bounds(ports=(int(sys.argv[1]),)))
+from drivers.transports.urls import make_transport
+line = make_transport(f"opc.tcp://127.0.0.1:{sys.argv[1]}")
+line.open()
+print(sorted(one.name for one in line.children(None)))
+line.close()
+"""
+
+
+@pytest.mark.skipif(not landlock_abi(), reason="this kernel has no Landlock")
+def test_a_confined_line_reaches_its_server(bench: Bench) -> None:
+    port = bench.url(CASE).rpartition(":")[2]
+    done = subprocess.run(
+        [sys.executable, "-c", CONFINED, port],
+        cwd=ROOT,
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+        capture_output=True,
+        text=True,
+        timeout=50,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    assert "DeviceSet" in done.stdout
