@@ -30,6 +30,7 @@ LIFECYCLE = frozenset(
 
 _TRANSPORTS = {"ByteTransport": "byte", "RegisterTransport": "register"} | {
     "HttpTransport": "http",
+    "OpcUaTransport": "opcua",
     "Ros2Transport": "ros2",
     "VirtualTransport": "virtual",
 }

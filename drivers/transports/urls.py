@@ -9,6 +9,7 @@ from urllib.parse import SplitResult, parse_qsl, urlsplit
 from drivers.transports.base import Transport
 from drivers.transports.http import HttpTransport
 from drivers.transports.modbus import ModbusTransport, serial_client, tcp_client
+from drivers.transports.opcua.transport import OpcUaTransport
 from drivers.transports.ros2.link import HIGHEST_DOMAIN, LinkSettings
 from drivers.transports.ros2.names import check_name
 from drivers.transports.ros2.transport import Ros2Transport
@@ -24,6 +25,7 @@ FORMS = (
     "modbus+tcp://127.0.0.1:502?device=1",
     "modbus+serial:///dev/ttyUSB0?baud=9600&format=8N1&device=1",
     "http://192.168.1.20:80",
+    "opc.tcp://192.168.1.20:4840/path",
     "ros2://192.168.1.7/arm_1?domain=0",
     "virtual:timer",
     "virtual:timer?pace=10",
@@ -103,6 +105,24 @@ def _make_modbus_serial(url: str) -> Transport:
 def _make_http(url: str) -> Transport:
     host, port = _address(url, frozenset())
     return HttpTransport(url, host, port)
+
+
+def _make_opcua(url: str) -> Transport:
+    host, port = _opcua(url)
+    return OpcUaTransport(url, host, port)
+
+
+def _opcua_line(url: str) -> str:
+    return tcp_line(*_opcua(url))
+
+
+def _opcua(url: str) -> tuple[str, int]:
+    """Return host and port; a path may follow, and a user may not stand before them."""
+    parts = _split(url)
+    _query(url, parts, frozenset())
+    if not re.fullmatch(r"(?:/[A-Za-z0-9._~/-]{0,200})?", parts.path):
+        raise _bad(url, "a path has letters, digits and ._~/-")
+    return _address(f"opc.tcp://{parts.netloc}", frozenset())
 
 
 def _make_virtual(url: str) -> Transport:
@@ -233,6 +253,7 @@ _SCHEMES: Mapping[str, tuple[Callable[[str], Transport], Callable[[str], str]]] 
     "modbus+tcp": (_make_modbus_tcp, _tcp_line),
     "modbus+serial": (_make_modbus_serial, _serial_line),
     "http": (_make_http, _tcp_line),
+    "opc.tcp": (_make_opcua, _opcua_line),
     "ros2": (_make_ros2, _ros2_line),
     "virtual": (_make_virtual, _virtual_line),
 }

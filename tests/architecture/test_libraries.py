@@ -31,6 +31,7 @@ class Home:
 HOMES = (
     Home("pymodbus", ("drivers/transports",), alone=True),
     Home("serial", ("drivers/transports",), alone=True),
+    Home("asyncua", ("drivers/transports/opcua",), alone=True),
     Home("cyclonedds", ("drivers/transports/ros2",), alone=True),
     Home("zxingcpp", ("drivers/sensors/_sight",), alone=True),
     Home("PIL", ("drivers/sensors/_sight",), alone=True),

@@ -34,7 +34,8 @@ def test_the_plain_package_is_the_domain_and_nothing_else() -> None:
 
 
 @pytest.mark.parametrize(
-    "extra", ["edge", "edge-arm", "edge-camera", "edge-ros2", "twin", "embedded"]
+    "extra",
+    ["edge", "edge-arm", "edge-camera", "edge-opcua", "edge-ros2", "twin", "embedded"],
 )
 def test_only_a_server_gets_django(extra: str) -> None:
     assert "django" not in packages_of(extra)

@@ -28,6 +28,7 @@ URLS = {
     "byte": "tcp://127.0.0.1:4305",
     "register": "modbus+tcp://127.0.0.1:502?device=1",
     "http": "http://127.0.0.1:80",
+    "opcua": "opc.tcp://127.0.0.1:4840",
     "ros2": "ros2://127.0.0.1/node",
     "virtual": "virtual:timer",
 }

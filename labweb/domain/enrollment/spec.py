@@ -174,7 +174,7 @@ class DriverSpec(msgspec.Struct, frozen=True, kw_only=True):
     """Interfaces the class declares, `pump`, `valve`, in the order it names them."""
 
     transport: str = ""
-    """Sort of carrier it speaks through: `byte`, `register` or `virtual`."""
+    """Sort of carrier it speaks through: `byte`, `register`, `http`, `opcua`, `ros2`, `virtual`."""
 
     doc: str = ""
     protocol: str = ""

@@ -38,6 +38,7 @@ USERS = (
 POLICY = "Heating to 60 °C or above needs a second person"
 
 _SERIAL = {"tricontinent_c3000": "baud=9600&format=8N1", "ika_rct_digital": "baud=9600&format=7E1"}
+_SCHEME = {"network_camera": "http", "lads_controller": "opc.tcp"}
 
 
 def seed_people(root_id: UUID, passwords_file: Path) -> None:
@@ -161,7 +162,7 @@ def _url(entry: DeviceEntry, found: Mapping[str, str]) -> str:
     if entry.simulator.model.startswith("modbus"):
         device = entry.simulator.settings.get("device_id", 1)
         return f"modbus+tcp://{address}?device={device}"
-    scheme = "http" if entry.simulator.model == "network_camera" else "tcp"
+    scheme = _SCHEME.get(entry.simulator.model, "tcp")
     return f"{scheme}://{address}"
 
 

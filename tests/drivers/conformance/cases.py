@@ -257,6 +257,23 @@ CONTROLLERS = [
         ),
         status="temperature_c",
     ),
+    Case(
+        module="processing.lads_controller",
+        model="lads_controller",
+        carrier="tcp",
+        config={
+            "device": "Controller",
+            "unit": "ThermostatUnit",
+            "function": "BlockTemperature",
+            "max_temperature_c": 90.0,
+        },
+        settings={"block_tau_s": 40.0, "vessel_tau_s": 2.0},
+        act=TEMPER,
+        verb="control",
+        is_unchecked=True,
+        beyond=_BATH_BEYOND,
+        status="temperature_c",
+    ),
 ]
 
 CONDUCTIVITY = [

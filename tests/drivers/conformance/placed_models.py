@@ -13,6 +13,7 @@ from typing import Any
 from drivers.base import Driver, Report
 from drivers.load import call_action, load_driver, read_spec
 from drivers.transports import modbus
+from drivers.transports.opcua import transport as opcua
 from drivers.transports.urls import make_transport
 from fixtures.instruments.models import MODELS
 from labweb.domain.errors import DeviceError
@@ -74,6 +75,9 @@ class Case:
     is_latching: bool = False
     """A fault of the instrument stays until it is switched off and on."""
 
+    is_unchecked: bool = False
+    """Binary frames without a checksum of their own: a byte that TCP let through is not seen."""
+
     @property
     def dotted(self) -> str:
         return f"drivers.{self.module}"
@@ -87,10 +91,12 @@ class Bench:
         self._folder = folder
 
     def url(self, case: Case) -> str:
-        is_register = read_spec(case.dotted).transport == "register"
+        sort = read_spec(case.dotted).transport
         if case.carrier == "pty":
-            return f"{'modbus+serial' if is_register else 'serial'}://{self._folder}/{case.model}"
-        return f"{'modbus+tcp' if is_register else 'tcp'}://127.0.0.1:{self._port(case)}"
+            scheme = "modbus+serial" if sort == "register" else "serial"
+            return f"{scheme}://{self._folder}/{case.model}"
+        scheme = {"register": "modbus+tcp", "opcua": "opc.tcp"}.get(sort, "tcp")
+        return f"{scheme}://127.0.0.1:{self._port(case)}"
 
     def driver(self, case: Case, **config: object) -> Driver[Any, Any]:
         """Load the driver as an edge host does; nothing is opened."""
@@ -212,6 +218,7 @@ def impatient(monkeypatch: Any, case: Case, answer_s: float = 0.2) -> None:  # n
     if hasattr(module, "ANSWER_S"):
         monkeypatch.setattr(module, "ANSWER_S", answer_s)
     monkeypatch.setattr(modbus, "OPEN_TIMEOUT_S", answer_s)
+    monkeypatch.setattr(opcua, "ANSWER_S", max(answer_s, 0.5))
 
 
 def sent_by(driver: Driver[Any, Any]) -> list[bytes]:

@@ -45,8 +45,16 @@ def test_a_silent_instrument_is_not_connected_and_the_line_is_free_again(
     assert not device.transport.is_open
 
 
-@every
-@pytest.mark.parametrize("mode", ["flip", "truncate"])
+@pytest.mark.parametrize(
+    ("case", "mode"),
+    [
+        (case, mode)
+        for case in EVERY
+        for mode in ("flip", "truncate")
+        if mode == "truncate" or not case.is_unchecked
+    ],
+    ids=lambda value: value.model if isinstance(value, Case) else value,
+)
 def test_a_garbled_answer_is_never_a_value(
     bench: Bench, case: Case, mode: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -63,6 +63,7 @@ CARRIER_BY_MODEL: Mapping[str, str | None] = {
     "watson_marlow_323": "pty",
     "conductivity_sensor": "pty",
     "network_camera": "tcp",
+    "lads_controller": "tcp",
     "timer": None,
     "lauda_loop": "pty",
 }
