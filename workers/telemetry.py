@@ -38,6 +38,7 @@ class Sampler:
         self._due_s: dict[tuple[UUID, str], float] = {}
         self._failures: dict[UUID, int] = {}
         self._taken_count = 0
+        self._began_s = clock.now_s()
         self._alive_s = float("-inf")
         self._ending = threading.Event()
         self._thread = threading.Thread(target=self._run, name="sampler", daemon=True)
@@ -60,7 +61,7 @@ class Sampler:
                 samples += self._ask(unit)
         self._taken_count += len(samples)
         if samples and self._store is not None:
-            self._store.put(self._line, samples, self._taken_count)
+            self._store.put(self._line, samples, self._taken_count, self._began_s)
         self._show_alive()
         return samples
 
