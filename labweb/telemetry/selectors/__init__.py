@@ -7,8 +7,8 @@ from labweb.telemetry.selectors.curves import (
     Curve,
     curves,
     gaps,
-    numeric_statuses,
     series,
+    told_statuses,
 )
 from labweb.telemetry.selectors.files import (
     files_about,
@@ -50,7 +50,6 @@ __all__ = [
     "latest",
     "latest_of",
     "measured_at",
-    "numeric_statuses",
     "path_of",
     "readings_of",
     "readings_of_jobs",
@@ -58,6 +57,7 @@ __all__ = [
     "series",
     "series_about",
     "series_of",
+    "told_statuses",
     "visible_files",
     "visible_incoming",
     "visible_readings",

@@ -92,10 +92,14 @@ class Curve:
     """(seconds, value) of samples, or (begin, mean, lowest, highest, count) of buckets."""
 
 
-def numeric_statuses(device_id: UUID) -> list[str]:
-    """Return the names of the statuses that have told numbers; in order."""
+def told_statuses(device_id: UUID) -> list[str]:
+    """Return the names of the statuses of which anything is kept; in order."""
+    return sorted({*_names(_TOLD, device_id), *_names(_NUMERIC, device_id)})
+
+
+def _names(query: str, device_id: UUID) -> list[str]:
     with connection.cursor() as cursor:
-        cursor.execute(_NUMERIC, {"device": device_id})
+        cursor.execute(query, {"device": device_id})
         return [status for (status,) in cursor.fetchall()]
 
 
@@ -125,7 +129,7 @@ def curves(
     is_raw_kept = since >= at - settings.TELEMETRY_KEEP_S[RAW]
     if is_raw_kept and until - since <= RAW_WITHIN_S:
         found = _samples(device_id, since, until, points, statuses)
-    asked = numeric_statuses(device_id) if statuses is None else list(statuses)
+    asked = _names(_NUMERIC, device_id) if statuses is None else list(statuses)
     rest = [status for status in asked if status not in found]
     return found | _buckets(device_id, since, until, points, rest)
 
@@ -203,16 +207,10 @@ def series(device_id: UUID, since: float, until: float) -> dict[str, list[tuple[
     told = {
         status: [(point[0], point[1]) for point in curve.points] for status, curve in found.items()
     }
-    others = [status for status in _told_statuses(device_id) if status not in told]
+    others = [status for status in _names(_TOLD, device_id) if status not in told]
     if others:
         told |= _thinned(device_id, since, until, others)
     return dict(sorted(told.items()))
-
-
-def _told_statuses(device_id: UUID) -> list[str]:
-    with connection.cursor() as cursor:
-        cursor.execute(_TOLD, {"device": device_id})
-        return [status for (status,) in cursor.fetchall()]
 
 
 def _thinned(
