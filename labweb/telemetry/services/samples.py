@@ -94,9 +94,14 @@ def take_in(
         _keep(frame)
         _keep_gaps([gap for gap in lost if gap is not None and str(gap.device_id) in names])
         _keep_gaps(_refusals(frame))
-    for device_id, points in frame.shown.items():
+    for device_id in frame.shown:
         _announce_return(device_id)
-        feed.publish(f"telemetry:{device_id}", {"device_id": device_id, "samples": points})
+    feed.publish_all(
+        [
+            (f"telemetry:{device_id}", {"device_id": device_id, "samples": points})
+            for device_id, points in frame.shown.items()
+        ]
+    )
 
 
 def _sorted(names: set[str], samples: Sequence[tuple[str, str, float, Any]]) -> _Frame:
