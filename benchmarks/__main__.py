@@ -20,6 +20,7 @@ WITH_DATABASE = {
     "transfer": "liquid transfers beside a bare transaction; --size transfers of each kind",
     "tree": "subtree, ancestors, find by id, move; --size resources",
     "import": "labs from files; --size nodes of the large one",
+    "telemetry": "samples from 1000 statuses at 10 Hz to storage and browser; --size seconds",
     "lineage": "a sample 50 transfers deep; --size events",
 }
 WITHOUT = {

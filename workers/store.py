@@ -14,8 +14,14 @@ from redis.client import PubSub
 from redis.exceptions import RedisError
 
 STREAM = "edge:samples"
-LONGEST_STREAM_COUNT = 5000
+LONGEST_STREAM_COUNT = 10_000
 """Batches kept for an uplink that is away; older ones are dropped and counted."""
+
+MOST_SAMPLES_PER_BATCH = 64
+"""With the number of batches it bounds what the stream takes of the memory: about 70 MB."""
+
+TOLD = "edge:samples:told"
+"""How far the server has stored the stream."""
 
 SIGHTINGS = "edge:sightings"
 MOST_SIGHTINGS = 200
@@ -51,9 +57,16 @@ class Batch:
     taken_count: int
     """Samples the line had taken since its process began, these included."""
 
+    began_s: float = 0.0
+    """When that process began, on the wall clock; 0: it does not tell."""
+
+    size_bytes: int = 0
+
 
 class Store:
     """Shared by the processes of one host. Nothing here is needed for correctness."""
+
+    BATCHES_AT_ONCE = 200
 
     def __init__(self, url: str) -> None:
         self._redis: Redis = Redis.from_url(
@@ -66,14 +79,26 @@ class Store:
         """Let go of the connection."""
         self._redis.close()
 
-    def put(self, line: str, samples: Sequence[Sample], taken_count: int) -> bool:
+    def put(
+        self, line: str, samples: Sequence[Sample], taken_count: int, began_s: float = 0.0
+    ) -> bool:
         """Keep samples as latest values and for the uplink; False: they are lost."""
+        latest: dict[str, dict[str, bytes]] = {}
+        for sample in samples:
+            latest.setdefault(sample.device_id, {})[sample.status] = msgspec.json.encode(sample)
         try:
             pipe = self._redis.pipeline(transaction=False)
-            for sample in samples:
-                pipe.hset(_latest(sample.device_id), sample.status, msgspec.json.encode(sample))
-            entry = {"line": line, "taken": taken_count, "samples": msgspec.json.encode(samples)}
-            pipe.xadd(STREAM, cast("Any", entry), maxlen=LONGEST_STREAM_COUNT, approximate=True)
+            for device_id, values in latest.items():
+                pipe.hset(_latest(device_id), mapping=cast("Any", values))
+            for first in range(0, len(samples), MOST_SAMPLES_PER_BATCH):
+                part = samples[first : first + MOST_SAMPLES_PER_BATCH]
+                entry = {
+                    "line": line,
+                    "taken": taken_count - len(samples) + first + len(part),
+                    "began": began_s,
+                    "samples": msgspec.json.encode(part),
+                }
+                pipe.xadd(STREAM, cast("Any", entry), maxlen=LONGEST_STREAM_COUNT, approximate=True)
             pipe.execute()
         except RedisError:
             return False
@@ -114,7 +139,8 @@ class Store:
 
     def batches(self, after: str, *, wait_s: float) -> list[Batch]:
         """Return the batches after that key, waiting for the first; `$` means from here on."""
-        found = self._redis.xread({STREAM: after}, count=200, block=max(1, int(wait_s * 1000)))
+        block = max(1, int(wait_s * 1000))
+        found = self._redis.xread({STREAM: after}, count=self.BATCHES_AT_ONCE, block=block)
         entries = cast("list[Any]", found)[0][1] if found else []
         return [_to_batch(key, fields) for key, fields in entries]
 
@@ -122,6 +148,22 @@ class Store:
         """Return the key of the newest batch."""
         found = cast("list[Any]", self._redis.xrevrange(STREAM, count=1))
         return found[0][0].decode() if found else "0-0"
+
+    def told(self) -> bytes | None:
+        """Return what was kept of how far the stream has been told, or None.
+
+        Raises:
+            redis.exceptions.RedisError: The host's Valkey is away.
+        """
+        return cast("bytes | None", self._redis.get(TOLD))
+
+    def keep_told(self, text: bytes) -> None:
+        """Keep how far the stream has been told.
+
+        Raises:
+            redis.exceptions.RedisError: The host's Valkey is away; what was kept stays.
+        """
+        self._redis.set(TOLD, text)
 
     def show_alive(self, line: str, mono_s: float) -> None:
         """Say that a line's loop has come round."""
@@ -221,4 +263,6 @@ def _to_batch(key: bytes, fields: dict[bytes, bytes]) -> Batch:
         line=fields[b"line"].decode(),
         samples=msgspec.json.decode(fields[b"samples"], type=list[Sample]),
         taken_count=int(fields[b"taken"]),
+        began_s=float(fields.get(b"began", 0.0)),
+        size_bytes=len(fields[b"samples"]),
     )

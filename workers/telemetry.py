@@ -38,6 +38,7 @@ class Sampler:
         self._due_s: dict[tuple[UUID, str], float] = {}
         self._failures: dict[UUID, int] = {}
         self._taken_count = 0
+        self._began_s = clock.now_s()
         self._alive_s = float("-inf")
         self._ending = threading.Event()
         self._thread = threading.Thread(target=self._run, name="sampler", daemon=True)
@@ -51,6 +52,11 @@ class Sampler:
         self._ending.set()
         self._thread.join(timeout=5.0)
 
+    @property
+    def taken_count(self) -> int:
+        """Samples taken so far."""
+        return self._taken_count
+
     def sample_once(self) -> list[Sample]:
         """Connect what is due, ask for what is due, and hand it on."""
         samples: list[Sample] = []
@@ -60,7 +66,7 @@ class Sampler:
                 samples += self._ask(unit)
         self._taken_count += len(samples)
         if samples and self._store is not None:
-            self._store.put(self._line, samples, self._taken_count)
+            self._store.put(self._line, samples, self._taken_count, self._began_s)
         self._show_alive()
         return samples
 
@@ -74,9 +80,12 @@ class Sampler:
         samples = []
         for status, period_s in unit.config.statuses.items():
             key = (unit.config.id, status)
-            if now_s < self._due_s.get(key, 0.0) or not unit.is_online:
+            due_s = self._due_s.get(key, now_s)
+            if now_s < due_s or not unit.is_online:
                 continue
-            self._due_s[key] = now_s + max(period_s, TICK_S)
+            # On from when it was due, else each look that comes late would slow it down.
+            step_s = max(period_s, TICK_S)
+            self._due_s[key] = (due_s if now_s - due_s < step_s else now_s) + step_s
             asked_s = self._clock.monotonic_s()
             try:
                 value = plain(unit.read(status))

@@ -1,4 +1,4 @@
-"""What a host tells the server by itself, beside events: samples, and pictures."""
+"""What a host tells the server by itself, beside events and samples: wishes, and pictures."""
 
 from __future__ import annotations
 
@@ -9,19 +9,18 @@ import time
 from collections.abc import Callable
 
 import msgspec
-from redis.exceptions import RedisError
 from websockets.asyncio.client import ClientConnection
 
 from labweb.domain import pictures as picture_frames
-from labweb.domain.messages import Ask, EdgeFrame, ServerFrame, Telemetry, WithdrawAsk
+from labweb.domain.messages import Ask, EdgeFrame, ServerFrame, WithdrawAsk
 from workers.pictures import Kept, Pictures
 from workers.store import ASKS, Store
 
 log = logging.getLogger(__name__)
 
 ACK_TIMEOUT_S = 10.0
-TELEMETRY_S = 0.1
-"""Shortest time between two telemetry frames."""
+ASKS_S = 0.1
+"""Shortest time between two looks for wishes."""
 
 ASK_LIFE_S = 5.0
 """Older wishes are not sent: who asked has given up."""
@@ -41,36 +40,6 @@ async def send(socket: ClientConnection, frame: EdgeFrame) -> None:
     await socket.send(msgspec.json.encode(frame).decode())
 
 
-async def tell_samples(socket: ClientConnection, store: Store, epoch: Callable[[], int]) -> None:
-    """Send what the lines have sampled, and how much of it was lost on the way."""
-    gauge = LossGauge()
-    after = ""
-    while True:
-        try:
-            if not after:
-                after = await asyncio.to_thread(store.last_key)
-            batches = await asyncio.to_thread(store.batches, after, wait_s=0.2)
-        except RedisError:
-            after = ""
-            await asyncio.sleep(1.0)
-            continue
-        if batches:
-            after = batches[-1].key
-            lost_count = sum(
-                gauge.count(one.line, len(one.samples), one.taken_count) for one in batches
-            )
-            samples = [
-                (one.device_id, one.status, one.at_s, one.value)
-                for batch in batches
-                for one in batch.samples
-            ]
-            await send(
-                socket,
-                Telemetry(epoch=epoch(), samples=samples, lost_count=lost_count),
-            )
-        await asyncio.sleep(TELEMETRY_S)
-
-
 class Word(msgspec.Struct, frozen=True):
     """A wish, or its end, on its way from a bridge to the uplink."""
 
@@ -85,7 +54,7 @@ async def tell_asks(socket: ClientConnection, store: Store, epoch: Callable[[], 
             word = msgspec.json.decode(text, type=Word)
             if time.monotonic() - word.mono_s < ASK_LIFE_S:
                 await send(socket, msgspec.structs.replace(word.frame, epoch=epoch()))
-        await asyncio.sleep(TELEMETRY_S)
+        await asyncio.sleep(ASKS_S)
 
 
 class PictureTeller:
@@ -133,21 +102,3 @@ class PictureTeller:
     def _is_old(self, kept: Kept) -> bool:
         """Say whether a picture has waited so long that nothing will name it any more."""
         return time.time() - kept.path.stat().st_mtime > self._retention_s
-
-
-class LossGauge:
-    """Counts samples that were taken and never came by."""
-
-    def __init__(self) -> None:
-        self._seen: dict[str, int] = {}
-
-    def count(self, line: str, sample_count: int, taken_count: int) -> int:
-        """Return how many are missing before a batch.
-
-        A count that went back means that the line's process began anew.
-        """
-        before = self._seen.get(line)
-        self._seen[line] = taken_count
-        if before is None or taken_count < before:
-            return 0
-        return max(0, taken_count - sample_count - before)

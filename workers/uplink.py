@@ -42,6 +42,7 @@ from labweb.domain.messages import (
     Sightings,
     StopAcknowledged,
     StopLab,
+    TelemetryTaken,
     WantDriver,
     Welcome,
 )
@@ -64,6 +65,7 @@ from workers.identity import (
 )
 from workers.journal import Journal
 from workers.pictures import Pictures
+from workers.samples import SampleTeller
 from workers.session import (
     arm,
     latch_stop,
@@ -74,7 +76,7 @@ from workers.session import (
     take_devices,
 )
 from workers.store import ASKS_TOLD, Store
-from workers.telling import PictureTeller, receive, send, tell_asks, tell_samples
+from workers.telling import PictureTeller, receive, send, tell_asks
 
 log = logging.getLogger(__name__)
 
@@ -119,6 +121,7 @@ class Uplink:
         self._sent_seq = 0
         self._acked = asyncio.Event()
         self._pictures = PictureTeller(Pictures(config.pictures_path), config.retention_s)
+        self._samples = SampleTeller(store)
         self._fetching = Fetching(journal, DriverStore(config.drivers_folder))
 
     async def run(self) -> None:
@@ -192,7 +195,7 @@ class Uplink:
             self._hear(socket),
             self._tell_events(socket),
             self._tell_life(socket),
-            tell_samples(socket, self._store, lambda: self._epoch),
+            self._samples.tell(socket, lambda: self._epoch),
             self._pictures.tell(socket, lambda: self._epoch),
             self._renew(socket),
             self._tell_sightings(socket),
@@ -234,6 +237,8 @@ class Uplink:
         match frame:
             case picture_frames.PictureTaken():
                 self._pictures.take(frame)
+            case TelemetryTaken():
+                self._samples.take(frame)
             case Renewed():
                 await self._take_certificate(socket, frame)
             case Devices():

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import cache
 from typing import Any
 
@@ -37,6 +37,22 @@ def publish(topic: str, data: dict[str, Any]) -> None:
         send(GROUP, message(topic, data))
     except RedisError as error:
         logger.warning("feed is away, %s was not announced: %s", topic, error)
+
+
+def publish_all(told: Sequence[tuple[str, dict[str, Any]]]) -> None:
+    """Announce on many topics in one exchange, in order; a lost announcement loses nothing."""
+    if not told:
+        return
+    layer: Any = get_channel_layer()
+    config: Any = settings.CHANNEL_LAYERS["default"]["CONFIG"]
+    channel = f"{config['prefix']}__group__{GROUP}"
+    try:
+        pipe = _server(config["hosts"][0]).pipeline(transaction=False)
+        for topic, data in told:
+            pipe.publish(channel, layer.serialize(message(topic, data)))
+        pipe.execute()
+    except RedisError as error:
+        logger.warning("feed is away, %d topics were not announced: %s", len(told), error)
 
 
 def send(group: str, told: Mapping[str, Any]) -> None:

@@ -37,6 +37,7 @@ from labweb.domain.messages import (
     StopAcknowledged,
     StopLab,
     Telemetry,
+    TelemetryTaken,
     WantDriver,
     WithdrawAsk,
 )
@@ -181,9 +182,7 @@ class EdgeConsumer(AsyncWebsocketConsumer):
             case Heartbeat():
                 await self._beat(host_id, frame)
             case Telemetry():
-                await database_sync_to_async(telemetry_services.take_in)(
-                    set(self.devices), frame.samples
-                )
+                await self._samples(frame)
             case StopAcknowledged():
                 await database_sync_to_async(enrollment_services.acknowledge_stop)(
                     host_id, frame.stop_id, now()
@@ -245,6 +244,14 @@ class EdgeConsumer(AsyncWebsocketConsumer):
             await self.close(code=CLOSE_SESSION_OVER)
         elif self.beats_to_rival:
             await self._beat_beside_rival(host_id)
+
+    async def _samples(self, frame: Telemetry) -> None:
+        """Store a frame, and tell a host that waits for it that it is stored."""
+        await database_sync_to_async(telemetry_services.take_in)(
+            set(self.devices), frame.samples, frame.gaps
+        )
+        if frame.key:
+            await self._send(TelemetryTaken(key=frame.key))
 
     async def _picture(self, host_id: UUID, part: Picture) -> None:
         data = self.picture_parts.add(part)

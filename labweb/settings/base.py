@@ -183,6 +183,14 @@ EDGE_ADDRESS = os.environ.get("LABWEB_EDGE_ADDRESS", "")
 HOST_CERTIFICATE_S = float(os.environ.get("LABWEB_HOST_CERTIFICATE_S", "7776000"))
 """How long the certificate of an edge host lives; it is renewed after two thirds of that."""
 
+TELEMETRY_KEEP_S = {
+    0: float(os.environ.get("LABWEB_TELEMETRY_KEEP_RAW_S", "86400")),
+    1: float(os.environ.get("LABWEB_TELEMETRY_KEEP_1S_S", "604800")),
+    60: float(os.environ.get("LABWEB_TELEMETRY_KEEP_1MIN_S", "7776000")),
+    3600: float(os.environ.get("LABWEB_TELEMETRY_KEEP_1H_S", "157680000")),
+}
+"""How old samples (0), and buckets of so many seconds, grow before they are trimmed."""
+
 LOGGING = {
     "version": 1,
     "disable_existing_loggers": False,

@@ -1,34 +1,178 @@
-"""REST of samples."""
+"""REST of samples, and of what they were rolled up into."""
 
 from __future__ import annotations
 
 import time
+from typing import Any
 from uuid import UUID
 
+from django.http import StreamingHttpResponse
+from drf_spectacular.utils import OpenApiParameter, extend_schema
 from rest_framework.request import Request
 from rest_framework.response import Response
 from rest_framework.views import APIView
 
 from labweb.accounts.selectors import user_of
-from labweb.common.requests import seconds
+from labweb.common.download import sent
+from labweb.common.requests import seconds, whole_number
 from labweb.domain.approvals.roles import Permission
-from labweb.domain.errors import NotFoundError
+from labweb.domain.enrollment.spec import UNITS, StatusSpec
+from labweb.domain.errors import DefinitionError, NotFoundError
+from labweb.domain.telemetry import MOST_POINTS, NAMES
 from labweb.enrollment import selectors as enrollment_selectors
+from labweb.enrollment.selectors import Device
 from labweb.resources import selectors as resource_selectors
-from labweb.telemetry import selectors
+from labweb.telemetry import selectors, services
 
 _DEFAULT_WINDOW_S = 600.0
+_POINTS = 1000
+_FEWEST_POINTS = 10
+FORMS = ("csv", "parquet")
+
+_RANGE = [
+    OpenApiParameter("since_s", float, description="Begin, seconds since the Unix epoch."),
+    OpenApiParameter("until_s", float, description="End; without it, now."),
+]
+_STATUS = OpenApiParameter("status", str, many=True, description="Which; without it, all.")
 
 
 class Telemetry(APIView):
     """What a device told."""
 
+    @extend_schema(parameters=_RANGE)
     def get(self, request: Request, device_id: UUID) -> Response:
         """Return the series of each status between `since_s` and `until_s`."""
-        device = enrollment_selectors.find_device(device_id)
-        seen = resource_selectors.allowed_ids(user_of(request), Permission.VIEW)
-        if not enrollment_selectors.is_seen(device, seen):
-            raise NotFoundError(f"no device {device_id}", code="device.not_found")
+        device = _device(request, device_id)
         until = seconds(request, "until_s", time.time())
         since = seconds(request, "since_s", until - _DEFAULT_WINDOW_S)
         return Response({"series": selectors.series(device.id, since, until)})
+
+
+class Curves(APIView):
+    """What a device told, as finely as a plot can show it."""
+
+    @extend_schema(
+        parameters=[
+            *_RANGE,
+            _STATUS,
+            OpenApiParameter("points", int, description="How many a curve may have, 10 to 2000."),
+        ]
+    )
+    def get(self, request: Request, device_id: UUID) -> Response:
+        """Return each status as samples or as buckets, with its level, and the recorded gaps."""
+        device = _device(request, device_id)
+        since, until = _range(request)
+        points = whole_number(
+            request, "points", default=_POINTS, low=_FEWEST_POINTS, high=MOST_POINTS
+        )
+        specs = {status.name: status for status in enrollment_selectors.spec_of(device).statuses}
+        asked = _statuses(request, device, specs)
+        found = selectors.curves(device.id, since, until, points=points, statuses=asked)
+        return Response(
+            {
+                "since_s": since,
+                "until_s": until,
+                "curves": [
+                    {
+                        "status": name,
+                        **_words(name, specs.get(name)),
+                        "level_s": curve.level_s,
+                        "step_s": curve.step_s,
+                        "points": curve.points,
+                    }
+                    for name, curve in sorted(found.items())
+                ],
+                "gaps": selectors.gaps(device.id, since, until),
+            }
+        )
+
+
+class Export(APIView):
+    """What a device told, as a file."""
+
+    answer_type = "text/csv"
+
+    @extend_schema(
+        parameters=[
+            *_RANGE,
+            _STATUS,
+            OpenApiParameter("form", enum=FORMS),
+            OpenApiParameter("level", enum=tuple(NAMES)),
+        ]
+    )
+    def get(self, request: Request, device_id: UUID) -> StreamingHttpResponse:
+        """Return samples, or buckets of a `level`, as CSV or with `form=parquet` as Parquet."""
+        device = _device(request, device_id)
+        since, until = _range(request)
+        form = request.query_params.get("form", FORMS[0])
+        level = request.query_params.get("level", "raw")
+        if form not in FORMS:
+            raise DefinitionError(f"form is {' or '.join(FORMS)}", code="http.query")
+        if level not in NAMES:
+            raise DefinitionError(f"level is one of {', '.join(NAMES)}", code="http.query")
+        specs = {status.name: status for status in enrollment_selectors.spec_of(device).statuses}
+        asked = _statuses(request, device, specs)
+        wanted = services.Wanted(
+            device_id=device.id,
+            device_key=device.key,
+            units={name: _words(name, spec)["unit"] for name, spec in specs.items()},
+            statuses=selectors.told_statuses(device.id) if asked is None else asked,
+            since_s=since,
+            until_s=until,
+            level_s=NAMES[level],
+        )
+        name = f"{device.key}-{level}-{since:.0f}-{until:.0f}.{form}"
+        if form == "csv":
+            return sent(services.write_csv(wanted), "text/csv; charset=utf-8", name)
+        return sent(services.write_parquet(wanted), services.PARQUET, name)
+
+
+def _device(request: Request, device_id: UUID) -> Device:
+    """Return a device that the caller may see.
+
+    Raises:
+        NotFoundError: There is none.
+    """
+    device = enrollment_selectors.find_device(device_id)
+    seen = resource_selectors.allowed_ids(user_of(request), Permission.VIEW)
+    if not enrollment_selectors.is_seen(device, seen):
+        raise NotFoundError(f"no device {device_id}", code="device.not_found")
+    return device
+
+
+def _range(request: Request) -> tuple[float, float]:
+    until = seconds(request, "until_s", time.time())
+    since = seconds(request, "since_s", max(0.0, until - _DEFAULT_WINDOW_S))
+    if not since < until:
+        raise DefinitionError("since_s must be before until_s", code="http.query")
+    return since, until
+
+
+def _statuses(request: Request, device: Device, specs: dict[str, StatusSpec]) -> list[str] | None:
+    """Return the statuses that are asked for, each once; None: all.
+
+    Raises:
+        DefinitionError: The device has none of that name, and never told one.
+    """
+    asked = list(dict.fromkeys(request.query_params.getlist("status")))
+    if not asked:
+        return None
+    unknown = set(asked) - specs.keys()
+    if unknown:
+        unknown -= set(selectors.told_statuses(device.id))
+    if unknown:
+        known = ", ".join(sorted(specs)) or "nothing"
+        raise DefinitionError(
+            f"{device.name} has no status {min(unknown)!r}; it tells {known}",
+            code="telemetry.unknown_status",
+            context={"unknown": sorted(unknown), "known": sorted(specs)},
+        )
+    return asked
+
+
+def _words(name: str, spec: StatusSpec | None) -> dict[str, Any]:
+    """Return how a status is called; of one that the driver has no more, only its name."""
+    if spec is None:
+        return {"label": name, "unit": "", "every_s": None}
+    unit = UNITS[spec.value.unit][1] if spec.value.unit in UNITS else ""
+    return {"label": spec.value.label or name, "unit": unit, "every_s": spec.every_s}

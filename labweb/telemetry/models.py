@@ -1,29 +1,122 @@
-"""Samples of device statuses, files that come, kept files, and readings."""
+"""Samples and what they are rolled up into, files that come, kept files, and readings."""
 
 from __future__ import annotations
 
+from django.contrib.postgres.fields import ArrayField
 from django.db import models
-from django.db.models import Q
+from django.db.models import F, Q
 
 from labweb.common.models import Base
 
 
 class Sample(models.Model):
-    """One value of one status. Kept for a day at most; gaps stay gaps."""
+    """One value of one status. It fades after the age that the settings give; gaps stay gaps.
 
-    id = models.BigAutoField(primary_key=True)
-    device = models.ForeignKey("enrollment.Device", on_delete=models.CASCADE, related_name="+")
+    There may be very many rows, so that each has one index only, and no foreign key is checked:
+    the service takes samples of devices that it knows.
+    """
+
+    pk = models.CompositePrimaryKey("device", "status", "at")
+    device = models.ForeignKey(
+        "enrollment.Device",
+        on_delete=models.CASCADE,
+        related_name="+",
+        db_index=False,
+        db_constraint=False,
+    )
     status = models.CharField(max_length=64)
     at = models.FloatField()
     """Seconds since the Unix epoch on the host's clock."""
 
     value = models.JSONField()
 
-    class Meta:
-        indexes = [models.Index(fields=["device", "status", "at"])]
-
     def __str__(self) -> str:
         return f"{self.status} {self.value}"
+
+
+class Rollup(models.Model):
+    """The numbers of one status within one bucket: how many, from where to where, around what.
+
+    A bucket without a sample has no row.
+    """
+
+    pk = models.CompositePrimaryKey("device", "status", "level_s", "at")
+    device = models.ForeignKey(
+        "enrollment.Device",
+        on_delete=models.CASCADE,
+        related_name="+",
+        db_index=False,
+        db_constraint=False,
+    )
+    status = models.CharField(max_length=64)
+    level_s = models.PositiveIntegerField()
+    """Width of the bucket."""
+
+    at = models.FloatField()
+    """Begin of the bucket, a multiple of `level_s`."""
+
+    low = models.FloatField()
+    high = models.FloatField()
+    mean = models.FloatField()
+    count = models.PositiveIntegerField()
+
+    class Meta:
+        constraints = [
+            models.CheckConstraint(condition=Q(count__gt=0), name="rollup_has_samples"),
+        ]
+
+    def __str__(self) -> str:
+        return f"{self.status} {self.mean} of {self.count}"
+
+
+class Mark(models.Model):
+    """Buckets of one level that have to be computed anew, because something came into them.
+
+    It is written with the samples, and deleted with the buckets.
+    """
+
+    id = models.BigAutoField(primary_key=True)
+    level_s = models.PositiveIntegerField()
+    due_at = models.FloatField()
+    """When the level should be computed; samples gather until then."""
+
+    device_ids = ArrayField(models.UUIDField())
+    statuses = ArrayField(models.CharField(max_length=64))
+    ats = ArrayField(models.FloatField())
+    """The three together name a place within each bucket."""
+
+    class Meta:
+        indexes = [models.Index(fields=["level_s", "id"], name="telemetry_mark_level")]
+
+    def __str__(self) -> str:
+        return f"{len(self.ats)} buckets of {self.level_s} s"
+
+
+class Gap(models.Model):
+    """A time in which samples of a device were lost, or may have been."""
+
+    id = models.BigAutoField(primary_key=True)
+    device = models.ForeignKey(
+        "enrollment.Device", on_delete=models.CASCADE, related_name="+", db_index=False
+    )
+    since = models.FloatField()
+    until = models.FloatField()
+    """On the host's clock, as the samples around it tell."""
+
+    lost_count = models.BigIntegerField(null=True)
+    """Over all devices of the same line together; None: nobody knows."""
+
+    reason = models.CharField(max_length=16)
+    """`overflow`, `restart`, `too_large` by the host; `late`, `refused` by the server."""
+
+    class Meta:
+        constraints = [
+            models.UniqueConstraint(fields=["device", "since", "until", "reason"], name="gap_once"),
+            models.CheckConstraint(condition=Q(since__lte=F("until")), name="gap_has_order"),
+        ]
+
+    def __str__(self) -> str:
+        return f"{self.reason} {self.since} to {self.until}"
 
 
 class File(Base):

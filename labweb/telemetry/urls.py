@@ -6,4 +6,8 @@ from django.urls import path
 
 from labweb.telemetry import api
 
-urlpatterns = [path("devices/<uuid:device_id>/telemetry", api.Telemetry.as_view())]
+urlpatterns = [
+    path("devices/<uuid:device_id>/telemetry", api.Telemetry.as_view()),
+    path("devices/<uuid:device_id>/telemetry/curves", api.Curves.as_view()),
+    path("devices/<uuid:device_id>/telemetry/export", api.Export.as_view()),
+]

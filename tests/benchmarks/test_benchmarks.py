@@ -13,7 +13,7 @@ from benchmarks.figures import Figure, p95_ms, report
 from tests.corpus import GRAPHS
 
 ROOT = Path(__file__).parents[2]
-SIZES = {"transfer": 10, "tree": 1_000, "import": 500, "lineage": 500}
+SIZES = {"transfer": 10, "tree": 1_000, "import": 500, "lineage": 500, "telemetry": 3}
 """Small: enough to see that it works."""
 
 TIMES = ("ms", "s", "%")

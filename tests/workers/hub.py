@@ -30,6 +30,7 @@ from labweb.domain.messages import (
     StopAcknowledged,
     StopLab,
     Telemetry,
+    TelemetryTaken,
     hello_bytes,
 )
 from labweb.domain.pictures import Picture, PictureParts, PictureTaken
@@ -48,6 +49,7 @@ class Hub:
         self.received_s: dict[int, float] = {}
         self.frames: list[EdgeFrame] = []
         self.is_acking = True
+        self.is_storing = True
         self.is_refusing = False
         self.mode = "normal"
         self.will_resume = True
@@ -72,9 +74,8 @@ class Hub:
         return [frame for frame in self.frames if isinstance(frame, StopAcknowledged)]
 
     @property
-    def samples(self) -> list[tuple[str, str]]:
-        found = [frame for frame in self.frames if isinstance(frame, Telemetry)]
-        return [(one[0], one[1]) for frame in found for one in frame.samples]
+    def telemetry(self) -> list[Telemetry]:
+        return [frame for frame in self.frames if isinstance(frame, Telemetry)]
 
     @property
     def heartbeats(self) -> list[Heartbeat]:
@@ -144,6 +145,8 @@ class Hub:
                     self.received_s[event.seq] = time.time()
             if self.is_acking:
                 socket.send(msgspec.json.encode(Ack(seq=self.acked)).decode())
+        if isinstance(frame, Telemetry) and self.is_storing:
+            socket.send(msgspec.json.encode(TelemetryTaken(key=frame.key)).decode())
         if isinstance(frame, Picture) and (whole := self._parts.add(frame)) is not None:
             self.pictures.append((frame, whole))
             code = self.picture_codes.pop(0) if self.picture_codes else ""

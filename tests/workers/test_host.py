@@ -82,7 +82,9 @@ class Running:
         self.celery.send_task(ACCEPT, args=[signed], queue=queue)
 
     def is_online(self) -> bool:
-        return any(one[0] == str(DEVICE_ID) for one in self.hub.samples)
+        return any(
+            one[0] == str(DEVICE_ID) for frame in self.hub.telemetry for one in frame.samples
+        )
 
 
 @pytest.fixture

@@ -21,8 +21,9 @@ from workers.config import HostConfig, ValkeyConfig
 from workers.identity import Identity
 from workers.keys import HostKey, create_key
 from workers.pictures import Pictures
+from workers.samples import Told
 from workers.store import ASKS, ASKS_TOLD, Sample, Store
-from workers.telling import ASK_LIFE_S, LossGauge, Word
+from workers.telling import ASK_LIFE_S, Word
 from workers.uplink import Uplink
 
 
@@ -160,17 +161,70 @@ async def test_the_stop_latch_is_on_disk_when_the_stop_is_acknowledged(
         await until(lambda: "stop_latched" in hub.kinds)
 
 
-async def test_samples_go_up_and_what_was_lost_is_counted(
+def told(hub: Hub) -> list[float]:
+    """Return the values of all samples that came, in order."""
+    return [one[3] for frame in hub.telemetry for one in frame.samples]
+
+
+def put(store: Store, host: Host, values: range, *, began_s: float = 100.0, taken: int = 0) -> None:
+    device = str(host.device.id)
+    for value in values:
+        sample = Sample(device, "volume_ul", 1000.0 + value, 1.0, float(value))
+        assert store.put("line", [sample], taken or value + 1, began_s)
+
+
+async def test_samples_that_wait_for_the_server_go_up_when_it_is_there(
+    host: Host, hub: Hub, key: HostKey, store: Store
+) -> None:
+    put(store, host, range(300))
+    async with connected(host, hub, key, store):
+        await until(lambda: len(told(hub)) == 300)
+        put(store, host, range(300, 310))
+        await until(lambda: len(told(hub)) == 310)
+    assert told(hub) == list(range(310))
+    assert all(not frame.gaps for frame in hub.telemetry)
+
+
+async def test_samples_that_the_server_did_not_store_are_told_again(
+    host: Host, hub: Hub, key: HostKey, store: Store
+) -> None:
+    hub.is_storing = False
+    put(store, host, range(5))
+    async with connected(host, hub, key, store):
+        await until(lambda: len(told(hub)) == 5)
+        hub.is_storing = True
+        await asyncio.to_thread(hub.cut)
+        await until(lambda: len(told(hub)) == 10)
+        await until(lambda: store.told() is not None)
+    assert told(hub) == [*range(5)] * 2
+    async with connected(host, hub, key, store):
+        put(store, host, range(5, 6))
+        await until(lambda: len(told(hub)) == 11)
+    assert told(hub)[-1] == 5.0, "a process that begins anew goes on where the server stands"
+    assert all(not frame.gaps for frame in hub.telemetry)
+
+
+async def test_samples_that_fell_out_of_the_stream_are_told_as_a_gap(
     host: Host, hub: Hub, key: HostKey, store: Store
 ) -> None:
     async with connected(host, hub, key, store):
-        await until(lambda: hub.heartbeats)
-        await asyncio.sleep(0.3)
-        device = str(host.device.id)
-        assert store.put("line", [Sample(device, "volume_ul", 1.0, 1.0, 5.0)], 1)
-        await until(lambda: hub.samples == [(device, "volume_ul")])
-    gauge = LossGauge()
-    assert [gauge.count("a", 2, 2), gauge.count("a", 1, 6), gauge.count("a", 1, 1)] == [0, 3, 0]
+        put(store, host, range(2))
+        await until(lambda: len(told(hub)) == 2)
+        put(store, host, range(7, 8))
+        await until(lambda: len(told(hub)) == 3)
+    (gap,) = [gap for frame in hub.telemetry for gap in frame.gaps]
+    assert (gap.since_s, gap.until_s, gap.lost_count) == (1001.0, 1007.0, 5)
+    assert gap.device_ids == [str(host.device.id)]
+    assert hub.telemetry[-1].lost_count == 5
+
+
+async def test_a_stream_that_was_lost_with_its_server_is_told_from_its_begin(
+    host: Host, hub: Hub, key: HostKey, store: Store
+) -> None:
+    put(store, host, range(3))
+    store.keep_told(msgspec.json.encode(Told(key="9999999999999-0")))
+    async with connected(host, hub, key, store):
+        await until(lambda: len(told(hub)) == 3)
 
 
 async def test_a_picture_goes_up_whole_and_again_until_the_server_knows_what_it_shows(

@@ -3,6 +3,7 @@
 import { useQuery } from "@tanstack/react-query";
 import { useEffect, useMemo, useState } from "react";
 import { appendSamples, pairSeries, type Channel } from "@/model/telemetry";
+import type { Curves } from "@/model/curves";
 import type { Sample } from "@/model/wire";
 import { call } from "./client";
 import { keys } from "./keys";
@@ -38,9 +39,30 @@ export function useChannels(
   return { channels, isPending: kept.isPending, error: kept.error };
 }
 
+const POINTS = 800;
+
+/** What a device told in a chosen time; of a span that ends now it is fetched again and again. */
+export function useCurves(
+  deviceId: string,
+  range: { span_s: number; again_s: number } | { since_s: number; until_s: number },
+) {
+  return useQuery({
+    queryKey: [...keys.telemetry(deviceId), "curves", range],
+    queryFn: ({ signal }) => {
+      const until = "span_s" in range ? Date.now() / 1000 : range.until_s;
+      const since = "span_s" in range ? until - range.span_s : range.since_s;
+      const asked = `since_s=${since}&until_s=${until}&points=${POINTS}`;
+      const path = `/devices/${deviceId}/telemetry/curves?${asked}`;
+      return call<Curves>("GET", path, undefined, signal);
+    },
+    refetchInterval: "span_s" in range ? range.again_s * 1000 : false,
+    enabled: deviceId !== "",
+  });
+}
+
 const MOST_LIVE = 20_000;
 
-function useLiveSamples(deviceId: string, isLive: boolean): Sample[] {
+export function useLiveSamples(deviceId: string, isLive: boolean): Sample[] {
   const [samples, setSamples] = useState<Sample[]>([]);
   useEffect(() => {
     setSamples([]);

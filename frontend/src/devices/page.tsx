@@ -1,24 +1,24 @@
 /** One device: readings with their age, curves, what it can do, what drives it. */
 
-import { useState } from "react";
 import { Link, useParams } from "react-router";
 import { useTopics } from "@/api/live";
 import { useDevice } from "@/api/queries";
-import { useChannels } from "@/api/telemetry";
+import { useLiveSamples } from "@/api/telemetry";
 import { formatDigest, plain, formatFact } from "@/model/format";
 import { capitalise } from "@/model/states";
 import { isSetpoint, labelOf } from "@/model/telemetry";
-import type { Device, Reading } from "@/model/wire";
+import type { Device, Reading, Sample } from "@/model/wire";
 import { AsOf, Card, Empty, Failed } from "@/ui/card";
 import { deviceState } from "@/ui/devicetile";
 import { Icon, iconOf } from "@/ui/icons";
 import { ReadingValue } from "@/ui/number";
 import { StateChip } from "@/ui/state";
-import { ChannelPlot } from "@/ui/telemetry";
-import { Age, useNow } from "@/ui/time";
+import { Age } from "@/ui/time";
+import { History } from "./history";
 import { words } from "./words";
 
-const WINDOW_S = 600;
+/** Of these, the newest of each status is sure to be one. */
+const MOST_NEW = 500;
 
 export function DevicePage() {
   const { id = "" } = useParams();
@@ -61,11 +61,11 @@ export function DevicePage() {
       </div>
       {device.error && <AsOf at={device.dataUpdatedAt} why={device.error.message} />}
       <div className="col">
-        <Curves device={data} />
+        <History key={data.id} device={data} />
         <Actions device={data} />
       </div>
       <aside className="col">
-        <Readings readings={data.readings} isAway={data.link !== "online"} />
+        <Readings deviceId={data.id} readings={data.readings} isAway={data.link !== "online"} />
         <Driver device={data} />
         <Settings device={data} />
       </aside>
@@ -73,7 +73,9 @@ export function DevicePage() {
   );
 }
 
-function Readings({ readings, isAway }: { readings: Reading[]; isAway: boolean }) {
+function Readings(props: { deviceId: string; readings: Reading[]; isAway: boolean }) {
+  const { deviceId, isAway } = props;
+  const readings = newest(props.readings, useLiveSamples(deviceId, true));
   if (!readings.length) {
     return (
       <Card title="Readings">
@@ -113,6 +115,17 @@ function Readings({ readings, isAway }: { readings: Reading[]; isAway: boolean }
   );
 }
 
+/** Readings as they were fetched, or what came since. */
+function newest(readings: Reading[], live: readonly Sample[]): Reading[] {
+  const last = new Map(live.slice(-MOST_NEW).map((sample) => [sample[0], sample]));
+  return readings.map((reading) => {
+    const came = last.get(reading.status);
+    return came && came[1] > (reading.at_s ?? 0)
+      ? { ...reading, at_s: came[1], value: came[2] }
+      : reading;
+  });
+}
+
 function ReadingRow({ reading, label }: { reading: Reading; label: string }) {
   return (
     <div data-testid={`reading-${reading.status}`}>
@@ -124,37 +137,6 @@ function ReadingRow({ reading, label }: { reading: Reading; label: string }) {
         <Age at_s={reading.at_s} />
       </dd>
     </div>
-  );
-}
-
-function Curves({ device }: { device: Device }) {
-  const [opened] = useState(() => Date.now() / 1000);
-  const { channels, isPending, error } = useChannels(device.id, opened - WINDOW_S, null);
-  const now = useNow(1000);
-  return (
-    <Card title="Telemetry" note="last 10 min" testId="telemetry">
-      {channels.length ? (
-        <div className="plots wideplots">
-          {channels.map((channel) => (
-            <ChannelPlot
-              key={channel.status}
-              channel={channel}
-              height={150}
-              from_s={now - WINDOW_S}
-              to_s={now}
-            />
-          ))}
-        </div>
-      ) : (
-        <Empty>
-          {error
-            ? `Cannot load readings: ${error.message}`
-            : isPending
-              ? "Loading…"
-              : words.noTelemetry}
-        </Empty>
-      )}
-    </Card>
   );
 }
 

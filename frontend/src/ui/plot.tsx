@@ -128,15 +128,15 @@ function plotOptions(
 }
 
 /** Distance between two marks of an axis. */
-const spacing = (at: number[]): number => Math.abs((at[1] ?? 1) - (at[0] ?? 0));
+export const spacing = (at: number[]): number => Math.abs((at[1] ?? 1) - (at[0] ?? 0));
 
-function decimals(at: number[]): number {
+export function decimals(at: number[]): number {
   const step = spacing(at);
   return step >= 1 ? 0 : step >= 0.1 ? 1 : 2;
 }
 
 /** A little air above and below, and never a window without height. */
-function roomy(min: number | null, max: number | null): [number, number] {
+export function roomy(min: number | null, max: number | null): [number, number] {
   if (min === null || max === null) return [0, 1];
   const span = Math.max(max - min, Math.abs(max) * 0.05, 1);
   const middle = (min + max) / 2;

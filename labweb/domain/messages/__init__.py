@@ -36,6 +36,9 @@ from labweb.domain.messages.enrolling import Renew as Renew
 from labweb.domain.messages.enrolling import Renewed as Renewed
 from labweb.domain.messages.enrolling import Sighting as Sighting
 from labweb.domain.messages.enrolling import Sightings as Sightings
+from labweb.domain.messages.telemetry import Telemetry as Telemetry
+from labweb.domain.messages.telemetry import TelemetryGap as TelemetryGap
+from labweb.domain.messages.telemetry import TelemetryTaken as TelemetryTaken
 from labweb.domain.messages.version import PROTOCOL_VERSION as PROTOCOL_VERSION
 from labweb.domain.pictures import Picture, PictureTaken
 
@@ -163,16 +166,6 @@ class Heartbeat(msgspec.Struct, frozen=True, tag="heartbeat", tag_field="t", kw_
     """How the processes of the lines are confined, in words; empty: the host does not say."""
 
 
-class Telemetry(msgspec.Struct, frozen=True, tag="telemetry", tag_field="t", kw_only=True):
-    """Samples since the last frame. Lossy by contract; a loss is counted."""
-
-    epoch: int
-    samples: list[tuple[str, str, float, Any]]
-    """(device id, status, wall seconds, value)."""
-
-    lost_count: int = 0
-
-
 class StopLab(msgspec.Struct, frozen=True, tag="stop_lab", tag_field="t", kw_only=True):
     """Software stop: halt every device now and latch."""
 
@@ -221,6 +214,7 @@ ServerFrame = (
     | Devices
     | DriverPart
     | AskTold
+    | TelemetryTaken
 )
 
 

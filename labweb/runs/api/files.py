@@ -17,6 +17,7 @@ from rest_framework.response import Response
 from rest_framework.views import APIView
 
 from labweb.accounts.selectors import User, user_of
+from labweb.common.download import Blocks
 from labweb.common.render import iso
 from labweb.common.requests import whole_number
 from labweb.crutd import api as crutd_api
@@ -27,7 +28,6 @@ from labweb.enrollment.selectors import Device
 from labweb.resources import selectors as resource_selectors
 from labweb.resources.selectors import Resource
 from labweb.runs import selectors
-from labweb.runs.api.crate import Blocks
 from labweb.runs.api.runs import visible
 from labweb.runs.models import Job
 from labweb.telemetry import selectors as telemetry_selectors

@@ -3,15 +3,25 @@
 from __future__ import annotations
 
 from labweb.telemetry.services.drawing import drawn
-from labweb.telemetry.services.files import Upload, check_links, keep_file, keep_picture
+from labweb.telemetry.services.exporting import MOST_ROWS, Wanted, write_csv, write_parquet
+from labweb.telemetry.services.files import (
+    PARQUET,
+    Upload,
+    check_links,
+    keep_file,
+    keep_picture,
+)
 from labweb.telemetry.services.incoming import READ_TASK, bring, read_incoming, ring_incoming
-from labweb.telemetry.services.samples import KEEP_S, SILENT_S, take_in, trim
+from labweb.telemetry.services.rolling import roll_up, trim
+from labweb.telemetry.services.samples import SILENT_S, take_in
 
 __all__ = [
-    "KEEP_S",
+    "MOST_ROWS",
+    "PARQUET",
     "READ_TASK",
     "SILENT_S",
     "Upload",
+    "Wanted",
     "bring",
     "check_links",
     "drawn",
@@ -19,6 +29,9 @@ __all__ = [
     "keep_picture",
     "read_incoming",
     "ring_incoming",
+    "roll_up",
     "take_in",
     "trim",
+    "write_csv",
+    "write_parquet",
 ]

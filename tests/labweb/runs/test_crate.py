@@ -23,6 +23,7 @@ from rocrate_validator.models import Severity  # type: ignore[import-untyped]
 from rocrate_validator.services import validate  # type: ignore[import-untyped]
 from urllib3 import HTTPResponse
 
+from labweb.common import download
 from labweb.crutd.models import Event
 from labweb.crutd.services import event_hash
 from labweb.domain.crutd.provenance.prov_check import check_prov
@@ -226,7 +227,7 @@ def test_a_crate_is_sent_in_blocks_and_vanishes_with_the_answer(
     bench: Bench, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     run = done(bench)[0]
-    monkeypatch.setattr(crate_api, "_BLOCK", 1000)
+    monkeypatch.setattr(download, "_BLOCK", 1000)
     opened: list[IO[bytes]] = []
     pack = crates.pack_run
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import hashlib
+import time
 from typing import Any
 from uuid import uuid4
 
@@ -12,11 +13,11 @@ import pytest
 from asgiref.sync import sync_to_async
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 
-from labweb.domain.messages import Ask, Events, Heartbeat, Hello, WithdrawAsk
+from labweb.domain.messages import Ask, Events, Heartbeat, Hello, Telemetry, WithdrawAsk
 from labweb.domain.pictures import Picture
 from labweb.runs import services
 from labweb.runs.models import HostEvent, Run
-from labweb.telemetry.models import File
+from labweb.telemetry.models import File, Sample
 from tests.builders import Bench, Edge, a_lab
 from tests.labweb.sockets import Socket, a_socket
 
@@ -192,3 +193,21 @@ async def test_a_wish_is_told_to_its_end_and_counts_only_in_its_session(bench: B
         told = await socket.receive()
         assert (told["state"], told["is_final"]) == ("stopped", True)
     assert await Run.objects.acount() == 1
+
+
+async def test_samples_are_stored_before_the_host_hears_that_they_are(bench: Bench) -> None:
+    edge = await made(bench)
+    own, at = str((await sync_to_async(bench.device)("pump_1")).id), time.time()
+    async with a_socket(PATH, origin=None) as socket:
+        welcome = await answer_to(socket, edge.hello(await nonce_of(socket)))
+        told: list[tuple[str, str, float, Any]] = [
+            (own, "volume_ul", at, 5.0),
+            (str(uuid4()), "volume_ul", at, 5.0),
+        ]
+        for key in ("7-0", ""):
+            await send(socket, Telemetry(epoch=welcome["epoch"], samples=told, key=key))
+        while (frame := await socket.receive())["t"] != "telemetry_taken":
+            continue
+        assert frame["key"] == "7-0"
+        rows = [(row.status, row.at, row.value) async for row in Sample.objects.all()]
+        assert rows == [("volume_ul", at, 5.0)]

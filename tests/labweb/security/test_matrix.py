@@ -65,6 +65,8 @@ API: dict[tuple[str, str], tuple[tuple[str, ...], Any]] = {
     ("GET", "devices"): (MEMBERS, None),
     ("GET", "devices/<device>"): (MEMBERS, None),
     ("GET", "devices/<device>/telemetry"): (MEMBERS, None),
+    ("GET", "devices/<device>/telemetry/curves"): (MEMBERS, None),
+    ("GET", "devices/<device>/telemetry/export"): (MEMBERS, None),
     ("POST", "devices/<device>/driver"): (
         ADMINS,
         {"version_id": "<approved>", "reason": "better"},

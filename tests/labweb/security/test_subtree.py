@@ -65,6 +65,8 @@ def test_a_detail_outside_is_as_if_it_were_not_there(bench: Bench, client: Clien
         f"{API}/lots/{Lot.objects.get(key='water_lot').id}/provenance": "lot.not_found",
         f"{API}/devices/{bench.device('pump_1').id}": "device.not_found",
         f"{API}/devices/{bench.device('pump_1').id}/telemetry": "device.not_found",
+        f"{API}/devices/{bench.device('pump_1').id}/telemetry/curves": "device.not_found",
+        f"{API}/devices/{bench.device('pump_1').id}/telemetry/export": "device.not_found",
         f"{API}/runs/{run.id}": "run.not_found",
         f"{API}/runs/{run.id}/events": "run.not_found",
         f"{API}/runs/{run.id}/log": "run.not_found",

@@ -132,6 +132,7 @@ class Command(BaseCommand):
         services.expire_requests()
         services.isolate_hosts()
         telemetry_services.ring_incoming()
+        telemetry_services.roll_up()
         for lab in resource_selectors.labs().filter(is_stopped=True):
             if lab.stop_id is None or lab.stopped_at is None:
                 continue

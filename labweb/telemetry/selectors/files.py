@@ -1,88 +1,19 @@
-"""Reads of samples, files and readings."""
+"""Reads of files and readings."""
 
 from __future__ import annotations
 
-import json
 from collections.abc import Collection, Iterable
 from datetime import datetime
 from pathlib import Path
-from typing import Any
 from uuid import UUID
 
 from django.conf import settings
-from django.db import connection
 from django.db.models import Max, Q, QuerySet
 
 from labweb.domain.errors import NotFoundError
 from labweb.enrollment import selectors as enrollment_selectors
 from labweb.resources.selectors import Lab
-from labweb.telemetry.models import File as File
-from labweb.telemetry.models import Incoming as Incoming
-from labweb.telemetry.models import Reading as Reading
-from labweb.telemetry.models import Sample
-
-MOST_POINTS = 4000
-
-_LATEST_OF = """
-SELECT asked.id, told.value FROM unnest(%s::uuid[]) AS asked(id) CROSS JOIN LATERAL (
-    SELECT value FROM telemetry_sample WHERE device_id = asked.id AND status = %s
-    ORDER BY at DESC LIMIT 1
-) AS told
-"""
-
-
-def series(device_id: UUID, since: float, until: float) -> dict[str, list[tuple[float, Any]]]:
-    """Return (seconds, value) by status within the window, oldest first, at most 4000 each."""
-    found: dict[str, list[tuple[float, Any]]] = {}
-    rows = Sample.objects.filter(device_id=device_id, at__gte=since, at__lte=until).order_by("at")
-    for status, at, value in rows.values_list("status", "at", "value"):
-        found.setdefault(status, []).append((at, value))
-    return {
-        status: points[:: max(1, len(points) // MOST_POINTS + (len(points) > MOST_POINTS))]
-        for status, points in found.items()
-    }
-
-
-def latest(device_ids: Iterable[UUID]) -> dict[UUID, dict[str, tuple[float, Any]]]:
-    """Return the newest (seconds, value) of each status of each device."""
-    rows = (
-        Sample.objects.filter(device_id__in=list(device_ids))
-        .order_by("device_id", "status", "-at")
-        .distinct("device_id", "status")
-    )
-    found: dict[UUID, dict[str, tuple[float, Any]]] = {}
-    for device_id, status, at, value in rows.values_list("device_id", "status", "at", "value"):
-        found.setdefault(device_id, {})[status] = (at, value)
-    return found
-
-
-def latest_of(status: str, device_ids: Collection[UUID]) -> dict[UUID, Any]:
-    """Return the newest value of one status of each device that has told it.
-
-    By the index, a step for each device; a day's samples are not read.
-    """
-    with connection.cursor() as cursor:
-        cursor.execute(_LATEST_OF, [list(device_ids), status])
-        return {device_id: json.loads(value) for device_id, value in cursor.fetchall()}
-
-
-def samples(device_ids: Iterable[UUID], since: float, until: float) -> QuerySet[Sample]:
-    """Samples of some devices within the window, oldest first."""
-    return Sample.objects.filter(
-        device_id__in=list(device_ids), at__gte=since, at__lte=until
-    ).order_by("at", "id")
-
-
-def last_samples(
-    device_ids: Iterable[UUID], since: float, until: float
-) -> list[tuple[UUID, str, float, Any]]:
-    """Return (device, status, seconds, value): the last of each status within the window."""
-    rows = (
-        Sample.objects.filter(device_id__in=list(device_ids), at__gte=since, at__lte=until)
-        .order_by("device_id", "status", "-at", "-id")
-        .distinct("device_id", "status")
-    )
-    return list(rows.values_list("device_id", "status", "at", "value"))
+from labweb.telemetry.models import File, Incoming, Reading
 
 
 def visible_files(lab: Lab, seen: Collection[UUID]) -> QuerySet[File]:

@@ -1,0 +1,78 @@
+"""Reads of samples as they came."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Collection, Iterable
+from typing import Any
+from uuid import UUID
+
+from django.db import connection
+from django.db.models import QuerySet
+
+from labweb.telemetry.models import Sample
+
+_LATEST_OF = """
+SELECT asked.id, told.value FROM unnest(%s::uuid[]) AS asked(id) CROSS JOIN LATERAL (
+    SELECT value FROM telemetry_sample WHERE device_id = asked.id AND status = %s
+    ORDER BY at DESC LIMIT 1
+) AS told
+"""
+
+_LATEST = """
+WITH RECURSIVE known(device_id, status) AS (
+    SELECT asked.id, (SELECT min(status) FROM telemetry_sample WHERE device_id = asked.id)
+    FROM unnest(%s::uuid[]) AS asked(id)
+    UNION ALL
+    SELECT known.device_id, (
+        SELECT min(status) FROM telemetry_sample
+        WHERE device_id = known.device_id AND status > known.status
+    ) FROM known WHERE known.status IS NOT NULL
+)
+SELECT known.device_id, known.status, told.at, told.value FROM known CROSS JOIN LATERAL (
+    SELECT at, value FROM telemetry_sample
+    WHERE device_id = known.device_id AND status = known.status ORDER BY at DESC LIMIT 1
+) AS told WHERE known.status IS NOT NULL
+"""
+
+
+def latest(device_ids: Iterable[UUID]) -> dict[UUID, dict[str, tuple[float, Any]]]:
+    """Return the newest (seconds, value) of each status of each device.
+
+    By the index, two steps for each status; what was told before is not read.
+    """
+    found: dict[UUID, dict[str, tuple[float, Any]]] = {}
+    with connection.cursor() as cursor:
+        cursor.execute(_LATEST, [list(device_ids)])
+        for device_id, status, at, value in cursor.fetchall():
+            found.setdefault(device_id, {})[status] = (at, json.loads(value))
+    return found
+
+
+def latest_of(status: str, device_ids: Collection[UUID]) -> dict[UUID, Any]:
+    """Return the newest value of one status of each device that has told it.
+
+    By the index, a step for each device; a day's samples are not read.
+    """
+    with connection.cursor() as cursor:
+        cursor.execute(_LATEST_OF, [list(device_ids), status])
+        return {device_id: json.loads(value) for device_id, value in cursor.fetchall()}
+
+
+def samples(device_ids: Iterable[UUID], since: float, until: float) -> QuerySet[Sample]:
+    """Samples of some devices within the window, oldest first."""
+    return Sample.objects.filter(
+        device_id__in=list(device_ids), at__gte=since, at__lte=until
+    ).order_by("at", "device_id", "status")
+
+
+def last_samples(
+    device_ids: Iterable[UUID], since: float, until: float
+) -> list[tuple[UUID, str, float, Any]]:
+    """Return (device, status, seconds, value): the last of each status within the window."""
+    rows = (
+        Sample.objects.filter(device_id__in=list(device_ids), at__gte=since, at__lte=until)
+        .order_by("device_id", "status", "-at")
+        .distinct("device_id", "status")
+    )
+    return list(rows.values_list("device_id", "status", "at", "value"))
