@@ -7,6 +7,7 @@ import subprocess
 import sys
 from collections.abc import Mapping
 from functools import partial
+from threading import BoundedSemaphore
 from uuid import UUID
 
 import msgspec
@@ -25,6 +26,7 @@ from labweb.domain.errors import (
     EnrollmentError,
     Finding,
     ForbiddenError,
+    LockedError,
     StateError,
 )
 from labweb.domain.messages import DriverApproval, DriverPart, Signed
@@ -34,6 +36,10 @@ from labweb.resources import selectors as resource_selectors
 
 INSPECT_WITHIN_S = 10.0
 """Longest time to wait for the reader; a text takes it less than a second of the processor."""
+
+WAIT_S = 10.0
+_AT_ONCE = BoundedSemaphore(2)
+"""Texts that one server reads side by side: each may take a gigabyte for ten seconds."""
 
 LONGEST_MODULE = 200
 """Most of a module's name that is passed on; no driver has one as long."""
@@ -76,8 +82,15 @@ def inspect_text(module: str, text: str) -> CatalogDriver:
     Raises:
         ConformanceError: It breaks a rule; `findings` list each place. Nothing was written.
         EnrollmentError: The reader failed, or took too long.
+        LockedError: `driver.busy`.
     """
-    found = _read(["-", f"--module={module[:LONGEST_MODULE]}"], text.encode(), INSPECT_WITHIN_S)
+    if not _AT_ONCE.acquire(timeout=WAIT_S):
+        raise LockedError("other drivers are being read: try again", code="driver.busy")
+    try:
+        asked = ["-", f"--module={module[:LONGEST_MODULE]}"]
+        found = _read(asked, text.encode(), INSPECT_WITHIN_S)
+    finally:
+        _AT_ONCE.release()
     findings = [*found.findings, *(one for spec in found.drivers for one in spec.findings)]
     if findings or len(found.drivers) != 1:
         count = len(findings)

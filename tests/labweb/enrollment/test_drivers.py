@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from datetime import datetime
 from pathlib import Path
+from threading import BoundedSemaphore
 
 import msgspec
 import pytest
@@ -169,6 +170,18 @@ def test_a_driver_goes_through_the_rest_interface(bench: Bench) -> None:
     assert {row["id"]: row["state"] for row in rows}[made["id"]] == "approved"
     request = ApprovalRequest.objects.get(driver_id=made["id"])
     assert read(approver, f"/api/v1/approvals/{request.id}", 404)["code"] == "approval.not_found"
+
+
+def test_more_drivers_than_the_server_reads_wait_and_are_told_so(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(drivers, "_AT_ONCE", BoundedSemaphore(1))
+    monkeypatch.setattr(drivers, "WAIT_S", 0.01)
+    admin, body = signed_in(bench.people["admin"]), {"module": TIMER, "source": timer()}
+    with drivers._AT_ONCE:
+        answer = call(admin, "POST", "/api/v1/drivers/reading", body)
+        assert (answer.status_code, code_of(answer)) == (423, "driver.busy")
+    assert call(admin, "POST", "/api/v1/drivers/reading", body).status_code == 200
 
 
 @pytest.mark.parametrize("module", ["-x", "--json", "a" * 200_000, "drivers.virtual." + "a" * 200])
