@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import math
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
@@ -32,6 +33,9 @@ _OF_VALUE: Mapping[type, JsonType] = {
     int: "integer",
     float: "number",
 }
+_NUL = re.compile(rb"(?<!\\)(?:\\\\)*\\u0000")
+"""U+0000 in JSON: the escape, and not a backslash followed by its letters."""
+
 _DEEPEST = 8
 """Aliases of aliases are followed this far."""
 
@@ -130,14 +134,20 @@ def last_name(node: ast.AST | None) -> str:
 
 
 def literal(node: ast.expr | None) -> tuple[bool, Any]:
-    """Return (True, value) for a JSON-able literal, else (False, None)."""
+    """Return (True, value) for a JSON-able literal, else (False, None).
+
+    Text with U+0000 is none: no database keeps it.
+    """
     if node is None:
         return False, None
     try:
         value = ast.literal_eval(node)
         if isinstance(value, float) and not math.isfinite(value):
             return False, None
-        value = msgspec.json.decode(msgspec.json.encode(value))  # a tuple is a list from now on
+        raw = msgspec.json.encode(value)
+        if _NUL.search(raw):
+            return False, None
+        value = msgspec.json.decode(raw)  # a tuple is a list from now on
     except (ValueError, TypeError, SyntaxError, OverflowError, RecursionError, MemoryError):
         return False, None
     except msgspec.DecodeError:

@@ -11,6 +11,7 @@ from drivers.catalog.annotations import (
     as_number,
     is_number,
     last_name,
+    literal,
     parse_annotation,
 )
 from drivers.catalog.imports import check_imports
@@ -44,8 +45,49 @@ _PLAIN_NUMBERS = frozenset({0, 1})
 
 def check_module(source: Source) -> list[Finding]:
     """List what the module breaks apart from any one class."""
-    rules = (_one_class, _module_docstring, _calls_on_import, check_imports, _frame_numbers)
+    rules = (
+        _one_class,
+        _module_docstring,
+        _calls_on_import,
+        check_imports,
+        _frame_numbers,
+        _ranges,
+    )
     return [finding for rule in rules for finding in rule(source)]
+
+
+def _ranges(source: Source) -> Iterator[Finding]:
+    """A bound that cannot be read would be none: host and server check what stands in the text."""
+    for marker in _markers(source):
+        if isinstance(marker, ast.Name | ast.Attribute):
+            yield source.finding(
+                "drv002",
+                marker.lineno,
+                f"what {ast.unparse(marker)} limits cannot be read",
+                "write the range where it applies: Annotated[float, Range(0, 310)]",
+            )
+        elif isinstance(marker, ast.Call) and last_name(marker) in {"Range", "Meta"}:
+            words = {"pattern", "title", "description", "examples"}
+            bounds = [*marker.args, *(one.value for one in marker.keywords if one.arg not in words)]
+            for bound in bounds:
+                if not _is_bound(bound):
+                    yield source.finding(
+                        "drv002",
+                        bound.lineno,
+                        f"the bound {ast.unparse(bound)[:80]} of a range is no plain number",
+                        "write the number itself, or None for no bound",
+                    )
+
+
+def _markers(source: Source) -> Iterator[ast.expr]:
+    for node in source.find(ast.Subscript):
+        if last_name(node.value) == "Annotated" and isinstance(node.slice, ast.Tuple):
+            yield from node.slice.elts[1:]
+
+
+def _is_bound(node: ast.expr) -> bool:
+    is_known, value = literal(node)
+    return is_known and (value is None or as_number(value) is not None)
 
 
 def check_driver(driver: DriverClass) -> list[Finding]:

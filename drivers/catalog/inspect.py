@@ -133,8 +133,8 @@ def module_lines(tree: ast.Module) -> dict[str, str]:
 
 
 def printable(text: str) -> str:
-    """Replace what UTF-8 cannot carry: half surrogates written as escapes."""
-    return text.encode("utf-8", "replace").decode("utf-8")
+    """Replace what no database keeps: half surrogates and U+0000, written as escapes."""
+    return text.encode("utf-8", "replace").decode("utf-8").replace("\0", "?")
 
 
 def mark_of(method: Function, name: str) -> dict[str, Any] | None:

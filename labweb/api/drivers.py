@@ -75,8 +75,9 @@ class Drivers(APIView):
         """List every version by module, the newest first, with the devices that use it."""
         user = user_of(request)
         users = users_of(user)
+        allowed = resource_selectors.permissions_of(user)
         rows = selectors.drivers().defer("sources")
-        return Response({"drivers": [_render(row, user, users) for row in rows]})
+        return Response({"drivers": [_render(row, user, users, allowed) for row in rows]})
 
     def post(self, request: Request) -> Response:
         """Read driver source and propose it; a second person approves it."""
@@ -221,9 +222,13 @@ def _request(row: ApprovalRequest) -> dict[str, Any]:
 
 
 def _render(
-    row: DriverVersion, user: User, users: dict[UUID, list[dict[str, str]]]
+    row: DriverVersion,
+    user: User,
+    users: dict[UUID, list[dict[str, str]]],
+    allowed: frozenset[Permission] | None = None,
 ) -> dict[str, Any]:
-    allowed = resource_selectors.permissions_of(user)
+    if allowed is None:
+        allowed = resource_selectors.permissions_of(user)
     is_open = row.state == DriverVersion.State.PROPOSED
     return {
         "id": str(row.id),

@@ -19,6 +19,7 @@ from labweb.domain.approvals import policy as policy_rules
 from labweb.domain.approvals.roles import Permission
 from labweb.domain.errors import ForbiddenError, StateError
 from labweb.domain.workflows.plan import Plan
+from labweb.enrollment import selectors as enrollment_selectors
 from labweb.enrollment import services as enrollment_services
 from labweb.enrollment.selectors import DriverVersion
 from labweb.resources import selectors as resource_selectors
@@ -170,6 +171,7 @@ def decide_driver(
     Effect:
         None on matter. Devices get the version only when somebody gives it to them.
     """
+    enrollment_selectors.driver_for_update(version_id)  # first, as whoever withdraws it does
     request = selectors.request_about_driver(version_id)
     decide(request.id, actor=actor, is_approved=is_approved, comment=comment)
     return enrollment_services.settle_proposal(

@@ -14,11 +14,13 @@ from typing import Any
 
 import msgspec
 
-from labweb.domain.errors import LabError
+from labweb.domain.errors import DefinitionError, LabError
 from labweb.domain.workflows.opening import Asked, advise_on, open_recipe, workflow_from
 
 MAX_CPU_S = 120
 MAX_MEMORY_BYTES = 2 * 2**30
+MAX_ANSWER_BYTES = 32 * 2**20
+"""Most that the server is given to read: what each vessel may be grows as recipe times graph."""
 
 _ACTS: Mapping[str, Callable[[Asked], dict[str, Any]]] = {
     "open": open_recipe,
@@ -34,8 +36,20 @@ def main(act: str) -> int:
         told = {"answer": _ACTS[act](asked)}
     except LabError as error:
         told = {"error": error.to_json()}
-    sys.stdout.write(json.dumps(told, ensure_ascii=False, allow_nan=False))
+    sys.stdout.buffer.write(_bounded(told))
     return 0
+
+
+def _bounded(told: dict[str, Any]) -> bytes:
+    """Return an answer that the server may read whole; of one that is larger, only that it is."""
+    raw = json.dumps(told, ensure_ascii=False, allow_nan=False).encode()
+    if len(raw) <= MAX_ANSWER_BYTES:
+        return raw
+    text = (
+        f"the answer would have {len(raw)} bytes; a recipe on a graph may have {MAX_ANSWER_BYTES}"
+    )
+    error = DefinitionError(f"{text}: open it on a smaller graph", code="recipe.too_much")
+    return json.dumps({"error": error.to_json()}).encode()
 
 
 def _limit_resources() -> None:

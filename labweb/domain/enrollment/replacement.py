@@ -7,6 +7,7 @@ from typing import Any
 
 import msgspec
 
+from labweb.domain.enrollment.admission import Admission, check_admission
 from labweb.domain.enrollment.spec import DriverSpec, check_arguments, check_config
 from labweb.domain.errors import Finding, NotFoundError
 
@@ -27,6 +28,7 @@ def check_replacement(
     *,
     config: Mapping[str, Any],
     roles: Iterable[str],
+    admission: Admission | None,
     waiting: Iterable[Waiting],
 ) -> list[Finding]:
     """List every reason why the new version cannot serve the device; empty means go.
@@ -36,6 +38,8 @@ def check_replacement(
         new: What shall.
         config: Settings of the device.
         roles: Parts that the device plays in the tree.
+        admission: What of it a person admitted, and how far; None: all that it declares, or the
+            device has to be admitted anew.
         waiting: What runs that go on will still ask of it.
     """
     found = list(check_config(new, config))
@@ -47,6 +51,7 @@ def check_replacement(
     if new.transport != old.transport:
         text = f"the line carries {old.transport or 'nothing known'}, not {new.transport or 'that'}"
         found.append(Finding("driver.other_line", text))
+    found += _check_limits(new, admission or {})
     for job in waiting:
         found += _check_waiting(new, job)
     return found
@@ -60,3 +65,25 @@ def _check_waiting(new: DriverSpec, job: Waiting) -> list[Finding]:
     except NotFoundError as error:
         return [Finding("driver.still_needed", f"{job.job}: {error.message}")]
     return [Finding("driver.still_needed", f"{job.job}: {one.message}") for one in problems]
+
+
+def _check_limits(new: DriverSpec, admission: Admission) -> list[Finding]:
+    """List the limits that would fall away: of a parameter that the new version does not have.
+
+    An action that is gone needs none, and a limit above what the new version allows does no harm.
+    """
+    kept = {name: admission[name] for name in admission if name in _action_names(new)}
+    return [
+        Finding(
+            "driver.limit_lost",
+            f"{one.message}, and the device is admitted with this limit: suspend it, give it the "
+            "version, and admit it with limits that the version knows",
+            one.subject,
+        )
+        for one in check_admission(new, kept)
+        if one.code == "device.unknown_limit"
+    ]
+
+
+def _action_names(spec: DriverSpec) -> set[str]:
+    return {action.name for action in spec.actions}

@@ -5,7 +5,9 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+from collections.abc import Mapping
 from functools import partial
+from threading import BoundedSemaphore
 from uuid import UUID
 
 import msgspec
@@ -24,6 +26,7 @@ from labweb.domain.errors import (
     EnrollmentError,
     Finding,
     ForbiddenError,
+    LockedError,
     StateError,
 )
 from labweb.domain.messages import DriverApproval, DriverPart, Signed
@@ -33,6 +36,13 @@ from labweb.resources import selectors as resource_selectors
 
 INSPECT_WITHIN_S = 10.0
 """Longest time to wait for the reader; a text takes it less than a second of the processor."""
+
+WAIT_S = 10.0
+_AT_ONCE = BoundedSemaphore(2)
+"""Texts that one server reads side by side: each may take a gigabyte for ten seconds."""
+
+LONGEST_MODULE = 200
+"""Most of a module's name that is passed on; no driver has one as long."""
 
 PART_BYTES = 128 * 1024
 
@@ -59,7 +69,7 @@ def read_catalog() -> dict[str, CatalogDriver]:
     Raises:
         EnrollmentError: The catalog could not be read.
     """
-    found = _read([], b"", within_s=60.0)
+    found = _read([], b"", 60.0)
     return {
         f"{spec.module}:{spec.class_name}": CatalogDriver(spec, found.sources[spec.digest])
         for spec in found.drivers
@@ -72,18 +82,26 @@ def inspect_text(module: str, text: str) -> CatalogDriver:
     Raises:
         ConformanceError: It breaks a rule; `findings` list each place. Nothing was written.
         EnrollmentError: The reader failed, or took too long.
+        LockedError: `driver.busy`.
     """
-    found = _read(["-", "--module", module], text.encode(), within_s=INSPECT_WITHIN_S)
+    if not _AT_ONCE.acquire(timeout=WAIT_S):
+        raise LockedError("other drivers are being read: try again", code="driver.busy")
+    try:
+        asked = ["-", f"--module={module[:LONGEST_MODULE]}"]
+        found = _read(asked, text.encode(), INSPECT_WITHIN_S)
+    finally:
+        _AT_ONCE.release()
     findings = [*found.findings, *(one for spec in found.drivers for one in spec.findings)]
     if findings or len(found.drivers) != 1:
         count = len(findings)
-        text = f"{module} breaks the rules of drivers in {count} place{'s' * (count != 1)}"
+        places = f"{count} place{'s' * (count != 1)}"
+        text = f"{module[:LONGEST_MODULE]} breaks the rules of drivers in {places}"
         raise ConformanceError(text, findings=findings)
     (spec,) = found.drivers
     return CatalogDriver(spec, found.sources[spec.digest])
 
 
-def _read(arguments: list[str], data: bytes, *, within_s: float) -> _Catalog:
+def _read(arguments: list[str], data: bytes, within_s: float) -> _Catalog:
     command = [sys.executable, "-m", "drivers.catalog", *arguments, "--json", "--sources"]
     environment = {name: os.environ[name] for name in _PASSED_ON if name in os.environ}
     try:
@@ -170,13 +188,6 @@ def propose_driver(module: str, text: str, *, note: str, actor: User) -> DriverV
     found, _ = read_driver(module, text, actor=actor)
     if len(encode_bundle(found.sources)) > MAX_BUNDLE_BYTES:
         raise DefinitionError("the driver with what it shares is too large", code="driver.bundle")
-    row = DriverVersion.objects.select_for_update().filter(digest=found.spec.digest).first()
-    if row is not None and row.state in {_State.PROPOSED, _State.APPROVED}:
-        raise StateError(
-            f"this source is {row.state} already as {row}",
-            code="driver.known",
-            context={"id": str(row.id), "state": row.state},
-        )
     fields = _fields(found) | {
         "origin": DriverVersion.Origin.UPLOAD,
         "state": _State.PROPOSED,
@@ -187,13 +198,31 @@ def propose_driver(module: str, text: str, *, note: str, actor: User) -> DriverV
         "approved_at": None,
         "approval": {},
     }
-    row, _ = DriverVersion.objects.update_or_create(digest=found.spec.digest, defaults=fields)
+    # Whoever writes the row first has proposed it: of two at the same moment the other is refused.
+    row, is_new = DriverVersion.objects.select_for_update().get_or_create(
+        digest=found.spec.digest, defaults=fields
+    )
+    if not is_new:
+        _propose_again(row, fields)
     detail = {"digest": row.digest, "module": module}
     account_services.write_audit(
         "driver.propose", str(row.id), actor=actor, reason=note, detail=detail
     )
     on_commit(partial(feed.publish, "drivers", {"driver_id": str(row.id)}))
     return row
+
+
+def _propose_again(row: DriverVersion, fields: Mapping[str, object]) -> None:
+    """Write over a version that was rejected or withdrawn; the caller has locked it."""
+    if row.state in {_State.PROPOSED, _State.APPROVED}:
+        raise StateError(
+            f"this source is {row.state} already as {row}",
+            code="driver.known",
+            context={"id": str(row.id), "state": row.state},
+        )
+    for name, value in fields.items():
+        setattr(row, name, value)
+    row.save()
 
 
 @atomic

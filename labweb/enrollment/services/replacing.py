@@ -55,7 +55,8 @@ def want_driver(
     resource_selectors.require(actor, Permission.ADMIT, selectors.node_ids(device))
     if not reason.strip():
         raise DefinitionError("say why: the reason is empty", code="driver.no_reason")
-    version = selectors.find_driver(version_id)
+    # Locked: who withdraws it sees that this device is to have it, or this sees that it is gone.
+    version = selectors.driver_for_update(version_id)
     if version.state != DriverVersion.State.APPROVED or not version.approval:
         raise StateError(f"{version} is {version.state}, not approved", code="driver.not_approved")
     if version.pk == device.driver_id and device.next_driver_id is None:
@@ -84,6 +85,7 @@ def _findings(device: Device, version: DriverVersion, waiting: Sequence[Waiting]
         msgspec.convert(version.spec, DriverSpec),
         config=device.config,
         roles=device.nodes,
+        admission=device.admission if device.state == Device.State.ENROLLED else None,
         waiting=waiting,
     )
 

@@ -29,6 +29,9 @@ from labweb.workflows.services.drafts import create_workflow, save_version
 MOST_S = 180.0
 """Longest time to wait for an answer; the process itself has less of the processor."""
 
+LONGEST_FILE = 200
+"""Most of a file's name that a version notes: the digest after it stays whole."""
+
 WAIT_S = 30.0
 _AT_ONCE = BoundedSemaphore(2)
 """Recipes that one server compiles side by side."""
@@ -67,7 +70,6 @@ def advise_on(lab: Lab, asked: Asked, *, on_lab: bool, actor: User) -> dict[str,
     return _run("advise", _with_graph(lab, asked, on_lab=on_lab, actor=actor))
 
 
-@atomic
 def keep_recipe(lab: Lab, asked: Asked, *, name: str, actor: User) -> WorkflowVersion:
     """Keep a recipe as a workflow with its first version.
 
@@ -82,9 +84,10 @@ def keep_recipe(lab: Lab, asked: Asked, *, name: str, actor: User) -> WorkflowVe
     template = _run("workflow", replace(asked, name=name.strip() or asked.name))
     tree = resource_selectors.tree_of(resource_selectors.resources_of(lab))
     document = render_workflow(resolve_keys(parse_workflow(template), tree))
-    row = create_workflow(lab, name=name, document=document, actor=actor)
-    note = f"from {asked.name}, SHA-256 {digest(asked.recipe)}"
-    return save_version(row.id, note=note, actor=actor)
+    note = f"from {asked.name[:LONGEST_FILE]}, SHA-256 {digest(asked.recipe)}"
+    with atomic():  # not before: the recipe may have been minutes in its process
+        row = create_workflow(lab, name=name, document=document, actor=actor)
+        return save_version(row.id, note=note, actor=actor)
 
 
 def _may(lab: Lab, actor: User, permission: Permission) -> None:

@@ -6,6 +6,8 @@ import json
 from typing import Any
 
 import pytest
+from django.db import connection
+from django.test.utils import CaptureQueriesContext
 
 from labweb.approvals.models import ApprovalRequest
 from labweb.common.clock import now
@@ -23,6 +25,16 @@ def detail(bench: Bench, version: DriverVersion, role: str = "admin") -> dict[st
 def place(bench: Bench, version: DriverVersion, role: str = "admin") -> dict[str, Any]:
     (found,) = detail(bench, version, role)["places"]
     return dict(found)
+
+
+def test_a_list_of_more_versions_costs_no_more_queries(bench: Bench) -> None:
+    admin, costs = signed_in(bench.people["admin"]), []
+    for version in (1, 2):
+        proposed(bench, timer(version))
+        with CaptureQueriesContext(connection) as queries:
+            read(admin, "/api/v1/drivers")
+        costs.append(len(queries))
+    assert costs[0] == costs[1]
 
 
 def test_source_is_read_with_its_form_and_nothing_is_written(bench: Bench) -> None:

@@ -3,23 +3,27 @@
 from __future__ import annotations
 
 import json
+from datetime import datetime
 from pathlib import Path
+from threading import BoundedSemaphore
 
 import msgspec
 import pytest
 from django.core.management import CommandError, call_command
-from django.db import IntegrityError, transaction
+from django.db import IntegrityError, connection, transaction
+from django.test.utils import CaptureQueriesContext
 
 from labweb.accounts.models import AuditEntry
 from labweb.approvals import services
 from labweb.approvals.models import ApprovalRequest, Decision
-from labweb.common import signing
+from labweb.common import clock, signing
 from labweb.domain.enrollment.bundle import decode_bundle, digest_of
 from labweb.domain.errors import ConformanceError, ForbiddenError, StateError
 from labweb.domain.messages import DriverApproval, Signed
 from labweb.enrollment import services as enrollment_services
 from labweb.enrollment.models import DriverVersion
-from tests.builders import Bench
+from labweb.enrollment.services import drivers
+from tests.builders import Bench, a_user
 from tests.drivers.catalog.hostile import traps
 from tests.labweb.enrollment.driver_texts import TIMER, approved, proposed, timer
 from tests.labweb.web import call, code_of, read, signed_in
@@ -166,6 +170,69 @@ def test_a_driver_goes_through_the_rest_interface(bench: Bench) -> None:
     assert {row["id"]: row["state"] for row in rows}[made["id"]] == "approved"
     request = ApprovalRequest.objects.get(driver_id=made["id"])
     assert read(approver, f"/api/v1/approvals/{request.id}", 404)["code"] == "approval.not_found"
+
+
+def test_more_drivers_than_the_server_reads_wait_and_are_told_so(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(drivers, "_AT_ONCE", BoundedSemaphore(1))
+    monkeypatch.setattr(drivers, "WAIT_S", 0.01)
+    admin, body = signed_in(bench.people["admin"]), {"module": TIMER, "source": timer()}
+    with drivers._AT_ONCE:
+        answer = call(admin, "POST", "/api/v1/drivers/reading", body)
+        assert (answer.status_code, code_of(answer)) == (423, "driver.busy")
+    assert call(admin, "POST", "/api/v1/drivers/reading", body).status_code == 200
+
+
+@pytest.mark.parametrize("module", ["-x", "--json", "a" * 200_000, "drivers.virtual." + "a" * 200])
+def test_a_module_that_is_no_name_is_a_finding(bench: Bench, module: str) -> None:
+    for path in ("drivers", "drivers/reading"):
+        body = {"module": module, "source": timer()}
+        answer = call(signed_in(bench.people["admin"]), "POST", f"/api/v1/{path}", body)
+        found = json.loads(answer.content)
+        assert (answer.status_code, found["code"]) == (422, "driver.conformance")
+        assert [one["code"] for one in found["findings"]] == ["driver.no_module"]
+
+
+def test_a_null_character_that_an_escape_hides_reaches_no_database(bench: Bench) -> None:
+    said, setting = '"""One timer of the edge host."""', '"""A timer has nothing to set."""'
+    hidden = {said: r'"""One \0 timer."""', setting: setting + '\n\n    end: str = "\\0"'}
+    version = proposed(bench, timer(4, **hidden))
+    assert version.spec["doc"] == "One ? timer."
+    assert version.spec["config"][0]["default"] is None
+    assert version.state == "proposed"
+
+
+def test_of_two_who_bring_one_source_at_the_same_moment_the_second_is_refused(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The other is through between the second one's look and the second one's write."""
+    other = a_user("admin", on=bench.node("lab"), name="other")
+    made: list[DriverVersion] = []
+
+    def meanwhile() -> datetime:
+        if not made:
+            made.append(DriverVersion())
+            made[0] = services.submit_driver(TIMER, timer(), note="first", actor=other)
+        return clock.now()
+
+    monkeypatch.setattr(drivers, "now", meanwhile)
+    with pytest.raises(StateError) as refusal:
+        proposed(bench, timer())
+    assert refusal.value.code == "driver.known"
+    assert refusal.value.context["id"] == str(made[0].id)
+
+
+def test_an_answer_and_a_withdrawal_lock_the_version_first(bench: Bench) -> None:
+    """In another order two of them at one moment would wait for each other."""
+    one, two = proposed(bench, timer(1)), proposed(bench, timer(2))
+    with CaptureQueriesContext(connection) as answering:
+        services.decide_driver(one.id, actor=bench.people["approver"], is_approved=True, comment="")
+    with CaptureQueriesContext(connection) as withdrawing:
+        services.withdraw_driver(two.id, actor=bench.people["admin"], reason="old")
+    for queries in (answering, withdrawing):
+        first = next(one["sql"] for one in queries if "FOR UPDATE" in one["sql"])
+        assert 'FROM "enrollment_driverversion"' in first
 
 
 @pytest.mark.parametrize(

@@ -6,6 +6,8 @@ import json
 from uuid import UUID
 
 import pytest
+from django.db import connection
+from django.test.utils import CaptureQueriesContext
 
 from labweb.approvals import services as approval_services
 from labweb.crutd.models import Ticket
@@ -149,6 +151,43 @@ def test_a_version_that_lost_an_action_is_refused_while_a_run_needs_it(bench: Be
         want(bench, "pump_1", version)
     found = [one for one in refusal.value.findings if one.code == "driver.still_needed"]
     assert any("at most 1" in one.message for one in found)
+
+
+def rest(name: str) -> dict[str, str]:
+    """Give the timer an action that is in no interface, with this argument."""
+    first = "    def _waited_s("
+    text = (
+        "    @action(timeout_s=604_860.0)\n"
+        f"    def rest(self, {name}: float) -> Report:\n"
+        '        """Wait as well."""\n'
+        f"        return self.wait({name})\n\n"
+    )
+    return {first: text + first}
+
+
+def test_a_limit_that_a_person_set_does_not_fall_away_with_a_renamed_argument(
+    bench: Bench,
+) -> None:
+    """What was admitted for a minute may not wait a week because its number has another name."""
+    before, version = (approved(bench, timer(4, **rest(name))) for name in ("length_s", "pause_s"))
+    limits = {"wait": {"duration_s": 60.0}, "rest": {"length_s": 60.0}}
+    Device.objects.filter(key="timer_1").update(driver=before, admission=limits)
+    with pytest.raises(PreconditionError) as refusal:
+        want(bench, "timer_1", version)
+    assert [one.code for one in refusal.value.findings] == ["driver.limit_lost"]
+    assert bench.device("timer_1").next_driver is None
+    assert want(bench, "timer_1", approved(bench, timer(5, **rest("length_s")))).next_driver
+    Device.objects.filter(key="timer_1").update(state="suspended")
+    assert want(bench, "timer_1", version).driver == version, "it has to be admitted anew"
+
+
+def test_a_version_is_locked_while_a_device_is_given_it(bench: Bench) -> None:
+    """Withdrawing it at the same moment waits, and then finds the device."""
+    version = approved(bench, timer())
+    with CaptureQueriesContext(connection) as queries:
+        want(bench, "timer_1", version)
+    locking = [one["sql"] for one in queries if "FOR UPDATE" in one["sql"]]
+    assert any('FROM "enrollment_driverversion"' in sql for sql in locking)
 
 
 @pytest.mark.parametrize("role", ["observer", "chemist", "approver"])

@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import base64
+import gzip
+import hashlib
 import json
 from threading import BoundedSemaphore
 from typing import Any
 
 import pytest
+from django.db import connection
 from django.http import HttpResponse
 from django.test import Client
 
 from labweb.common.recipes import __main__ as process
+from labweb.domain.workflows.opening import Asked
 from labweb.workflows.models import Workflow, WorkflowVersion
 from labweb.workflows.services import recipes
 from tests.builders import Bench
@@ -143,6 +147,46 @@ def test_a_recipe_that_takes_too_long_is_given_up(
     monkeypatch.setattr(recipes, "MOST_S", 0.01)
     answer = post(chemist, "open", name="x", recipe=packed(WATER))
     assert code_of(answer) == "recipe.too_much"
+
+
+def test_an_answer_that_a_small_request_blows_up_is_refused_by_its_own_process(
+    chemist: Client,
+) -> None:
+    """Each of many components may be each of many flasks: 50 KB ask for more than 30 MB."""
+    flasks = [{"id": f"flask_{i}", "class": "ChemputerFlask", "type": "flask"} for i in range(4000)]
+    graph = gzip.compress(json.dumps({"nodes": flasks, "links": []}).encode())
+    parts = "".join(f'<Component id="r{i}" type="flask"/>' for i in range(700))
+    recipe = (
+        f"<XDL><Synthesis><Hardware>{parts}</Hardware><Reagents/><Procedure/></Synthesis></XDL>"
+    )
+    answer = post(chemist, "open", name="x", recipe=packed(recipe.encode()), graph=packed(graph))
+    assert (answer.status_code, code_of(answer)) == (422, "recipe.too_much")
+
+
+def test_no_transaction_is_open_while_a_recipe_is_read_to_be_kept(
+    bench: Bench, chemist: Client, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    depths: list[int] = []
+    run = recipes._run
+
+    def watched(act: str, asked: Asked) -> dict[str, Any]:
+        depths.append(len(connection.savepoint_ids))
+        return run(act, asked)
+
+    monkeypatch.setattr(recipes, "_run", watched)
+    before = len(connection.savepoint_ids)
+    keys = {"Water": "water", "reactor": "reactor_1"}
+    post(chemist, "keep", name="Warm", recipe=packed(WATER), bind=keys)
+    assert depths == [before]
+
+
+def test_a_long_file_name_leaves_the_digest_whole(bench: Bench, chemist: Client) -> None:
+    keys = {"Water": "water", "reactor": "reactor_1"}
+    answer = post(
+        chemist, "keep", name="Warm", recipe=packed(WATER), file="w" * 900 + ".xdl", bind=keys
+    )
+    version = WorkflowVersion.objects.get(pk=json.loads(answer.content)["version"]["id"])
+    assert version.note.endswith(hashlib.sha256(WATER).hexdigest())
 
 
 def test_the_process_has_less_of_the_processor_than_the_server_waits() -> None:
