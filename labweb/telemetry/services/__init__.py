@@ -12,11 +12,12 @@ from labweb.telemetry.services.files import (
     keep_picture,
 )
 from labweb.telemetry.services.incoming import READ_TASK, bring, read_incoming, ring_incoming
-from labweb.telemetry.services.rolling import roll_up, trim
+from labweb.telemetry.services.rolling import MOST_TRIMMED, roll_up, trim
 from labweb.telemetry.services.samples import SILENT_S, take_in
 
 __all__ = [
     "MOST_ROWS",
+    "MOST_TRIMMED",
     "PARQUET",
     "READ_TASK",
     "SILENT_S",

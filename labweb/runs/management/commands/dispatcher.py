@@ -85,16 +85,16 @@ class Command(BaseCommand):
         """Look whenever the bell rings, and each tick without it, until told to stop."""
         monitor = Monitor()
         listener = wake.Listener()
-        watched_at = trimmed_at = 0.0
+        watched_at = trim_at = 0.0
         while not stop.is_set():
             try:
                 self._tick()
                 if time.monotonic() - watched_at >= _WATCH_EVERY_S:
                     watched_at = time.monotonic()
                     self._watch(monitor)
-                if time.monotonic() - trimmed_at >= _TRIM_EVERY_S:
-                    trimmed_at = time.monotonic()
-                    telemetry_services.trim()
+                if time.monotonic() >= trim_at:
+                    is_more = telemetry_services.trim() >= telemetry_services.MOST_TRIMMED
+                    trim_at = time.monotonic() + (0.0 if is_more else _TRIM_EVERY_S)
             except (OperationalError, InterfaceError) as error:
                 logger.warning("the database is away: %s", error)
                 close_connections()
