@@ -308,7 +308,7 @@ def test_a_unit_is_known_by_its_common_code_and_only_by_it() -> None:
 
 
 @pytest.mark.parametrize(
-    "url", ["opc.tcp://host", "opc.tcp://a:b@host:4840", "opc.tcp://h:1/x?y=1"]
+    "url", ["opc.tcp://host", "opc.tcp://somebody@host:4840", "opc.tcp://h:1/x?y=1"]
 )
 def test_an_address_that_is_not_whole_is_refused(url: str) -> None:
     with pytest.raises(DefinitionError):
