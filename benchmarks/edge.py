@@ -7,6 +7,7 @@ the host. The devices are the host's own timers, which wait for nothing.
 from __future__ import annotations
 
 import os
+import sqlite3
 import subprocess
 import sys
 import tempfile
@@ -14,7 +15,7 @@ import threading
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, closing, contextmanager
 from pathlib import Path
 from uuid import UUID, uuid4, uuid5
 
@@ -25,7 +26,7 @@ from drivers.load import read_spec
 from labweb.domain.messages import DeviceConfig, Do, EdgeEvent, ResourceView, Resume
 from tests.faults.kills.lab import Ledger
 from tests.workers.bench import ROOT, SPACE, Server
-from workers.app import ACCEPT
+from workers.app import ACCEPT, post
 from workers.config import HostConfig, ValkeyConfig, command_queue
 from workers.host import find_valkey
 from workers.keys import create_key
@@ -43,13 +44,19 @@ class Watched(Ledger):
         super().__init__(server, devices, public_key)
         self.came = threading.Condition()
         self.counts: Counter[str] = Counter()
+        self.on_end: Callable[[EdgeEvent], None] | None = None
+        """Is told of each end on the thread that heard it, before that is acknowledged."""
 
     def _keep(self, events: list[EdgeEvent]) -> None:
         with self.came:
             known = self.head
             super()._keep(events)
-            self.counts.update(event.kind for event in events if event.seq > known)
+            new = [event for event in events if event.seq > known]
+            self.counts.update(event.kind for event in new)
             self.came.notify_all()
+        for event in new:
+            if self.on_end is not None and event.kind in FINAL:
+                self.on_end(event)
 
 
 class Host:
@@ -112,7 +119,15 @@ class Host:
             stack.callback(popen.wait)
             stack.callback(popen.terminate)
             wait_for(lambda: self.hub.hellos and self.server.epoch, START_S)
+            # What reaches the host before it has opened the session is void, and comes only once.
+            wait_for(lambda: self._epoch(config) == self.server.epoch, START_S)
             yield
+
+    def _epoch(self, config: HostConfig) -> int:
+        """Return the session that the host's journal knows of."""
+        with closing(sqlite3.connect(f"file:{config.journal_path}?mode=ro", uri=True)) as journal:
+            found = journal.execute("SELECT value FROM meta WHERE key = 'epoch'").fetchone()
+        return 0 if found is None else int(found[0])
 
     def a_step(self, device: DeviceConfig, duration_s: float = 0.0) -> Do:
         """Make a step that waits for so long on that timer."""
@@ -141,7 +156,7 @@ class Host:
     def post(self, step: Do) -> None:
         """Publish as the server's relay does."""
         signed = msgspec.to_builtins(self.server.sign(step))
-        self.celery.send_task(ACCEPT, args=[signed], queue=command_queue(self.id))
+        post(self.celery, ACCEPT, [signed], command_queue(self.id))
 
     def hold(self) -> None:
         """From the next session on, accept and start nothing."""

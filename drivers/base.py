@@ -70,6 +70,18 @@ class Quantity:
 
 
 @dataclass(frozen=True, slots=True)
+class Accuracy:
+    """Mark a number that can be calibrated: `Annotated[float, Accuracy(ratio=0.01)]`.
+
+    What the maker states of a new instrument, of the value (`ratio`) or in the name's unit
+    (`absolute`). Neither: the maker states nothing, and it can be calibrated all the same.
+    """
+
+    ratio: float | None = None
+    absolute: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
 class ActionMark:
     """What `@action` leaves on a method."""
 

@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
-from drivers.base import DeviceStoppedError, Driver
+from drivers.base import DeviceStoppedError, Driver, Report
 from labweb.domain.errors import DeviceError, Effect, PreconditionError, RejectedError
 
 KNOWN_ENDS = frozenset(
@@ -218,3 +218,87 @@ def once_started(
         except DeviceError as second:
             error.context["not_turned_off"] = second.message
         raise
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Control:
+    """How a driver brings a temperature to a setpoint and keeps it there.
+
+    The times are settings of the driver: `settle_s`, `reach_limit_s`, `grace_s` and `poll_s`.
+    """
+
+    driver: Driver[Any, Any]
+    read: Callable[[], float]
+    """Reading, or the reason why it is not controlled any more."""
+
+    begin: Callable[[float], object]
+    """Sends the setpoint and what starts; what fails here is ended."""
+
+    end: Callable[[], object]
+    describe: Callable[[], Mapping[str, Any]]
+    """Reads what is true: the evidence, and how far it came."""
+
+    before: Callable[[float], object] | None = None
+    """Comes before `begin`, and says itself what its failure may have done."""
+
+    def reach(self, temperature_c: float, tolerance_c: float) -> Report:
+        """Begin, and return once the reading has stayed within tolerance.
+
+        Raises:
+            DeviceError: As `await_reading`, after it was ended (PARTIAL or UNKNOWN).
+        """
+        config = self.driver.config
+        wanted = Wanted(temperature_c, tolerance_c, "°C", config.settle_s)
+        if self.before is not None:
+            self.before(temperature_c)
+        with once_started(self.end, self.describe):
+            self._begin(temperature_c)
+            await_reading(
+                self.driver,
+                self.read,
+                wanted,
+                limit_s=config.reach_limit_s,
+                poll_s=config.poll_s,
+            )
+            return Report(evidence=dict(self.describe()))
+
+    def hold(
+        self, reading_c: float, duration_s: float, temperature_c: float, tolerance_c: float
+    ) -> Report:
+        """Keep what is reached for a while, and watch it; evidence `held_s`.
+
+        Args:
+            reading_c: What it was right before.
+            duration_s: How long.
+            temperature_c: Setpoint.
+            tolerance_c: How far the reading may be from it.
+
+        Raises:
+            PreconditionError: The reading is not within tolerance (NONE).
+            DeviceError: As `watch_reading`, after it was ended (PARTIAL or UNKNOWN).
+        """
+        config = self.driver.config
+        wanted = Wanted(temperature_c, tolerance_c, "°C")
+        refuse_unless_near(reading_c, wanted)
+        if self.before is not None:
+            self.before(temperature_c)
+        with once_started(self.end, self.describe, lasted="held_s"):
+            self._begin(temperature_c)
+            started_s = time.monotonic()
+            watch_reading(
+                self.driver,
+                self.read,
+                wanted,
+                duration_s=duration_s,
+                poll_s=config.poll_s,
+                grace_s=config.grace_s,
+            )
+            held_s = round(time.monotonic() - started_s, 3)
+            return Report(evidence={**self.describe(), "held_s": held_s})
+
+    def _begin(self, temperature_c: float) -> None:
+        try:
+            self.begin(temperature_c)
+        except RejectedError:
+            self.driver.pause(0)  # a stop from another thread is told as such
+            raise

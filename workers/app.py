@@ -17,6 +17,7 @@ from typing import Any
 from urllib.parse import urlsplit
 
 from celery import Celery
+from celery.utils import uuid
 from kombu import Queue
 from kombu.exceptions import OperationalError
 
@@ -110,9 +111,36 @@ def make_host_app(config: HostConfig, lines: tuple[str, ...] = ()) -> Celery:
 def wake(app: Celery, line: str) -> None:
     """Ring a line's bell. Losing it does no harm: the supervisor rings again."""
     try:
-        app.send_task(EXECUTE, args=[line], queue=line_queue(line), ignore_result=True, retry=False)
+        post(app, EXECUTE, [line], line_queue(line))
     except OperationalError as error:
         log.warning("line %s could not be woken: %s", line, error)
+
+
+def post(app: Celery, task: str, args: list[Any], queue: str) -> None:
+    """Send a task to a queue that is there already, as `Celery.send_task` does in twice the time.
+
+    Raises:
+        kombu.exceptions.OperationalError: The broker is away.
+    """
+    message = app.amqp.as_task_v2(
+        uuid(), task, tuple(args), {}, argsrepr="", kwargsrepr="", ignore_result=True
+    )
+    with app.producer_or_acquire() as producer:
+        try:
+            producer.publish(
+                message.body,
+                exchange="",
+                routing_key=queue,
+                serializer="json",
+                headers=message.headers,
+                retry=False,
+                **message.properties,
+            )
+        except (
+            *producer.connection.connection_errors,
+            *producer.connection.channel_errors,
+        ) as error:
+            raise OperationalError(str(error)) from error
 
 
 def _command_queue(config: HostConfig) -> Queue:

@@ -7,6 +7,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from urllib.parse import urlsplit
 
+from cryptography import x509
+
+from drivers.transports.urls import file_of, line_key, ports_of
 from labweb.domain.messages import DeviceConfig
 from workers import faults
 from workers.config import HostConfig, line_queue
@@ -41,22 +44,63 @@ def bounds_of(config: HostConfig, line: str, devices: Sequence[DeviceConfig]) ->
     own += [config.folder / f"{line_queue(line)}.lock"]
     store = DriverStore(config.drivers_folder)
     has_ros2 = any(device.transport.startswith("ros2:") for device in devices)
-    ports = [_port(device.transport) for device in devices]
+    ports = [port for device in devices for port in ports_of(device.transport)]
     if config.valkey.url is not None:
         ports.append(urlsplit(config.valkey.url).port or 6379)
     return Bounds(
-        readable=existing(store.path(device.digest) for device in devices),
+        readable=existing([*(store.path(device.digest) for device in devices), *_read(devices)]),
         writable=existing([*own, *device_files(devices)]),
-        ports=tuple(sorted({port for port in ports if port is not None})),
+        ports=tuple(sorted(set(ports))),
         has_datagrams=any("beat=" in device.transport for device in devices) or has_ros2,
         has_interfaces=has_ros2,
     )
 
 
+def bounds_of_address(url: str) -> Bounds:
+    """Return what a driver needs that is tried on one address, and nothing of the host's own."""
+    return Bounds(
+        readable=existing(_public_files([url])),
+        writable=existing(_files([url])),
+        ports=tuple(sorted(set(ports_of(url)))),
+        has_local=False,
+        has_processes=False,
+        has_datagrams="beat=" in url,
+    )
+
+
+def _read(devices: Sequence[DeviceConfig]) -> list[Path]:
+    """Return the certificates of devices; a file that holds anything else is not theirs to read."""
+    return _public_files([device.transport for device in devices])
+
+
+def _public_files(urls: Sequence[str]) -> list[Path]:
+    files = [file_of(url) for url in urls]
+    return [Path(file) for file in files if file is not None and _is_public(Path(file))]
+
+
+def _is_public(path: Path) -> bool:
+    """Tell whether a file holds certificates and no key."""
+    try:
+        content = path.read_bytes()
+        x509.load_pem_x509_certificates(content)
+    except (OSError, ValueError) as error:
+        log.warning("%s is no certificate, so that no driver may read it: %s", path, error)
+        return False
+    if b"PRIVATE KEY" in content:
+        log.warning("%s holds a private key, so that no driver may read it", path)
+        return False
+    return True
+
+
 def device_files(devices: Sequence[DeviceConfig]) -> list[Path]:
-    """Return the serial ports of devices."""
-    urls = [urlsplit(device.transport) for device in devices]
-    return [Path(url.path) for url in urls if url.scheme.endswith("serial")]
+    """Return the serial ports and GPIB boards of devices."""
+    return _files([device.transport for device in devices])
+
+
+def _files(urls: Sequence[str]) -> list[Path]:
+    lines = [line_key(url).partition(":") for url in urls]
+    folder = {"serial": "", "gpib": "/dev/gpib"}
+    return [Path(f"{folder[sort]}{place}") for sort, _, place in lines if sort in folder]
 
 
 def marks_of(devices: Sequence[DeviceConfig]) -> str:
@@ -72,10 +116,3 @@ def marks_of(devices: Sequence[DeviceConfig]) -> str:
         except OSError:
             marks.append(f"{path}:none")
     return " ".join(marks)
-
-
-def _port(url: str) -> int | None:
-    parts = urlsplit(url)
-    if not parts.scheme.endswith("tcp"):
-        return None
-    return parts.port

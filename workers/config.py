@@ -107,6 +107,9 @@ class HostConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
     ros2: Ros2Config | None = None
     """None: the host speaks no ROS 2."""
 
+    tryouts: bool = False
+    """Whether authors may try drivers here on simulated instruments, before anybody approves."""
+
     unconfined: Literal["refuse", "accept"] | None = None
     """Whether lines may run unconfined where the kernel cannot confine them. None: only when
     the mode is `sim`."""

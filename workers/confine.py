@@ -65,6 +65,12 @@ class Bounds:
     ports: tuple[int, ...] = ()
     """TCP ports that may be connected to; none: no socket of the internet's at all."""
 
+    has_local: bool = True
+    """Whether it may open local sockets, such as that of the host's Valkey."""
+
+    has_processes: bool = True
+    """Whether it may start processes of its own program; other programs it never may."""
+
     has_datagrams: bool = False
     has_interfaces: bool = False
     """Whether it may ask the kernel which network cards there are."""
@@ -193,6 +199,12 @@ _NUMBERS: dict[str, tuple[int, int, dict[str, int]]] = {
 }
 """By machine: its name for the kernel, the number of seccomp, and what is refused."""
 
+_STARTS: dict[str, tuple[int, int, tuple[int, ...]]] = {
+    "x86_64": (56, 435, (57, 58)),
+    "aarch64": (220, 435, ()),
+}
+"""By machine: clone, clone3, and what else starts a process (fork, vfork)."""
+
 _LOAD, _AND, _EQUAL, _AT_LEAST, _RETURN = 0x20, 0x54, 0x15, 0x35, 0x06
 _PASS, _KILL, _FAIL = 0x7FFF0000, 0x80000000, 0x00050000 | errno.EPERM
 _AT_NUMBER, _AT_MACHINE, _AT_FIRST, _AT_SECOND = 0, 4, 16, 24
@@ -200,6 +212,8 @@ _FOREIGN_NUMBERS = 0x40000000
 _SOCKET_KIND = 0xF
 _UNIX, _INTERNET, _INTERNET_6, _NETLINK, _STREAM, _DATAGRAM = 1, 2, 10, 16, 1, 2
 _SET_FILTER, _ALL_THREADS = 1, 1
+_UNKNOWN_CALL = 0x00050000 | errno.ENOSYS
+_CLONE_THREAD = 0x10000
 
 
 class _Program(ctypes.Structure):
@@ -220,16 +234,38 @@ def _seccomp(libc: ctypes.CDLL, bounds: Bounds) -> None:
     for name, call in calls.items():
         if name != "socket":
             steps += [_step(_EQUAL, call, 0, 1), _step(_RETURN, _FAIL)]
+    if not bounds.has_processes:
+        steps += _thread_steps(*_STARTS[platform.machine()])
     steps += [_step(_EQUAL, calls["socket"], 1, 0), _step(_RETURN, _PASS)]
-    steps += _socket_steps(kinds, has_interfaces=bounds.has_interfaces)
+    families = [_UNIX] * bounds.has_local + [_NETLINK] * bounds.has_interfaces
+    steps += _socket_steps(families, kinds)
     program = _Program(len(steps), b"".join(steps))
     _check(libc.syscall(number, _SET_FILTER, _ALL_THREADS, ctypes.byref(program)))
 
 
-def _socket_steps(kinds: list[int], *, has_interfaces: bool) -> list[bytes]:
-    """Pass local sockets, of the internet's those of the given kinds, and netlink if needed."""
+def _thread_steps(clone: int, clone3: int, forks: Iterable[int]) -> list[bytes]:
+    """Let threads begin and no processes; clone3, whose flags no filter sees, is not there.
+
+    A C library that is told so falls back to clone.
+    """
+    steps = [_step(_EQUAL, clone3, 0, 1), _step(_RETURN, _UNKNOWN_CALL)]
+    for call in forks:
+        steps += [_step(_EQUAL, call, 0, 1), _step(_RETURN, _FAIL)]
+    return [
+        *steps,
+        _step(_EQUAL, clone, 0, 5),
+        _step(_LOAD, _AT_FIRST),
+        _step(_AND, _CLONE_THREAD),
+        _step(_EQUAL, 0, 0, 1),
+        _step(_RETURN, _FAIL),
+        _step(_RETURN, _PASS),
+    ]
+
+
+def _socket_steps(families: list[int], kinds: list[int]) -> list[bytes]:
+    """Pass sockets of the given families, and of the internet's those of the given kinds."""
     steps = [_step(_LOAD, _AT_FIRST)]
-    for family in [_UNIX] + [_NETLINK] * has_interfaces:
+    for family in families:
         steps += [_step(_EQUAL, family, 0, 1), _step(_RETURN, _PASS)]
     steps += [
         _step(_EQUAL, _INTERNET, 2, 0),

@@ -246,3 +246,21 @@ def tell_once(journal: Journal, device: DeviceConfig, kind: str, **rest: str) ->
         if before is None and kind == "driver_serving":
             return
         tx.append(kind, None, {"device_id": str(device.id), "digest": device.digest, **rest})
+
+
+class Serving:
+    """Which versions serve, for the server to be told when that is another than it was told."""
+
+    def __init__(self, journal: Journal) -> None:
+        self._journal = journal
+        self._said: tuple[int, dict[str, str]] = (0, {})
+
+    def news(self, epoch: int) -> dict[str, str] | None:
+        """Return the digest that a line has loaded, by device; None: as said in this session."""
+        marks = {one.id: self._journal.meta(f"driver.{one.id}") for one in self._journal.devices()}
+        words = {str(key): (mark or "").split() for key, mark in marks.items()}
+        serving = {key: mark[1] for key, mark in words.items() if mark[:1] == ["driver_serving"]}
+        if (epoch, serving) == self._said:
+            return None
+        self._said = (epoch, serving)
+        return serving

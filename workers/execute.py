@@ -10,6 +10,7 @@ from queue import SimpleQueue
 from typing import Any, Literal
 
 from drivers.base import Report as DriverReport
+from labweb.domain.calibration.model import Quantity
 from labweb.domain.crutd.decide import confirmed_nl
 from labweb.domain.errors import Effect, LabError
 from labweb.domain.messages import Do
@@ -134,7 +135,7 @@ class _Task:
             with _observed(self._unit):
                 self._report = to_report(self._do, self._unit, self._call())
         except LabError as error:
-            self._report = _failed(error)
+            self._report = _failed(self._do, error)
         except Exception as error:
             log.exception("driver of %s failed", self._unit.config.key)
             self._report = Report(
@@ -170,17 +171,27 @@ def to_report(do: Do, unit: Unit, report: DriverReport) -> Report:
 
 
 def _moved_nl(do: Do, report: DriverReport) -> int | None:
-    moved_nl, asked_nl = _to_nl(report.moved_ul), do.operation.get("amount_nl")
+    moved_nl, asked_nl = _true_nl(do, report.moved_ul), do.operation.get("amount_nl")
     if moved_nl is None or not isinstance(asked_nl, int):
         return moved_nl
-    return confirmed_nl(asked_nl, moved_nl, _to_nl(report.resolution_ul) or 0)
+    return confirmed_nl(asked_nl, moved_nl, _true_nl(do, report.resolution_ul) or 0)
 
 
-def _failed(error: LabError) -> Report:
+def _true_nl(do: Do, told_ul: object) -> int | None:
+    """Return what a volume that the device tells is by the calibration that it was sent with."""
+    told_nl = _to_nl(told_ul)
+    volumes = (one for one in do.corrections if one.quantity is Quantity.VOLUME)
+    correction = next(volumes, None)
+    if told_nl is None or correction is None:
+        return told_nl
+    return _to_nl(correction.true_of(told_nl / NL_PER_UL))
+
+
+def _failed(do: Do, error: LabError) -> Report:
     return Report(
         ok=False,
         effect=error.effect,
-        moved_nl=_to_nl(error.context.get("moved_ul")),
+        moved_nl=_true_nl(do, error.context.get("moved_ul")),
         code=error.code,
         message=error.message,
         evidence=plain(error.context),

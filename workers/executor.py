@@ -23,17 +23,13 @@ from labweb.domain.runs.journal import ActionRow, JournalError
 from workers import execute, faults
 from workers.journal import Journal
 from workers.keys import is_signed
+from workers.outcomes import Following, Outcomes
 from workers.pictures import Pictures, Witness
 from workers.readings import Reader, judged, prestate_body, prestate_from
 from workers.store import Store
 from workers.unit import Unit
 
 log = logging.getLogger(__name__)
-
-LAST_WRITE_TRIES = 60
-"""How often the outcome of an action is written again while the disk refuses it."""
-
-LAST_WRITE_PAUSE_S = 0.5
 
 NEXT_COUNT = 2
 """How many of the waiting actions are looked at before all are."""
@@ -73,7 +69,10 @@ class Executor:
         self._wake = wake
         self._reader = Reader(units, store, clock)
         self._witness = Witness(pictures, units, store)
+        self._outcomes = Outcomes(journal, clock)
         self._actor = execute.Actor()
+        self._begun: Started | None = None
+        """An action whose start is on disk with the end of the one before, and which acts next."""
 
     def close(self) -> None:
         """End the thread of the actions."""
@@ -105,7 +104,7 @@ class Executor:
         """
         count = 0
         try:
-            while not self._is_closing() and self._step():
+            while (self._begun or not self._is_closing()) and self._step():
                 count += 1
         except HungDriverError:
             raise
@@ -126,13 +125,19 @@ class Executor:
 
     def _step(self) -> bool:
         """Take one action one step on; False: nothing can move now."""
-        for row in self._journal.actions(self._line, ActionState.ACTUATED):
-            if self._confirm_again(row):
-                return True
+        if self._begun is not None:
+            started, self._begun = self._begun, None
+            faults.enter(started.do.action)
+            self._carry_out(started, self._units[started.row.device_id], {})
+            return True
         if self._is_held():
-            return False
+            return self._confirm_one(self._journal.actions(self._line, ActionState.ACTUATED))
         # The next ones first: a long queue is read whole only when none of them may start.
-        accepted = self._journal.actions(self._line, ActionState.ACCEPTED, limit_count=NEXT_COUNT)
+        accepted = self._journal.next_of(self._line, NEXT_COUNT)
+        if any(row.st is ActionState.ACTUATED for row in accepted):
+            if self._confirm_one(self._journal.actions(self._line, ActionState.ACTUATED)):
+                return True
+            accepted = [row for row in accepted if row.st is ActionState.ACCEPTED]
         if any(self._try(row) for row in acting.in_turn(accepted)):
             return True
         if len(accepted) < NEXT_COUNT:
@@ -142,6 +147,10 @@ class Executor:
         return any(
             self._try(row) for row in acting.in_turn(everything) if row.device_id not in tried
         )
+
+    def _confirm_one(self, answered: list[ActionRow]) -> bool:
+        """End one action that was answered before a crash; False: none can be read now."""
+        return any(self._confirm_again(row) for row in answered)
 
     def _try(self, row: ActionRow) -> bool:
         """Start an action if it may; False: it waits."""
@@ -179,7 +188,6 @@ class Executor:
         if isinstance(found, Answer):
             self._wake_others(do)
             return found.kind == edge.REJECT
-        faults.point("execute.after_started")
         self._carry_out(found, unit, before)
         return True
 
@@ -242,6 +250,7 @@ class Executor:
         self, started: Started, unit: Unit, before: Mapping[tuple[UUID, str], Any]
     ) -> None:
         row, do = started.row, started.do
+        faults.point("execute.after_started")
         acted = self._actor.act(
             unit, do, self._clock, is_cancel_wanted=lambda: self._is_cancelled(row.action_id)
         )
@@ -258,9 +267,9 @@ class Executor:
         self._witness.keep_reported(row.action_id, unit.config.id, acted.report.evidence)
         context = self._context(unit)
         if not do.post:  # nothing is read between answer and end: one write holds both
-            self._finish(row, acted.report, [], context)
+            self._finish(row, acted.report, [], context, self._following(row, unit, context))
             return
-        self._persist(lambda: self._write_actuated(row, acted.report, context))
+        self._outcomes.write_answer(row, acted.report, context)
         faults.point("execute.after_actuated")
         self._confirm(row, do, acted.report, before)
 
@@ -272,10 +281,6 @@ class Executor:
             log.error("whether to cancel cannot be read: %s", error)
             return False
         return row is not None and row.is_cancel_wanted
-
-    def _write_actuated(self, row: ActionRow, report: Report, context: dict[str, Any]) -> None:
-        with self._journal.write(is_sealed=False) as tx:
-            acting.write_actuated(tx, row, report, context)
 
     def _context(self, unit: Unit) -> dict[str, Any]:
         """Return versions of what acts, and the latest readings of the host with their age."""
@@ -310,6 +315,34 @@ class Executor:
         self._confirm(row, row.do, report, before)
         return True
 
+    def _following(self, row: ActionRow, unit: Unit, context: dict[str, Any]) -> Following | None:
+        """Return the action that may begin in the write that ends this one.
+
+        It is the next in turn, of the same device, and nothing is read before it starts. None:
+        the line looks for its next one as ever.
+        """
+        if self._is_closing() or unit.driver.is_stopped:
+            return None
+        try:
+            following = next(iter(self._journal.next_of(self._line, 1)), None)
+            if following is None or following.st is not ActionState.ACCEPTED:
+                return None
+            do = following.do
+            if following.device_id != row.device_id or do.pre or do.post:
+                return None
+            if self._is_for_next(do, unit) or self._problem(following, do, unit) is not None:
+                return None
+        except JournalError as error:
+            log.error("what comes next cannot be read: %s", error)
+            return None
+        scene = acting.Scene(
+            pid=os.getpid(),
+            driver_digest=unit.config.digest,
+            prestate=plain(prestate_body({})),
+            context=context,
+        )
+        return Following(following, do, scene)
+
     # --- its end ---
 
     def _finish(
@@ -318,40 +351,16 @@ class Executor:
         report: Report,
         post: list[tuple[Condition, Result]],
         answered: dict[str, Any] | None = None,
+        following: Following | None = None,
     ) -> None:
-        """Write the end; with the context of the device's answer, that first, in one write."""
-        self._persist(lambda: self._write_end(row, report, post, answered))
+        """Write the end; with the context of the device's answer, that first, in one write.
+
+        `following` begins in that write too, if it may. Where the disk refuses, the end alone
+        is tried again.
+        """
+        self._begun = self._outcomes.write_end(row, report, post, answered, following)
         faults.point("execute.after_done")
         self._wake_others(row.do)
-
-    def _write_end(
-        self,
-        row: ActionRow,
-        report: Report,
-        post: list[tuple[Condition, Result]],
-        answered: dict[str, Any] | None,
-    ) -> None:
-        with self._journal.write(is_sealed=False) as tx:
-            if answered is not None:
-                acting.write_actuated(tx, row, report, answered)
-            acting.write_end(tx, row, report, post)
-            faults.point("execute.before_done")
-
-    def _persist(self, write: Callable[[], None]) -> None:
-        """Write an outcome, again and again while the disk refuses; matter has moved.
-
-        Raises:
-            JournalError: It never succeeded. The action is found in doubt at the next start.
-        """
-        for _ in range(LAST_WRITE_TRIES - 1):
-            try:
-                return write()
-            except JournalError as error:
-                if error.code == "journal.lost_claim":
-                    raise
-                log.error("outcome is not on disk yet: %s", error)
-                self._clock.wait(LAST_WRITE_PAUSE_S)
-        return write()
 
 
 def _conditions(plain_conditions: list[dict[str, Any]]) -> list[Condition]:

@@ -19,7 +19,7 @@ from redis.exceptions import RedisError
 
 from labweb.domain.errors import DefinitionError, LabError, StateError
 from labweb.domain.runs.edge import ActionState
-from workers.app import make_host_app, wake
+from workers.app import make_host_app
 from workers.bounds import marks_of
 from workers.config import HostConfig, line_queue, load_config
 from workers.confine import describe, is_possible
@@ -31,6 +31,7 @@ from workers.processes import Child
 from workers.session import disarm_if_regressed, record_boot
 from workers.store import Store
 from workers.trial import Trials
+from workers.waking import waker
 
 log = logging.getLogger(__name__)
 
@@ -70,7 +71,7 @@ class Supervisor:
             log.error("the journal is not the newest one (%s): nothing starts here", reason)
         self._environment = _environment(config)
         self._store = Store(config.valkey_url)
-        self._app = make_host_app(config)
+        self._wake = waker(make_host_app(config), self._store)
         self._services = self._make_services()
         self._lines: dict[str, Child] = {}
         self._trials = Trials(config, path, self._environment)
@@ -156,7 +157,7 @@ class Supervisor:
         """Post wake-ups again for lines that have work and no bell waiting."""
         for line in self._journal.waiting_lines():
             if line in self._lines and self._store.queue_length(line_queue(line)) == 0:
-                wake(self._app, line)
+                self._wake(line)
 
     def _prune(self) -> None:
         self._journal.prune(self._config.retention_s)
@@ -168,6 +169,7 @@ class Supervisor:
             "accept": bool(self._config.broker_url),
             "discovery": self._config.discovery is not None,
             "ros2": self._config.ros2 is not None,
+            "tryouts": self._config.tryouts,
         }
         return [*(self._child(name, name) for name in wanted if wanted[name]), uplink]
 

@@ -11,6 +11,7 @@ Source:
 from __future__ import annotations
 
 import argparse
+import asyncio
 import hashlib
 import hmac
 import os
@@ -18,16 +19,14 @@ import platform
 import socket
 import ssl
 import sys
-import threading
 from collections.abc import Callable, Sequence
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 import msgspec
+from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import ConnectionClosed, WebSocketException
-from websockets.sync.client import connect
-from websockets.sync.connection import Connection
 
 from labweb.domain.enrollment.join import (
     LONGEST_NAME,
@@ -104,27 +103,31 @@ def join(place: Place, begun: Begun, say: Callable[[str], None]) -> Admitted:
         EnrollmentError: The server is not the lab's, or refuses, or the admin does. What is
             true then is in the message. Nothing of the host that was here before changed.
     """
+    return asyncio.run(_join(place, begun, say))
+
+
+async def _join(place: Place, begun: Begun, say: Callable[[str], None]) -> Admitted:
     token = parse_token(begun.token)
     key = load_key(place.asking_file)
-    authority = fetch_authority(begun.server, token, say)
+    authority = await fetch_authority(begun.server, token, say)
     screen = Screen(code_of(token.ca_hash, key.public_raw), say)
     while True:
         try:
-            with _connected(begun.server, verifying_context(authority)) as line:
-                _ask(line, key, token, begun)
-                answer = _wait(line, screen)
+            async with _connected(begun.server, verifying_context(authority)) as line:
+                await _ask(line, key, token, begun)
+                answer = await _wait(line, screen)
         except ssl.SSLCertVerificationError as error:
             raise _impostor(str(error)) from error
         except (OSError, WebSocketException, EOFError) as error:
             say(f"the line to {begun.server} broke ({error}); trying again")
-            threading.Event().wait(RETRY_S)
+            await asyncio.sleep(RETRY_S)
             continue
         take_certificate(place.asking_file, key, answer.certificate, authority)
         _settle(place, begun, authority, answer)
         return answer
 
 
-def fetch_authority(server: str, token: Token, say: Callable[[str], None]) -> str:
+async def fetch_authority(server: str, token: Token, say: Callable[[str], None]) -> str:
     """Return the certificate of the lab's authority, once its hash is the token's.
 
     Nothing is told to the server for that; whoever it is learns only that somebody connected.
@@ -137,8 +140,8 @@ def fetch_authority(server: str, token: Token, say: Callable[[str], None]) -> st
     context.check_hostname = False
     context.verify_mode = ssl.CERT_NONE
     try:
-        with _connected(server, context) as line:
-            offer = _receive(line)
+        async with _connected(server, context) as line:
+            offer = await _receive(line)
     except (OSError, WebSocketException, EOFError) as error:
         raise UnreachableError(f"no labweb door answers at {server}: {error}") from error
     try:
@@ -159,7 +162,9 @@ def _impostor(detail: str) -> EnrollmentError:
     return EnrollmentError(text, code="join.wrong_authority")
 
 
-def _connected(server: str, context: ssl.SSLContext) -> Connection:
+def _connected(server: str, context: ssl.SSLContext) -> connect:
+    # Not the client for threads: one reads and another writes the same TLS connection there, and
+    # OpenSSL under Python 3.11 then loses the answer of one opening in twenty.
     return connect(
         f"wss://{server}{PATH}",
         ssl=context,
@@ -171,9 +176,11 @@ def _connected(server: str, context: ssl.SSLContext) -> Connection:
     )
 
 
-def _receive(line: Connection, within_s: float | None = PATIENCE_S) -> JoinFrame:
+async def _receive(line: ClientConnection, within_s: float | None = PATIENCE_S) -> JoinFrame:
+    async with asyncio.timeout(within_s):
+        told = await line.recv()
     try:
-        frame: JoinFrame = msgspec.json.decode(line.recv(within_s), type=JoinFrame)
+        frame: JoinFrame = msgspec.json.decode(told, type=JoinFrame)
     except msgspec.MsgspecError as error:
         raise EOFError(f"no labweb speaks there: {error}") from error
     return frame
@@ -197,8 +204,8 @@ class Screen:
         self._is_shown = True
 
 
-def _ask(line: Connection, key: HostKey, token: Token, begun: Begun) -> None:
-    _receive(line)
+async def _ask(line: ClientConnection, key: HostKey, token: Token, begun: Begun) -> None:
+    await _receive(line)
     ask = Ask(
         token_id=token.token_id,
         secret=token.secret,
@@ -207,13 +214,13 @@ def _ask(line: Connection, key: HostKey, token: Token, begun: Begun) -> None:
         machine_id=machine_id(),
         facts=facts(),
     )
-    line.send(msgspec.json.encode(ask).decode())
+    await line.send(msgspec.json.encode(ask).decode())
 
 
-def _wait(line: Connection, screen: Screen) -> Admitted:
+async def _wait(line: ClientConnection, screen: Screen) -> Admitted:
     while True:
         try:
-            frame = _receive(line, None)
+            frame = await _receive(line, None)
         except ConnectionClosed as error:
             raise EOFError("the server closed") from error
         match frame:

@@ -33,7 +33,7 @@ from labweb.domain.runs.moment import Moment
 from labweb.domain.runs.standing import state_of
 from workers import faults
 from workers.bell import ring
-from workers.journal_schema import FROM_UNFINISHED, SELECT_STATE, migrate, to_action
+from workers.journal_schema import FROM_UNFINISHED, SELECT_NEXT, SELECT_STATE, migrate, to_action
 from workers.seal import create_seal, raise_seal, read_seal
 from workers.transaction import Transaction
 
@@ -163,6 +163,10 @@ class Journal:
         limit = -1 if limit_count is None else limit_count
         return [to_action(row) for row in self._all(query, (line, *states, limit))]
 
+    def next_of(self, line: str, count: int) -> list[ActionRow]:
+        """Return so many answered actions of a line, then as many accepted, in dispatch order."""
+        return [to_action(row) for row in self._all(SELECT_NEXT, (line, count, line, count))]
+
     def open_ids(self) -> list[UUID]:
         """Return every action that is not final, in dispatch order."""
         query = f"SELECT action_id {FROM_UNFINISHED} ORDER BY dseq"
@@ -213,8 +217,9 @@ class Journal:
 
         Args:
             is_sealed: False leaves the seal to the next write, or to whoever tells the
-                server. Only for what may be taken back by a copy of the journal: an answer
-                of a device, whose start is sealed and then counts as in doubt.
+                server, unless an action is started in it. Only for what may be taken back by
+                a copy of the journal: an answer of a device, whose start is sealed and then
+                counts as in doubt.
             is_durable: False lets a power cut take the write back; the next one that is
                 durable keeps it too. Only for what the server knows better.
 
@@ -226,7 +231,7 @@ class Journal:
             transaction = yield from self._commit()
         faults.point("journal.after_commit")
         seq, digest = transaction.head
-        if is_sealed and transaction.has_appended:
+        if transaction.is_binding or (is_sealed and transaction.has_appended):
             seal = Seal(journal_id=self.journal_id, seq=seq, hash=digest)
             raise_seal(self._seal_path, seal, self._hash_at)
         if transaction.is_urgent:

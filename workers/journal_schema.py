@@ -65,6 +65,14 @@ FROM_UNFINISHED = f"FROM action INDEXED BY action_unfinished WHERE {_UNFINISHED}
 SELECT_STATE = f"SELECT key, value FROM meta WHERE key IN ({', '.join(map(repr, STATE_KEYS))})"  # noqa: S608 - our own names
 """What decides whether anything may start, without the devices and keys, which are long."""
 
+SELECT_NEXT = """
+SELECT * FROM (
+    SELECT * FROM action WHERE line = ? AND st = 'actuated' ORDER BY dseq LIMIT ?
+) UNION ALL SELECT * FROM (
+    SELECT * FROM action WHERE line = ? AND st = 'accepted' ORDER BY dseq LIMIT ?
+)
+"""
+
 INDEXES = (f"CREATE INDEX IF NOT EXISTS action_unfinished ON action (dseq) WHERE {_UNFINISHED}",)
 """Change no answer, only how soon it comes; a journal gets them whatever its version."""
 

@@ -88,6 +88,11 @@ class Line:
             self._journal, device, "driver_refused", code=error.code, message=error.message[:2000]
         )
 
+    @property
+    def is_closing(self) -> bool:
+        """Say whether nothing more starts."""
+        return self._closing.is_set()
+
     def start(self) -> None:
         """Connect, sample, and listen for the word to halt."""
         self._sampler.start()

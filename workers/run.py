@@ -1,10 +1,11 @@
 """The processes of a host.
 
-`accept`, `uplink`, `discovery` and `ros2` with CONFIG; `line CONFIG LINE`.
+`accept`, `uplink`, `discovery`, `ros2` and `tryouts` with CONFIG; `line CONFIG LINE`.
 """
 
 from __future__ import annotations
 
+import gc
 import logging
 import os
 import sys
@@ -15,11 +16,11 @@ from pathlib import Path
 from signal import SIGUSR2, signal
 
 from celery import Celery
-from celery.signals import worker_shutting_down
+from celery.signals import worker_ready, worker_shutting_down
 
 from labweb.domain.messages import Signed
 from workers.accept import accept
-from workers.app import WORKER_OPTIONS, make_accept_app, make_host_app, wake
+from workers.app import WORKER_OPTIONS, make_accept_app, make_host_app
 from workers.bell import hang
 from workers.bounds import confine_line
 from workers.config import HostConfig, command_queue, line_queue, load_config
@@ -28,8 +29,11 @@ from workers.discovery import run_discovery
 from workers.executor import AbandonedActionError, HungDriverError
 from workers.journal import Journal
 from workers.line import Line
+from workers.store import Store
 from workers.tasks import add_accept, add_execute
+from workers.tryouts.service import run_tryouts
 from workers.uplink import run_uplink
+from workers.waking import attend, waker
 
 EXIT_HUNG = 70
 EXIT_ABANDONED = 72
@@ -53,6 +57,8 @@ def main(argv: Sequence[str]) -> None:
     elif kind == "ros2":
         # An extra: a host that speaks no ROS 2 does not have its library.
         import_module("workers.ros2.bridge").run_bridge(config)
+    elif kind == "tryouts":
+        run_tryouts(config)
     elif kind == "line":
         run_line(config, rest[1])
     else:
@@ -64,12 +70,13 @@ def run_accept(config: HostConfig) -> None:
     journal = Journal(config.journal_path)
     host_app = make_host_app(config)
     app = make_accept_app(config)
+    wake_line = waker(host_app, Store(config.valkey_url))
     is_taking = threading.Event()
 
     def take(signed: Signed) -> None:
         is_taking.set()
         try:
-            accept(journal, signed, lambda line: wake(host_app, line))
+            accept(journal, signed, wake_line)
         finally:
             is_taking.clear()
 
@@ -85,12 +92,12 @@ def run_accept(config: HostConfig) -> None:
 def run_line(config: HostConfig, name: str) -> None:
     """Serve the devices of one line until told to end."""
     _confine(config, name)
-    bells = make_host_app(config)
-    line = Line(config, name, lambda other: wake(bells, other))
+    store = Store(config.valkey_url)
+    line = Line(config, name, waker(make_host_app(config), store))
     app = make_host_app(config, (name,))
 
     def drain() -> None:
-        line.drain()
+        attend(store, name, line.drain, lambda: line.is_closing)
         if line.is_leaving:
             line.release()
             os._exit(0)
@@ -148,7 +155,15 @@ def _ending_when_hung(drain: Callable[[], None]) -> Callable[[], object]:
     return run
 
 
+def _keep_heap(**_: object) -> None:
+    """Keep the collector from walking what is loaded by now: that takes as long as many steps."""
+    gc.collect()
+    gc.freeze()
+    gc.set_threshold(20_000, 20, 20)
+
+
 def _work(app: Celery, queue: str, node: str) -> None:
+    worker_ready.connect(_keep_heap, weak=False)
     level = logging.getLevelName(logging.getLogger().level)
     app.worker_main(
         [

@@ -12,15 +12,31 @@ import msgspec
 from websockets.asyncio.client import ClientConnection
 
 from labweb.domain import pictures as picture_frames
-from labweb.domain.messages import Ask, EdgeFrame, ServerFrame, WithdrawAsk
+from labweb.domain.messages import (
+    Ask,
+    EdgeFrame,
+    ServerFrame,
+    SimulatedModel,
+    TryoutAsk,
+    TryoutOffer,
+    TryoutPart,
+    TryoutTold,
+    WithdrawAsk,
+)
 from workers.pictures import Kept, Pictures
-from workers.store import ASKS, Store
+from workers.store import ASKS, TRYOUT_TOLD, TRYOUT_WORDS, Store
 
 log = logging.getLogger(__name__)
 
 ACK_TIMEOUT_S = 10.0
 ASKS_S = 0.1
 """Shortest time between two looks for wishes."""
+
+TRYOUTS_S = 0.1
+"""Shortest time between two looks for what is told of tryouts."""
+
+OFFER_S = 2.0
+"""How often it is looked whether the offer is another one; it is long."""
 
 ASK_LIFE_S = 5.0
 """Older wishes are not sent: who asked has given up."""
@@ -47,6 +63,13 @@ class Word(msgspec.Struct, frozen=True):
     frame: Ask | WithdrawAsk
 
 
+class _Offer(msgspec.Struct, frozen=True):
+    """What the process that tries drivers has put down."""
+
+    models: list[SimulatedModel]
+    problem: str = ""
+
+
 async def tell_asks(socket: ClientConnection, store: Store, epoch: Callable[[], int]) -> None:
     """Send wishes of nodes beside the host; one that waited for the server is dropped."""
     while True:
@@ -55,6 +78,28 @@ async def tell_asks(socket: ClientConnection, store: Store, epoch: Callable[[], 
             if time.monotonic() - word.mono_s < ASK_LIFE_S:
                 await send(socket, msgspec.structs.replace(word.frame, epoch=epoch()))
         await asyncio.sleep(ASKS_S)
+
+
+async def tell_tryouts(socket: ClientConnection, store: Store, epoch: Callable[[], int]) -> None:
+    """Tell what can be simulated, once in each session, and what becomes of drivers on trial."""
+    offered, look_s = b"", 0.0
+    while True:
+        if time.monotonic() >= look_s:
+            offer = await asyncio.to_thread(store.tryout_offer)
+            if offer != offered and offer:
+                found = msgspec.json.decode(offer, type=_Offer)
+                frame = TryoutOffer(epoch=epoch(), models=found.models, problem=found.problem)
+                await send(socket, frame)
+            offered, look_s = offer, time.monotonic() + OFFER_S
+        for text in await asyncio.to_thread(store.take_words, TRYOUT_TOLD):
+            told = msgspec.json.decode(text, type=TryoutTold)
+            await send(socket, msgspec.structs.replace(told, epoch=epoch()))
+        await asyncio.sleep(TRYOUTS_S)
+
+
+def hand_on(store: Store, frame: TryoutPart | TryoutAsk) -> None:
+    """Give a word of the server to the process that tries drivers."""
+    store.put_word(TRYOUT_WORDS, msgspec.json.encode(frame))
 
 
 class PictureTeller:

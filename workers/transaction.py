@@ -18,6 +18,8 @@ from workers.journal_schema import FROM_UNFINISHED, SELECT_STATE, to_action
 PROGRESS = frozenset({"accepted", "started", "actuated"})
 """Events that need not be told at once: more of the same action follows."""
 
+_KEPT = {"prestate", "report", "conclusion"}
+
 
 class Transaction:
     """What may be done inside `Journal.write`."""
@@ -37,6 +39,9 @@ class Transaction:
         self.head = head
         self.is_urgent = False
         """An event was appended that the server waits for."""
+
+        self.is_binding = False
+        """An action was started: the seal has to hold that before a byte is sent."""
 
     @property
     def has_appended(self) -> bool:
@@ -63,6 +68,7 @@ class Transaction:
         self._run("INSERT INTO event VALUES (?, ?, ?, ?, ?, ?, ?)", row)
         self.head = (event.seq, digest)
         self.is_urgent = self.is_urgent or kind not in PROGRESS
+        self.is_binding = self.is_binding or kind == "started"
 
     def prune(self, acked_seq: int, before_s: float) -> int:
         """Delete acknowledged events from before that time, but never the last one."""
@@ -125,27 +131,32 @@ class Transaction:
             ),
         )
 
-    def move(self, action_id: UUID, before: ActionState, after: ActionState) -> None:
+    def move(
+        self, action_id: UUID, before: ActionState, after: ActionState, **kept: dict[str, Any]
+    ) -> None:
         """Take an action from one state to the next, if it is in the first.
+
+        Args:
+            action_id: The action.
+            before: Where it has to stand.
+            after: Where it goes.
+            kept: What is kept of it: `prestate`, `report` or `conclusion`.
 
         Raises:
             JournalError: It is in another state; somebody else was faster.
         """
+        if not kept.keys() <= _KEPT:
+            raise ValueError(sorted(kept))
+        columns = "".join(f", {name} = ?" for name in kept)
+        texts = [canonical(value).decode() for value in kept.values()]
         found = self._run(
-            "UPDATE action SET st = ? WHERE action_id = ? AND st = ?",
-            (after.value, str(action_id), before.value),
+            f"UPDATE action SET st = ?{columns} WHERE action_id = ? AND st = ?",  # noqa: S608 - of three names
+            (after.value, *texts, str(action_id), before.value),
         )
         if found.rowcount != 1:
             raise JournalError(
                 f"action {action_id} is not {before.value}", code="journal.lost_claim"
             )
-
-    def keep(self, action_id: UUID, column: str, value: dict[str, Any]) -> None:
-        """Keep `prestate`, `report` or `conclusion` of an action."""
-        if column not in {"prestate", "report", "conclusion"}:
-            raise ValueError(column)
-        text = canonical(value).decode()
-        self._run(f"UPDATE action SET {column} = ? WHERE action_id = ?", (text, str(action_id)))  # noqa: S608 - one of three names
 
     def want_cancel(self, action_id: UUID) -> None:
         """Remember that a running action shall be stopped."""

@@ -32,6 +32,7 @@ from labweb.domain.messages import (
     DriverPart,
     Events,
     Heartbeat,
+    LookPart,
     Nudge,
     Refuse,
     Renew,
@@ -43,18 +44,20 @@ from labweb.domain.messages import (
     StopAcknowledged,
     StopLab,
     TelemetryTaken,
+    TryoutAsk,
+    TryoutPart,
     WantDriver,
     Welcome,
 )
 from labweb.domain.messages.enrolling import MOST_SIGHTINGS_PER_FRAME
 from workers import faults
 from workers.accept import accept
-from workers.app import make_host_app, wake
+from workers.app import make_host_app
 from workers.bell import Bell
 from workers.config import HostConfig
 from workers.confine import describe
 from workers.devices import lines_of
-from workers.drivers import DriverStore, Fetching
+from workers.drivers import DriverStore, Fetching, Serving
 from workers.identity import (
     Identity,
     load_identity,
@@ -64,6 +67,7 @@ from workers.identity import (
     take_certificate,
 )
 from workers.journal import Journal
+from workers.looking import Looker
 from workers.pictures import Pictures
 from workers.samples import SampleTeller
 from workers.session import (
@@ -76,7 +80,15 @@ from workers.session import (
     take_devices,
 )
 from workers.store import ASKS_TOLD, Store
-from workers.telling import PictureTeller, receive, send, tell_asks
+from workers.telling import (
+    PictureTeller,
+    hand_on,
+    receive,
+    send,
+    tell_asks,
+    tell_tryouts,
+)
+from workers.waking import waker
 
 log = logging.getLogger(__name__)
 
@@ -122,6 +134,8 @@ class Uplink:
         self._acked = asyncio.Event()
         self._pictures = PictureTeller(Pictures(config.pictures_path), config.retention_s)
         self._samples = SampleTeller(store)
+        self._looker = Looker(journal)
+        self._serving = Serving(journal)
         self._fetching = Fetching(journal, DriverStore(config.drivers_folder))
 
     async def run(self) -> None:
@@ -200,6 +214,8 @@ class Uplink:
             self._renew(socket),
             self._tell_sightings(socket),
             tell_asks(socket, self._store, lambda: self._epoch),
+            tell_tryouts(socket, self._store, lambda: self._epoch),
+            self._looker.tell(socket, lambda: self._epoch),
         )
         tasks = [asyncio.create_task(one) for one in work]
         try:
@@ -245,6 +261,10 @@ class Uplink:
                 await self._take_devices(socket, frame)
             case DriverPart():
                 self._fetching.take(frame)
+            case LookPart():
+                self._looker.take(frame)
+            case TryoutPart() | TryoutAsk():
+                hand_on(self._store, frame)
             case AskTold():
                 self._store.put_word(ASKS_TOLD, msgspec.json.encode(frame))
 
@@ -354,18 +374,19 @@ class Uplink:
             wall_s=time.time(),
             open_count=self._journal.open_count(),
             confinement="unconfined: faults are armed" if faults.are_armed() else describe(),
+            serving=self._serving.news(self._epoch),
         )
 
 
 def run_uplink(config: HostConfig) -> None:
     """Run until told to end."""
-    app = make_host_app(config)
+    store = Store(config.valkey_url)
     uplink = Uplink(
         config,
         Journal(config.journal_path),
         load_identity(Path(config.key_file), config.ca_path),
-        Store(config.valkey_url),
-        lambda line: wake(app, line),
+        store,
+        waker(make_host_app(config), store),
     )
     with contextlib.suppress(asyncio.CancelledError):
         asyncio.run(_until_told(uplink))

@@ -11,7 +11,13 @@ from typing import Any
 
 import msgspec
 
-from labweb.domain.enrollment.spec import UNITS, JsonType, ParameterSpec, unit_suffix
+from labweb.domain.enrollment.spec import (
+    UNITS,
+    AccuracySpec,
+    JsonType,
+    ParameterSpec,
+    unit_suffix,
+)
 
 _SCALARS: Mapping[str, JsonType] = {
     "float": "number",
@@ -50,6 +56,7 @@ class Annotation:
     maximum: float | None = None
     quantity: str = ""
     choices: tuple[Any, ...] = ()
+    accuracy: AccuracySpec | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,6 +123,7 @@ def parameter(
         minimum=annotation.minimum,
         maximum=annotation.maximum,
         choices=annotation.choices,
+        accuracy=annotation.accuracy,
     )
 
 
@@ -221,6 +229,10 @@ def _apply_marker(parsed: Annotation, marker: ast.Call) -> Annotation:
     if last_name(marker) == "Meta":
         low, high = _number(keywords.get("ge")), _number(keywords.get("le"))
         return replace(parsed, minimum=low, maximum=high)
+    if last_name(marker) == "Accuracy":
+        ratio = _number(keywords.get("ratio", arguments.get("first")))
+        absolute = _number(keywords.get("absolute", arguments.get("second")))
+        return replace(parsed, accuracy=AccuracySpec(ratio=ratio, absolute=absolute))
     _, name = literal(keywords.get("name", arguments.get("first")))
     if last_name(marker) == "Quantity" and isinstance(name, str):
         return replace(parsed, quantity=name)

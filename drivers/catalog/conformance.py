@@ -33,7 +33,7 @@ TOGGLES = ("toggle_", "flip_", "switch_")
 
 HARMLESS_CALLS = frozenset(
     {"compile", "frozenset", "MappingProxyType", "TypeVar", "NewType", "ParamSpec"}
-    | {"Range", "Quantity", "Meta", "field"}
+    | {"Range", "Quantity", "Accuracy", "Meta", "field"}
     | {"action", "status", "dataclass", "override"}
 )
 """Calls that build a constant or leave a mark: all that may happen on import."""

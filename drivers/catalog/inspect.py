@@ -32,6 +32,8 @@ _TRANSPORTS = {"ByteTransport": "byte", "RegisterTransport": "register"} | {
     "HttpTransport": "http",
     "OpcUaTransport": "opcua",
     "Ros2Transport": "ros2",
+    "S7Transport": "s7",
+    "SilaTransport": "sila",
     "VirtualTransport": "virtual",
 }
 _NOT_DEVICES = frozenset(

@@ -18,7 +18,7 @@ from typing import Annotated, Any, ClassVar
 
 import msgspec
 
-from drivers.base import Driver, Range, Report, action, status
+from drivers.base import Accuracy, Driver, Range, Report, action, status
 from drivers.connectors._chemputer import ChemputerUnit
 from drivers.connectors._motion import limit_of, refuse_rate, refuse_slow_stroke
 from drivers.interfaces.pump import Pump
@@ -29,7 +29,7 @@ INITIALIZE_S = 120.0
 STEP_UL = 1.0
 """Volumes are written in whole microlitres."""
 
-Volume = Annotated[float, Range(1.0, 200_000.0)]
+Volume = Annotated[float, Range(1.0, 200_000.0), Accuracy()]
 Rate = Annotated[float, Range(0.1, 100_000.0)]
 
 
@@ -77,7 +77,7 @@ class ChemputerPump(Driver[ByteTransport, Config], Pump):
         return self._held_ul is not None
 
     @status(every_s=0.5)
-    def volume_ul(self) -> float | None:
+    def volume_ul(self) -> Annotated[float, Accuracy()] | None:
         """Tell how much the syringe holds, counted from the last homing; None: not known."""
         return None if self._held_ul is None else float(self._held_ul)
 

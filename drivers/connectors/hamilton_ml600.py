@@ -22,7 +22,16 @@ from typing import Annotated, ClassVar, Literal
 
 import msgspec
 
-from drivers.base import Driver, Range, Report, action, after_acting, before_acting, status
+from drivers.base import (
+    Accuracy,
+    Driver,
+    Range,
+    Report,
+    action,
+    after_acting,
+    before_acting,
+    status,
+)
 from drivers.connectors._motion import (
     Plunger,
     refuse_port,
@@ -54,7 +63,7 @@ FIRMWARE = "NV01"
 VALVE_BITS = {"": 0, "B": 0, "C": 2}
 """Bit of the valve in the answer to T1; the pump's is the next."""
 
-Volume = Annotated[float, Range(0.001, 100_000.0)]
+Volume = Annotated[float, Range(0.001, 100_000.0), Accuracy()]
 Rate = Annotated[float, Range(0.001, 100_000.0)]
 Address = Literal["a", "b", "c", "d", "e", "f", "g", "h", "i", "j", "k", "l", "m", "n", "o", "p"]
 
@@ -150,7 +159,7 @@ class HamiltonMl600(Driver[ByteTransport, Config], Pump, Valve):
         return self._has_zero
 
     @status(every_s=0.5)
-    def volume_ul(self) -> float:
+    def volume_ul(self) -> Annotated[float, Accuracy()]:
         """Tell how much the syringe holds, from the plunger's position."""
         return self._plunger.volume_ul(self.position())
 

@@ -20,7 +20,16 @@ from typing import Annotated, ClassVar
 
 import msgspec
 
-from drivers.base import Driver, Range, Report, action, after_acting, before_acting, status
+from drivers.base import (
+    Accuracy,
+    Driver,
+    Range,
+    Report,
+    action,
+    after_acting,
+    before_acting,
+    status,
+)
 from drivers.connectors._motion import (
     VALVE_S,
     Plunger,
@@ -51,7 +60,7 @@ INITIALIZE_S = 60.0
 RATE_TOLERANCE_RATIO = 0.05
 """How far the rate that is asked for may lie from the pump's own."""
 
-Volume = Annotated[float, Range(0.001, 100_000.0)]
+Volume = Annotated[float, Range(0.001, 100_000.0), Accuracy()]
 Rate = Annotated[float, Range(0.001, 100_000.0)]
 
 
@@ -101,7 +110,7 @@ class RunzeSy01(Driver[ByteTransport, Config], Pump, Valve):
         return self._has_zero and reply.status == DONE
 
     @status(every_s=0.5)
-    def volume_ul(self) -> float:
+    def volume_ul(self) -> Annotated[float, Accuracy()]:
         """Tell how much the syringe holds, from the plunger's position."""
         return self._plunger.volume_ul(self.position())
 

@@ -17,7 +17,7 @@ from typing import Annotated, ClassVar, Literal
 
 import msgspec
 
-from drivers.base import Driver, Range, Report, action, status
+from drivers.base import Accuracy, Driver, Range, Report, action, status
 from drivers.connectors._dt import DtPump
 from drivers.connectors._motion import Plunger
 from drivers.interfaces.pump import Pump
@@ -27,7 +27,8 @@ from drivers.transports.base import ByteTransport
 STEPS_FULL_COUNT = 6000
 """Steps of a full stroke in mode N0."""
 
-Volume = Annotated[float, Range(0.001, 100_000.0)]
+Volume = Annotated[float, Range(0.001, 100_000.0), Accuracy(ratio=0.01)]
+"""The maker states 1 % of a full stroke in its data sheet."""
 Rate = Annotated[float, Range(0.001, 100_000.0)]
 
 
@@ -81,7 +82,7 @@ class RunzeSy03b(Driver[ByteTransport, Config], Pump, Valve):
         return self._pump.knows_position()
 
     @status(every_s=0.5)
-    def volume_ul(self) -> float:
+    def volume_ul(self) -> Annotated[float, Accuracy(ratio=0.01)]:
         """Tell how much the syringe holds, from the plunger's position."""
         return self._plunger.volume_ul(self._pump.position())
 

@@ -17,14 +17,15 @@ from typing import Annotated, ClassVar, Literal
 
 import msgspec
 
-from drivers.base import Driver, Range, Report, action, status
+from drivers.base import Accuracy, Driver, Range, Report, action, status
 from drivers.connectors._dt import DtPump
 from drivers.connectors._motion import Plunger
 from drivers.interfaces.pump import Pump
 from drivers.interfaces.valve import Valve
 from drivers.transports.base import ByteTransport
 
-Volume = Annotated[float, Range(0.001, 100_000.0)]
+Volume = Annotated[float, Range(0.001, 100_000.0), Accuracy(ratio=0.01)]
+"""The maker states 1 % of a full stroke in its data sheet."""
 Rate = Annotated[float, Range(0.001, 100_000.0)]
 
 
@@ -81,7 +82,7 @@ class TricontinentC3000(Driver[ByteTransport, Config], Pump, Valve):
         return self._pump.knows_position()
 
     @status(every_s=0.5)
-    def volume_ul(self) -> float:
+    def volume_ul(self) -> Annotated[float, Accuracy(ratio=0.01)]:
         """Tell how much the syringe holds, from the plunger's position."""
         return self._plunger.volume_ul(self._pump.position())
 

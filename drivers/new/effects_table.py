@@ -7,6 +7,7 @@ part that was done. An action that is not here changes nothing that is told.
 Effect = tuple[str, object]
 
 EFFECTS: dict[str, dict[str, dict[str, Effect]]] = {
+    "agv": {"drive_to": {"station": ("take", "station")}},
     "balance": {
         "tare": {"mass_mg": ("become", 0.0), "is_stable": ("become", True)},
         "weigh": {"is_stable": ("become", True)},
@@ -15,6 +16,15 @@ EFFECTS: dict[str, dict[str, dict[str, Effect]]] = {
         "start_test": {"channel_state": ("become", "working"), "cycle_index": ("become", 1)},
         "await_end": {"channel_state": ("become", "finished")},
         "stop_test": {"channel_state": ("become", "stopped")},
+    },
+    "chromatography": {
+        "start_flow": {
+            "rate_setpoint_ul_s": ("take", "rate_ul_s"),
+            "is_running": ("become", True),
+        },
+        "stop_flow": {"is_running": ("become", False)},
+        "select_position": {"position": ("take", "position")},
+        "collect": {"collects_to": ("take", "target")},
     },
     "continuous_pump": {
         "start_flow": {
@@ -26,6 +36,31 @@ EFFECTS: dict[str, dict[str, dict[str, Effect]]] = {
             "rate_setpoint_ul_s": ("take", "rate_ul_s"),
             "is_running": ("become", False),
         },
+    },
+    "furnace": {
+        "ramp_to": {
+            "temperature_c": ("take", "temperature_c"),
+            "temperature_setpoint_c": ("take", "temperature_c"),
+            "is_heating": ("become", True),
+        },
+        "hold": {
+            "temperature_c": ("take", "temperature_c"),
+            "temperature_setpoint_c": ("take", "temperature_c"),
+            "is_heating": ("become", True),
+        },
+        "stop_heating": {"is_heating": ("become", False)},
+    },
+    "gantry": {
+        "move_to": {
+            "x_mm": ("take", "x_mm"),
+            "y_mm": ("take", "y_mm"),
+            "z_mm": ("take", "z_mm"),
+        },
+    },
+    "gripper": {
+        "initialize": {"is_initialized": ("become", True)},
+        "grip": {"width_mm": ("take", "width_mm"), "is_holding": ("become", True)},
+        "release": {"width_mm": ("take", "width_mm"), "is_holding": ("become", False)},
     },
     "heater_stirrer": {
         "heat_to": {
@@ -48,6 +83,11 @@ EFFECTS: dict[str, dict[str, dict[str, Effect]]] = {
         "withdraw": {"withdrawn_ul": ("count", "volume_ul")},
     },
     "injection_valve": {"select_position": {"position": ("take", "position")}},
+    "powder_dispenser": {
+        "dose": {"is_door_open": ("become", False), "mass_mg": ("add", "target_mg")},
+        "open_door": {"is_door_open": ("become", True)},
+        "close_door": {"is_door_open": ("become", False)},
+    },
     "power_supply": {
         "supply": {
             "voltage_v": ("take", "voltage_v"),
@@ -116,12 +156,19 @@ EFFECTS: dict[str, dict[str, dict[str, Effect]]] = {
         "stop_pump": {"is_pumping": ("become", False)},
         "vent": {"pressure_kpa": ("become", 101.3), "is_pumping": ("become", False)},
     },
+    "spectrometer": {
+        "measure": {"is_measuring": ("become", False), "progress_ratio": ("become", 1.0)},
+        "stop_measuring": {"is_measuring": ("become", False)},
+    },
     "valve": {"select_port": {"port_index": ("take", "port_index")}},
 }
 
 STANDING: dict[str, object] = {
     "is_running": False,
+    "is_driving": False,
     "is_controlling": False,
+    "is_heating": False,
+    "is_moving": False,
     "is_pumping": False,
     "speed_rpm": 0.0,
     "voltage_v": 0.0,

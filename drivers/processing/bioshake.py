@@ -11,7 +11,6 @@ Source:
 from __future__ import annotations
 
 import re
-import time
 from typing import Annotated, Any, ClassVar
 
 import msgspec
@@ -21,12 +20,11 @@ from drivers.interfaces.shaker import Shaker
 from drivers.interfaces.temperature_controller import TemperatureController
 from drivers.transports.base import ByteTransport
 from drivers.waiting import (
+    Control,
     Wanted,
     await_reading,
     once_started,
     refuse_beyond,
-    refuse_unless_near,
-    watch_reading,
 )
 from labweb.domain.errors import FrameError, RejectedError
 
@@ -196,16 +194,7 @@ class Bioshake(Driver[ByteTransport, Config], Shaker, TemperatureController):
             The heater stays on with this setpoint.
         """
         self._check_heating(temperature_c)
-        with once_started(self._heater_off, self._temperatures):
-            self._start_heating(temperature_c)
-            await_reading(
-                self,
-                self.temperature_c,
-                Wanted(temperature_c, tolerance_c, "°C", self.config.settle_s),
-                limit_s=self.config.reach_limit_s,
-                poll_s=self.config.poll_s,
-            )
-            return Report(evidence=self._temperatures())
+        return self._control.reach(temperature_c, tolerance_c)
 
     @action(timeout_s=604_800.0, recovery="R3", hazards=("heat",))
     def hold(
@@ -224,21 +213,8 @@ class Bioshake(Driver[ByteTransport, Config], Shaker, TemperatureController):
         Effect:
             The heater stays on with this setpoint.
         """
-        wanted = Wanted(temperature_c, tolerance_c, "°C")
-        refuse_unless_near(self._check_heating(temperature_c), wanted)
-        with once_started(self._heater_off, self._temperatures, lasted="held_s"):
-            self._start_heating(temperature_c)
-            started_s = time.monotonic()
-            watch_reading(
-                self,
-                self.temperature_c,
-                wanted,
-                duration_s=duration_s,
-                poll_s=self.config.poll_s,
-                grace_s=self.config.grace_s,
-            )
-            held_s = round(time.monotonic() - started_s, 3)
-            return Report(evidence={**self._temperatures(), "held_s": held_s})
+        reading_c = self._check_heating(temperature_c)
+        return self._control.hold(reading_c, duration_s, temperature_c, tolerance_c)
 
     @action(timeout_s=30.0, recovery="R1")
     def stop_control(self) -> Report:
@@ -250,6 +226,16 @@ class Bioshake(Driver[ByteTransport, Config], Shaker, TemperatureController):
         with once_started(self._heater_off, self._temperatures):
             self._heater_off()
             return Report(evidence=self._temperatures())
+
+    @property
+    def _control(self) -> Control:
+        return Control(
+            driver=self,
+            read=self.temperature_c,
+            begin=self._start_heating,
+            end=self._heater_off,
+            describe=self._temperatures,
+        )
 
     def _check_heating(self, temperature_c: float) -> float:
         """Return the reading before anything is sent that acts."""

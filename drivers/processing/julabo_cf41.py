@@ -14,7 +14,6 @@ Source:
 from __future__ import annotations
 
 import re
-import time
 from typing import Annotated, Any, ClassVar, Literal
 
 import msgspec
@@ -23,13 +22,10 @@ from drivers.base import Driver, Quantity, Range, Report, action, before_acting,
 from drivers.interfaces.thermostat import Thermostat
 from drivers.transports.base import ByteTransport
 from drivers.waiting import (
-    Wanted,
-    await_reading,
+    Control,
     once_started,
     refuse_beyond,
-    refuse_unless_near,
     refuse_untaken,
-    watch_reading,
 )
 from labweb.domain.errors import DeviceError, FrameError, RejectedError
 
@@ -168,16 +164,7 @@ class JulaboCf41(Driver[ByteTransport, Config], Thermostat):
             Temperature control and circulation stay on with this setpoint.
         """
         self._check_start(temperature_c)
-        with once_started(self.halt, self._temperatures):
-            self._start(temperature_c)
-            await_reading(
-                self,
-                self._reading_under_control,
-                Wanted(temperature_c, tolerance_c, "°C", self.config.settle_s),
-                limit_s=self.config.reach_limit_s,
-                poll_s=self.config.poll_s,
-            )
-            return Report(evidence=self._temperatures())
+        return self._control.reach(temperature_c, tolerance_c)
 
     @action(timeout_s=604_800.0, recovery="R3", hazards=("heat", "cold"))
     def hold(
@@ -198,21 +185,8 @@ class JulaboCf41(Driver[ByteTransport, Config], Thermostat):
         Effect:
             Temperature control and circulation stay on with this setpoint.
         """
-        wanted = Wanted(temperature_c, tolerance_c, "°C")
-        refuse_unless_near(self._check_start(temperature_c), wanted)
-        with once_started(self.halt, self._temperatures, lasted="held_s"):
-            self._start(temperature_c)
-            started_s = time.monotonic()
-            watch_reading(
-                self,
-                self._reading_under_control,
-                wanted,
-                duration_s=duration_s,
-                poll_s=self.config.poll_s,
-                grace_s=self.config.grace_s,
-            )
-            held_s = round(time.monotonic() - started_s, 3)
-            return Report(evidence={**self._temperatures(), "held_s": held_s})
+        reading_c = self._check_start(temperature_c)
+        return self._control.hold(reading_c, duration_s, temperature_c, tolerance_c)
 
     @action(timeout_s=30.0, recovery="R1")
     def stop_control(self) -> Report:
@@ -226,6 +200,16 @@ class JulaboCf41(Driver[ByteTransport, Config], Thermostat):
             if self.is_controlling():
                 raise RejectedError("the circulator did not turn off: is it set to remote?")
             return Report(evidence=self._temperatures())
+
+    @property
+    def _control(self) -> Control:
+        return Control(
+            driver=self,
+            read=self._reading_under_control,
+            begin=self._start,
+            end=self.halt,
+            describe=self._temperatures,
+        )
 
     def _check_start(self, temperature_c: float) -> float:
         """Return the reading before anything is sent that acts."""

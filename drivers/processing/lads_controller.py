@@ -14,7 +14,6 @@ Source:
 
 from __future__ import annotations
 
-import time
 from dataclasses import dataclass
 from typing import Annotated, Any, ClassVar
 
@@ -34,13 +33,10 @@ from drivers.interfaces.temperature_controller import TemperatureController
 from drivers.transports.opcua.nodes import Node, NodeName
 from drivers.transports.opcua.transport import OpcUaTransport
 from drivers.waiting import (
-    Wanted,
-    await_reading,
+    Control,
     once_started,
     refuse_beyond,
-    refuse_unless_near,
     refuse_untaken,
-    watch_reading,
 )
 from labweb.domain.errors import DeviceError, FrameError, RejectedError
 
@@ -159,17 +155,7 @@ class LadsController(Driver[OpcUaTransport, Config], TemperatureController):
             The function runs on with this target.
         """
         self._check_start(temperature_c)
-        self._start(temperature_c)
-        with once_started(self.halt, self._temperatures):
-            self._refuse_untaken(temperature_c)
-            await_reading(
-                self,
-                self._reading_under_control,
-                Wanted(temperature_c, tolerance_c, "°C", self.config.settle_s),
-                limit_s=self.config.reach_limit_s,
-                poll_s=self.config.poll_s,
-            )
-            return Report(evidence=self._temperatures())
+        return self._control.reach(temperature_c, tolerance_c)
 
     @action(timeout_s=604_800.0, recovery="R3", hazards=("heat", "cold"))
     def hold(
@@ -190,22 +176,8 @@ class LadsController(Driver[OpcUaTransport, Config], TemperatureController):
         Effect:
             The function runs on with this target.
         """
-        wanted = Wanted(temperature_c, tolerance_c, "°C")
-        refuse_unless_near(self._check_start(temperature_c), wanted)
-        self._start(temperature_c)
-        with once_started(self.halt, self._temperatures, lasted="held_s"):
-            self._refuse_untaken(temperature_c)
-            started_s = time.monotonic()
-            watch_reading(
-                self,
-                self._reading_under_control,
-                wanted,
-                duration_s=duration_s,
-                poll_s=self.config.poll_s,
-                grace_s=self.config.grace_s,
-            )
-            held_s = round(time.monotonic() - started_s, 3)
-            return Report(evidence={**self._temperatures(), "held_s": held_s})
+        reading_c = self._check_start(temperature_c)
+        return self._control.hold(reading_c, duration_s, temperature_c, tolerance_c)
 
     @action(timeout_s=30.0, recovery="R1")
     def stop_control(self) -> Report:
@@ -217,6 +189,17 @@ class LadsController(Driver[OpcUaTransport, Config], TemperatureController):
         with once_started(self.halt, self._temperatures):
             self.halt()
             return Report(evidence=self._temperatures())
+
+    @property
+    def _control(self) -> Control:
+        return Control(
+            driver=self,
+            read=self._reading_under_control,
+            begin=self._refuse_untaken,
+            end=self.halt,
+            describe=self._temperatures,
+            before=self._start,
+        )
 
     def _check_start(self, temperature_c: float) -> float:
         """Return the reading before anything is sent that acts."""

@@ -5,7 +5,8 @@ Quality: bronze, simulated instrument; the register map is not checked on hardwa
 Safe state: idle; a sensor moves nothing.
 
 Source:
-    Seeed Technology, S-pH-01 RS485 pH Sensor User Manual, Modbus communication protocol.
+    Seeed Technology, S-pH-01 RS485 pH Sensor User Manual, Modbus communication protocol;
+    specifications: ±0.1 pH, ±0.5 °C.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from typing import Annotated, ClassVar, Literal, NamedTuple
 
 import msgspec
 
-from drivers.base import Driver, Range, Report, action, before_acting, status
+from drivers.base import Accuracy, Driver, Range, Report, action, before_acting, status
 from drivers.interfaces.sensor import PhSensor
 from drivers.transports.modbus import RegisterTransport
 from labweb.domain.errors import FrameError
@@ -82,12 +83,12 @@ class SeeedPh(Driver[RegisterTransport, Config], PhSensor):
         """Nothing to send: a sensor moves nothing."""
 
     @status(every_s=2.0)
-    def value_ph(self) -> float:
+    def value_ph(self) -> Annotated[float, Accuracy(absolute=0.1)]:
         """Tell the pH."""
         return self._read().value_ph
 
     @status(every_s=2.0)
-    def temperature_c(self) -> float:
+    def temperature_c(self) -> Annotated[float, Accuracy(absolute=0.5)]:
         """Tell the liquid's temperature."""
         return self._read().temperature_c
 

@@ -153,6 +153,9 @@ class ByteTransport(Transport):
 
     def __init__(self, url: str, line: str) -> None:
         super().__init__(url, line)
+        self.also: tuple[ByteTransport, ...] = ()
+        """Further connections to the same device, which open and close with this one."""
+
         self._may_owe_bytes = False
         self._last_used_s = float("-inf")
 

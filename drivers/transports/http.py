@@ -111,6 +111,27 @@ class HttpTransport(Transport):
             DeviceTimeoutError: No whole reply in time; UNKNOWN.
             FrameError: No HTTP, a body that is too long, or one that ends early; UNKNOWN.
         """
+        return self._request("GET", path, None, timeout_s, longest_bytes, enough)
+
+    def put(self, path: str, body: bytes, *, timeout_s: float, longest_bytes: int) -> HttpReply:
+        """Send JSON to a path, once, and return the reply.
+
+        Raises:
+            DeviceError: As `get`; whatever the status of the reply, it is returned.
+        """
+        return self._request(
+            "PUT", path, body, timeout_s, longest_bytes, lambda _type, _body: False
+        )
+
+    def _request(
+        self,
+        method: str,
+        path: str,
+        body: bytes | None,
+        timeout_s: float,
+        longest_bytes: int,
+        enough: Enough,
+    ) -> HttpReply:
         with self.lock:
             self._require_open()
             connection = HTTPConnection(*self._address, timeout=timeout_s)
@@ -120,7 +141,8 @@ class HttpTransport(Transport):
             timer.daemon = True
             timer.start()
             try:
-                return self._ask(connection, path, longest_bytes, enough)
+                self._send(connection, method, path, body)
+                return self._answer(connection, longest_bytes, enough)
             except (HTTPException, OSError, ValueError, FrameError) as error:
                 raise self._failure(error, is_overdue=overdue.is_set()) from error
             finally:
@@ -137,11 +159,14 @@ class HttpTransport(Transport):
                 context={"line": self.line},
             ) from error
 
-    def _ask(
-        self, connection: HTTPConnection, path: str, longest_bytes: int, enough: Enough
-    ) -> HttpReply:
-        self._observe("out", f"GET {path}".encode())
-        connection.request("GET", path, headers={"Connection": "close"})
+    def _send(self, connection: HTTPConnection, method: str, path: str, body: bytes | None) -> None:
+        self._observe("out", f"{method} {path}".encode() + (b"" if body is None else b" " + body))
+        headers = {"Connection": "close"}
+        if body is not None:
+            headers["Content-Type"] = "application/json"
+        connection.request(method, path, body, headers)
+
+    def _answer(self, connection: HTTPConnection, longest_bytes: int, enough: Enough) -> HttpReply:
         response = connection.getresponse()
         headers = {name.lower(): value for name, value in response.getheaders()}
         body = self._body(response, headers.get("content-type", ""), longest_bytes, enough)

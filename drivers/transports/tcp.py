@@ -4,19 +4,27 @@ from __future__ import annotations
 
 import select
 import socket
+from collections.abc import Sequence
 
-from drivers.transports.base import MAX_FRAME_BYTES, OPEN_TIMEOUT_S, ByteTransport
+from drivers.transports.base import MAX_FRAME_BYTES, OPEN_TIMEOUT_S, ByteTransport, Direction
 from drivers.transports.beat import Beat
 from labweb.domain.errors import Effect, UnreachableError
 
 
 class TcpTransport(ByteTransport):
-    """One connection to one address."""
+    """One connection to one address, with those to further ports of the same device."""
 
     def __init__(
-        self, url: str, host: str, port: int, *, beat: tuple[str, int] | None = None
+        self,
+        url: str,
+        host: str,
+        port: int,
+        *,
+        beat: tuple[str, int] | None = None,
+        also: Sequence[int] = (),
     ) -> None:
         super().__init__(url, tcp_line(host, port))
+        self.also = tuple(_Side(self, host, one) for one in also)
         self._address = (host, port)
         self._beat_address = beat
         self._beat: Beat | None = None
@@ -24,18 +32,24 @@ class TcpTransport(ByteTransport):
 
     @property
     def is_open(self) -> bool:
-        """Tell whether the connection stands."""
-        return self._socket is not None
+        """Tell whether the connection stands, and those to further ports."""
+        return self._socket is not None and all(one.is_open for one in self.also)
 
     def _open(self) -> None:
+        self._close()
         try:
-            opened = socket.create_connection(self._address, timeout=OPEN_TIMEOUT_S)
-            opened.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+            self._socket = socket.create_connection(self._address, timeout=OPEN_TIMEOUT_S)
+            self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+            for one in self.also:
+                one.open()
         except OSError as error:
+            self._close()
             raise UnreachableError(
                 f"{self.line} cannot be opened: {error}", effect=Effect.NONE
             ) from error
-        self._socket = opened
+        except UnreachableError:
+            self._close()
+            raise
 
     def keep_alive(self, payload: bytes, every_s: float) -> None:
         """Send a datagram every so often to where the URL's `beat` says, while the line is open."""
@@ -50,6 +64,8 @@ class TcpTransport(ByteTransport):
         opened, self._socket = self._socket, None
         if opened is not None:
             opened.close()
+        for one in self.also:
+            one.close()
 
     def _put(self, data: bytes) -> None:
         self._opened().sendall(data)
@@ -68,6 +84,19 @@ class TcpTransport(ByteTransport):
         if self._socket is None:
             raise OSError("connection is closed")
         return self._socket
+
+
+class _Side(TcpTransport):
+    """A connection to a further port: of the line of its owner, and seen by the same observer."""
+
+    def __init__(self, owner: TcpTransport, host: str, port: int) -> None:
+        super().__init__(owner.url, host, port)
+        self.lock = owner.lock
+        self._owner = owner
+
+    def _observe(self, direction: Direction, data: bytes) -> None:
+        if self._owner.observer is not None:
+            self._owner.observer(direction, data)
 
 
 def tcp_line(host: str, port: int) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping
+from pathlib import Path
 from urllib.parse import SplitResult, parse_qsl, urlsplit
 
 from drivers.transports.base import Transport
@@ -13,19 +14,28 @@ from drivers.transports.opcua.transport import OpcUaTransport
 from drivers.transports.ros2.link import HIGHEST_DOMAIN, LinkSettings
 from drivers.transports.ros2.names import check_name
 from drivers.transports.ros2.transport import Ros2Transport
+from drivers.transports.s7.transport import S7Transport
 from drivers.transports.serial import SerialSettings, SerialTransport, serial_line
+from drivers.transports.sila.transport import SilaTransport
 from drivers.transports.tcp import TcpTransport, tcp_line
 from drivers.transports.virtual import VirtualTransport
+from drivers.transports.visa.transport import VisaTransport, check_resource
 from labweb.domain.errors import DefinitionError
 
 FORMS = (
     "serial:///dev/ttyUSB0?baud=9600&format=8N1&flow=none",
     "tcp://127.0.0.1:4305",
     "tcp://192.168.1.10:5000?beat=192.168.255.255:3000",
+    "tcp://192.168.1.30:19204?also=19206",
     "modbus+tcp://127.0.0.1:502?device=1",
     "modbus+serial:///dev/ttyUSB0?baud=9600&format=8N1&device=1",
     "http://192.168.1.20:80",
     "opc.tcp://192.168.1.20:4840/path",
+    "s7://192.168.1.40:102/0/1",
+    "sila://192.168.1.60:50052?ca=/etc/labweb/server.pem",
+    "sila+local://127.0.0.1:50052",
+    "visa://GPIB0::8::INSTR",
+    "visa://TCPIP0::192.168.1.50::hislip0::INSTR",
     "ros2://192.168.1.7/arm_1?domain=0",
     "virtual:timer",
     "virtual:timer?pace=10",
@@ -35,7 +45,9 @@ FORMS = (
 _FORMAT = re.compile(r"([78])([NEO])([12])")
 _VIRTUAL = re.compile(r"(virtual:[a-z0-9_-]{1,64})(?:\?pace=([0-9]{1,4}(?:\.[0-9]{1,6})?))?")
 _SERIAL_KEYS = frozenset({"baud", "format", "flow"})
+_THIS_HOST = ("127.0.0.1", "localhost")
 _HIGHEST_PORT = 65535
+_HIGHEST_RACK, _HIGHEST_SLOT = 7, 31  # three and five bits of the called TSAP
 _HIGHEST_MODBUS_DEVICE = 247  # Modbus over serial line V1.02, section 2.2
 
 
@@ -75,6 +87,23 @@ def line_key(url: str) -> str:
     return key(url)
 
 
+def ports_of(url: str) -> tuple[int, ...]:
+    """List the TCP ports that a line has to reach.
+
+    Raises:
+        DefinitionError: The URL is none of the accepted forms.
+
+    Example:
+        >>> ports_of("tcp://10.0.0.7:19204?also=19206"), ports_of("virtual:timer")
+        ((19204, 19206), ())
+    """
+    kind, _, address = line_key(url).partition(":")
+    if kind != "tcp":
+        return ()
+    own = int(address.rpartition(":")[2])
+    return own, *(_further(url, own) if url.startswith("tcp:") else ())
+
+
 def _scheme(url: str) -> tuple[Callable[[str], Transport], Callable[[str], str]]:
     name, separator, _ = url.partition(":")
     if not separator or name not in _SCHEMES:
@@ -87,8 +116,8 @@ def _make_serial(url: str) -> Transport:
 
 
 def _make_tcp(url: str) -> Transport:
-    host, port = _address(url, frozenset({"beat"}))
-    return TcpTransport(url, host, port, beat=_beat(url))
+    host, port = _address(url, frozenset({"beat", "also"}))
+    return TcpTransport(url, host, port, beat=_beat(url), also=_further(url, port))
 
 
 def _make_modbus_tcp(url: str) -> Transport:
@@ -123,6 +152,84 @@ def _opcua(url: str) -> tuple[str, int]:
     if not re.fullmatch(r"(?:/[A-Za-z0-9._~/-]{0,200})?", parts.path):
         raise _bad(url, "a path has letters, digits and ._~/-")
     return _address(f"opc.tcp://{parts.netloc}", frozenset())
+
+
+def _make_s7(url: str) -> Transport:
+    return S7Transport(url, *_s7(url))
+
+
+def _s7_line(url: str) -> str:
+    host, port, _, _ = _s7(url)
+    return tcp_line(host, port)
+
+
+def _s7(url: str) -> tuple[str, int, int, int]:
+    """Return host and port, rack and slot."""
+    parts = _split(url)
+    _query(url, parts, frozenset())
+    place = re.fullmatch(r"/([0-9]{1,2})/([0-9]{1,2})", parts.path)
+    if place is None:
+        raise _bad(url, "behind the port come rack and slot: /0/1")
+    rack, slot = _number(url, place[1], 0, _HIGHEST_RACK), _number(url, place[2], 0, _HIGHEST_SLOT)
+    return *_address(f"s7://{parts.netloc}", frozenset()), rack, slot
+
+
+def _make_sila(url: str) -> Transport:
+    host, port = _sila(url)
+    file = file_of(url)
+    root = None if file is None else Path(file)
+    return SilaTransport(url, host, port, is_encrypted=url.startswith("sila:"), root=root)
+
+
+def _sila_line(url: str) -> str:
+    return tcp_line(*_sila(url))
+
+
+def _sila(url: str) -> tuple[str, int]:
+    """Return host and port; what is not encrypted does not leave this host."""
+    if url.startswith("sila:"):
+        return _address(url, frozenset({"ca"}))
+    host, port = _address(url, frozenset())
+    if host not in _THIS_HOST:
+        raise _bad(url, f"sila+local is one of {', '.join(_THIS_HOST)}; others are encrypted")
+    return host, port
+
+
+def file_of(url: str) -> str | None:
+    """Return the file that a line reads beside its device, None where it reads none.
+
+    Raises:
+        DefinitionError: It is no absolute path.
+
+    Example:
+        >>> file_of("sila://10.0.0.7:50052?ca=/etc/labweb/server.pem")
+        '/etc/labweb/server.pem'
+    """
+    parts = _split(url)
+    if parts.scheme != "sila":
+        return None
+    file = _query(url, parts, frozenset({"ca"})).get("ca")
+    if file is not None and not re.fullmatch(r"/.+\.pem", file):
+        raise _bad(url, "ca is the absolute path of a certificate: /etc/labweb/server.pem")
+    return file
+
+
+def _make_visa(url: str) -> Transport:
+    return VisaTransport(url, _visa(url))
+
+
+def _visa_line(url: str) -> str:
+    return check_resource(_visa(url))
+
+
+def _visa(url: str) -> str:
+    """Return the name of the resource."""
+    resource = url.removeprefix("visa://")
+    try:
+        check_resource(resource)
+    except DefinitionError as error:
+        raise _bad(url, error.message) from error
+    return resource
 
 
 def _make_virtual(url: str) -> Transport:
@@ -162,7 +269,7 @@ def _serial_line(url: str) -> str:
 
 
 def _tcp_line(url: str) -> str:
-    return tcp_line(*_address(url, frozenset({"device", "beat"})))
+    return tcp_line(*_address(url, frozenset({"device", "beat", "also"})))
 
 
 def _virtual_line(url: str) -> str:
@@ -207,6 +314,15 @@ def _beat(url: str) -> tuple[str, int] | None:
     if not re.fullmatch(r"[0-9]{1,3}(?:\.[0-9]{1,3}){3}", host):
         raise _bad(url, "beat is an IPv4 address and a port")
     return host, _number(url, port, 1, _HIGHEST_PORT)
+
+
+def _further(url: str, own: int) -> tuple[int, ...]:
+    """Return the further ports of the same device, none of them twice."""
+    text = dict(parse_qsl(_split(url).query, keep_blank_values=True)).get("also")
+    ports = [] if text is None else [_number(url, one, 1, _HIGHEST_PORT) for one in text.split(",")]
+    if len({own, *ports}) <= len(ports):
+        raise _bad(url, "also names ports of the same device, each once: also=19205,19206")
+    return tuple(ports)
 
 
 def _device(url: str) -> int:
@@ -254,6 +370,10 @@ _SCHEMES: Mapping[str, tuple[Callable[[str], Transport], Callable[[str], str]]] 
     "modbus+serial": (_make_modbus_serial, _serial_line),
     "http": (_make_http, _tcp_line),
     "opc.tcp": (_make_opcua, _opcua_line),
+    "s7": (_make_s7, _s7_line),
+    "sila": (_make_sila, _sila_line),
+    "sila+local": (_make_sila, _sila_line),
+    "visa": (_make_visa, _visa_line),
     "ros2": (_make_ros2, _ros2_line),
     "virtual": (_make_virtual, _virtual_line),
 }

@@ -34,6 +34,7 @@ const pages: RouteObject[] = [
   page("devices", async () => ({ Component: (await import("@/devices/list")).DevicesPage })),
   page("devices/:id", async () => ({ Component: (await import("@/devices/page")).DevicePage })),
   page("drivers", async () => ({ Component: (await import("@/drivers/list")).DriversPage })),
+  page("drivers/:id/try", async () => ({ Component: (await import("@/drivers/try")).TryPage })),
   page("drivers/:id", async () => ({ Component: (await import("@/drivers/page")).DriverPage })),
   page("files", async () => ({ Component: (await import("@/files/list")).FilesPage })),
   page("files/:id", async () => ({ Component: (await import("@/files/page")).FilePage })),

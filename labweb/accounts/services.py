@@ -7,11 +7,11 @@ from collections.abc import Mapping
 from typing import Any
 from uuid import UUID
 
-from django.db import connection
 from django.db.transaction import atomic
 
 from labweb.accounts.models import AuditEntry, Grant, User
 from labweb.common.clock import now
+from labweb.common.prepared import insert_rows, prepared_cursor
 from labweb.domain.messages import canonical
 
 _AUDIT_LOCK = 0x6C61_6261
@@ -53,9 +53,11 @@ def write_audit(
     detail: Mapping[str, Any] | None = None,
 ) -> AuditEntry:
     """Append who did what to which object, bound to the row before."""
-    with connection.cursor() as cursor:
+    with prepared_cursor() as cursor:
         cursor.execute("SELECT pg_advisory_xact_lock(%s)", [_AUDIT_LOCK])
-    prev = AuditEntry.objects.order_by("-id").values_list("hash", flat=True).first() or ""
+        cursor.execute("SELECT hash FROM accounts_auditentry ORDER BY id DESC LIMIT 1")
+        last = cursor.fetchone()
+    prev = last[0] if last else ""
     at = now()
     fields = {
         "prev": prev,
@@ -66,7 +68,7 @@ def write_audit(
         "reason": reason,
         "detail": dict(detail or {}),
     }
-    return AuditEntry.objects.create(
+    entry = AuditEntry(
         at=at,
         actor=actor,
         action=action,
@@ -76,3 +78,5 @@ def write_audit(
         prev_hash=prev,
         hash=hashlib.sha256(canonical(fields)).hexdigest(),
     )
+    insert_rows([entry])
+    return entry

@@ -28,6 +28,14 @@ def driver_of(device: Device) -> dict[str, Any]:
             "is_ready": device.is_next_ready,
         },
         "problem": device.driver_problem or None,
+        "serving": None
+        if not device.serving
+        else {
+            "digest": device.serving["digest"],
+            "at": device.serving["at"],
+            "host_id": device.serving["host_id"],
+            "is_present": device.serving["digest"] == device.driver.digest,
+        },
     }
 
 

@@ -12,6 +12,7 @@ from rest_framework.views import APIView
 
 from labweb.accounts.selectors import User, user_of
 from labweb.api.driver_use import driver_of, places_of, users_of
+from labweb.api.tryouts import tried_of
 from labweb.approvals import selectors as approval_selectors
 from labweb.approvals import services as approval_services
 from labweb.approvals.selectors import ApprovalRequest
@@ -125,6 +126,7 @@ class DriverDetail(APIView):
                 **_interface(msgspec.convert(row.spec, DriverSpec)),
                 "request": None if asked is None else _request(asked),
                 "places": places_of(row, user),
+                "tried": tried_of(row),
             }
         )
 

@@ -4,9 +4,13 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Awaitable, Callable
+from importlib import import_module
 from typing import Any
 
 from celery import Celery
+from django.conf import settings
+
+from labweb.common.heap import freeze_heap
 
 logger = logging.getLogger(__name__)
 
@@ -23,6 +27,8 @@ def with_lifespan(inner: Application, queue: Celery) -> Application:
         while True:
             message = await receive()
             if message["type"] == "lifespan.startup":
+                import_module(settings.ROOT_URLCONF)  # or the first request would load every view
+                freeze_heap()
                 logger.info("web is up; commands go to %s", queue.connection().as_uri())
                 await send({"type": "lifespan.startup.complete"})
             elif message["type"] == "lifespan.shutdown":

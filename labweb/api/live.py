@@ -34,7 +34,10 @@ MAX_FRAME_BYTES = 64 * 1024
 MAX_TOPICS = 200
 
 OPEN_TOPICS = frozenset(
-    {"lab", "runs", "approvals", "hosts", "devices", "drivers", "events", "workflows"}
+    {
+        *("lab", "runs", "approvals", "hosts", "devices"),
+        *("drivers", "tryouts", "events", "workflows"),
+    }
 )
 
 CHECK_EVERY_S = 3.0
@@ -137,20 +140,13 @@ class BrowserConsumer(AsyncWebsocketConsumer):
             return
         self.topics = (self.topics | wanted) - left
 
-    async def feed_message(self, message: dict[str, Any]) -> None:
-        """Forward one announcement."""
-        topic = message["topic"]
-        if topic not in self.topics:
-            return
-        self.seq[topic] += 1
-        await self._send(
-            {
-                "topic": topic,
-                "seq": self.seq[topic],
-                "at": message["at"],
-                "data": message["data"],
-            }
-        )
+    async def feed_messages(self, message: dict[str, Any]) -> None:
+        """Forward what was announced on the topics of this tab, each by itself."""
+        for topic, data in message["told"]:
+            if topic in self.topics:
+                self.seq[topic] += 1
+                seq = self.seq[topic]
+                await self._send({"topic": topic, "seq": seq, "at": message["at"], "data": data})
 
     async def _send(self, value: dict[str, Any]) -> None:
         await self.send(text_data=json.dumps(value))

@@ -129,15 +129,15 @@ class FeedConsumer(AsyncWebsocketConsumer):
         else:
             await self.close(code=CLOSE_BAD_FRAME)
 
-    async def feed_message(self, message: dict[str, Any]) -> None:
+    async def feed_messages(self, message: dict[str, Any]) -> None:
         """Keep samples for the next flush; take anything else as a reason to look again."""
-        if not message["topic"].startswith("telemetry:"):
-            self.is_dirty = True
-            return
-        data = message["data"]
-        statuses = self.samples.setdefault(data["device_id"], {})
-        for status, at, value in data["samples"]:
-            statuses[status] = (at, value)
+        for topic, data in message["told"]:
+            if not topic.startswith("telemetry:"):
+                self.is_dirty = True
+                continue
+            statuses = self.samples.setdefault(data["device_id"], {})
+            for status, at, value in data["samples"]:
+                statuses[status] = (at, value)
 
     async def _run(self) -> None:
         """Send what has gathered, ten times a second at most."""

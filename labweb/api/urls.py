@@ -4,7 +4,16 @@ from __future__ import annotations
 
 from django.urls import include, path
 
-from labweb.api import deliveries, devices, drivers, home, hosts, session, twin_proxy
+from labweb.api import (
+    deliveries,
+    devices,
+    drivers,
+    home,
+    hosts,
+    session,
+    tryouts,
+    twin_proxy,
+)
 
 urlpatterns = [
     path("session", session.Session.as_view()),
@@ -19,6 +28,9 @@ urlpatterns = [
     path("drivers/<uuid:driver_id>/changes/<uuid:since_id>", drivers.DriverChanges.as_view()),
     path("drivers/<uuid:driver_id>/decision", drivers.DecideDriver.as_view()),
     path("drivers/<uuid:driver_id>/withdraw", drivers.WithdrawDriver.as_view()),
+    path("drivers/<uuid:driver_id>/tryouts", tryouts.DriverTryouts.as_view()),
+    path("tryouts/<uuid:tryout_id>", tryouts.TryoutDetail.as_view()),
+    path("tryouts/<uuid:tryout_id>/wishes", tryouts.TryoutWishes.as_view()),
     path("hosts", devices.Hosts.as_view()),
     path("hosts/<uuid:host_id>", hosts.HostDetail.as_view()),
     path("deliveries", deliveries.Deliveries.as_view()),

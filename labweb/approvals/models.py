@@ -86,3 +86,107 @@ class Decision(Base):
 
     def __str__(self) -> str:
         return f"{self.printed_name}: {self.meaning}"
+
+
+class SimulatorOffer(Base):
+    """What a host said in its present session that it can simulate."""
+
+    host = models.OneToOneField(
+        "enrollment.EdgeHost", on_delete=models.CASCADE, related_name="simulators"
+    )
+    epoch = models.BigIntegerField()
+    """Session in which it was said; in another one it does not count."""
+
+    models_offered = models.JSONField(default=list)
+    problem = models.TextField(blank=True)
+    told_at = models.DateTimeField()
+
+    def __str__(self) -> str:
+        return f"simulators of {self.host_id}"
+
+
+class Tryout(Base):
+    """One version of a driver on one simulated instrument, while its author drives it."""
+
+    class State(models.TextChoices):
+        """How far it has come."""
+
+        STARTING = "starting"
+        RUNNING = "running"
+        ENDED = "ended"
+
+    version = models.ForeignKey(
+        "enrollment.DriverVersion", on_delete=models.PROTECT, related_name="tryouts"
+    )
+    host = models.ForeignKey("enrollment.EdgeHost", on_delete=models.PROTECT, related_name="+")
+    epoch = models.BigIntegerField()
+    """Session of the host in which it was ordered."""
+
+    model = models.CharField(max_length=100)
+    title = models.CharField(max_length=200)
+    """Maker and model, as on the type plate."""
+
+    faults_offered = models.JSONField(default=dict)
+    """JSON Schema of the options, by name."""
+
+    settings = models.JSONField(default=dict)
+    config = models.JSONField(default=dict)
+    """Settings of the driver."""
+
+    speed = models.FloatField(default=1.0)
+    state = models.CharField(max_length=10, choices=State.choices, default=State.STARTING)
+    code = models.CharField(max_length=100, blank=True)
+    """Why it ended, when that was a failure."""
+
+    message = models.TextField(blank=True)
+    begun_by = models.ForeignKey("accounts.User", on_delete=models.PROTECT, related_name="+")
+    begun_at = models.DateTimeField()
+    heard_at = models.DateTimeField()
+    """Last word of its host."""
+
+    ended_at = models.DateTimeField(null=True)
+    faults = models.JSONField(default=list)
+    """In force now."""
+
+    statuses = models.JSONField(default=dict)
+    """Last reading: values and problems by status."""
+
+    wire = models.JSONField(default=list)
+    """Last records of the tap."""
+
+    wire_left_out_count = models.BigIntegerField(default=0)
+
+    class Meta:
+        ordering = ["-begun_at"]
+
+    def __str__(self) -> str:
+        return f"tryout on {self.model}"
+
+
+class TryoutAct(Base):
+    """One wish of the author, and what became of it."""
+
+    tryout = models.ForeignKey(Tryout, on_delete=models.CASCADE, related_name="acts")
+    number = models.IntegerField()
+    sort = models.CharField(max_length=10)
+    name = models.CharField(max_length=100, blank=True)
+    args = models.JSONField(default=dict)
+    asked_at = models.DateTimeField()
+    answered_at = models.DateTimeField(null=True)
+    code = models.CharField(max_length=100, blank=True)
+    """Empty, once answered: it went well."""
+
+    message = models.TextField(blank=True)
+    effect = models.CharField(max_length=10, blank=True)
+    data = models.JSONField(default=dict)
+    has_faults = models.BooleanField(default=False)
+    """A fault was in force at some time while it was carried out."""
+
+    class Meta:
+        ordering = ["number"]
+        constraints = [
+            models.UniqueConstraint(fields=["tryout", "number"], name="tryout_number_once")
+        ]
+
+    def __str__(self) -> str:
+        return f"{self.sort} {self.name}"

@@ -2,20 +2,40 @@
 
 from __future__ import annotations
 
+from datetime import timedelta
 from uuid import UUID
 
-from django.db.models import QuerySet
+import msgspec
+from django.db.models import QuerySet, UUIDField
 
 from labweb.approvals.models import ApprovalRequest as ApprovalRequest
-from labweb.approvals.models import Policy
+from labweb.approvals.models import Policy, SimulatorOffer
+from labweb.approvals.models import Tryout as Tryout
+from labweb.approvals.models import TryoutAct as TryoutAct
 from labweb.common.clock import now
+from labweb.common.prepared import Given, Prepared
+from labweb.domain.enrollment.spec import DriverSpec
+from labweb.domain.enrollment.tryout import SILENT_S, STARTS_S, Act, Tried, fitting, tried
 from labweb.domain.errors import NotFoundError
+from labweb.domain.messages import SimulatedModel
+from labweb.domain.runs.session import SessionState
+from labweb.enrollment.selectors import DriverVersion, EdgeHost
 from labweb.resources.selectors import Lab
 
 
 def active_policies(lab: Lab) -> QuerySet[Policy]:
     """Policies that are in force."""
     return Policy.objects.filter(lab=lab, is_active=True).order_by("name")
+
+
+def rules_of(lab: Lab) -> list[Policy]:
+    """Return the policies that are in force."""
+    return _RULES.rows(lab=lab.pk)
+
+
+_RULES = Prepared(
+    lambda: Policy.objects.filter(lab_id=Given("lab", UUIDField()), is_active=True).order_by("name")
+)
 
 
 def requests_of(lab: Lab) -> QuerySet[ApprovalRequest]:
@@ -77,4 +97,108 @@ def open_about_drivers(lab: Lab) -> QuerySet[ApprovalRequest]:
 
 def request_of(run_id: UUID) -> ApprovalRequest | None:
     """Return the newest request of a run, if it has one."""
-    return ApprovalRequest.objects.filter(run_id=run_id).order_by("-asked_at").first()
+    return _OF_RUN.first(run=run_id)
+
+
+_OF_RUN = Prepared(
+    lambda: ApprovalRequest.objects.filter(run_id=Given("run", UUIDField())).order_by("-asked_at")[
+        :1
+    ]
+)
+
+
+# --- drivers on trial ---
+
+MOST_ACTS_SHOWN = 100
+"""Wishes of one tryout that are shown."""
+
+MOST_SHOWN = 20
+"""Tryouts of one version that are listed."""
+
+
+def offers() -> list[SimulatorOffer]:
+    """Return what the hosts that are here and now connected can simulate."""
+    rows = SimulatorOffer.objects.filter(
+        host__state=SessionState.ONLINE.value, host__suspended_at__isnull=True
+    )
+    return [row for row in rows.select_related("host").order_by("host__key") if is_current(row)]
+
+
+def is_current(row: SimulatorOffer) -> bool:
+    """Say whether an offer was made in the session that its host has now."""
+    return row.epoch == row.host.epoch
+
+
+def offer_of(host: EdgeHost) -> SimulatorOffer | None:
+    """Return what a host offers in its present session, or None."""
+    row = SimulatorOffer.objects.filter(host=host, epoch=host.epoch).select_related("host").first()
+    return row if row is not None and row.host.state == SessionState.ONLINE.value else None
+
+
+def models_for(row: SimulatorOffer, version: DriverVersion) -> list[SimulatedModel]:
+    """Return the models of an offer that a version can be connected to."""
+    models = msgspec.convert(row.models_offered, list[SimulatedModel])
+    return fitting(msgspec.convert(version.spec, DriverSpec), models)
+
+
+def tryouts_of(version: DriverVersion) -> QuerySet[Tryout]:
+    """Tryouts of a version, the newest first."""
+    rows = Tryout.objects.filter(version=version).select_related("host", "begun_by")
+    return rows.defer("wire")[:MOST_SHOWN]
+
+
+def find_tryout(tryout_id: UUID) -> Tryout:
+    """Return a tryout with its version.
+
+    Raises:
+        NotFoundError: There is none.
+    """
+    row = Tryout.objects.filter(pk=tryout_id).select_related("version", "host", "begun_by").first()
+    if row is None:
+        raise NotFoundError(f"no tryout {tryout_id}", code="tryout.not_found")
+    return row
+
+
+def tryout_for_update(tryout_id: UUID) -> Tryout:
+    """Lock and return a tryout.
+
+    Raises:
+        NotFoundError: There is none.
+    """
+    find_tryout(tryout_id)
+    return (
+        Tryout.objects.select_for_update(of=("self",)).select_related("version").get(pk=tryout_id)
+    )
+
+
+def acts_of(row: Tryout) -> list[TryoutAct]:
+    """What was asked of a tryout last, in order."""
+    return list(row.acts.order_by("-number")[:MOST_ACTS_SHOWN])[::-1]
+
+
+def is_over(row: Tryout) -> bool:
+    """Say whether a tryout has ended, or its host has been silent for too long."""
+    if row.state == Tryout.State.ENDED:
+        return True
+    patience_s = STARTS_S if row.state == Tryout.State.STARTING else SILENT_S
+    return row.heard_at < now() - timedelta(seconds=patience_s)
+
+
+def going_on(host: EdgeHost) -> list[Tryout]:
+    """Return the tryouts that a host runs or is to run."""
+    rows = Tryout.objects.filter(host=host).exclude(state=Tryout.State.ENDED)
+    return [row for row in rows.defer("wire") if not is_over(row)]
+
+
+def tried_of(version: DriverVersion) -> Tried:
+    """Sum up what was tried of a version."""
+    rows = TryoutAct.objects.filter(tryout__version=version, answered_at__isnull=False)
+    return tried(msgspec.convert(version.spec, DriverSpec), map(_act, rows.only(*_ACT)))
+
+
+_ACT = ("sort", "name", "code", "has_faults", "data")
+
+
+def _act(row: TryoutAct) -> Act:
+    is_ok = not row.code and not row.data.get("problems")
+    return Act(sort=row.sort, name=row.name, is_ok=is_ok, has_faults=row.has_faults)

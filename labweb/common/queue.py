@@ -5,7 +5,7 @@ from __future__ import annotations
 from uuid import UUID
 
 import msgspec
-from kombu import Queue
+from celery.utils import uuid
 from kombu.exceptions import OperationalError
 
 from labweb.celery import app
@@ -31,17 +31,31 @@ def ring(host_id: UUID, signed: Signed) -> bool:
         False when the broker is away; the outbox keeps the command and rings again.
     """
     try:
-        app.send_task(
-            ACCEPT_TASK,
-            args=[msgspec.to_builtins(signed)],
-            queue=Queue(queue_of(host_id), no_declare=True),  # type: ignore[arg-type]
-            declare=[],
-            ignore_result=True,
-            retry=False,
-        )
+        _post(ACCEPT_TASK, msgspec.to_builtins(signed), queue_of(host_id))
     except (OperationalError, OSError):
         return False
     return True
+
+
+def _post(task: str, argument: object, queue: str) -> None:
+    """Send a task to a queue that nobody declares here; `send_task` takes twice the time."""
+    message = app.amqp.as_task_v2(
+        uuid(), task, (argument,), {}, argsrepr="", kwargsrepr="", ignore_result=True
+    )
+    with app.producer_or_acquire() as producer:
+        broker = producer.connection
+        try:
+            producer.publish(
+                message.body,
+                exchange="",
+                routing_key=queue,
+                serializer="json",
+                headers=message.headers,
+                retry=False,
+                **message.properties,
+            )
+        except (*broker.connection_errors, *broker.channel_errors) as error:
+            raise OperationalError(str(error)) from error
 
 
 def ask(task: str, *args: str) -> bool:

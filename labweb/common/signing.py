@@ -14,7 +14,14 @@ from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey,
 from django.conf import settings
 
 from labweb.domain.errors import EnrollmentError
-from labweb.domain.messages import Command, DriverApproval, Signed, canonical
+from labweb.domain.messages import (
+    Command,
+    DriverApproval,
+    LookOrder,
+    Signed,
+    TryoutOrder,
+    canonical,
+)
 
 
 def _key_path() -> Path:
@@ -68,8 +75,8 @@ def key_id() -> str:
     return hashlib.sha256(public_key().encode()).hexdigest()[:16]
 
 
-def sign(statement: Command | DriverApproval) -> Signed:
-    """Render a command or an approval as text and sign exactly that text."""
+def sign(statement: Command | DriverApproval | LookOrder | TryoutOrder) -> Signed:
+    """Render a command, an approval or an order to try as text and sign exactly that text."""
     body = canonical(statement)
     signature = base64.b64encode(_private_key().sign(body)).decode()
     return Signed(body=body.decode(), key_id=key_id(), signature=signature)

@@ -17,6 +17,8 @@ from typing import Any
 import psycopg
 from django.db import connection
 
+from labweb.common.prepared import prepared_cursor
+
 logger = logging.getLogger(__name__)
 
 CHANNEL = "labweb_work"
@@ -24,7 +26,7 @@ CHANNEL = "labweb_work"
 
 def wake_dispatcher() -> None:
     """Say that there will be work once this transaction has committed."""
-    with connection.cursor() as cursor:
+    with prepared_cursor() as cursor:
         cursor.execute(f"NOTIFY {CHANNEL}")
 
 

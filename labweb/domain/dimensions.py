@@ -87,6 +87,8 @@ DIMENSIONS: Mapping[str, Dimension] = {
             | {"\u00b5g": "microgram", "\u03bcg": "microgram"},
             "10000 kg",
         ),
+        Dimension("ph_difference", "ph", "dimensionless", {"pH": "dimensionless"}, "14 pH"),
+        Dimension("share", "ratio", "dimensionless", {"%": "percent"}, "100 %"),
     )
 }
 """The closed list, by dimension."""

@@ -186,6 +186,9 @@ class Device(Base):
     driver_problem = models.JSONField(default=dict)
     """Why the host did not take the last version that was wanted: digest, code, message."""
 
+    serving = models.JSONField(default=dict)
+    """What its host said last of which version serves it: digest, host_id, at. Empty: none."""
+
     transport = models.CharField(max_length=300)
     config = models.JSONField(default=dict)
     nodes = models.JSONField(default=dict)
@@ -210,6 +213,28 @@ class Device(Base):
 
     def __str__(self) -> str:
         return self.name
+
+
+class Look(Base):
+    """A host was asked to look at a device that nothing serves: who answers, what it tells."""
+
+    device = models.ForeignKey(Device, on_delete=models.PROTECT, related_name="looks")
+    driver = models.ForeignKey(DriverVersion, on_delete=models.PROTECT, related_name="+")
+    host = models.ForeignKey(EdgeHost, on_delete=models.PROTECT, related_name="+")
+    epoch = models.BigIntegerField()
+    transport = models.CharField(max_length=300)
+    config = models.JSONField()
+    asked_by = models.ForeignKey("accounts.User", on_delete=models.PROTECT, related_name="+")
+    asked_at = models.DateTimeField()
+    told_at = models.DateTimeField(null=True)
+    told = models.JSONField(default=dict)
+    """What the host said, a `LookTold`; empty: nothing yet."""
+
+    class Meta:
+        ordering = ["-asked_at"]
+
+    def __str__(self) -> str:
+        return f"look at {self.device_id}"
 
 
 class JoinToken(Base):

@@ -13,6 +13,7 @@ import msgspec
 from channels.db import database_sync_to_async
 from channels.generic.websocket import AsyncWebsocketConsumer
 
+from labweb.approvals import services as approval_services
 from labweb.common import faults
 from labweb.common.clock import now
 from labweb.domain.errors import LabError
@@ -26,6 +27,7 @@ from labweb.domain.messages import (
     Events,
     Heartbeat,
     Hello,
+    LookTold,
     Nudge,
     Refuse,
     Renew,
@@ -38,6 +40,8 @@ from labweb.domain.messages import (
     StopLab,
     Telemetry,
     TelemetryTaken,
+    TryoutOffer,
+    TryoutTold,
     WantDriver,
     WithdrawAsk,
 )
@@ -207,6 +211,18 @@ class EdgeConsumer(AsyncWebsocketConsumer):
                 await self._give_driver(host_id, frame.digest)
             case Ask() | WithdrawAsk():
                 await self._ask(host_id, frame)
+            case TryoutOffer():
+                await database_sync_to_async(approval_services.take_offer)(
+                    host_id, self.epoch, frame
+                )
+            case LookTold():
+                await database_sync_to_async(enrollment_services.take_look)(
+                    host_id, self.epoch, frame
+                )
+            case TryoutTold():
+                await database_sync_to_async(approval_services.take_told)(
+                    host_id, self.epoch, frame
+                )
 
     async def _ask(self, host_id: UUID, frame: Ask | WithdrawAsk) -> None:
         """Take a wish, or its end; only of the session that is open, and caught up."""
@@ -237,12 +253,18 @@ class EdgeConsumer(AsyncWebsocketConsumer):
                     del self.asked[told.ask_id]
 
     async def _beat(self, host_id: UUID, frame: Heartbeat) -> None:
+        told = msgspec.to_builtins(msgspec.structs.replace(frame, serving=None))
         alive = await database_sync_to_async(enrollment_services.beat)(
-            host_id, self.epoch, msgspec.to_builtins(frame), is_resumed=self.is_online
+            host_id, self.epoch, told, is_resumed=self.is_online
         )
         if not alive:
             await self.close(code=CLOSE_SESSION_OVER)
-        elif self.beats_to_rival:
+            return
+        if frame.serving is not None:
+            await database_sync_to_async(enrollment_services.note_serving)(
+                host_id, self.epoch, frame.serving
+            )
+        if self.beats_to_rival:
             await self._beat_beside_rival(host_id)
 
     async def _samples(self, frame: Telemetry) -> None:
@@ -314,6 +336,26 @@ class EdgeConsumer(AsyncWebsocketConsumer):
         )
         if frame is not None:
             self.devices = frozenset(device.id for device in frame.devices)
+            await self._send(frame)
+
+    async def edge_tryout(self, message: dict[str, Any]) -> None:
+        """Send what a tryout of this host is asked."""
+        if self.host_id is None:
+            return
+        frames = await database_sync_to_async(approval_services.frames_of)(
+            self.host_id, self.epoch, UUID(message["tryout_id"]), message["number"]
+        )
+        for frame in frames:
+            await self._send(frame)
+
+    async def edge_look(self, message: dict[str, Any]) -> None:
+        """Send the driver with which this host is to look at a device."""
+        if self.host_id is None:
+            return
+        frames = await database_sync_to_async(enrollment_services.look_frames)(
+            self.host_id, self.epoch, UUID(message["look_id"])
+        )
+        for frame in frames:
             await self._send(frame)
 
     async def edge_renew(self, _message: dict[str, Any]) -> None:

@@ -38,7 +38,8 @@ def database(url: str) -> dict[str, Any]:
         "HOST": parts.pop("host", ""),
         "PORT": str(parts.pop("port", "")),
         "CONN_MAX_AGE": 0,
-        "OPTIONS": {**parts, "pool": POOL},
+        # Of use to `labweb.common.prepared` alone: what else runs binds its values into the text.
+        "OPTIONS": {**parts, "pool": POOL, "prepare_threshold": 0},
     }
 
 
@@ -88,6 +89,7 @@ MIDDLEWARE = [
 ROOT_URLCONF = "labweb.urls"
 ASGI_APPLICATION = "labweb.asgi.application"
 AUTH_USER_MODEL = "accounts.User"
+AUTHENTICATION_BACKENDS = ["labweb.accounts.selectors.Backend"]
 AUTH_PASSWORD_VALIDATORS = [
     {"NAME": "django.contrib.auth.password_validation.MinimumLengthValidator"},
     {"NAME": "django.contrib.auth.password_validation.CommonPasswordValidator"},
@@ -137,6 +139,7 @@ STATIC_ROOT = DATA_DIR / "static"
 STATICFILES_DIRS = [ROOT / "labweb" / "static"]
 WHITENOISE_USE_FINDERS = True
 
+SESSION_ENGINE = "labweb.common.sessions"
 SESSION_COOKIE_HTTPONLY = True
 SESSION_COOKIE_SAMESITE = "Lax"
 SESSION_COOKIE_AGE = 12 * 3600

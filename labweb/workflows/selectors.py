@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from uuid import UUID
 
-from django.db.models import Prefetch, QuerySet
+from django.db.models import Prefetch, QuerySet, UUIDField
 
 from labweb.accounts.selectors import User
+from labweb.common.prepared import Given, Prepared
 from labweb.domain.errors import NotFoundError
 from labweb.resources.selectors import Lab
 from labweb.workflows.models import Workflow as Workflow
@@ -50,14 +51,17 @@ def find_version(version_id: UUID) -> WorkflowVersion:
     Raises:
         NotFoundError: There is none.
     """
-    row = (
-        WorkflowVersion.objects.filter(pk=version_id)
-        .select_related("workflow__lab", "author")
-        .first()
-    )
+    row = _VERSION.first(id=version_id)
     if row is None:
         raise NotFoundError(f"no version {version_id}", code="workflow.no_version")
     return row
+
+
+_VERSION = Prepared(
+    lambda: WorkflowVersion.objects.filter(pk=Given("id", UUIDField())).select_related(
+        "workflow__lab", "author"
+    )
+)
 
 
 def find_numbered(workflow_id: UUID, number: int) -> WorkflowVersion:

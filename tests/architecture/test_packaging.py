@@ -35,7 +35,10 @@ def test_the_plain_package_is_the_domain_and_nothing_else() -> None:
 
 @pytest.mark.parametrize(
     "extra",
-    ["edge", "edge-arm", "edge-camera", "edge-opcua", "edge-ros2", "twin", "embedded"],
+    [
+        *("edge", "edge-arm", "edge-camera", "edge-opcua", "edge-ros2", "edge-s7", "edge-sila"),
+        *("edge-visa", "twin", "embedded"),
+    ],
 )
 def test_only_a_server_gets_django(extra: str) -> None:
     assert "django" not in packages_of(extra)

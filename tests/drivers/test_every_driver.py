@@ -30,6 +30,8 @@ URLS = {
     "http": "http://127.0.0.1:80",
     "opcua": "opc.tcp://127.0.0.1:4840",
     "ros2": "ros2://127.0.0.1/node",
+    "sila": "sila+local://127.0.0.1:50052",
+    "s7": "s7://127.0.0.1:102/0/1",
     "virtual": "virtual:timer",
 }
 
@@ -38,21 +40,28 @@ every_driver = pytest.mark.parametrize("spec", SPECS, ids=lambda spec: spec.clas
 
 def test_the_catalog_holds_every_role_that_a_lab_is_built_of() -> None:
     assert {role for spec in SPECS for role in spec.roles} == {
+        "agv",
         "arm",
         "balance",
         "continuous_pump",
         "battery_tester",
         "camera",
+        "chromatography",
         "conductivity_sensor",
+        "furnace",
+        "gantry",
+        "gripper",
         "heater_stirrer",
         "infusion_pump",
         "injection_valve",
         "node",
         "ph_sensor",
+        "powder_dispenser",
         "power_supply",
         "pump",
         "rotary_evaporator",
         "shaker",
+        "spectrometer",
         "stirrer",
         "storage",
         "tds_sensor",

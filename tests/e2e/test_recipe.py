@@ -27,6 +27,14 @@ WARM = """<XDL><Synthesis>
 </Synthesis></XDL>
 """
 
+DOSE = """<?xdl version="2.0.0" ?><XDL><Synthesis>
+  <Hardware><Component id="reactor" type="reactor"/></Hardware>
+  <Parameters><Parameter id="dose" type="volume" min="1 mL" max="20 mL"/></Parameters>
+  <Reagents><Reagent name="water"/></Reagents>
+  <Procedure><Add vessel="reactor" reagent="water" volume="dose"/></Procedure>
+</Synthesis></XDL>
+"""
+
 
 def wait_for_plan(visitor: Visitor, state: str = "proved") -> None:
     expect(visitor.at("proof")).to_have_attribute("data-state", state, timeout=COMPILED_MS)
@@ -82,4 +90,34 @@ def test_what_does_not_fit_the_lab_fits_another_rig_and_two_rigs_are_compared(
     steps = chemist.page.locator("[data-testid=difference-row][data-name=Steps]")
     expect(steps).to_be_visible()
     expect(chemist.at("step-change").first).to_be_visible()
+    assert chemist.complaints == []
+
+
+def test_what_a_recipe_leaves_open_is_asked_for_and_checked(visit: Visit, tmp_path: Path) -> None:
+    file = tmp_path / "dose.xdl"
+    file.write_text(DOSE, "utf-8")
+    chemist = visit("chemist")
+    chemist.open("workflows/xdl")
+    chemist.at("open-xdl-input").set_input_files(file)
+    wait_for_plan(chemist, "none")
+    dose = chemist.at("parameter-dose")
+    expect(dose).to_have_attribute("aria-invalid", "true")
+    dose.fill("two drops")
+    dose.press("Enter")
+    expect(chemist.at("wish-parameters")).to_contain_text("says no amount", timeout=COMPILED_MS)
+    dose.fill("25 mL")
+    dose.press("Enter")
+    expect(chemist.at("wish-parameters")).to_contain_text("1 mL to 20 mL", timeout=COMPILED_MS)
+    dose.fill("2.5 mL")
+    dose.press("Enter")
+    wait_for_plan(chemist, "none")
+    # The lab's bottle is labelled "Water": nothing takes it for the recipe's "water" but a person.
+    expect(chemist.at("recipe-finding").filter(has_text="holds 'Water'")).to_have_count(1)
+    chemist.at("take-alike").filter(has_text="water:").press("Enter")
+    wait_for_plan(chemist)
+    moved = chemist.at("planned-step").filter(has_text="2.5").filter(has_text="from water")
+    expect(moved.first).to_be_visible()
+    chemist.press("save-recipe")
+    chemist.press("save-confirm")
+    expect(chemist.at("findings-bar")).to_have_attribute("data-state", "checked")
     assert chemist.complaints == []

@@ -193,20 +193,48 @@ class Oracle:
     def _breaks(self, request: Request) -> frozenset[str]:
         """Name both sides of every gap: what is reached, and what lies next to it unreached.
 
-        A vessel without the port that was asked for is a gap by itself.
+        A vessel that no syringe joins by the port that was asked for is a gap by itself. Where no
+        syringe can move what some setting of valves and solenoids leads to it, what is led there is
+        reached too: the way may break at a syringe that is open to several things, or at a valve.
         """
         ahead = self._region(request.source, self.draws, self.pushes, forward=True)
         behind = self._region(request.target, self.pushes, self.draws, forward=False)
         portless = {
             vessel
-            for vessel, port in (
-                (request.source, request.from_port),
-                (request.target, request.to_port),
+            for vessel, port, legs in (
+                (request.source, request.from_port, self.draws),
+                (request.target, request.to_port, self.pushes),
             )
-            if port is not None and (vessel, port) not in self.rig.ends_of(vessel)
+            if port is not None and not self._joins(legs, vessel, port)
         }
         edges = self._edge(ahead, request.source) | self._edge(behind, request.target)
-        return frozenset(portless | edges)
+        led = self._led_to(request.source) | self._led_to(request.target)
+        return frozenset(portless | edges | led)
+
+    def _joins(self, legs: dict[str, list[Leg]], vessel: str, port: str) -> bool:
+        return any(
+            _fits(leg, vessel, port, only_sure=False) for own in legs.values() for leg in own
+        )
+
+    def _led_to(self, vessel: str) -> set[str]:
+        """Name all that some setting of valves and solenoids leads a vessel's hoses to."""
+        waiting = [
+            hose.other(end) for end in self.rig.ends_of(vessel) for hose in self.rig.hoses_at(end)
+        ]
+        met = set(waiting)
+        while waiting:
+            name, port = waiting.pop()
+            device = self.rig.devices[name]
+            if device.kind not in (Kind.VALVE, Kind.SOLENOID):
+                continue
+            for end in self.rig.ends_of(name):
+                is_joined = device.kind is Kind.SOLENOID or device.common in (port, end[1])
+                if end[1] == port or not is_joined:
+                    continue
+                further = {hose.other(end) for hose in self.rig.hoses_at(end)} - met
+                met |= further
+                waiting += further
+        return {name for name, _ in met}
 
     def _edge(self, region: set[str], vessel: str) -> set[str]:
         """Name the devices on both sides of a region's border; of an island, all but the vessel."""

@@ -5,6 +5,8 @@ A file with any class of the Chemputer's is a Chemputer graph; every other one i
 * Chemputer, ports as pairs `(a,b)`: a **directed** multigraph. An edge lets liquid run from
   source to target; the same two ends drawn both ways are one tube. A flask drawn only towards
   its valve gives and never takes; a waste drawn only from its valve takes and never gives.
+  An edge without any port, `(,)`, from a stirrer, heater, chiller, sensor or vacuum pump only says
+  what that device acts on.
 * Chemputer of 2018, one bare port for each edge: the port is the valve's, 1 edge is a tube, and two
   valves that point at each other are joined by one tube with each one's own port.
 * Uni-Lab-OS: **undirected**, as its own loader reads it. Liquid runs on links of type `fluid` or
@@ -198,7 +200,9 @@ def _tubes(
     for link in links:
         a, b = _ends(link, devices)
         is_wet = link.medium in _WET or (is_chemputer and not link.medium)
-        if not is_wet:
+        if is_chemputer and _is_attachment(a, b, devices):
+            dry.append(DryLink(a, b, "no liquid"))
+        elif not is_wet:
             dry.append(DryLink(a, b, link.medium or "nothing stated"))
         elif a[0] != b[0]:
             key = frozenset((a, b))
@@ -208,6 +212,13 @@ def _tubes(
             elif old.a == b:
                 hoses[key] = replace(old, is_backward=True)
     return list(hoses.values()), dry
+
+
+def _is_attachment(a: End, b: End, devices: Mapping[str, Device]) -> bool:
+    if a[1] or b[1]:
+        return False
+    ends = (devices[a[0]], devices[b[0]])
+    return any(end.kind is Kind.OTHER and not is_chemputer_class(end.class_name) for end in ends)
 
 
 def _ends(link: RawLink, devices: Mapping[str, Device]) -> tuple[End, End]:

@@ -189,3 +189,21 @@ def _check_passes(
         back = joined_to(rig, partner, Sense.DRAW, positions, opened)
         if pump in back.pumps and not back.vessels and not back.strays:
             assert (pump, partner) in passes
+
+
+def breaks(text: str, **asked: str) -> frozenset[str]:
+    return Oracle(drawn(text)).ask(Request("A", "B", 1, **asked)).break_ids
+
+
+def test_a_way_breaks_at_a_syringe_that_is_open_to_several_things() -> None:
+    """A ─ S1 ─ P ─ S2 ─ B, and P ─ C with nothing that shuts it; D ─ 1 V 2 ─ E stands apart."""
+    found = breaks("A S1:1\nS1:2 P:a\nP:b S2:1\nS2:2 B\nP:d C\nD V:1\nV:2 E\nV:c P9")
+    assert {"P", "S1", "S2"} <= found
+    assert not {"C", "D", "E", "V", "P9"} & found
+
+
+def test_a_vessel_that_no_syringe_joins_by_the_port_that_was_asked_for_is_a_break() -> None:
+    """A ─ 1 V 2 ─ x B y ─ C, a pump on V: B is filled by x, and by y from C alone."""
+    text = "A V:1\nV:c P\nV:2 B:x\nB:y C"
+    assert Oracle(drawn(text)).ask(Request("A", "B", 1)).answer is Answer.FEASIBLE
+    assert "B" in breaks(text, to_port="y")

@@ -73,6 +73,19 @@ def test_bare_ports_of_2018_belong_to_the_valve_and_valves_share_one_tube() -> N
     assert all(hose.is_forward and hose.is_backward for hose in rig.hoses)
 
 
+@pytest.mark.parametrize(("port", "is_hose"), [("(,)", False), ("(0,0)", True), ("(,0)", True)])
+def test_what_a_device_acts_on_is_no_hose(port: str, is_hose: bool) -> None:
+    nodes = [{"id": "p", "class": "ChemputerPump"}, {"id": "s", "class": "BubbleSensor"}]
+    rig = read_json({"nodes": nodes, "links": [{"source": "s", "target": "p", "port": port}]})
+    assert bool(rig.hoses) is is_hose
+    assert bool(rig.dry_ends) is not is_hose
+
+
+def test_a_forgotten_port_of_the_plumbing_stays_a_hose() -> None:
+    rig = chemputer([{"source": "f", "target": "v", "port": "(,)"}], "f", "v")
+    assert rig.hoses
+
+
 @pytest.mark.parametrize(
     "link",
     [

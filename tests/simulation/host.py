@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Callable, Generator
 from random import Random
-from typing import Any, Protocol
+from typing import Protocol
 from uuid import UUID
 
 import msgspec
@@ -36,6 +35,7 @@ from labweb.domain.runs.journal import (
 )
 from labweb.domain.runs.moment import Moment
 from tests.simulation.lab import DEVICE_COUNT, JOURNAL, PUMPS, host_id, id_of
+from tests.simulation.link import Link
 from tests.simulation.memory import Disk, MemoryWrite
 
 
@@ -51,27 +51,11 @@ ACK_TIMEOUT_S = 10.0
 HANDSHAKE_S = 10.0
 SILENCE_S = 20.0
 FRAME_EVENTS = 6
+FOLLOWS_SHARE = 0.7
 
 
 class KilledError(BaseException):
     """The host died at this very point."""
-
-
-class Link:
-    """One connection of a host to the server; what is on the wire may be lost with it."""
-
-    def __init__(self, name: str) -> None:
-        self.name = name
-        self.up: deque[Any] = deque()
-        self.down: deque[Any] = deque()
-        self.is_cut = False
-        self.cut_at_s = 0.0
-        self.server_epoch: int | None = None
-        """Session of the server's end; None until HELLO."""
-
-        self.is_resumed = False
-        self.pending_head = 0
-        self.is_closed_at_server = False
 
 
 class Lab(Protocol):
@@ -151,12 +135,14 @@ class SimHost:
         return Moment(boot_id=self.boot_id, mono_s=now_s - self.boot_at_s, wall_s=now_s)
 
     def write(self, *, is_sealed: bool = True) -> MemoryWrite:
-        sealed = self._sealed if is_sealed else lambda _has_appended: None
-        return MemoryWrite(self.disk, self.lab.now_s, sealed)
+        def on_commit(has_appended: bool) -> None:
+            if has_appended and (is_sealed or write.is_binding):
+                self._sealed()
 
-    def _sealed(self, has_appended: bool) -> None:
-        if not has_appended:
-            return
+        write = MemoryWrite(self.disk, self.lab.now_s, on_commit)
+        return write
+
+    def _sealed(self) -> None:
         if self.dies_before_seal:
             self.dies_before_seal = False
             raise KilledError
@@ -276,9 +262,11 @@ class SimHost:
             found = acting.start(tx, row, do, at=self.moment(), scene=SCENE)
         if not isinstance(found, Started):
             return found.kind == edge.REJECT
-        self.lab.started(self, row)
-        yield "after started"
-        yield from self._act(found)
+        started: Started | None = found
+        while started is not None:
+            self.lab.started(self, started.row)
+            yield "after started"
+            started = yield from self._act(started)
         return True
 
     def is_held(self, row: ActionRow) -> bool:
@@ -292,7 +280,8 @@ class SimHost:
         answer = None if turn is None else batch.decide_turn(turn)
         return answer is not None and answer.kind == edge.HOLD
 
-    def _act(self, started: Started) -> Generator[str, None, None]:
+    def _act(self, started: Started) -> Generator[str, None, Started | None]:
+        """Act, and return the next action where it began in the write that ended this one."""
         self.lab.begin(self, started)
         self.acting = started
         yield "acting"
@@ -303,12 +292,28 @@ class SimHost:
             with self.write(is_sealed=False) as tx:
                 acting.write_actuated(tx, started.row, report)
             yield "after actuated"
-        self._end(started.row, report)
-        yield "after done"
+        following = self._following(started.row) if report.ok else None
+        begun = self._end(started.row, report, following)
+        if begun is None:
+            yield "after done"
+        return begun
 
-    def _end(self, row: ActionRow, report: Report) -> None:
+    def _following(self, row: ActionRow) -> ActionRow | None:
+        """Return the action that begins in the write that ends this one, as a draw decides."""
+        found = next(iter(self.disk.rows(ActionState.ACCEPTED)), None)
+        if found is None or found.device_id != row.device_id:
+            return None
+        return found if self.rng.random() < FOLLOWS_SHARE else None
+
+    def _end(
+        self, row: ActionRow, report: Report, following: ActionRow | None = None
+    ) -> Started | None:
         with self.write(is_sealed=False) as tx:
             acting.write_end(tx, row, report, [])
+            if following is None:
+                return None
+            found = acting.start(tx, following, following.do, at=self.moment(), scene=SCENE)
+        return found if isinstance(found, Started) else None
 
     # --- the uplink ---
 

@@ -98,6 +98,7 @@ class MemoryWrite:
         self._on_commit = on_commit
         self._undo: list[tuple[dict[Any, Any], Any, Any]] = []
         self._event_count = len(disk.events)
+        self.is_binding = False
 
     def __enter__(self) -> MemoryWrite:
         return self
@@ -132,6 +133,7 @@ class MemoryWrite:
         bare = _event(fields, "")
         made = _event(fields, event_hash(self._disk.journal_id, prev, bare))
         self._disk.events.append(made)
+        self.is_binding = self.is_binding or kind == "started"
 
     def meta(self) -> dict[str, str]:
         return dict(self._disk.meta)
@@ -163,18 +165,16 @@ class MemoryWrite:
             raise JournalError(f"action {row.action_id} is known")
         self._put(self._disk.actions, row.action_id, row)
 
-    def move(self, action_id: UUID, before: ActionState, after: ActionState) -> None:
+    def move(
+        self, action_id: UUID, before: ActionState, after: ActionState, **kept: dict[str, Any]
+    ) -> None:
         row = self._disk.actions.get(action_id)
         if row is None or row.st is not before:
             raise JournalError(
                 f"action {action_id} is not {before.value}", code="journal.lost_claim"
             )
-        self._put(self._disk.actions, action_id, replace(row, st=after))
-
-    def keep(self, action_id: UUID, column: str, value: dict[str, Any]) -> None:
-        row = self._disk.actions[action_id]
-        fields: dict[str, Any] = {column: canonical(value).decode()}
-        self._put(self._disk.actions, action_id, replace(row, **fields))
+        fields: dict[str, Any] = {name: canonical(value).decode() for name, value in kept.items()}
+        self._put(self._disk.actions, action_id, replace(row, st=after, **fields))
 
     def want_cancel(self, action_id: UUID) -> None:
         row = self._disk.actions[action_id]

@@ -33,7 +33,7 @@ from labweb.domain.runs import (
 from labweb.domain.runs.job import JobState, Mover
 from labweb.domain.runs.session import SessionState
 from tests.simulation.dispatching import Dispatching
-from tests.simulation.host import Link
+from tests.simulation.link import Link
 from tests.simulation.rows import Attempt, Host, Job, Row
 
 MOST_TRIES = 6

@@ -17,8 +17,9 @@ from labweb.domain.runs.journal import ActionRow, JournalError
 from labweb.domain.runs.session import SessionState
 from tests.simulation import checks
 from tests.simulation.checks import require
-from tests.simulation.host import KilledError, Link, SimHost
+from tests.simulation.host import KilledError, SimHost
 from tests.simulation.lab import HOSTS, JOB, PUMPS, STROKE_NL, Matter, id_of, stroke
+from tests.simulation.link import Link
 from tests.simulation.rows import Attempt, Host, Job, Policy
 from tests.simulation.server import SimServer
 

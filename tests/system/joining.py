@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import asyncio
 import contextlib
 import datetime
 import json
 import os
+import queue
 import re
 import signal
 import socket
@@ -14,7 +16,7 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Awaitable, Callable, Coroutine, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -26,8 +28,8 @@ from cryptography.hazmat.primitives import hashes, serialization
 from cryptography.hazmat.primitives.asymmetric.ec import SECP256R1, generate_private_key
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 from cryptography.x509.oid import NameOID
+from websockets.asyncio.server import Server, ServerConnection, serve
 from websockets.exceptions import ConnectionClosed
-from websockets.sync.server import ServerConnection, serve
 
 from labweb.domain.enrollment.join import SERVER_NAME, Offer, code_of
 from labweb.domain.enrollment.sighting import Beacon, beacon_bytes
@@ -186,54 +188,67 @@ class Between:
     @contextmanager
     def relaying(self) -> Iterator[str]:
         """Hand on everything to the true door, and back."""
-        context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
-        context.load_cert_chain(self.chain)
-        listening = socket.create_server(("127.0.0.1", 0))
-        thread = threading.Thread(target=self._relay, args=(listening, context), daemon=True)
-        thread.start()
-        try:
-            yield f"127.0.0.1:{listening.getsockname()[1]}"
-        finally:
-            listening.close()
-
-    def _relay(self, listening: socket.socket, context: ssl.SSLContext) -> None:
-        blind = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
-        blind.check_hostname, blind.verify_mode = False, ssl.CERT_NONE
-        while True:
-            try:
-                raw, _ = listening.accept()
-                near = context.wrap_socket(raw, server_side=True)
-            except ssl.SSLError:
-                continue
-            except OSError:
-                return
-            far = blind.wrap_socket(socket.create_connection(self.door))
-            threading.Thread(target=self._pump, args=(near, far, True), daemon=True).start()
-            threading.Thread(target=self._pump, args=(far, near, False), daemon=True).start()
-
-    def _pump(self, source: ssl.SSLSocket, target: ssl.SSLSocket, is_host: bool) -> None:
-        with contextlib.suppress(OSError):
-            while data := source.recv(65536):
-                self.heard += data if is_host else b""
-                target.sendall(data)
+        with self._serving(asyncio.start_server(self._relay, "127.0.0.1", 0, ssl=self._near)) as at:
+            yield at
 
     @contextmanager
     def pretending(self) -> Iterator[str]:
         """Offer an authority of their own."""
+        with self._serving(_listen(self._pretend, self._near)) as at:
+            yield at
 
-        def handle(line: ServerConnection) -> None:
-            line.send(msgspec.json.encode(Offer(ca=self.pem)).decode())
-            with contextlib.suppress(ConnectionClosed):
-                for text in line:
-                    self.heard += str(text).encode()
-
+    @property
+    def _near(self) -> ssl.SSLContext:
         context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
         context.load_cert_chain(self.chain)
-        with serve(handle, "127.0.0.1", 0, ssl=context) as server:
-            thread = threading.Thread(target=server.serve_forever, daemon=True)
-            thread.start()
-            yield f"127.0.0.1:{server.socket.getsockname()[1]}"
-            server.shutdown()
+        return context
+
+    @contextmanager
+    def _serving(self, beginning: Coroutine[Any, Any, asyncio.Server | Server]) -> Iterator[str]:
+        addresses: queue.SimpleQueue[str] = queue.SimpleQueue()
+        over = threading.Event()
+
+        async def stand_between() -> None:
+            server = await beginning
+            addresses.put(f"127.0.0.1:{server.sockets[0].getsockname()[1]}")
+            await asyncio.to_thread(over.wait)
+            server.close()
+
+        thread = threading.Thread(target=asyncio.run, args=(stand_between(),))
+        thread.start()
+        try:
+            yield addresses.get(timeout=10)
+        finally:
+            over.set()
+            thread.join()
+
+    async def _relay(self, near: asyncio.StreamReader, back: asyncio.StreamWriter) -> None:
+        blind = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
+        blind.check_hostname, blind.verify_mode = False, ssl.CERT_NONE
+        far, on = await asyncio.open_connection(*self.door, ssl=blind)
+        await asyncio.gather(self._pump(near, on, True), self._pump(far, back, False))
+
+    async def _pump(
+        self, source: asyncio.StreamReader, target: asyncio.StreamWriter, is_host: bool
+    ) -> None:
+        with contextlib.suppress(OSError):
+            while data := await source.read(65536):
+                self.heard += data if is_host else b""
+                target.write(data)
+                await target.drain()
+        target.close()
+
+    async def _pretend(self, line: ServerConnection) -> None:
+        await line.send(msgspec.json.encode(Offer(ca=self.pem)).decode())
+        with contextlib.suppress(ConnectionClosed):
+            async for text in line:
+                self.heard += str(text).encode()
+
+
+async def _listen(
+    answer: Callable[[ServerConnection], Awaitable[None]], context: ssl.SSLContext
+) -> Server:
+    return await serve(answer, "127.0.0.1", 0, ssl=context)
 
 
 def _own_certificate(path: Path) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import json
 import re
 import shutil
@@ -27,6 +28,7 @@ from tests.system.joining import (
     until,
 )
 from tests.system.stack import Stack, free_port, running
+from workers.join import fetch_authority
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(600)]
 
@@ -79,6 +81,19 @@ def test_a_machine_joins_by_token_and_typed_code_and_renews_its_key_while_it_wor
         until(lambda: machine.said().count("with the server, normal") > sessions, what=machine.said)
         machine.wait_for_state("online")
         assert re.findall(r"(\w+) runs as process (\d+)", machine.said()) == processes
+
+
+def test_the_door_answers_every_opening(stack: Stack) -> None:
+    # Where two threads shared a TLS connection, one opening in twenty was never answered.
+    token = parse_token(a_token(stack))
+    said: list[str] = []
+
+    async def open_often() -> None:
+        for _ in range(100):
+            await fetch_authority(stack.door, token, said.append)
+
+    asyncio.run(open_often())
+    assert len(said) == 100
 
 
 def test_a_crash_in_the_middle_of_joining_loses_nothing(stack: Stack, folder: Path) -> None:

@@ -13,6 +13,37 @@ from typing import Any
 Found = dict[str, Any]
 
 
+async def magritek_spinsolve(address: str) -> Found:
+    from fastapi import BackgroundTasks
+    from flowchem.devices.magritek.spinsolve import Spinsolve
+
+    host, _, port = address.rpartition(":")
+    # The schema that it would check answers with is installed with the maker's software.
+    nmr = Spinsolve(host=host, port=int(port), name="nmr", xml_schema=False, data_folder="run")
+    await nmr.initialize()
+    await nmr.set_solvent("D2O")
+    await nmr.set_sample("sample 1")
+    await nmr.set_user_data({"batch": "7"})
+    tasks = BackgroundTasks()
+    number = await nmr.run_protocol("1d proton", tasks, {"Scan": "QuickScan"})
+    await asyncio.wait_for(tasks(), 60)
+    # It takes the state Ready for the end, and the files come with Completed.
+    await asyncio.sleep(1)
+    long = BackgroundTasks()
+    second = await nmr.run_protocol("1D EXTENDED+", long, {"Number": 4})
+    await nmr.abort()
+    await asyncio.wait_for(long(), 60)
+    return {
+        "version": nmr.device_info.version,
+        "protocols": nmr.list_protocols(),
+        "solvent": await nmr.get_solvent(),
+        "sample": await nmr.get_sample(),
+        "user_data": await nmr.get_user_data(),
+        "numbers": [number, second],
+        "folder": await nmr.get_result_folder(0),
+    }
+
+
 async def hamilton_ml600(port: str) -> Found:
     from flowchem import ureg
     from flowchem.devices.hamilton.ml600 import ML600, HamiltonPumpIO
@@ -244,7 +275,7 @@ DRIVERS: dict[str, Callable[[str], Any]] = {
     for driver in (
         *(hamilton_ml600, harvard_elite_11, huber_pb, heidolph_hei_connect, vacuubrand_cvc3000),
         *(runze_sy01, knauer_azura_compact, knauer_valve, cytomat, bioshake),
-        *(neware_bts, new_era_ne1000, tdk_genesys, tti_pl),
+        *(neware_bts, new_era_ne1000, tdk_genesys, tti_pl, magritek_spinsolve),
     )
 }
 

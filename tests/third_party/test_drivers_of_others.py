@@ -20,7 +20,10 @@ from tests.fixtures.running import Process
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(900)]
 
-TCP = ("knauer_azura_compact", "knauer_valve", "neware_bts", "tti_pl")
+TCP = (
+    *("knauer_azura_compact", "knauer_valve", "neware_bts", "tti_pl"),
+    "magritek_spinsolve",
+)
 SERIAL = (
     *("hamilton_ml600", "harvard_elite_11", "huber_pb", "heidolph_hei_connect"),
     *("vacuubrand_cvc3000", "runze_sy01", "cytomat", "bioshake", "new_era_ne1000"),
@@ -171,3 +174,16 @@ def test_pymeasure_sets_a_supply_and_sees_the_law(
     found = drive(python, process, model)
     assert (found["volt"], found["ampere"]) == (1.82, pytest.approx(0.69, abs=0.001))
     assert state_of(process, model)["mode"] == "CV"
+
+
+def test_flowchem_measures_with_a_spinsolve(python: Path, process: Process) -> None:
+    found = drive(python, process, "magritek_spinsolve")
+    assert (found["version"], found["numbers"]) == ("1.18.1.3062", [0, 1])
+    assert {"1D PROTON", "1D EXTENDED+", "SHIM"} <= set(found["protocols"])
+    assert (found["solvent"], found["sample"]) == ("D2O", "sample 1")
+    assert found["user_data"] == {"batch": "7"}
+    folder = Path(found["folder"])
+    assert 'Sample                   = "sample 1"' in (folder / "acqu.par").read_text()
+    assert (folder / "data.1d").stat().st_size == 32 + 12 * 8000
+    endings = [a["ending"] for a in process.get("/instruments/magritek_spinsolve/actuations")]
+    assert endings == ["done", "aborted"]

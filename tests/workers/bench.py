@@ -29,8 +29,10 @@ from labweb.domain.messages import (
     Do,
     DriverApproval,
     EdgeEvent,
+    LookOrder,
     ResourceView,
     Signed,
+    TryoutOrder,
     Welcome,
     event_hash,
 )
@@ -68,7 +70,7 @@ class Server:
         )
         return {"k1": base64.b64encode(raw).decode()}
 
-    def sign(self, command: Command | DriverApproval) -> Signed:
+    def sign(self, command: Command | DriverApproval | LookOrder | TryoutOrder) -> Signed:
         body = msgspec.json.encode(command).decode()
         signature = base64.b64encode(self._key.sign(body.encode())).decode()
         return Signed(body=body, key_id="k1", signature=signature)

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import pytest
 
+from labweb.domain.runs import acting
 from labweb.domain.runs.journal import JournalError
 from tests.workers.bench import Host, PumpProcess, a_do
-from workers import executor, faults
+from workers import faults, outcomes
 from workers.executor import AbandonedActionError
 from workers.journal import Journal
 
@@ -56,15 +57,15 @@ def test_an_outcome_that_never_reaches_the_disk_ends_the_process(
     host: Host, pump: PumpProcess, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Else the next action of the device would start on a record that is out of date."""
-    monkeypatch.setattr(executor, "LAST_WRITE_PAUSE_S", 0.001)
+    monkeypatch.setattr(outcomes, "LAST_WRITE_PAUSE_S", 0.001)
     do = a_do(host.server)
     host.take(do)
 
-    def refuse(row: object, report: object) -> None:
+    def refuse(*_known: object) -> None:
         raise JournalError("the disk is full")
 
     with host.executor() as line:
-        monkeypatch.setattr(line, "_write_end", refuse)
+        monkeypatch.setattr(acting, "write_end", refuse)
         with pytest.raises(AbandonedActionError):
             line.drain()
     assert pump.moves == ["A300"]

@@ -6,11 +6,16 @@ import json
 import socket
 import subprocess
 import sys
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from uuid import uuid4
 
 import msgspec
 import pytest
+from cryptography import x509
+from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
+from cryptography.hazmat.primitives.serialization import Encoding, NoEncryption, PrivateFormat
+from cryptography.x509.oid import NameOID
 
 from drivers.transports.urls import line_key
 from labweb.domain.enrollment.bundle import digest_of, encode_bundle
@@ -20,7 +25,7 @@ from tests.workers.bench import HOST_ID, ROOT, Host, PumpProcess, a_device, envi
 from tests.workers.test_drivers import approval, version
 from workers import bounds, confine, host
 from workers.bell import hang
-from workers.bounds import bounds_of, marks_of
+from workers.bounds import bounds_of, device_files, marks_of
 from workers.config import HostConfig, ValkeyConfig, line_queue
 from workers.drivers import DriverStore
 from workers.keys import create_key
@@ -98,6 +103,34 @@ def test_a_line_without_tcp_gets_no_port_and_a_port_that_came_back_is_noticed(
     beat = a_device("tcp://127.0.0.1:5000?beat=192.168.255.255:3000")
     assert bounds_of(config, "x", [beat]).has_datagrams
     assert bounds_of(config, "x", [beat]).ports == (5000,)
+    vehicle = a_device("tcp://127.0.0.1:19204?also=19206")
+    camera = a_device("http://127.0.0.1:80")
+    assert bounds_of(config, "x", [vehicle]).ports == (19204, 19206)
+    assert bounds_of(config, "x", [camera]).ports == (80,)
+    supply = a_device("visa://TCPIP0::127.0.0.1::hislip0::INSTR")
+    assert bounds_of(config, "x", [supply]).ports == (4880,)
+    assert device_files([a_device("visa://GPIB1::8::INSTR")]) == [Path("/dev/gpib1")]
+
+
+def test_a_driver_reads_the_certificate_of_its_device_and_no_key(tmp_path: Path) -> None:
+    key = Ed25519PrivateKey.generate()
+    name = x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, "controller")])
+    at = datetime.now(UTC)
+    made = x509.CertificateBuilder(name, name, key.public_key(), 1, at, at + timedelta(days=1))
+    public = made.sign(key, None).public_bytes(Encoding.PEM)
+    secret = key.private_bytes(Encoding.PEM, PrivateFormat.PKCS8, NoEncryption())
+    path = tmp_path / "device.pem"
+    device = a_device(f"sila://127.0.0.1:50052?ca={path}")
+
+    def readable() -> bool:
+        return path in bounds_of(a_config(tmp_path), "x", [device]).readable
+
+    assert not readable(), "it is not there"
+    path.write_bytes(public)
+    assert readable()
+    for content in (secret, public + secret, b"nothing", b""):
+        path.write_bytes(content)
+        assert not readable()
 
 
 @pytest.mark.parametrize(

@@ -16,7 +16,7 @@ from labweb.domain.enrollment.bundle import digest_of, encode_bundle
 from labweb.domain.errors import ConformanceError
 from labweb.domain.messages import Devices, DriverApproval, DriverPart, Signed
 from tests.workers.bench import Host, Server, a_device
-from workers.drivers import Drivers, DriverStore, Fetching
+from workers.drivers import Drivers, DriverStore, Fetching, Serving, tell_once
 from workers.session import take_devices
 
 TIMER = "drivers.virtual.timer"
@@ -198,3 +198,14 @@ def test_what_the_server_does_not_give_is_told(
 def test_only_a_digest_names_a_file(tmp_path: Path, name: str) -> None:
     with pytest.raises(ConformanceError):
         DriverStore(tmp_path).has(name)
+
+
+def test_which_version_serves_is_told_in_each_session_and_when_it_changes(host: Host) -> None:
+    serving, device = Serving(host.journal), host.device
+    assert serving.news(1) == {}
+    tell_once(host.journal, device, "driver_serving")
+    assert serving.news(1) == {str(device.id): device.digest}
+    assert serving.news(1) is None
+    assert serving.news(2) == {str(device.id): device.digest}
+    tell_once(host.journal, device, "driver_refused", code="x", message="y")
+    assert serving.news(2) == {}

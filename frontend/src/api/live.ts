@@ -27,6 +27,7 @@ const FIXED: Record<string, QueryKey[]> = {
   hosts: [keys.hosts, keys.home, ["custody"]],
   devices: [keys.devices, keys.drivers, keys.home],
   drivers: [keys.drivers, keys.home, keys.session],
+  tryouts: [keys.everyTryout],
   events: [keys.resources],
   workflows: [keys.workflows, keys.home],
 };

@@ -3,7 +3,8 @@
 import { create } from "zustand";
 import { decodeRecipe, MOST_BYTES } from "@/model/recipe";
 import { formatBytes } from "@/model/files";
-import type { RecipeAsked } from "./recipes";
+import type { Held, Wishes } from "@/model/wishes";
+import type { RecipeAsked, Said } from "./recipes";
 
 export const THE_LAB = "lab";
 
@@ -25,6 +26,12 @@ export interface TriedRig {
 
 type Bound = Record<string, string>;
 
+interface Blueprints {
+  id: string;
+  name: string;
+  packed: string;
+}
+
 interface Opened {
   recipe: OpenFile | null;
   rigs: TriedRig[];
@@ -32,12 +39,20 @@ interface Opened {
   /** Rig that the plan is compared with, or null. */
   againstId: string | null;
   binds: Record<string, Bound>;
+  wishes: Wishes;
+  /** By rig. */
+  holds: Record<string, Held[]>;
+  blueprints: Blueprints[];
   problem: string | null;
   openRecipe: (file: File) => Promise<void>;
   addGraph: (file: File) => Promise<void>;
   chooseRig: (id: string) => void;
   compareWith: (id: string | null) => void;
   bind: (role: string, key: string | null) => void;
+  /** Say something else beside the recipe, about the rig that is chosen. */
+  say: (wishes: Wishes, holds: Held[]) => void;
+  addBlueprints: (file: File) => Promise<void>;
+  dropBlueprints: (id: string) => void;
   close: () => void;
 }
 
@@ -56,12 +71,19 @@ async function read(file: File): Promise<Omit<OpenFile, "text"> & { bytes: Uint8
   return { id: `${count}`, name: file.name, packed: btoa(binary), bytes };
 }
 
+const unsaid = {
+  binds: {},
+  wishes: { parameters: {}, equiv_reference: "", equiv_amount: "", rinse: [] },
+  holds: {},
+  blueprints: [],
+};
+
 const nothing = {
   recipe: null,
   rigs: [{ id: THE_LAB, name: "This lab", packed: null }],
   rigId: THE_LAB,
   againstId: null,
-  binds: {},
+  ...unsaid,
   problem: null,
 };
 
@@ -74,7 +96,7 @@ export const useOpened = create<Opened>((set, get) => {
       try {
         const { bytes, ...found } = await read(file);
         const recipe = { ...found, text: decodeRecipe(bytes) };
-        set({ recipe, binds: {}, problem: null });
+        set({ recipe, ...unsaid, problem: null });
       } catch (error) {
         tell(error);
       }
@@ -101,6 +123,16 @@ export const useOpened = create<Opened>((set, get) => {
       const chosen: [string, string][] = key === null ? others : [...others, [role, key]];
       set({ binds: { ...binds, [rigId]: Object.fromEntries(chosen) } });
     },
+    say: (wishes, holds) => set({ wishes, holds: { ...get().holds, [get().rigId]: holds } }),
+    addBlueprints: async (file) => {
+      try {
+        const { id, name, packed } = await read(file);
+        set({ blueprints: [...get().blueprints, { id, name, packed }], problem: null });
+      } catch (error) {
+        tell(error);
+      }
+    },
+    dropBlueprints: (id) => set({ blueprints: get().blueprints.filter((one) => one.id !== id) }),
     close: () => set(nothing),
   };
 });
@@ -115,6 +147,20 @@ export function askedOn(state: Opened, rigId: string | null): RecipeAsked | null
     name: state.recipe.name.replace(/\.[^.]+$/, ""),
     recipe: state.recipe.packed,
     graph: rig.packed,
-    bind: state.binds[rig.id] ?? {},
+    said: saidOn(state, rig.id),
+    blueprintIds: state.blueprints.map((one) => one.id),
+  };
+}
+
+function saidOn(state: Opened, rigId: string): Said {
+  const holds: Said["holds"] = {};
+  for (const { vessel, reagent, volume } of state.holds[rigId] ?? []) {
+    holds[vessel] = { ...holds[vessel], [reagent]: volume };
+  }
+  return {
+    bind: state.binds[rigId] ?? {},
+    holds,
+    blueprints: state.blueprints.map((one) => one.packed),
+    ...state.wishes,
   };
 }

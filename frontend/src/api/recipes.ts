@@ -19,14 +19,29 @@ export interface RecipeAsked {
   recipe: string;
   /** Base64; null: the lab itself. */
   graph: string | null;
-  bind: Record<string, string>;
+  said: Said;
+  /** Of the files among it. */
+  blueprintIds: string[];
 }
 
-const bodyOf = ({ name, recipe, graph, bind }: RecipeAsked): object => ({
+/** What a person says beside the recipe. */
+export interface Said {
+  bind: Record<string, string>;
+  /** Vessel of the graph → reagent → volume with its unit. */
+  holds: Record<string, Record<string, string>>;
+  /** Files, base64. */
+  blueprints: string[];
+  rinse: string[];
+  parameters: Record<string, string>;
+  equiv_reference: string;
+  equiv_amount: string;
+}
+
+const bodyOf = ({ name, recipe, graph, said }: RecipeAsked): object => ({
   name,
   recipe,
   graph,
-  bind,
+  ...said,
 });
 
 async function open(asked: RecipeAsked, signal: AbortSignal): Promise<Opening> {
@@ -41,7 +56,10 @@ async function open(asked: RecipeAsked, signal: AbortSignal): Promise<Opening> {
 /** What a recipe is on a rig; asked again only when a person wants it, for it takes a while. */
 export function useOpening(asked: RecipeAsked | null): UseQueryResult<Opening> {
   return useQuery({
-    queryKey: keys.opening(asked?.recipeId ?? "", asked?.rigId ?? "", asked?.bind ?? {}),
+    queryKey: keys.opening(asked?.recipeId ?? "", asked?.rigId ?? "", {
+      ...asked?.said,
+      blueprints: asked?.blueprintIds,
+    }),
     queryFn: ({ signal }) => {
       if (!asked) throw new Error("nothing is open");
       return open(asked, signal);
@@ -63,11 +81,10 @@ export function useAdvice(): UseMutationResult<RecipeAdvice, Error, RecipeAsked>
   });
 }
 
-export interface Keeping {
+export interface Keeping extends Omit<Said, "holds" | "rinse"> {
   name: string;
   recipe: string;
   file: string;
-  bind: Record<string, string>;
 }
 
 export function useKeepRecipe(): UseMutationResult<KeptRecipe, Error, Keeping> {

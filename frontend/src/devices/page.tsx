@@ -13,7 +13,8 @@ import { deviceState } from "@/ui/devicetile";
 import { Icon, iconOf } from "@/ui/icons";
 import { ReadingValue } from "@/ui/number";
 import { StateChip } from "@/ui/state";
-import { Age } from "@/ui/time";
+import { Age, At } from "@/ui/time";
+import { Calibrations } from "./calibration";
 import { History } from "./history";
 import { words } from "./words";
 
@@ -61,6 +62,7 @@ export function DevicePage() {
       </div>
       {device.error && <AsOf at={device.dataUpdatedAt} why={device.error.message} />}
       <div className="col">
+        <Calibrations key={`calibrations of ${data.id}`} device={data} />
         <History key={data.id} device={data} />
         <Actions device={data} />
       </div>
@@ -186,9 +188,31 @@ function Driver({ device }: { device: Device }) {
         <dd className="mono" title={driver.digest}>
           {formatDigest(driver.digest)}
         </dd>
+        <dt>Serving</dt>
+        <dd data-testid="device-serving">
+          <Serving device={device} />
+        </dd>
       </dl>
       {driver.doc && <p className="help note">{driver.doc.split("\n")[0]}</p>}
     </Card>
+  );
+}
+
+/** Which version of the driver runs on which host now, as the host said it last. */
+function Serving({ device }: { device: Device }) {
+  const serving = device.driver?.serving;
+  if (!serving)
+    return <>{device.host?.name ?? "Its host"} has not said that a version serves it.</>;
+  return (
+    <>
+      {serving.is_present ? (
+        "This version"
+      ) : (
+        <span className="mono">{formatDigest(serving.digest)}</span>
+      )}{" "}
+      on {device.host?.name}, since <At at={serving.at} />
+      {!serving.is_present && ": the version before, until the change is through"}
+    </>
   );
 }
 

@@ -54,6 +54,7 @@ const detail: DriverDetail = {
     decision: null,
   },
   places: [aPlace()],
+  tried: { actions: [], left_out: ["wait"], failed: [], statuses_were_read: false, faults: [] },
 };
 const changes = {
   modules: [

@@ -59,6 +59,9 @@ function Details({ driver, error, at }: { driver: DriverDetail; error: Error | n
         </span>
         <StateChip state={driverState(driver.state)} />
         <i className="sp" />
+        <Link className="btn" to={`/drivers/${driver.id}/try`} data-testid="try-open">
+          {words.trying.open}
+        </Link>
         <Button
           testId="bring-version"
           why={mayBring ? null : words.mayNotBring}

@@ -68,6 +68,11 @@ function Place(props: Props & { place: DriverPlace; onAsk: () => void }) {
         </span>
         <span className="t12 m hostof">
           {place.host.name} <StateText state={sessionState(place.host.state)} />
+          {place.driver.serving && (
+            <span data-testid="place-serving">
+              {words.places.serves} {formatDigest(place.driver.serving.digest)}
+            </span>
+          )}
         </span>
       </span>
       <Button testId="driver-change" why={whyNoChange(props)} onClick={props.onAsk}>

@@ -2,7 +2,9 @@
 
 import { useState } from "react";
 import { useDecideDriver, useWithdrawDriver } from "@/api/drivers";
+import { Link } from "react-router";
 import { useSession } from "@/api/queries";
+import { triedText } from "@/model/tryouts";
 import type { DriverDetail } from "@/model/wiredrivers";
 import type { User } from "@/model/wire";
 import { Card } from "@/ui/card";
@@ -28,6 +30,7 @@ export function Answer({ driver, isSeen }: { driver: DriverDetail; isSeen: boole
           </span>
           Source or changes {isSeen ? words.request.seen : words.request.notSeen}
         </p>
+        <WasTried driver={driver} />
         <TextField
           label={words.request.comment}
           value={comment}
@@ -81,6 +84,40 @@ function Asked({ driver }: { driver: DriverDetail }) {
       )}
       {driver.note && <>: {driver.note}</>}
     </p>
+  );
+}
+
+/** What the simulator has shown, for who approves. */
+function WasTried({ driver }: { driver: DriverDetail }) {
+  const { tried } = driver;
+  const text = triedText(tried);
+  const labels = new Map(driver.actions.map(({ name, label }) => [name, label]));
+  const named = (names: string[]): string =>
+    names.map((name) => labels.get(name) ?? name).join(", ");
+  return (
+    <div className="s" data-testid="driver-tried">
+      <p className="ts">
+        <span className={text ? "tone-sim" : "tone-idle"}>
+          <Glyph look={text ? "sim" : "idle"} />
+        </span>
+        {text ? (
+          <span>
+            {words.trying.tried}:{" "}
+            <Link className="link" to={`/drivers/${driver.id}/try?on=new`}>
+              {text}
+            </Link>
+          </span>
+        ) : (
+          words.trying.untried
+        )}
+      </p>
+      {text && tried.left_out.length > 0 && (
+        <p className="help">
+          {words.trying.neverDone} {named(tried.left_out)}
+          {tried.failed.length > 0 && `; ${words.trying.failed} ${named(tried.failed)}`}
+        </p>
+      )}
+    </div>
   );
 }
 

@@ -102,9 +102,10 @@ function Argument(props: ArgumentProps) {
 }
 
 function range({ minimum, maximum, "x-unit": unit = "" }: Schema): string {
-  if (minimum !== undefined && maximum !== undefined) return `${minimum} to ${maximum} ${unit}.`;
-  if (minimum !== undefined) return `At least ${minimum} ${unit}.`;
-  return maximum !== undefined ? `At most ${maximum} ${unit}.` : "";
+  const end = unit && ` ${unit}`;
+  if (minimum !== undefined && maximum !== undefined) return `${minimum} to ${maximum}${end}.`;
+  if (minimum !== undefined) return `At least ${minimum}${end}.`;
+  return maximum !== undefined ? `At most ${maximum}${end}.` : "";
 }
 
 function ArgumentControl(props: ArgumentProps & { id: string }) {

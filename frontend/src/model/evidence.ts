@@ -1,6 +1,6 @@
 /** What is known of a job whose outcome is not, in rows a person can read. */
 
-import { formatArguments, plain, sentence, toSeconds } from "./format";
+import { THIN, formatArguments, plain, sentence, toSeconds } from "./format";
 import type { Job, Run } from "./wire";
 
 export interface EvidenceRow {
@@ -32,6 +32,7 @@ export function evidenceRows(job: Job, clock: (at: number) => string): EvidenceR
       sent === null ? "" : `; begun ${clock(sent)}`
     }`,
   });
+  rows.push(...correctionRows(job));
   const ended = toSeconds(job.ended_at);
   rows.push({
     label: "Completion",
@@ -54,6 +55,30 @@ export function evidenceRows(job: Job, clock: (at: number) => string): EvidenceR
   const answer = job.evidence.resolution;
   if (answer) rows.push({ label: "Answer", text: flat(answer) });
   return unique(rows);
+}
+
+const SYMBOLS = { volume: "µL", ph: "pH", temperature: "°C" } as const;
+const DIGITS = 6;
+
+/** What a calibration changed: as asked and as sent; of what was read, as told and as it is true. */
+function correctionRows(job: Job): EvidenceRow[] {
+  const rows: EvidenceRow[] = [];
+  for (const one of job.corrections) {
+    const exact = (value: number) =>
+      `${Number(value.toPrecision(DIGITS))}${THIN}${SYMBOLS[one.quantity]}`;
+    const by = `by calibration ${one.number}`;
+    if (one.asked !== null && one.sent !== null) {
+      const text = `${exact(one.asked)} asked for, ${exact(one.sent)} sent, ${by}`;
+      rows.push({ label: label(one.argument), text });
+      continue;
+    }
+    const read = job.evidence.corrected?.[one.argument];
+    if (!read) continue;
+    const value =
+      read.value === null ? "not known beyond what was calibrated" : `${exact(read.value)} true`;
+    rows.push({ label: label(one.argument), text: `${exact(read.raw)} told, ${value}, ${by}` });
+  }
+  return rows;
 }
 
 function reportRows(report: Record<string, unknown>, clock: (at: number) => string): EvidenceRow[] {

@@ -47,6 +47,8 @@ const SCALE: Record<string, Record<string, [factor: number, offset: number]>> = 
   speed: { rpm: [1, 0] },
   pressure: { mbar: [0.1, 0], kPa: [1, 0] },
   mass: { kg: [1e6, 0], g: [1000, 0], mg: [1, 0], ug: [1e-3, 0], µg: [1e-3, 0], μg: [1e-3, 0] },
+  ph_difference: { pH: [1, 0] },
+  share: { "%": [0.01, 0] },
 };
 
 /** How a unit is shown, whichever way it was typed. */

@@ -1,6 +1,6 @@
 /** A small plan on a small rig, for tests. */
 
-import type { Opening, PlannedStep, RecipePlan, Rig } from "./wirerecipe";
+import type { Opening, PlannedStep, RecipePlan, Rig, RigNode } from "./wirerecipe";
 
 export function aPlannedStep(told: Partial<PlannedStep>): PlannedStep {
   return {
@@ -38,13 +38,21 @@ export function aPlan(steps: PlannedStep[]): RecipePlan {
 
 export function aRig(): Rig {
   const tube = { medium: "liquid" };
+  const holds: RigNode["holds"] = [];
   return {
     format: "node_link",
     sha256: "ab",
     nodes: [
-      { key: "flask", kind: "ChemputerFlask", role: "vessel", sort: "flask", chemical: "water" },
-      { key: "valve", kind: "ChemputerValve", role: "valve", sort: null, chemical: "" },
-      { key: "pump", kind: "ChemputerPump", role: "pump", sort: null, chemical: "" },
+      {
+        key: "flask",
+        kind: "ChemputerFlask",
+        role: "vessel",
+        sort: "flask",
+        chemical: "water",
+        holds,
+      },
+      { key: "valve", kind: "ChemputerValve", role: "valve", sort: null, chemical: "", holds },
+      { key: "pump", kind: "ChemputerPump", role: "pump", sort: null, chemical: "", holds },
     ],
     tubes: [
       { key: "1", source: "pump", source_port: "0", target: "valve", target_port: "-1", ...tube },
@@ -65,6 +73,7 @@ export function anOpening(told: Partial<Opening> = {}): Opening {
       syntheses_count: 1,
       steps_count: 1,
       parameters: [],
+      cleans_with: [],
     },
     rig: aRig(),
     bindings: [
@@ -74,6 +83,7 @@ export function anOpening(told: Partial<Opening> = {}): Opening {
         told: "",
         keys: ["flask"],
         choices: ["flask", "other"],
+        alike: [],
         is_by_hand: false,
       },
     ],

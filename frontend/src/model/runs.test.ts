@@ -57,3 +57,32 @@ test("evidence is told in words with units, and keys of the machine are left out
     { label: "Before: valve at source", text: "port is 3, pass" },
   ]);
 });
+
+test("a number that a calibration made right stands as asked and as sent", () => {
+  const job = aJob(0, "a", "complete", {
+    corrections: [
+      { argument: "volume_ul", quantity: "volume", asked: 2000, sent: 2061.8557, number: 3 },
+    ],
+  });
+  expect(evidenceRows(job, String)[1]).toEqual({
+    label: "Volume",
+    text: "2000\u202fµL asked for, 2061.86\u202fµL sent, by calibration 3",
+  });
+});
+
+test("a reading stands as told and as true, and beyond its levels nothing is claimed", () => {
+  const corrections = [
+    { argument: "value_ph", quantity: "ph" as const, asked: null, sent: null, number: 2 },
+  ];
+  const told = (value: number | null) =>
+    evidenceRows(
+      aJob(0, "a", "complete", {
+        corrections,
+        evidence: { corrected: { value_ph: { raw: 7.1, value, number: 2 } } },
+      }),
+      String,
+    ).find((row) => row.text.includes("told"))?.text;
+  expect(told(7.05)).toBe("7.1\u202fpH told, 7.05\u202fpH true, by calibration 2");
+  expect(told(null)).toContain("not known beyond what was calibrated");
+  expect(evidenceRows(aJob(0, "a", "queued", { corrections }), String)).toHaveLength(2);
+});

@@ -343,6 +343,15 @@ export interface ConditionResult {
   evidence?: Record<string, unknown>;
 }
 
+/** A number that a calibration made right, as asked and as sent; both null: it is read. */
+export interface Correction {
+  argument: string;
+  quantity: "volume" | "ph" | "temperature";
+  asked: number | null;
+  sent: number | null;
+  number: number;
+}
+
 export interface Job {
   id: Id;
   index: number;
@@ -351,6 +360,7 @@ export interface Job {
   device: { id: Id; name: string; key: string };
   action: string;
   args: Record<string, unknown>;
+  corrections: Correction[];
   operation: unknown;
   state: JobState;
   state_at: Iso | null;
@@ -365,6 +375,8 @@ export interface Job {
     pre?: ConditionResult[] | null;
     post?: ConditionResult[] | null;
     resolution?: Record<string, unknown> | null;
+    /** Of what was read: the corrected value beside what the device told. */
+    corrected?: Record<string, { raw: number; value: number | null; number: number }> | null;
   };
   after: number[];
   transaction: { id: Id; state: string } | null;

@@ -1,6 +1,7 @@
 /** What crosses the border about drivers; named as the server names it. */
 
 import type { DeviceAction, Id, Iso, Schema } from "./wire";
+import type { Tried } from "./wiretryouts";
 
 export type DriverStateName = "proposed" | "approved" | "rejected" | "withdrawn";
 
@@ -51,6 +52,8 @@ export interface DriverUse {
   class_name: string;
   next: { version_id: Id; digest: string; is_ready: boolean } | null;
   problem: { digest: string; code: string; message: string; at: Iso } | null;
+  /** What its host said last of which version serves it; it may be that of before. */
+  serving: { digest: string; at: Iso; host_id: Id; is_present: boolean } | null;
 }
 
 /** A device that has a version of the driver, or is to have it. */
@@ -77,6 +80,7 @@ export interface DriverDetail extends DriverRow, Omit<DriverInterface, "doc" | "
   sources: Record<string, string>;
   request: DriverRequest | null;
   places: DriverPlace[];
+  tried: Tried;
 }
 
 export interface ChangedLine {

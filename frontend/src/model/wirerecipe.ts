@@ -13,6 +13,7 @@ export interface RigNode {
   role: string;
   sort: string | null;
   chemical: string;
+  holds: { name: string; volume_ul: number }[];
 }
 
 export interface RigTube {
@@ -74,7 +75,19 @@ export interface RoleBinding {
   told: string;
   keys: string[];
   choices: string[];
+  /** Vessels whose label only looks like it: never taken by themselves. */
+  alike: string[];
   is_by_hand: boolean;
+}
+
+/** A value that the recipe leaves to whoever uses it; texts with units, "" for none. */
+export interface RecipeParameter {
+  id: string;
+  sort: string;
+  unit: string;
+  value: string;
+  least: string;
+  most: string;
 }
 
 export interface Opening {
@@ -85,7 +98,8 @@ export interface Opening {
     is_compiled: boolean;
     syntheses_count: number;
     steps_count: number;
-    parameters: { id: string; value: string | null }[];
+    parameters: RecipeParameter[];
+    cleans_with: string[];
   } | null;
   rig: Rig | null;
   bindings: RoleBinding[];

@@ -1,11 +1,31 @@
 /** What each vessel and reagent of the recipe is in the graph; a person may choose another. */
 
+import { useMemo } from "react";
 import { useOpened } from "@/api/opened";
-import type { RoleBinding } from "@/model/wirerecipe";
+import { formatVolume } from "@/model/format";
+import type { Rig, RoleBinding } from "@/model/wirerecipe";
 import { Card } from "@/ui/card";
+import { Button } from "@/ui/controls";
 import { words } from "./words";
 
-export function BindingsCard({ bindings }: { bindings: readonly RoleBinding[] }) {
+type Holds = ReadonlyMap<string, string>;
+
+/** Vessel → what the graph says is in it. */
+function holdsOf(rig: Rig | null): Holds {
+  return new Map(
+    (rig?.nodes ?? []).map((node) => {
+      const held = node.holds.map((one) => `${formatVolume(one.volume_ul * 1000)} of ${one.name}`);
+      return [node.key, held.join(", ") || node.chemical];
+    }),
+  );
+}
+
+const withContents = (key: string, holds: Holds): string =>
+  holds.get(key) ? `${key}: ${holds.get(key)}` : key;
+
+export function BindingsCard(props: { bindings: readonly RoleBinding[]; rig: Rig | null }) {
+  const { bindings, rig } = props;
+  const holds = useMemo(() => holdsOf(rig), [rig]);
   return (
     <Card title={words.bindings} note={String(bindings.length)} testId="bindings">
       <table className="bindings">
@@ -23,7 +43,13 @@ export function BindingsCard({ bindings }: { bindings: readonly RoleBinding[] })
                 <span className="m">{row.told || words[row.what]}</span>
               </td>
               <td>
-                <Choose row={row} />
+                <Choose row={row} holds={holds} />
+                <Alike row={row} holds={holds} />
+                {row.keys.length > 1 && (
+                  <p className="help" data-testid="several">
+                    {words.several(row.keys)}
+                  </p>
+                )}
               </td>
             </tr>
           ))}
@@ -33,7 +59,24 @@ export function BindingsCard({ bindings }: { bindings: readonly RoleBinding[] })
   );
 }
 
-function Choose({ row }: { row: RoleBinding }) {
+/** A vessel whose label looks like the reagent: one press takes it. */
+function Alike({ row, holds }: { row: RoleBinding; holds: Holds }) {
+  const bind = useOpened((state) => state.bind);
+  const isChosen = useOpened((state) => Boolean(state.binds[state.rigId]?.[row.role]));
+  if (row.alike.length === 0 || isChosen) return null;
+  return (
+    <p className="help alike">
+      {words.alike}
+      {row.alike.map((key) => (
+        <Button key={key} testId="take-alike" onClick={() => bind(row.role, key)}>
+          {withContents(key, holds)}
+        </Button>
+      ))}
+    </p>
+  );
+}
+
+function Choose({ row, holds }: { row: RoleBinding; holds: Holds }) {
   const bind = useOpened((state) => state.bind);
   const chosen = useOpened((state) => state.binds[state.rigId]?.[row.role] ?? "");
   const found = row.keys.join(", ");
@@ -52,7 +95,7 @@ function Choose({ row }: { row: RoleBinding }) {
         </option>
         {choices.map((key) => (
           <option key={key} value={key}>
-            {key}
+            {withContents(key, holds)}
           </option>
         ))}
       </select>

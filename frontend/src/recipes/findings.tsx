@@ -18,11 +18,29 @@ export function FindingsCard(props: {
             <span className="tx2">
               <span>{finding.message}</span>
               <span className="mono m">{finding.code}</span>
+              <GiveValue finding={finding} />
             </span>
           </li>
         ))}
       </ul>
     </Card>
+  );
+}
+
+/** Leads to the field of the parameter that a finding is about. */
+function GiveValue({ finding }: { finding: RecipeFinding }) {
+  const { parameter } = finding.context;
+  if (typeof parameter !== "string") return null;
+  const wanted = `[data-parameter="${CSS.escape(parameter)}"] input`;
+  return (
+    <button
+      type="button"
+      className="link"
+      data-testid="give-value"
+      onClick={() => document.querySelector<HTMLInputElement>(wanted)?.focus()}
+    >
+      {words.giveValue(parameter)}
+    </button>
   );
 }
 

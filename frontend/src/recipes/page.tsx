@@ -23,6 +23,7 @@ import { StepsCard } from "./steps";
 import { RecipeText } from "./text";
 import { TotalsCard } from "./totals";
 import { TwinCard } from "./twin";
+import { WishesCard } from "./wishes";
 import { words } from "./words";
 
 export function RecipePage() {
@@ -110,7 +111,7 @@ function OpenRecipe(props: { file: string; text: string; button: ReactNode }) {
           large
           look="pri"
           testId="save-recipe"
-          why={whyNotSaved(state.rigId, plan !== null)}
+          why={whyNotSaved(state.rigId, plan ? (opening.data ?? null) : null)}
           onClick={() => setSaving(true)}
         >
           {words.save}
@@ -141,9 +142,11 @@ function OpenRecipe(props: { file: string; text: string; button: ReactNode }) {
   );
 }
 
-function whyNotSaved(rigId: string, hasPlan: boolean): string | null {
+function whyNotSaved(rigId: string, planned: Opening | null): string | null {
   if (rigId !== THE_LAB) return words.otherRigNoSave;
-  return hasPlan ? null : words.noPlanNoSave;
+  if (!planned) return words.noPlanNoSave;
+  const several = planned.bindings.filter((row) => row.keys.length > 1);
+  return several.length ? words.severalNoSave(several.map((row) => row.role)) : null;
 }
 
 interface AnswerProps {
@@ -188,7 +191,10 @@ function Answer({ data, text, isNew, picked, onPick, asked }: AnswerProps) {
       </div>
       <div className="col">
         <ComparisonCard now={isNew ? null : data} />
-        {data.bindings.length > 0 && <BindingsCard bindings={data.bindings} />}
+        {data.recipe && !data.recipe.is_compiled && (
+          <WishesCard key={asked?.rigId} opening={data} />
+        )}
+        {data.bindings.length > 0 && <BindingsCard bindings={data.bindings} rig={data.rig} />}
         {plan && data.rig && (
           <StepsCard plan={plan} rig={data.rig} picked={picked} onPick={pickStep} />
         )}

@@ -23,10 +23,20 @@ export function SaveDialog(props: {
   const keep = useKeepRecipe();
   const navigate = useNavigate();
   const send = (): void => {
-    const { recipe } = props.asked;
+    const { recipe, said } = props.asked;
+    const { blueprints, parameters, equiv_reference, equiv_amount } = said;
     const bind = keysOf(props.opening);
     keep.mutate(
-      { name: name.trim(), recipe, file: props.file, bind },
+      {
+        name: name.trim(),
+        recipe,
+        file: props.file,
+        bind,
+        blueprints,
+        parameters,
+        equiv_reference,
+        equiv_amount,
+      },
       { onSuccess: (kept) => void navigate(`/workflows/${kept.workflow_id}/edit`) },
     );
   };

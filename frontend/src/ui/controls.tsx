@@ -126,11 +126,13 @@ export function TextField(props: {
   type?: string;
   autoComplete?: string;
   autoFocus?: boolean;
+  placeholder?: string;
   testId?: string;
 }) {
   const id = useId();
   const common = {
     id,
+    placeholder: props.placeholder,
     value: props.value,
     "aria-invalid": props.error ? true : undefined,
     "aria-describedby": `${id}-help`,

@@ -7,9 +7,10 @@ from dataclasses import dataclass
 from datetime import datetime
 from uuid import UUID
 
-from django.db import connection
-from django.db.models import Q, QuerySet, Sum
+from django.contrib.postgres.fields import ArrayField
+from django.db.models import F, Q, QuerySet, Sum, UUIDField
 
+from labweb.common.prepared import Given, IsAnyOf, Prepared, prepared_cursor
 from labweb.crutd.models import Entry, EventSubject, Holding, Ticket
 from labweb.crutd.models import Event as Event
 from labweb.crutd.models import Transaction as Transaction
@@ -31,6 +32,11 @@ SELECT resource_id, mode, transaction_id FROM crutd_resourcelock
 WHERE resource_id = ANY(%s) AND released_at IS NULL
 """
 
+_AMOUNTS = """
+SELECT resource_id, lot_id, amount_nl, amount_ug FROM crutd_holding
+WHERE resource_id = ANY(%s) AND (amount_nl <> 0 OR amount_ug <> 0)
+"""
+
 
 def contents(ids: Iterable[UUID]) -> dict[UUID, dict[LotId, int]]:
     """Return nanolitres by lot of each vessel; empty ones are missing."""
@@ -45,10 +51,9 @@ def contents(ids: Iterable[UUID]) -> dict[UUID, dict[LotId, int]]:
 def amounts(ids: Iterable[UUID]) -> dict[UUID, dict[LotId, Amount]]:
     """Return what each vessel holds by lot, whatever it is counted in; empty ones are missing."""
     found: dict[UUID, dict[LotId, Amount]] = {}
-    rows = Holding.objects.filter(resource_id__in=list(ids))
-    columns = ("resource_id", "lot_id", "amount_nl", "amount_ug")
-    for resource_id, lot_id, nl, ug in rows.values_list(*columns):
-        if nl or ug:
+    with prepared_cursor() as cursor:
+        cursor.execute(_AMOUNTS, [list(ids)])
+        for resource_id, lot_id, nl, ug in cursor.fetchall():
             found.setdefault(resource_id, {})[LotId(str(lot_id))] = Amount(nl, ug)
     return found
 
@@ -109,14 +114,20 @@ def snapshot_and_lots(
     """Return the state of rows whose way up is known, and the lots they hold; one query."""
     held: dict[UUID, dict[LotId, Amount]] = {}
     lots: dict[LotId, Lot] = {}
-    found = Holding.objects.filter(resource_id__in=[row.id for row in rows])
-    for holding in found.select_related("lot__material"):
+    for holding in _HELD.rows(ids=[row.id for row in rows]):
         if holding.amount_nl or holding.amount_ug:
             lot = LotId(str(holding.lot_id))
             lots[lot] = holding.lot
             amount = Amount(holding.amount_nl, holding.amount_ug)
             held.setdefault(holding.resource_id, {})[lot] = amount
     return _states(rows, held, known), lots
+
+
+_HELD = Prepared(
+    lambda: Holding.objects.filter(
+        IsAnyOf(F("resource_id"), Given("ids", ArrayField(UUIDField())))
+    ).select_related("lot__material")
+)
 
 
 def snapshot_in_place(rows: Collection[Resource]) -> dict[UUID, ResourceState]:
@@ -158,7 +169,7 @@ def _climb(node: UUID, parents: dict[UUID, UUID | None]) -> Iterable[UUID]:
 
 def held_locks(ids: Iterable[UUID]) -> list[tuple[Lock, UUID]]:
     """Return live locks on the resources, each with its transaction."""
-    with connection.cursor() as cursor:
+    with prepared_cursor() as cursor:
         cursor.execute(_LOCKS, [list(ids)])
         return [(Lock(held, LockMode(mode)), owner) for held, mode, owner in cursor.fetchall()]
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable
 from uuid import UUID
 
-from django.db import connection
 from django.db.models import QuerySet
 
 from labweb.common.clock import now
+from labweb.common.prepared import prepared_cursor
 from labweb.crutd.models import ResourceReservation as ResourceReservation
 from labweb.domain.errors import NotFoundError
 from labweb.domain.runs.locks import Lock, LockMode
@@ -42,7 +42,7 @@ def uses(ids: Iterable[UUID], actor_id: UUID | None) -> tuple[list[tuple[Lock, U
     wanted = list(ids)
     held: list[tuple[Lock, UUID]] = []
     claims: list[Claim] = []
-    with connection.cursor() as cursor:
+    with prepared_cursor() as cursor:
         cursor.execute(_USES, [actor_id, now(), wanted, wanted])
         for node, mode, owner, made_at, is_own in cursor.fetchall():
             lock = Lock(node, LockMode(mode))
@@ -64,8 +64,15 @@ def live_reservations(lab: Lab) -> QuerySet[ResourceReservation]:
 
 def is_any_live(besides_id: UUID | None) -> bool:
     """Say whether anybody else has reserved anything now."""
-    rows = ResourceReservation.objects.filter(ended_at=None, expires_at__gt=now())
-    return rows.exclude(holder_id=besides_id).exists()
+    with prepared_cursor() as cursor:
+        cursor.execute(_ANY_LIVE, [now(), besides_id])
+        return bool(cursor.fetchone())
+
+
+_ANY_LIVE = """
+SELECT 1 FROM crutd_resourcereservation
+WHERE ended_at IS NULL AND expires_at > %s AND holder_id IS DISTINCT FROM %s LIMIT 1
+"""
 
 
 def reservations_on(lab: Lab, ids: Collection[UUID]) -> QuerySet[ResourceReservation]:

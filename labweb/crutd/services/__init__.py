@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from labweb.crutd.services.adopting import adopt_candidate
 from labweb.crutd.services.batches import Member, lock_batch
 from labweb.crutd.services.deliveries import receive_deliveries
 from labweb.crutd.services.importing import check_time_zone, import_lab
@@ -25,6 +26,7 @@ from labweb.crutd.services.transactions import (
 __all__ = [
     "Member",
     "Settlement",
+    "adopt_candidate",
     "advance",
     "carry_out",
     "check_operation",

@@ -14,6 +14,7 @@ from typing import Any
 from django.db import connection
 
 from labweb.common.clock import new_id, now
+from labweb.common.prepared import prepared_cursor
 from labweb.crutd.models import Entry, Transaction
 from labweb.domain.crutd.ledger import Posting
 from labweb.domain.crutd.operations import Reservation
@@ -94,7 +95,7 @@ def open_transaction(
         "nl": [one.amount_nl for one in promised],
         "ug": [one.amount_ug for one in promised],
     }
-    with connection.cursor() as cursor:
+    with prepared_cursor() as cursor:
         cursor.execute(_OPEN.format(_PROMISED if promised else ""), values)
 
 

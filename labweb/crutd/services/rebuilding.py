@@ -24,12 +24,13 @@ from labweb.crutd.models import (
 )
 from labweb.crutd.selectors.chain import events_in_order, first_broken_event
 from labweb.crutd.selectors.past import base_of, rebuild_differences, replayed
+from labweb.crutd.services.adopting import connection_of
 from labweb.crutd.services.importing import rows_of
 from labweb.crutd.services.posting import reserve
 from labweb.domain.crutd import operations
 from labweb.domain.crutd.ledger import posting_from
 from labweb.domain.crutd.lifecycle import FINAL, TransactionState
-from labweb.domain.crutd.replay import Node
+from labweb.domain.crutd.replay import Node, Replay
 from labweb.domain.errors import ReconcileError, StateError
 from labweb.domain.graph.lab_file.model import LabFile
 from labweb.resources import services as resource_services
@@ -82,7 +83,7 @@ def rebuild(lab: Lab) -> None:
     base, told = base_of(lab), replayed(lab)
     _empty_ledger(lab)
     _write_transactions(lab, told.states)
-    _write_rows(lab, base, list(told.nodes.values()))
+    _write_rows(lab, base, told)
     _write_entries(lab, told.states)
     left = rebuild_differences(lab)
     if left:
@@ -106,7 +107,7 @@ def restore(lab: Lab, document: bytes, events: Iterable[Event]) -> None:
     _in_chunks(Event, events)
     base, told = base_of(lab), replayed(lab)
     _write_transactions(lab, told.states)
-    _write_rows(lab, base, list(told.nodes.values()))
+    _write_rows(lab, base, told)
     _in_chunks(EventSubject, _subjects(lab))
     _write_entries(lab, told.states)
 
@@ -174,13 +175,14 @@ def _transaction(lab: Lab, event: Event) -> Transaction:
     )
 
 
-def _write_rows(lab: Lab, base: LabFile, nodes: list[Node]) -> None:
+def _write_rows(lab: Lab, base: LabFile, told: Replay) -> None:
+    nodes = list(told.nodes.values())
     imported = rows_of(lab, base)
     by_id = {row.id: row for row in imported.resources}
     resource_services.rewrite(
         lab,
         [_resource(lab, node, by_id.get(node.id)) for node in _parents_first(nodes)],
-        imported.connections,
+        [*imported.connections, *(connection_of(lab, link) for link in told.links.values())],
         imported.materials,
         imported.lots,
     )

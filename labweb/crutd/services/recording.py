@@ -52,7 +52,7 @@ def record(
     *,
     revs: Mapping[UUID, int] | None = None,
     base: str = "",
-    parts: Sequence[Mapping[str, Any]] = (),
+    along: Mapping[str, Sequence[Mapping[str, Any]]] | None = None,
     reading: Mapping[str, Any] | None = None,
 ) -> Event:
     """Append the event of a settled transaction to the lab's chain and announce it.
@@ -63,7 +63,8 @@ def record(
         revs: Counters that the edge reported; None where the server raised them by one.
         base: For an import, the digest of the lab file that events are replayed on.
         reading: For a Read, what the device said.
-        parts: For labware, what lies in it and was created with it, parents first.
+        along: What was created with it: for labware and devices `parts`, parents first; for
+            devices `links`, the connections between their parts.
     """
     seq, prev = _end_of_chain(row.lab_id)
     body: dict[str, Any] = {
@@ -81,8 +82,9 @@ def record(
         body["base"] = base
     if reading:
         body["reading"] = dict(reading)
-    if parts:
-        body["parts"] = [dict(part) for part in parts]
+    for name, rows in (along or {}).items():
+        if rows:
+            body[name] = [dict(row) for row in rows]
     at = now()
     event = Event(
         lab_id=row.lab_id,

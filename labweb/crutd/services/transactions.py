@@ -167,7 +167,10 @@ class Settlement:
     """What a person has to look at first, however the transaction ends."""
 
     parts: Sequence[Mapping[str, Any]] = ()
-    """What was created along with a piece of labware."""
+    """What was created along with a piece of labware, or a device."""
+
+    links: Sequence[Mapping[str, Any]] = ()
+    """Connections that were created along with a device."""
 
 
 @atomic
@@ -212,7 +215,7 @@ def _settle(
         row,
         change,
         revs=settlement.revs,
-        parts=settlement.parts,
+        along={"parts": settlement.parts, "links": settlement.links},
         reading=settlement.outcome.data if isinstance(operation, operations.Read) else None,
     )
     return change

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import msgspec
 
-from labweb.domain.workflows.plan import Plan
+from labweb.domain.workflows.plan import Plan, PlannedJob
 
 
 class TemperatureAtLeast(
@@ -28,12 +30,17 @@ def parse_rule(value: object) -> Rule:
 
 
 def asks(rule: Rule, plan: Plan) -> bool:
-    """Tell whether the rule wants a person to look at the plan."""
+    """Tell whether the rule wants a person to look at the plan: as asked, or as sent."""
     return any(
-        isinstance(value := job.args.get("temperature_c"), int | float)
-        and value >= rule.temperature_c
+        isinstance(value, int | float) and value >= rule.temperature_c
         for job in plan.jobs
+        for value in _temperatures(job)
     )
+
+
+def _temperatures(job: PlannedJob) -> Iterator[object]:
+    yield job.args.get("temperature_c")
+    yield from (one.asked for one in job.corrections if one.argument == "temperature_c")
 
 
 def check_decision(*, asked_by: str, actor: str, allow_self: bool, state: str) -> tuple[str, str]:

@@ -59,6 +59,9 @@ class Replay:
     states: dict[str, str] = field(default_factory=dict)
     """State of each transaction that an event tells of."""
 
+    links: dict[UUID, Mapping[str, Any]] = field(default_factory=dict)
+    """Connections that came with devices; those of the import are not here."""
+
     def contents(self, vessel: UUID) -> dict[LotId, Amount]:
         """Return what a vessel holds, by lot."""
         account = str(vessel)
@@ -149,10 +152,12 @@ def _create(replay: Replay, event: Happening) -> None:
     )
     for part in event.body.get("parts", ()):
         replay.nodes[UUID(part["id"])] = _part(part)
+    for link in event.body.get("links", ()):
+        replay.links[UUID(link["id"])] = link
 
 
 def _part(part: Mapping[str, Any]) -> Node:
-    """Read what was created along with a piece of labware: a well, a tip."""
+    """Read what was created along with a piece of labware or a device: a well, a valve."""
     return Node(
         id=UUID(part["id"]),
         key=part["key"],

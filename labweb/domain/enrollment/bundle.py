@@ -24,6 +24,8 @@ CLASSES = ("sensors", "connectors", "processing", "characterization", "logistics
 
 MAX_BUNDLE_BYTES = 4 * 1024 * 1024
 MAX_MODULES = 32
+PART_BYTES = 128 * 1024
+"""Bytes of one piece on its way to a host."""
 
 _MODEL = re.compile(rf"drivers\.(?:{'|'.join(CLASSES)})\.[a-z][a-z0-9_]{{0,60}}")
 _SHARED = re.compile(rf"drivers\.waiting|drivers\.(?:{'|'.join(CLASSES)})\._[a-z0-9_]{{1,60}}")

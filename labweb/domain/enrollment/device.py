@@ -7,6 +7,7 @@ from uuid import UUID
 
 import msgspec
 
+from labweb.domain.calibration.model import Calibration
 from labweb.domain.enrollment.spec import DriverSpec
 
 
@@ -29,3 +30,6 @@ class Device(msgspec.Struct, frozen=True, kw_only=True):
     config: dict[str, Any]
     nodes: dict[str, UUID]
     """Role in the driver (`pump`, `valve`, `heater`, …) → resource."""
+
+    calibrations: tuple[Calibration, ...] = ()
+    """The newest accepted one of each quantity, whether it still holds or not."""

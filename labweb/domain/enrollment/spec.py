@@ -41,6 +41,8 @@ UNITS: Mapping[str, tuple[str, str]] = {
     "hz": ("frequency", "Hz"),
     "us_cm": ("conductivity", "µS/cm"),
     "ncm": ("torque", "N·cm"),
+    "n": ("force", "N"),
+    "k_min": ("heating_rate", "K/min"),
     "ratio": ("ratio", ""),
     "count": ("count", ""),
     "index": ("index", ""),
@@ -75,6 +77,16 @@ def unit_suffix(name: str) -> str:
     return ""
 
 
+class AccuracySpec(msgspec.Struct, frozen=True, kw_only=True):
+    """What a maker states of a number that can be calibrated; both None: nothing."""
+
+    ratio: float | None = None
+    """Share of the value."""
+
+    absolute: float | None = None
+    """In the unit of the name."""
+
+
 class ParameterSpec(msgspec.Struct, frozen=True, kw_only=True):
     """One argument of an action, one setting of a driver, or one told value."""
 
@@ -94,6 +106,8 @@ class ParameterSpec(msgspec.Struct, frozen=True, kw_only=True):
     minimum: float | None = None
     maximum: float | None = None
     choices: tuple[Any, ...] = ()
+    accuracy: AccuracySpec | None = None
+    """None: it cannot be calibrated."""
 
     @property
     def symbol(self) -> str:
@@ -174,7 +188,8 @@ class DriverSpec(msgspec.Struct, frozen=True, kw_only=True):
     """Interfaces the class declares, `pump`, `valve`, in the order it names them."""
 
     transport: str = ""
-    """Sort of carrier it speaks through: `byte`, `register`, `http`, `opcua`, `ros2`, `virtual`."""
+    """Sort of carrier it speaks through: `byte`, `register`, `http`, `opcua`, `ros2`, `s7`, `sila`
+    or `virtual`."""
 
     doc: str = ""
     protocol: str = ""
@@ -242,6 +257,11 @@ def check_arguments(action: ActionSpec, arguments: Mapping[str, Any]) -> list[Fi
 def check_config(spec: DriverSpec, config: Mapping[str, Any]) -> list[Finding]:
     """List every way in which the settings do not fit the driver; empty means go."""
     return _check_values(spec.class_name, spec.config, config)
+
+
+def check_reading(told: ParameterSpec, value: object) -> list[Finding]:
+    """List why a value that a device told is none that its driver declares; empty means it is."""
+    return _check_value("the device", told, value)
 
 
 def encode(spec: DriverSpec) -> bytes:

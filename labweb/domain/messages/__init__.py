@@ -36,9 +36,19 @@ from labweb.domain.messages.enrolling import Renew as Renew
 from labweb.domain.messages.enrolling import Renewed as Renewed
 from labweb.domain.messages.enrolling import Sighting as Sighting
 from labweb.domain.messages.enrolling import Sightings as Sightings
+from labweb.domain.messages.looks import LookOrder as LookOrder
+from labweb.domain.messages.looks import LookPart as LookPart
+from labweb.domain.messages.looks import LookTold as LookTold
 from labweb.domain.messages.telemetry import Telemetry as Telemetry
 from labweb.domain.messages.telemetry import TelemetryGap as TelemetryGap
 from labweb.domain.messages.telemetry import TelemetryTaken as TelemetryTaken
+from labweb.domain.messages.tryouts import SimulatedModel as SimulatedModel
+from labweb.domain.messages.tryouts import TryoutAsk as TryoutAsk
+from labweb.domain.messages.tryouts import TryoutOffer as TryoutOffer
+from labweb.domain.messages.tryouts import TryoutOrder as TryoutOrder
+from labweb.domain.messages.tryouts import TryoutPart as TryoutPart
+from labweb.domain.messages.tryouts import TryoutTold as TryoutTold
+from labweb.domain.messages.tryouts import WireRecord as WireRecord
 from labweb.domain.messages.version import PROTOCOL_VERSION as PROTOCOL_VERSION
 from labweb.domain.pictures import Picture, PictureTaken
 
@@ -165,6 +175,9 @@ class Heartbeat(msgspec.Struct, frozen=True, tag="heartbeat", tag_field="t", kw_
     confinement: str = ""
     """How the processes of the lines are confined, in words; empty: the host does not say."""
 
+    serving: dict[str, str] | None = None
+    """Digest of the version that serves, by device; None: as was said last in this session."""
+
 
 class StopLab(msgspec.Struct, frozen=True, tag="stop_lab", tag_field="t", kw_only=True):
     """Software stop: halt every device now and latch."""
@@ -200,6 +213,9 @@ EdgeFrame = (
     | WantDriver
     | Ask
     | WithdrawAsk
+    | TryoutOffer
+    | TryoutTold
+    | LookTold
 )
 ServerFrame = (
     Challenge
@@ -215,6 +231,9 @@ ServerFrame = (
     | DriverPart
     | AskTold
     | TelemetryTaken
+    | TryoutPart
+    | TryoutAsk
+    | LookPart
 )
 
 

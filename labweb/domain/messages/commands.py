@@ -7,6 +7,7 @@ from uuid import UUID
 
 import msgspec
 
+from labweb.domain.calibration.model import Correction
 from labweb.domain.messages.drivers import Signed
 from labweb.domain.messages.version import PROTOCOL_VERSION
 
@@ -73,6 +74,10 @@ class Do(msgspec.Struct, frozen=True, tag="do", tag_field="t", kw_only=True):
     approvals: list[str] = msgspec.field(default_factory=list)
     batch: BatchPart | None = None
     """None: it stands alone."""
+
+    corrections: list[Correction] = msgspec.field(default_factory=list)
+    """Arguments that a calibration has changed. `args` are as sent: a host corrects nothing; it
+    only reads by this what the device says it moved."""
 
     v: int = PROTOCOL_VERSION
 

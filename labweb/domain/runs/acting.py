@@ -102,8 +102,7 @@ def start(
     write_rejection(tx, row, answer, scene.judged)
     if answer.kind != edge.START:
         return answer
-    tx.move(row.action_id, ActionState.ACCEPTED, ActionState.STARTED)
-    tx.keep(row.action_id, "prestate", scene.prestate)
+    tx.move(row.action_id, ActionState.ACCEPTED, ActionState.STARTED, prestate=dict(scene.prestate))
     tx.raise_fence(row.device_id, row.dseq)
     body = {
         "pid": scene.pid,
@@ -151,8 +150,7 @@ def write_actuated(
 ) -> None:
     """Write down that the device has answered, and in which context; what follows only reads."""
     body = report_body(report)
-    tx.move(row.action_id, ActionState.STARTED, ActionState.ACTUATED)
-    tx.keep(row.action_id, "report", body)
+    tx.move(row.action_id, ActionState.STARTED, ActionState.ACTUATED, report=body)
     tx.append("actuated", row.action_id, {**body, "context": dict(context or {})})
 
 
@@ -177,8 +175,7 @@ def write_end(
         "report": report_body(report),
     }
     current = tx.state_of(row.action_id) or row.st
-    tx.move(row.action_id, current, conclusion.state)
-    tx.keep(row.action_id, "conclusion", body)
+    tx.move(row.action_id, current, conclusion.state, conclusion=body)
     tx.append(conclusion.state.value, row.action_id, body)
     return conclusion
 

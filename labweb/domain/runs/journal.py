@@ -97,11 +97,13 @@ class JournalWrite(Protocol):
     def insert_action(self, row: ActionRow) -> None:
         """Keep a new action; one that is known is refused with a JournalError."""
 
-    def move(self, action_id: UUID, before: ActionState, after: ActionState) -> None:
-        """Take an action from one state to the next, if it is in the first."""
+    def move(
+        self, action_id: UUID, before: ActionState, after: ActionState, **kept: dict[str, Any]
+    ) -> None:
+        """Take an action from one state to the next, if it is in the first.
 
-    def keep(self, action_id: UUID, column: str, value: dict[str, Any]) -> None:
-        """Keep `prestate`, `report` or `conclusion` of an action."""
+        With it goes what is to be kept of it: `prestate`, `report` or `conclusion`.
+        """
 
     def want_cancel(self, action_id: UUID) -> None:
         """Remember that a running action shall be stopped."""

@@ -359,8 +359,7 @@ def _take_resolve(tx: JournalWrite, signed: Signed, resolve: Resolve) -> Receipt
         "note": resolve.note,
         "issued_by": resolve.issued_by,
     }
-    tx.move(row.action_id, ActionState.IN_DOUBT, state)
-    tx.keep(row.action_id, "conclusion", body)
+    tx.move(row.action_id, ActionState.IN_DOUBT, state, conclusion=body)
     tx.append("resolved", row.action_id, body)
     return Receipt(Answer(edge.ACCEPT), row.line)
 

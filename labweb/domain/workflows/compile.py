@@ -12,6 +12,7 @@ from labweb.domain.workflows.edges import find_earlier, sort_steps
 from labweb.domain.workflows.passes.acting import PLANNERS
 from labweb.domain.workflows.passes.boiling import plan_evaporate
 from labweb.domain.workflows.passes.carrying import plan_carry
+from labweb.domain.workflows.passes.correcting import correct_step
 from labweb.domain.workflows.passes.draft import Drafting, DraftJob, DraftStep
 from labweb.domain.workflows.passes.emptying import plan_empty_syringe
 from labweb.domain.workflows.passes.gassing import plan_evacuate_refill
@@ -103,6 +104,7 @@ def _draft(
     prepare = _initialize(drafts, drafting, ledger)
     drafts = [ledger.run_step(draft) for draft in drafts]
     rank = {step_id: place for place, step_id in enumerate(order)}
+    drafts = [correct_step(draft, drafting) for draft in drafts]
     findings += [f for f in drafting.findings + ledger.findings if f not in findings]
     return drafts, prepare, sorted(findings, key=lambda f: rank.get(f.subject, -1))
 
@@ -190,6 +192,7 @@ def _planned(job: DraftJob, index: int, after: tuple[int, ...]) -> PlannedJob:
         locks=tuple(sorted(job.locks)),
         estimate_s=round(job.estimate_s, 3),
         recovery=job.device.spec.action(job.action).recovery,
+        corrections=job.corrections,
     )
 
 

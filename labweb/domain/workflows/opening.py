@@ -15,7 +15,7 @@ from labweb.domain.graph.rig.model import Rig
 from labweb.domain.graph.rig.read import read_rig, unpacked
 from labweb.domain.units import parse_volume_nl
 from labweb.domain.workflows.advise.search import Advice, advise
-from labweb.domain.workflows.on_rig.binding import Binding, bind, may_be
+from labweb.domain.workflows.on_rig.binding import Binding, alike, bind, may_be
 from labweb.domain.workflows.on_rig.equipment import Equipment, Sort
 from labweb.domain.workflows.recipe_on_rig import (
     Proved,
@@ -29,8 +29,14 @@ from labweb.domain.workflows.recipe_plan import Wish, expand_recipe
 from labweb.domain.workflows.xdl.expansion.expand import all_operations
 from labweb.domain.workflows.xdl.findings import Findings
 from labweb.domain.workflows.xdl.recipe import Procedure, Recipe
+from labweb.domain.workflows.xdl.values import unit_of, written
 
+_NL_PER_UL = 1000
 _UNPROVED = "plan.not_proved"
+_WISHED = frozenset(
+    {"xdl.no_equivalents", "xdl.equivalents_incomplete", "xdl.equivalents_reference"}
+)
+"""Findings about what whoever opens a recipe says, beside those of a Parameter of theirs."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -48,7 +54,12 @@ class Asked:
     holds: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
     """Vessel of the graph → reagent → volume with its unit, as a person writes it."""
 
+    blueprints: tuple[bytes, ...] = ()
+    """Files with blueprints that the recipe uses."""
+
     rinse: tuple[str, ...] = ()
+    """What lines are rinsed with, in this order; without any, what the recipe cleans with."""
+
     parameters: Mapping[str, str] = field(default_factory=dict)
     equiv_reference: str = ""
     equiv_amount: str = ""
@@ -57,19 +68,32 @@ class Asked:
         """Return it for the compiler.
 
         Raises:
-            UnitError: What a vessel holds is no volume.
+            UnitError: What a vessel holds is no volume; `findings` list each.
         """
+        holds, wrong = self._held_nl()
+        if wrong:
+            first = wrong[0]
+            raise UnitError(first.message, code=first.code, findings=wrong)
         return Wish(
             bind=dict(self.bind),
-            holds_nl={
-                vessel: {reagent: parse_volume_nl(text) for reagent, text in held.items()}
-                for vessel, held in self.holds.items()
-            },
+            holds_nl=holds,
             rinse=self.rinse,
             parameters=dict(self.parameters),
             equiv_reference=self.equiv_reference,
             equiv_amount=self.equiv_amount,
         )
+
+    def _held_nl(self) -> tuple[dict[str, dict[str, int]], list[Finding]]:
+        found: dict[str, dict[str, int]] = {}
+        wrong = []
+        for vessel, held in self.holds.items():
+            for reagent, text in held.items():
+                try:
+                    found.setdefault(vessel, {})[reagent] = parse_volume_nl(text)
+                except UnitError as error:
+                    facts = {"vessel": vessel, "reagent": reagent}
+                    wrong.append(Finding(error.code, error.message, vessel, facts))
+        return found, wrong
 
 
 def open_recipe(asked: Asked) -> dict[str, Any]:
@@ -93,7 +117,7 @@ def open_recipe(asked: Asked) -> dict[str, Any]:
     rig, recipe = _rig(asked, answer), None
     findings: list[Finding] = []
     try:
-        recipe, findings = check_recipe(asked.recipe, rig)
+        recipe, findings = check_recipe(asked.recipe, rig, asked.blueprints)
         answer["recipe"] = _recipe(recipe, asked)
     except LabError as error:
         _tell(answer, "recipe", error)
@@ -125,7 +149,7 @@ def advise_on(asked: Asked) -> dict[str, Any]:
         LabError: Recipe or graph cannot be read.
     """
     rig = read_rig(unpacked(asked.graph))
-    found = advise(read_recipe(asked.recipe, rig), rig, asked.wish())
+    found = advise(read_recipe(asked.recipe, rig, asked.blueprints), rig, asked.wish())
     if isinstance(found, Advice):
         return found.to_json() | {"graph": found.graph.decode()}
     return {"ok": False, "findings": [finding.to_json() for finding in found]}
@@ -138,7 +162,8 @@ def workflow_from(asked: Asked) -> dict[str, Any]:
         LabError: It cannot be read, or a workflow cannot say all of it.
     """
     rig = read_rig(unpacked(asked.graph)) if asked.graph else None
-    return workflow_of(read_recipe(asked.recipe, rig), asked.wish(), name=asked.name[:200])
+    recipe = read_recipe(asked.recipe, rig, asked.blueprints)
+    return workflow_of(recipe, asked.wish(), name=asked.name[:200])
 
 
 def _rig(asked: Asked, answer: dict[str, Any]) -> Rig | None:
@@ -161,6 +186,7 @@ def _rig(asked: Asked, answer: dict[str, Any]) -> Rig | None:
                 "role": element.role.value,
                 "sort": equipment.vessels.get(element.key),
                 "chemical": equipment.chemical(element.key),
+                "holds": _held(equipment, element.key),
             }
             for element in rig.elements
         ],
@@ -180,6 +206,14 @@ def _rig(asked: Asked, answer: dict[str, Any]) -> Rig | None:
     return rig
 
 
+def _held(equipment: Equipment, key: str) -> list[dict[str, Any]]:
+    """Return what the graph says is in a vessel, in µL."""
+    if key not in equipment.vessels:
+        return []
+    found = equipment.contents(key)
+    return [{"name": name, "volume_ul": nl / _NL_PER_UL} for name, nl in found]
+
+
 def _recipe(recipe: Recipe, asked: Asked) -> dict[str, Any]:
     single = recipe.syntheses[0] if len(recipe.syntheses) == 1 else None
     parameters = () if single is None else single.parameters
@@ -191,15 +225,25 @@ def _recipe(recipe: Recipe, asked: Asked) -> dict[str, Any]:
         "syntheses_count": len(recipe.syntheses),
         "steps_count": 0 if single is None else len(single.steps),
         "parameters": [
-            {"id": one.id, "value": None if one.value is None else str(one.value)}
+            {
+                "id": one.id,
+                "sort": one.sort,
+                "unit": unit_of(one.sort),
+                "value": written(one.value),
+                "least": written(one.least),
+                "most": written(one.most),
+            }
             for one in parameters
         ],
+        "cleans_with": []
+        if single is None
+        else [one.id for one in single.reagents if one.values.get("use_for_cleaning") is True],
     }
 
 
 def _bound(recipe: Recipe, rig: Rig, wish: Wish) -> Binding:
     operations = all_operations(expand_recipe(recipe, wish))
-    return bind(recipe.synthesis, operations, Equipment(rig), wish.bind, Findings())
+    return bind(recipe.synthesis, operations, Equipment(rig), wish.bind, Findings(), wish.rinse)
 
 
 def _bindings(
@@ -220,7 +264,10 @@ def _bindings(
             continue
         told = "" if reagent.name == reagent.id else reagent.name
         keys = list(reagents.get(reagent.id, ()))
-        rows.append(_row(reagent.id, "reagent", told, keys, flasks, asked))
+        row = _row(reagent.id, "reagent", told, keys, flasks, asked)
+        near = {} if keys else alike(reagent.id, equipment)
+        is_it = bool({reagent.id, reagent.name} & set(near.values()))
+        rows.append(row | {"alike": [] if is_it else list(near)})
     return rows
 
 
@@ -233,6 +280,7 @@ def _row(
         "told": told,
         "keys": keys,
         "choices": choices,
+        "alike": [],
         "is_by_hand": role in asked.bind,
     }
 
@@ -244,7 +292,10 @@ def _planned(proved: Proved) -> dict[str, Any]:
 
 def _tell(answer: dict[str, Any], about: str, error: LabError) -> None:
     findings = error.findings or (Finding(error.code, error.message),)
-    answer["findings"] += _plain("wish" if isinstance(error, UnitError) else about, findings)
+    about = "wish" if isinstance(error, UnitError) else about
+    for finding in findings:
+        is_wish = finding.code in _WISHED or "parameter" in finding.context
+        answer["findings"] += _plain("wish" if is_wish else about, [finding])
 
 
 def _plain(about: str, findings: Iterable[Finding]) -> list[dict[str, Any]]:

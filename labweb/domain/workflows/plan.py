@@ -8,6 +8,7 @@ from uuid import UUID
 
 import msgspec
 
+from labweb.domain.calibration.model import Correction
 from labweb.domain.crutd.conditions import Condition
 from labweb.domain.crutd.operations import Operation
 
@@ -27,6 +28,8 @@ class PlannedJob(msgspec.Struct, frozen=True, kw_only=True):
     device_id: UUID
     action: str
     args: dict[str, Any]
+    """As the device is given them: corrected where a calibration is in force."""
+
     operation: Operation
     after: tuple[int, ...] = ()
     """Jobs that must have completed."""
@@ -40,6 +43,8 @@ class PlannedJob(msgspec.Struct, frozen=True, kw_only=True):
 
     estimate_s: float = 0.0
     recovery: str = "R3"
+    corrections: tuple[Correction, ...] = ()
+    """Arguments that a calibration has changed, as asked and as sent."""
 
 
 class PlannedStep(msgspec.Struct, frozen=True, kw_only=True):

@@ -114,8 +114,9 @@ def compile_recipe(recipe: Recipe, rig: Rig, wish: Wish | None = None) -> dict[s
     asked = wish or Wish()
     expanded = expand_recipe(recipe, asked)
     equipment, told = Equipment(rig), Findings()
-    binding = bind(recipe.synthesis, all_operations(expanded), equipment, asked.bind, told)
-    rinses = _rinses(recipe.synthesis, binding, asked, told)
+    operations = all_operations(expanded)
+    binding = bind(recipe.synthesis, operations, equipment, asked.bind, told, asked.rinse)
+    rinses = _rinses(recipe.synthesis, binding, asked)
     told.all += check_holds(equipment, asked)
     roles = {reagent.id: str(reagent.values.get("role")) for reagent in recipe.synthesis.reagents}
     counting = Making(
@@ -135,9 +136,20 @@ def compile_recipe(recipe: Recipe, rig: Rig, wish: Wish | None = None) -> dict[s
         raise _infeasible([*told.all, *rig.defects[:_MOST_DEFECTS]])
     for defect in rig.defects:
         making.note(defect.message)
-    for text in binding.notes:
+    for text in (*binding.notes, *_undriven(making)):
         making.note(text)
     return _render(making, contents)
+
+
+def _undriven(making: Making) -> list[str]:
+    """Say which devices of a lab of ours a plan uses and no driver drives."""
+    used = {command["device"] for step in making.steps for g in step.actions for command in g}
+    elements = (making.equipment.elements.get(key) for key in sorted(used))
+    return [
+        f"no driver drives {one.key}: before such a plan is run, a device is bound to it"
+        for one in elements
+        if one is not None and one.attributes.get("is_driven") is False
+    ]
 
 
 def check_single(recipe: Recipe) -> None:
@@ -183,11 +195,7 @@ def _infeasible(findings: Iterable[Finding]) -> InfeasibleError:
     return InfeasibleError(first.message + more, code=first.code, findings=unique)
 
 
-def _rinses(procedure: Procedure, binding: Binding, wish: Wish, told: Findings) -> tuple[str, ...]:
-    for name in wish.rinse:
-        if name not in binding.reagents:
-            message = f"nothing can be rinsed with {name!r}: no flask of the rig holds it"
-            told.tell("plan.no_reagent", message, procedure.place, reagent=name)
+def _rinses(procedure: Procedure, binding: Binding, wish: Wish) -> tuple[str, ...]:
     if wish.rinse:
         return tuple(name for name in wish.rinse if name in binding.reagents)
     return tuple(
@@ -299,7 +307,8 @@ def _render(making: Making, contents: Mapping[str, Any]) -> dict[str, Any]:
         for place, (step, after) in enumerate(zip(making.steps, earlier, strict=True))
     ]
     equipment = making.equipment
-    keys = [*equipment.vessels, *(f"{k}#collect" for k in equipment.vessels if equipment.drains(k))]
+    drained = [equipment.collecting(key) for key in equipment.vessels if equipment.drains(key)]
+    keys = {*equipment.vessels, *(key for key in drained if key is not None)}
     capacities = {key: equipment.capacity_nl(key) for key in keys}
     return {
         "plan": VERSION,

@@ -103,6 +103,15 @@ STEP_KINDS: Mapping[str, UnitOperation] = {
                     )
                 ),
                 advanced(
+                    quantity(
+                        "accuracy",
+                        "share",
+                        "Accuracy",
+                        "Largest expanded uncertainty (k = 2) of the volume, such as 1 %; a pump "
+                        "whose calibration does not reach it is refused.",
+                    )
+                ),
+                advanced(
                     device(
                         "confirm_with",
                         ["balance"],
@@ -116,6 +125,7 @@ STEP_KINDS: Mapping[str, UnitOperation] = {
                 " through {through}",
                 " at {flow_rate}",
                 " with {pump}",
+                " to within {accuracy}",
                 ", confirmed by {confirm_with}",
             ),
         ),
@@ -204,8 +214,17 @@ STEP_KINDS: Mapping[str, UnitOperation] = {
             help="Read a pH transmitter.",
             parameters=(
                 device("transmitter", ["transmitter"], "Transmitter", "pH transmitter to read."),
+                advanced(
+                    quantity(
+                        "accuracy",
+                        "ph_difference",
+                        "Accuracy",
+                        "Largest expanded uncertainty (k = 2), such as 0.1 pH; a probe whose "
+                        "calibration does not reach it is refused.",
+                    )
+                ),
             ),
-            clauses=("Measure pH with {transmitter}",),
+            clauses=("Measure pH with {transmitter}", " to within {accuracy}"),
             measures="pH",
         ),
         UnitOperation(

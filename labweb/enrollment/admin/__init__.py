@@ -2,6 +2,6 @@
 
 from __future__ import annotations
 
-from labweb.enrollment.admin import candidates, devices, hosts
+from labweb.enrollment.admin import devices, hosts
 
-__all__ = ["candidates", "devices", "hosts"]
+__all__ = ["devices", "hosts"]

@@ -12,7 +12,7 @@ from django.template.response import TemplateResponse
 
 from labweb.common.admin import ReadOnly
 from labweb.domain.approvals.roles import Permission
-from labweb.domain.enrollment.spec import ActionSpec, ParameterSpec, check_config
+from labweb.domain.enrollment.spec import ActionSpec, DriverSpec, ParameterSpec, check_config
 from labweb.domain.errors import DefinitionError, ForbiddenError, LabError, NotFoundError
 from labweb.enrollment import selectors, services
 from labweb.enrollment.admin.acting import actor_of
@@ -21,6 +21,9 @@ from labweb.enrollment.models import Device, DriverVersion
 from labweb.resources import selectors as resource_selectors
 
 _TEMPLATE = "admin/enrollment/device/review.html"
+_LOOK_AGAIN_S = 2
+"""How often the page asks again while a host looks at the device."""
+
 _RECOVERY = {
     "R0": "the device can be asked what it did",
     "R1": "it can be repeated without harm",
@@ -65,7 +68,10 @@ class Devices(Reviewed):
                 return HttpResponseRedirect(request.path)
         context = {**self.admin_site.each_context(request), **_page(device), "error": error}
         context["reason"] = request.POST.get("reason", "")
-        return TemplateResponse(request, _TEMPLATE, context, status=status)
+        answer = TemplateResponse(request, _TEMPLATE, context, status=status)
+        if request.method == "GET" and context["look"].get("is_under_way"):
+            answer["Refresh"] = str(_LOOK_AGAIN_S)
+        return answer
 
 
 def _reviewable(request: HttpRequest, device_id: UUID) -> Device:
@@ -93,6 +99,8 @@ def _carry_out(request: HttpRequest, device_id: UUID) -> None:
         case "suspend":
             row = services.suspend_device(device_id, actor=actor, reason=reason)
             messages.success(request, f"{row.name} is suspended.")
+        case "look":
+            services.ask_look(device_id, actor=actor)
         case _:
             raise PermissionDenied
 
@@ -134,10 +142,32 @@ def _page(device: Device) -> dict[str, Any]:
             for s in spec.statuses
         ],
         "places": _places(device),
+        "look": _look(device, spec),
         "findings": findings,
         "config": sorted(device.config.items()),
         "may_admit": device.state in {Device.State.CANDIDATE, Device.State.SUSPENDED},
         "may_suspend": device.state == Device.State.ENROLLED,
+    }
+
+
+def _look(device: Device, spec: DriverSpec) -> dict[str, Any]:
+    """Return what the last look at the device has shown; nothing: there was none."""
+    row = selectors.last_look(device)
+    if row is None:
+        return {}
+    told, checks = selectors.told_of(row), selectors.checks_of(row)
+    return {
+        "asked_at": row.asked_at,
+        "asked_by": row.asked_by.printed_name,
+        "told_at": row.told_at,
+        "is_under_way": selectors.is_looking(row),
+        "checks": checks,
+        "is_passed": bool(checks) and all(one.is_passed for one in checks),
+        "values": [
+            {"name": one.name, "unit": one.value.symbol, "value": told.values[one.name]}
+            for one in spec.statuses
+            if told is not None and one.name in told.values
+        ],
     }
 
 

@@ -10,9 +10,12 @@ from labweb.enrollment.services.devices import (
 )
 from labweb.enrollment.services.discovery import (
     Wanted,
+    compare_code,
+    give_parts,
     set_candidate_aside,
     take_sightings,
     take_up,
+    take_up_compared,
 )
 from labweb.enrollment.services.drivers import (
     CatalogDriver,
@@ -33,6 +36,7 @@ from labweb.enrollment.services.hosts import (
     close_session,
     devices_of,
     is_session_open,
+    note_serving,
     open_session,
     quarantine_host,
     readmit_host,
@@ -52,6 +56,7 @@ from labweb.enrollment.services.joining import (
     withdraw_token,
 )
 from labweb.enrollment.services.link import host_group, join_group, tell_host
+from labweb.enrollment.services.looking import ask_look, look_frames, take_look
 from labweb.enrollment.services.replacing import (
     note_ready,
     note_refused,
@@ -67,19 +72,24 @@ __all__ = [
     "admit_device",
     "admit_request",
     "answer_to",
+    "ask_look",
     "beat",
     "close_session",
+    "compare_code",
     "devices_of",
     "found_device",
+    "give_parts",
     "host_group",
     "inspect_text",
     "is_session_open",
     "join_command",
     "join_group",
     "keep_driver",
+    "look_frames",
     "make_token",
     "note_ready",
     "note_refused",
+    "note_serving",
     "open_session",
     "parts_of",
     "propose_driver",
@@ -98,9 +108,11 @@ __all__ = [
     "sign_fence",
     "suspend_device",
     "switch_driver",
+    "take_look",
     "take_request",
     "take_sightings",
     "take_up",
+    "take_up_compared",
     "tell_host",
     "want_driver",
     "watch_hosts",

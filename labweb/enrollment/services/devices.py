@@ -84,7 +84,7 @@ def admit_device(
     row.suspended_for = ""
     row.admission = None if admission is None else {k: dict(v) for k, v in admission.items()}
     row.save()
-    detail = {"admission": row.admission}
+    detail = {"admission": row.admission, "look": _proof_of(row)}
     account_services.write_audit(
         "device.admit", str(row.id), actor=actor, reason=reason, detail=detail
     )
@@ -115,6 +115,15 @@ def suspend_device(device_id: UUID, *, actor: User, reason: str) -> Device:
     on_commit(partial(tell_host, row.host_id, {"type": "edge.renew"}))
     on_commit(partial(feed.publish, "devices", {"device_id": str(row.id)}))
     return row
+
+
+def _proof_of(row: Device) -> dict[str, Any] | None:
+    """Return the look that an admission could rest on, with what it has not proved."""
+    look = selectors.last_look(row)
+    checks = [] if look is None else selectors.checks_of(look)
+    if look is None or not checks:
+        return None
+    return {"id": str(look.id), "failed": [one.name for one in checks if not one.is_passed]}
 
 
 def _check_review(row: Device, actor: User, reason: str) -> None:

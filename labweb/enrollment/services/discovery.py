@@ -183,6 +183,20 @@ def take_up(candidate_id: UUID, wanted: Wanted, *, typed: str, reason: str, acto
     Effect:
         None on matter.
     """
+    compare_code(candidate_id, typed=typed, reason=reason, actor=actor)
+    return take_up_compared(candidate_id, wanted, reason=reason, actor=actor)
+
+
+def compare_code(candidate_id: UUID, *, typed: str, reason: str, actor: User) -> None:
+    """Refuse what is not the candidate in front of the person, and put that on record.
+
+    Call it outside any atomic block: the refusal would take the record back.
+
+    Raises:
+        NotFoundError: There is no such candidate.
+        ForbiddenError: The actor may not admit there.
+        EnrollmentError: The code differs.
+    """
     row = selectors.find_candidate(candidate_id)
     require_admission(actor, row.lab)
     code = selectors.code_of_candidate(row)
@@ -197,11 +211,11 @@ def take_up(candidate_id: UUID, wanted: Wanted, *, typed: str, reason: str, acto
             "what you typed differs: do not admit. Something may sit between you and this device",
             code="device.code_differs",
         )
-    return _take_up(candidate_id, wanted, reason, actor)
 
 
 @atomic
-def _take_up(candidate_id: UUID, wanted: Wanted, reason: str, actor: User) -> Device:
+def take_up_compared(candidate_id: UUID, wanted: Wanted, *, reason: str, actor: User) -> Device:
+    """Make a device of a candidate whose code was compared; as `take_up`, and raises as it."""
     row = _open_candidate(candidate_id, actor, reason)
     if row.state == Candidate.State.REJECTED:
         raise StateError("it was rejected: take it back first", code="candidate.rejected")
@@ -236,6 +250,12 @@ def _take_up(candidate_id: UUID, wanted: Wanted, reason: str, actor: User) -> De
     )
     on_commit(partial(feed.publish, "devices", {"device_id": str(device.id)}))
     return device
+
+
+def give_parts(device: Device, nodes: Mapping[str, UUID]) -> None:
+    """Say through which resources a device acts, when they came with it; the caller made them."""
+    device.nodes = {role: str(node) for role, node in nodes.items()}
+    device.save(update_fields=["nodes"])
 
 
 def _device_of(row: Candidate, key: str) -> Device:

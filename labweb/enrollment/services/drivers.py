@@ -18,7 +18,12 @@ from labweb.accounts.selectors import User
 from labweb.common import feed, signing
 from labweb.common.clock import now
 from labweb.domain.approvals.roles import Permission
-from labweb.domain.enrollment.bundle import MAX_BUNDLE_BYTES, digest_of, encode_bundle
+from labweb.domain.enrollment.bundle import (
+    MAX_BUNDLE_BYTES,
+    PART_BYTES,
+    digest_of,
+    encode_bundle,
+)
 from labweb.domain.enrollment.spec import DriverSpec
 from labweb.domain.errors import (
     ConformanceError,
@@ -43,8 +48,6 @@ _AT_ONCE = BoundedSemaphore(2)
 
 LONGEST_MODULE = 200
 """Most of a module's name that is passed on; no driver has one as long."""
-
-PART_BYTES = 128 * 1024
 
 _PASSED_ON = ("PATH", "PYTHONPATH", "LANG", "LC_ALL", "HOME", "SYSTEMROOT")
 _State = DriverVersion.State

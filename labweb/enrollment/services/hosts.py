@@ -272,6 +272,20 @@ def beat(
     return True
 
 
+def note_serving(host_id: UUID, epoch: int, serving: Mapping[str, str]) -> None:
+    """Write down which version of its driver serves each device of a host, as the host says it."""
+    if not EdgeHost.objects.filter(pk=host_id, epoch=epoch).exists():
+        return
+    for device in Device.objects.filter(host_id=host_id):
+        digest = serving.get(str(device.id), "")[:64]
+        if digest == device.serving.get("digest", ""):
+            continue
+        at = now().isoformat()
+        told = {"digest": digest, "host_id": str(host_id), "at": at} if digest else {}
+        Device.objects.filter(pk=device.pk).update(serving=told)
+        feed.publish("devices", {"device_id": str(device.id)})
+
+
 def watch_hosts(silent_since: Mapping[UUID, float]) -> list[UUID]:
     """Move hosts that fell silent to SUSPECT and ISOLATED; monotonic seconds only.
 

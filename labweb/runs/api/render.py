@@ -201,6 +201,7 @@ def render_job(
         "device": {"id": str(job.device_id), "name": job.device.name, "key": job.device.key},
         "action": job.action,
         "args": job.args,
+        "corrections": job.corrections,
         "operation": job.operation,
         "state": job.state,
         "state_at": iso(job.state_at),

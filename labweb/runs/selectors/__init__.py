@@ -4,28 +4,34 @@ from __future__ import annotations
 
 import os
 from collections.abc import Collection, Iterable
-from datetime import datetime
 from typing import Any
 from uuid import UUID
 
-import msgspec
-from django.db.models import Q, QuerySet
+from django.db.models import QuerySet
 
 from labweb.approvals import selectors as approval_selectors
 from labweb.common.render import iso
 from labweb.crutd import selectors as crutd_selectors
 from labweb.domain.errors import NotFoundError
-from labweb.domain.runs.job import AT_EDGE, UNSTARTED, JobState, RunState
-from labweb.domain.runs.scheduler import JobView, StepJob, held_by_steps
-from labweb.domain.workflows.plan import Execution
+from labweb.domain.runs.job import AT_EDGE, JobState, RunState
 from labweb.enrollment import selectors as enrollment_selectors
 from labweb.enrollment.selectors import EdgeHost
 from labweb.resources import selectors as resource_selectors
 from labweb.resources.selectors import Lab
 from labweb.runs.models import Attempt, HostEvent, Outbox
+from labweb.runs.models import Calibration as Calibration
 from labweb.runs.models import Custody as Custody
 from labweb.runs.models import Job as Job
 from labweb.runs.models import Run as Run
+from labweb.runs.selectors.calibrations import accepted_of as accepted_of
+from labweb.runs.selectors.calibrations import calibration_for_update as calibration_for_update
+from labweb.runs.selectors.calibrations import calibrations_of as calibrations_of
+from labweb.runs.selectors.calibrations import ended_calibrations as ended_calibrations
+from labweb.runs.selectors.calibrations import find_calibration as find_calibration
+from labweb.runs.selectors.calibrations import findings_of_sending as findings_of_sending
+from labweb.runs.selectors.calibrations import fingerprint_of as fingerprint_of
+from labweb.runs.selectors.calibrations import history_of as history_of
+from labweb.runs.selectors.calibrations import standing_of as standing_of
 from labweb.runs.selectors.custody import hands_between as hands_between
 from labweb.runs.selectors.custody import hosts_between as hosts_between
 from labweb.runs.selectors.custody import hosts_of_carry as hosts_of_carry
@@ -40,6 +46,19 @@ from labweb.runs.selectors.recovery import ended_job as ended_job
 from labweb.runs.selectors.recovery import later_jobs as later_jobs
 from labweb.runs.selectors.recovery import recovery_choices as recovery_choices
 from labweb.runs.selectors.recovery import recovery_of as recovery_of
+from labweb.runs.selectors.scheduling import JOB_TO_LOCK as JOB_TO_LOCK
+from labweb.runs.selectors.scheduling import RUN_TO_LOCK as RUN_TO_LOCK
+from labweb.runs.selectors.scheduling import attempt_for_update as attempt_for_update
+from labweb.runs.selectors.scheduling import due_outbox as due_outbox
+from labweb.runs.selectors.scheduling import held_elsewhere as held_elsewhere
+from labweb.runs.selectors.scheduling import hold_run_of as hold_run_of
+from labweb.runs.selectors.scheduling import job_for_update as job_for_update
+from labweb.runs.selectors.scheduling import next_number as next_number
+from labweb.runs.selectors.scheduling import next_run_number as next_run_number
+from labweb.runs.selectors.scheduling import run_for_update as run_for_update
+from labweb.runs.selectors.scheduling import runs_to_schedule as runs_to_schedule
+from labweb.runs.selectors.scheduling import step_blocked_by as step_blocked_by
+from labweb.runs.selectors.scheduling import views as views
 
 
 def runs_of(lab: Lab) -> QuerySet[Run]:
@@ -91,66 +110,6 @@ def named_run(text: str) -> Run:
         raise NotFoundError(what, code="run.not_found") from error
 
 
-def run_for_update(run_id: UUID) -> Run:
-    """Lock and return a run. Whoever locks several locks host, then run, then jobs.
-
-    Raises:
-        NotFoundError: There is none.
-    """
-    rows = Run.objects.filter(pk=run_id).select_for_update(of=("self",), no_key=True)
-    row = rows.defer("plan").first()
-    if row is None:
-        raise NotFoundError(f"no run {run_id}", code="run.not_found")
-    return row
-
-
-def job_for_update(job_id: UUID) -> Job:
-    """Lock and return a job with its run and device.
-
-    Raises:
-        NotFoundError: There is none.
-    """
-    rows = Job.objects.select_for_update(of=("self",), no_key=True)
-    rows = rows.select_related("run__lab", "device__host", "device__driver").defer(
-        "run__plan", "device__driver__spec"
-    )
-    row = rows.filter(pk=job_id).first()
-    if row is None:
-        raise NotFoundError(f"no job {job_id}", code="job.not_found")
-    return row
-
-
-def held_elsewhere(lab_id: UUID, run_id: UUID) -> dict[UUID, UUID]:
-    """Return, by resource, the other run that is in the middle of a step on it; one query."""
-    rows = Job.objects.filter(run__lab_id=lab_id, run__state__in=LIVE).exclude(run_id=run_id)
-    return held_by_steps(
-        StepJob(
-            run_id=owner,
-            step_id=step_id,
-            state=JobState(state),
-            has_started=started_at is not None,
-            locks=frozenset(UUID(node) for node in locks),
-        )
-        for owner, step_id, state, started_at, locks in rows.values_list(
-            "run_id", "step_id", "state", "started_at", "locks"
-        )
-    )
-
-
-def step_blocked_by(job: Job) -> UUID | None:
-    """Return the run that is in the middle of a step on anything that this job's step needs.
-
-    A step begins only when all of it is free, so that two steps never wait for each other
-    half-way.
-    """
-    held = held_elsewhere(job.run.lab_id, job.run_id)
-    if not held:
-        return None
-    members = Job.objects.filter(run_id=job.run_id, step_id=job.step_id)
-    needed = {UUID(node) for locks in members.values_list("locks", flat=True) for node in locks}
-    return next((held[node] for node in sorted(needed) if node in held), None)
-
-
 def jobs_of(run: Run) -> QuerySet[Job]:
     """Jobs of a run in plan order, with devices."""
     return run.jobs.select_related("device__host").order_by("index")
@@ -174,56 +133,6 @@ def find_job(job_id: UUID) -> Job:
     return row
 
 
-def views(run_id: UUID) -> list[JobView]:
-    """Return what scheduling needs to know of a run's jobs."""
-    rows = Job.objects.filter(run_id=run_id).order_by("index").select_related("device", "run__lab")
-    return [_view(row) for row in rows.defer("run__plan", "evidence", "args")]
-
-
-def _view(row: Job) -> JobView:
-    state, operation = JobState(row.state), row.operation
-    is_carry = operation.get("op") == "transfer_resource"
-    owners: frozenset[UUID] = frozenset()
-    if is_carry and state in UNSTARTED:
-        thing, place = UUID(operation["resource_id"]), UUID(operation["to_id"])
-        owners = hosts_of_carry(row.run.lab, thing, place)
-    return JobView(
-        id=row.id,
-        index=row.index,
-        state=state,
-        after=tuple(row.after),
-        host_id=row.device.host_id,
-        owner_ids=owners,
-        is_passed=bool(row.passed_by),
-        is_carry=is_carry,
-    )
-
-
-def runs_to_schedule() -> list[tuple[UUID, Execution | None]]:
-    """Return the runs with work left, oldest first, none of a stopped lab.
-
-    With each goes what its workflow declares for the time its hosts cannot hear the server.
-    """
-    states = [RunState.QUEUED.value, RunState.RUNNING.value]
-    rows = Run.objects.filter(state__in=states, lab__is_stopped=False).order_by("created_at")
-    return [
-        (run_id, None if found is None else msgspec.convert(found, Execution))
-        for run_id, found in rows.values_list("id", "plan__execution")
-    ]
-
-
-def next_number(job: Job) -> int:
-    """Return the number of the next try of a job whose host is locked."""
-    return job.attempts.count() + 1
-
-
-def hold_run_of(action_id: UUID) -> None:
-    """Lock the run of an action, before its attempt and its job."""
-    run_id = Attempt.objects.filter(pk=action_id).values_list("job__run_id", flat=True).first()
-    if run_id is not None:
-        run_for_update(run_id)
-
-
 def has_suspended_jobs() -> bool:
     """Say whether any job waits for a host that went away."""
     return Job.objects.filter(state=JobState.SUSPENDED.value).exists()
@@ -235,34 +144,9 @@ def runs_with_waiting_jobs() -> QuerySet[Run]:
     return Run.objects.filter(pk__in=waiting.values("run_id")).order_by("created_at")
 
 
-def attempt_for_update(action_id: UUID) -> Attempt | None:
-    """Lock and return the attempt an event speaks of, or None."""
-    return (
-        Attempt.objects.filter(pk=action_id)
-        .select_related("job__run", "transaction")
-        .defer("job__run__plan")
-        .select_for_update(of=("self",))
-        .first()
-    )
-
-
 def last_attempt(job: Job) -> Attempt | None:
     """Return the newest try of a job."""
     return job.attempts.order_by("-number").first()
-
-
-def due_outbox(rung_before: datetime) -> QuerySet[Outbox]:
-    """Commands that a host which is online has not answered, and that were not rung since then.
-
-    In dispatch order, with their hosts.
-    """
-    due = Q(published_at__isnull=True) | Q(published_at__lt=rung_before)
-    rows = Outbox.objects.filter(due, settled_at__isnull=True)
-    return (
-        rows.filter(host__in=enrollment_selectors.hosts_online())
-        .select_related("host")
-        .order_by("id")
-    )
 
 
 def jobs_in_doubt(lab: Lab) -> QuerySet[Job]:

@@ -3,6 +3,12 @@
 from __future__ import annotations
 
 from labweb.runs.services.asking import asks_told, let_ask, take_ask, withdraw_ask
+from labweb.runs.services.calibrating import (
+    begin_calibration,
+    decide_calibration,
+    judge_ended,
+    withdraw_calibration,
+)
 from labweb.runs.services.control import (
     abort_run,
     pause_run,
@@ -37,8 +43,10 @@ from labweb.runs.services.start import (
 __all__ = [
     "abort_run",
     "asks_told",
+    "begin_calibration",
     "begin_transfer",
     "confirm_arrival",
+    "decide_calibration",
     "decide_request",
     "dispatch_ready",
     "end_reservation",
@@ -47,6 +55,7 @@ __all__ = [
     "hand_over",
     "ingest_events",
     "isolate_hosts",
+    "judge_ended",
     "lab_view",
     "let_ask",
     "note_quarantine",
@@ -66,4 +75,5 @@ __all__ = [
     "take_ask",
     "take_picture",
     "withdraw_ask",
+    "withdraw_calibration",
 ]

@@ -65,6 +65,7 @@ def _dispatch(run_id: UUID, job_ids: Sequence[UUID], execution: Execution) -> in
             text = f"run {blocking} is in the middle of a step here"
             raise LockedError(text, code="run.step_held")
     switch_before(host, jobs)
+    dispatch.check_calibrations(jobs)
     batch_id = new_id()
     indices = {job.index for job in jobs}
     members = [

@@ -3,20 +3,21 @@
 from __future__ import annotations
 
 import logging
+from collections.abc import Sequence
 from datetime import timedelta
 from typing import Any
 from uuid import UUID
 
 import msgspec
-from django.db import connection
-from django.db.models import F
 from django.db.transaction import atomic
 
 from labweb.common import faults, queue, signing
 from labweb.common.clock import new_id, now
+from labweb.common.prepared import prepared_cursor, together, update_row
 from labweb.common.wake import wake_dispatcher
 from labweb.crutd import selectors as crutd_selectors
 from labweb.crutd import services as crutd_services
+from labweb.domain.calibration.model import Correction
 from labweb.domain.crutd import operations
 from labweb.domain.crutd.decide import ResourceState
 from labweb.domain.errors import LockedError, PreconditionError
@@ -51,9 +52,6 @@ INSERT INTO runs_outbox (host_id, action_id, kind, body, at, publish_count)
 VALUES (%(host)s, %(id)s, 'do', %(body)s::jsonb, %(at)s, 0)
 """
 
-_MOST_AT_ONCE = 100
-"""How many commands one look at the outbox sends; the next one comes at once or a tick later."""
-
 
 def dispatch_job(run_id: UUID, view: JobView) -> bool:
     """Lock everything a job needs and write its command into the outbox.
@@ -82,6 +80,7 @@ def _dispatch(run_id: UUID, view: JobView) -> bool:
     if blocking is not None:
         raise LockedError(f"run {blocking} is in the middle of a step here", code="run.step_held")
     switch_before(host, [job])
+    check_calibrations([job])
     operation = operations.from_json(job.operation)
     transaction, rows, states = crutd_services.lock_and_read(
         operation,
@@ -111,13 +110,30 @@ def _dispatch(run_id: UUID, view: JobView) -> bool:
 
 def hold_for_dispatch(run_id: UUID, view: JobView) -> tuple[EdgeHost, Run, Job] | None:
     """Lock host, run and job in the order in which everybody does; None: it may not go now."""
-    host = enrollment_selectors.host_for_update(view.host_id)
-    run = selectors.run_for_update(run_id)
-    job = selectors.job_for_update(view.id)
+    hosts, runs, jobs = together(
+        enrollment_selectors.HOST_TO_LOCK.asking(id=view.host_id),
+        selectors.RUN_TO_LOCK.asking(id=run_id),
+        selectors.JOB_TO_LOCK.asking(id=view.id),
+    )
+    if not (hosts and runs and jobs):
+        return None
+    host, run, job = hosts[0], runs[0], jobs[0]
     is_elsewhere = job.device.host_id != host.pk
     if job.state != JobState.QUEUED.value or run.pause_reasons or is_elsewhere:
         return None
     return host, run, job
+
+
+def check_calibrations(jobs: Sequence[Job]) -> None:
+    """Refuse to send numbers that a calibration made right and that are not right any more.
+
+    Raises:
+        PreconditionError: A calibration does not hold now, or is not as sure as a step needs.
+    """
+    findings = selectors.findings_of_sending(jobs, at=now())
+    if findings:
+        text = "; ".join(dict.fromkeys(one.message for one in findings))
+        raise PreconditionError(text, code=findings[0].code, findings=findings)
 
 
 def _keep_attempt(attempt: Attempt, command: Do) -> None:
@@ -133,7 +149,7 @@ def _keep_attempt(attempt: Attempt, command: Do) -> None:
         "at": attempt.at,
         "body": msgspec.json.encode(command).decode(),
     }
-    with connection.cursor() as cursor:
+    with prepared_cursor() as cursor:
         cursor.execute(_KEEP, values)
 
 
@@ -164,6 +180,7 @@ def command_of(job: Job, attempt: Attempt, views: list[ResourceView]) -> Do:
         driver_digest=job.device.driver.digest,
         action=job.action,
         args=job.args,
+        corrections=msgspec.convert(job.corrections, list[Correction]),
         operation=job.operation,
         pre=job.pre,
         post=job.post,
@@ -258,8 +275,7 @@ def publish_outbox() -> int:
         How many were sent.
     """
     with atomic():
-        due = selectors.due_outbox(now() - RING_AGAIN_AFTER)
-        rows = list(due.select_for_update(skip_locked=True, of=("self",))[:_MOST_AT_ONCE])
+        rows = selectors.due_outbox(now() - RING_AGAIN_AFTER)
         for row in rows:
             _publish(row)
     return len(rows)
@@ -274,9 +290,8 @@ def _publish(row: Outbox) -> None:
         nudge = {"type": "edge.nudge", "signed": msgspec.to_builtins(signed)}
         enrollment_services.tell_host(row.host_id, nudge)
     faults.point("relay.after_ring")
-    Outbox.objects.filter(pk=row.pk).update(
-        published_at=now(), publish_count=F("publish_count") + 1
-    )
+    row.published_at, row.publish_count = now(), row.publish_count + 1
+    update_row(row, "published_at", "publish_count")
 
 
 def _signed(row: Outbox, epoch: int) -> Signed:

@@ -8,12 +8,15 @@ from dataclasses import replace
 from typing import Any
 from uuid import UUID
 
+import msgspec
 from django.db.transaction import atomic
 
 from labweb.accounts import selectors as account_selectors
 from labweb.common.clock import now
 from labweb.crutd import services as crutd_services
 from labweb.crutd.services import Settlement
+from labweb.domain.calibration.model import Correction
+from labweb.domain.calibration.reading import corrected
 from labweb.domain.crutd.decide import Outcome, OutcomeKind
 from labweb.domain.errors import LabError, StateError
 from labweb.domain.messages import EdgeEvent
@@ -155,9 +158,17 @@ def _fields(attempt: Attempt, event: EdgeEvent, meaning: Meaning) -> dict[str, A
             **evidence,
             "post": body.get("post", []),
             "pre": body.get("pre") or evidence.get("pre", []),
-            "report": body.get("report") or evidence.get("report", {}),
+            "report": (report := body.get("report") or evidence.get("report", {})),
+            **_corrected(attempt, report),
         },
     }
+
+
+def _corrected(attempt: Attempt, report: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what was read as the calibration makes it, beside the raw readings."""
+    known = msgspec.convert(attempt.job.corrections, list[Correction])
+    found = corrected(known, report.get("evidence") or {}) if known else {}
+    return {"corrected": found} if found else {}
 
 
 def _moment(event: EdgeEvent) -> dict[str, Any]:

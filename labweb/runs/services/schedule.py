@@ -17,7 +17,7 @@ def dispatch_ready() -> int:
     Returns:
         How many jobs were dispatched.
     """
-    online = set(enrollment_selectors.hosts_ready().values_list("pk", flat=True))
+    online = enrollment_selectors.ready_ids()
     count = 0
     for run_id, execution in selectors.runs_to_schedule():
         views = selectors.views(run_id)

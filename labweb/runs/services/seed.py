@@ -21,7 +21,7 @@ from labweb.approvals import services as approval_services
 from labweb.common import signing
 from labweb.crutd import services as crutd_services
 from labweb.domain.graph.lab_file.bench import bench_for, endpoints_needed
-from labweb.domain.graph.lab_file.model import DeviceEntry, LabFile
+from labweb.domain.graph.lab_file.model import DeviceEntry, LabFile, Mode
 from labweb.domain.workflows.protocol import parse_workflow, render_workflow, resolve_keys
 from labweb.enrollment import services as enrollment_services
 from labweb.resources import selectors as resource_selectors
@@ -37,8 +37,22 @@ USERS = (
 
 POLICY = "Heating to 60 °C or above needs a second person"
 
-_SERIAL = {"tricontinent_c3000": "baud=9600&format=8N1", "ika_rct_digital": "baud=9600&format=7E1"}
-_SCHEME = {"network_camera": "http", "lads_controller": "opc.tcp"}
+_SERIAL = {
+    "tricontinent_c3000": "baud=9600&format=8N1",
+    "ika_rct_digital": "baud=9600&format=7E1",
+    "robotiq_2f85": "baud=115200&format=8N1&device=9",
+    "grbl_gantry": "baud=115200&format=8N1",
+}
+_SCHEME = {
+    "network_camera": "http",
+    "buchi_c815": "http",
+    **dict.fromkeys(("lab_hplc", "lab_gcms", "lab_ms"), "http"),
+    "lads_controller": "opc.tcp",
+    "sila_controller": "sila+local",
+    "s7_furnace": "s7",
+}
+_BEHIND = {"s7_furnace": "/0/1"}
+"""What stands in the address behind the port."""
 
 
 def seed_people(root_id: UUID, passwords_file: Path) -> None:
@@ -157,13 +171,14 @@ def _url(entry: DeviceEntry, found: Mapping[str, str]) -> str:
         return f"virtual:{entry.simulator.model}" + ("" if pace == "1" else f"?pace={pace}")
     if endpoint.startswith("pty:"):
         options = _SERIAL.get(entry.simulator.model, "baud=9600&format=8N1")
-        return f"serial://{endpoint.removeprefix('pty:')}?{options}"
+        carrier = "modbus+serial" if "device=" in options else "serial"
+        return f"{carrier}://{endpoint.removeprefix('pty:')}?{options}"
     address = endpoint.removeprefix("tcp:")
     if entry.simulator.model.startswith("modbus"):
         device = entry.simulator.settings.get("device_id", 1)
         return f"modbus+tcp://{address}?device={device}"
     scheme = _SCHEME.get(entry.simulator.model, "tcp")
-    return f"{scheme}://{address}"
+    return f"{scheme}://{address}{_BEHIND.get(entry.simulator.model, '')}"
 
 
 def write_bench(lab_file: LabFile, found: Mapping[str, str], data: Path, chemistry: Path) -> None:
@@ -195,6 +210,7 @@ def write_host(lab_file: LabFile, data: Path) -> str:
         "key_file": str(folder / "host.key"),
         "valkey": {"socket": str(sockets / "host.sock")},
         "mode": lab_file.mode.value,
+        "tryouts": lab_file.mode is Mode.SIM,
     }
     write_private(folder / "host.json", config)
     return public

@@ -10,7 +10,6 @@ from typing import Any
 from uuid import UUID
 
 import msgspec
-from django.db.models import Max
 from django.db.transaction import atomic, on_commit
 
 from labweb.accounts import services as account_services
@@ -19,6 +18,7 @@ from labweb.approvals import selectors as approval_selectors
 from labweb.approvals import services as approval_services
 from labweb.approvals.selectors import ApprovalRequest
 from labweb.common.clock import now
+from labweb.common.prepared import insert_rows, together
 from labweb.common.wake import wake_dispatcher
 from labweb.crutd import selectors as crutd_selectors
 from labweb.crutd import services as crutd_services
@@ -36,7 +36,7 @@ from labweb.domain.workflows.protocol import parse_workflow
 from labweb.enrollment import selectors as enrollment_selectors
 from labweb.enrollment.selectors import Device
 from labweb.resources import selectors as resource_selectors
-from labweb.resources.selectors import Lab
+from labweb.resources.selectors import Lab, Resource
 from labweb.runs import selectors
 from labweb.runs.models import Job, Run
 from labweb.runs.services.state import announce, move_job, refresh_run
@@ -48,15 +48,27 @@ _REQUEST_LIFE = timedelta(hours=24)
 
 def lab_view(lab: Lab) -> LabView:
     """Return the frozen picture of a lab that compiling works on."""
-    rows = list(resource_selectors.resources_of(lab))
-    devices = list(enrollment_selectors.enrolled_devices(lab).defer("driver__spec"))
+    rows: list[Resource]
+    devices: list[Device]
+    rows, devices, lots, materials, connections = together(
+        resource_selectors.NODES.asking(lab=lab.pk),
+        enrollment_selectors.TO_PLAN.asking(lab=lab.pk),
+        resource_selectors.LOTS.asking(lab=lab.pk),
+        resource_selectors.MATERIALS.asking(lab=lab.pk),
+        resource_selectors.CONNECTIONS.asking(lab=lab.pk),
+    )
     specs = enrollment_selectors.specs_of(devices)
-    lots = list(resource_selectors.lots_of(lab))
-    materials = list(resource_selectors.materials_of(lab))
+    calibrations = selectors.calibrations_of(devices, at=now())
     return LabView(
         tree=resource_selectors.tree_of(rows),
-        graph=resource_selectors.graph_of(lab),
-        devices=tuple(enrollment_selectors.to_domain(row, specs[row.id]) for row in devices),
+        graph=resource_selectors.to_graph(connections),
+        devices=tuple(
+            msgspec.structs.replace(
+                enrollment_selectors.to_domain(row, specs[row.id]),
+                calibrations=calibrations.get(row.id, ()),
+            )
+            for row in devices
+        ),
         snapshot=_as_devices_say(crutd_selectors.lab_snapshot(rows), devices),
         densities_mg_ul={LotId(str(lot.id)): lot.material.density_mg_ul for lot in lots},
         facts=lab_facts(lab, lots, materials),
@@ -200,10 +212,9 @@ def start_run(
     policies = found.policies if wish is None else (*found.policies, wish.rule)
     needs_person = bool(policies)
     state = RunState.AWAITING_APPROVAL if needs_person else RunState.QUEUED
-    number = (Run.objects.filter(lab=lab).aggregate(Max("number"))["number__max"] or 0) + 1
-    run = Run.objects.create(
+    run = Run(
         lab=lab,
-        number=number,
+        number=selectors.next_run_number(lab),
         version=version,
         plan=msgspec.to_builtins(found.plan),
         plan_digest=plan_digest,
@@ -213,6 +224,7 @@ def start_run(
         ask_id=None if wish is None else wish.ask_id,
         ask_host_id=None if wish is None else wish.host_id,
     )
+    insert_rows([run])
     job_state = JobState.AWAITING_APPROVAL if needs_person else JobState.QUEUED
     write_jobs(run, found.plan, job_state)
     if needs_person:
@@ -238,7 +250,7 @@ def _check_seen(plan_digest: str, seen_digest: str | None) -> None:
 def write_jobs(run: Run, plan: Plan, state: JobState) -> None:
     """Write the jobs of a plan."""
     at = now()
-    Job.objects.bulk_create(
+    rows = [
         Job(
             run=run,
             index=job.index,
@@ -250,6 +262,7 @@ def write_jobs(run: Run, plan: Plan, state: JobState) -> None:
             operation=operations.to_json(job.operation),
             pre=msgspec.to_builtins(job.pre),
             post=msgspec.to_builtins(job.post),
+            corrections=msgspec.to_builtins(job.corrections),
             after=list(job.after),
             locks=[str(node) for node in job.locks],
             recovery=job.recovery,
@@ -258,7 +271,8 @@ def write_jobs(run: Run, plan: Plan, state: JobState) -> None:
             state_at=at,
         )
         for job in plan.jobs
-    )
+    ]
+    insert_rows(rows)
 
 
 def _ask(run: Run, policies: tuple[str, ...], actor: User) -> ApprovalRequest:

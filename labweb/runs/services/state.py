@@ -10,6 +10,7 @@ from django.db.transaction import on_commit
 
 from labweb.common import feed
 from labweb.common.clock import now
+from labweb.common.prepared import update_row
 from labweb.common.wake import wake_dispatcher
 from labweb.domain.runs.job import FINAL, JobState, Mover, RunState, check_step
 from labweb.domain.runs.scheduler import run_state, state_after_dispatch
@@ -32,8 +33,7 @@ def move_job(job: Job, state: JobState, mover: Mover, **fields: Any) -> None:  #
         job.ended_at = job.state_at
     for name, value in fields.items():
         setattr(job, name, value)
-    moved = ["state", "state_at", "started_at", "ended_at", *fields]
-    job.save(update_fields=moved)
+    update_row(job, "state", "state_at", "started_at", "ended_at", *fields)
     if mover is not Mover.SCHEDULER and (state is JobState.QUEUED or state in FINAL):
         wake_dispatcher()
     on_commit(partial(announce, job.run_id, job.id))
@@ -42,8 +42,7 @@ def move_job(job: Job, state: JobState, mover: Mover, **fields: Any) -> None:  #
 def announce(run_id: UUID, job_id: UUID | None = None) -> None:
     """Tell browsers that a run changed."""
     data = {"run_id": str(run_id), "job_id": None if job_id is None else str(job_id)}
-    feed.publish(f"run:{run_id}", data)
-    feed.publish("runs", data)
+    feed.publish_all([(f"run:{run_id}", data), ("runs", data)])
 
 
 def note_sent(run: Run) -> None:
@@ -54,7 +53,7 @@ def note_sent(run: Run) -> None:
     elif run.started_at is None or run.state != state.value:
         run.started_at = run.started_at or now()
         run.state = state.value
-        run.save(update_fields=["started_at", "state"])
+        update_row(run, "started_at", "state")
 
 
 def refresh_run(run_id: UUID) -> Run:

@@ -10,6 +10,7 @@ from uuid import UUID
 from django.db import connection
 from django.db.models import QuerySet
 
+from labweb.common.prepared import prepared_cursor
 from labweb.telemetry.models import Sample
 
 _LATEST_OF = """
@@ -54,7 +55,7 @@ def latest_of(status: str, device_ids: Collection[UUID]) -> dict[UUID, Any]:
 
     By the index, a step for each device; a day's samples are not read.
     """
-    with connection.cursor() as cursor:
+    with prepared_cursor() as cursor:
         cursor.execute(_LATEST_OF, [list(device_ids), status])
         return {device_id: json.loads(value) for device_id, value in cursor.fetchall()}
 

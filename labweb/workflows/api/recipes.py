@@ -27,6 +27,7 @@ class Opened(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
 
     bind: dict[str, str] = {}
     holds: dict[str, dict[str, str]] = {}
+    blueprints: list[bytes] = []
     rinse: list[str] = []
     parameters: dict[str, str] = {}
     equiv_reference: str = ""
@@ -40,6 +41,7 @@ class Opened(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
             graph=self.graph or b"",
             bind=self.bind,
             holds=self.holds,
+            blueprints=tuple(self.blueprints),
             rinse=tuple(self.rinse),
             parameters=self.parameters,
             equiv_reference=self.equiv_reference,
@@ -60,6 +62,7 @@ class Kept(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
     bind: dict[str, str] = {}
     """Vessel or reagent of the recipe → key of the lab."""
 
+    blueprints: list[bytes] = []
     parameters: dict[str, str] = {}
     equiv_reference: str = ""
     equiv_amount: str = ""
@@ -97,6 +100,7 @@ class KeepRecipe(APIView):
             name=told.file,
             recipe=told.recipe,
             bind=told.bind,
+            blueprints=tuple(told.blueprints),
             parameters=told.parameters,
             equiv_reference=told.equiv_reference,
             equiv_amount=told.equiv_amount,

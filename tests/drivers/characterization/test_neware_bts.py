@@ -12,7 +12,7 @@ from drivers.characterization.neware_bts import (
 from drivers.transports.replay import Exchange, ReplayTransport
 from labweb.domain.errors import DeviceError, Effect, FrameError, PreconditionError, RejectedError
 from tests.corpus import INSTRUMENTS, NO_INSTRUMENTS
-from tests.drivers.conformance.cases import CYCLERS
+from tests.drivers.conformance.analysers import CYCLERS
 from tests.drivers.conformance.placed_models import Doing, do, running
 from tests.fixtures.running import until
 

@@ -1,5 +1,13 @@
 """Every driver of stirrers, thermostats, supplies, sensors, movers and cyclers, with its model."""
 
+from tests.drivers.conformance.analysers import (
+    CHROMATOGRAPHS,
+    CONDUCTIVITY,
+    CYCLERS,
+    SENSORS,
+    SPECTROMETERS,
+)
+from tests.drivers.conformance.movers import MOVERS
 from tests.drivers.conformance.placed_models import Action, Case
 
 WARM: Action = ("heat_to", {"temperature_c": 60.0, "tolerance_c": 1.0})
@@ -276,64 +284,40 @@ CONTROLLERS = [
     ),
 ]
 
-CONDUCTIVITY = [
+CONTROLLERS.append(
     Case(
-        module="sensors.seeed_tds",
-        model="modbus_tds",
-        act=("measure", {}),
-        status="conductivity_us_cm",
-    ),
-    Case(
-        module="sensors.cronin_conductivity",
-        model="conductivity_sensor",
-        config={"full_scale_us_cm": 10_000.0},
-        act=("measure", {}),
-        status="conductivity_us_cm",
-    ),
-]
-
-MOVERS = [
-    Case(
-        module="logistics.cytomat",
-        model="cytomat",
-        config={"slots_count": 42},
-        settings={"move_s": 20.0},
-        act=("initialize", {}),
-        verb="initialize",
-        beyond=(("store_plate", {"slot_index": 43}), ("retrieve_plate", {"slot_index": 0})),
+        module="processing.sila_temperature_controller",
+        model="sila_controller",
+        carrier="tcp",
+        config={"rest_temperature_c": 22.0, "max_temperature_c": 85.0},
+        settings={},
+        act=TEMPER,
+        verb="control",
+        refuses_late=True,
+        ends_dark=True,
+        is_unchecked=True,
+        beyond=_BATH_BEYOND,
         status="temperature_c",
-    ),
-    Case(
-        module="logistics.ur_dashboard",
-        model="ur_dashboard",
-        carrier="tcp",
-        config={"programs": ["pick.urp"]},
-        settings={"program_s": 20.0},
-        act=("run_program", {"program": "pick.urp"}),
-        beyond=(("run_program", {"program": "place.urp"}),),
-        status="robot_mode",
-    ),
-]
+    )
+)
 
-CYCLERS = [
+FURNACES = [
     Case(
-        module="characterization.neware_bts",
-        model="neware_bts",
+        module="processing.s7_furnace",
+        model="s7_furnace",
         carrier="tcp",
-        config={"device_index": 21, "subdevice_index": 1, "channel_index": 1, "poll_s": 0.02},
-        act=(
-            "start_test",
-            {"protocol_path": "C:/p.xml", "backup_path": "C:/data", "barcode": "cell-1"},
-        ),
-        verb="test",
-        is_instant=True,
+        address="/0/1",
+        config={"max_temperature_c": 1000.0, "max_ramp_k_min": 0.0, "watchdog_s": 3600},
+        settings={"body_tau_s": 20.0, "vessel_tau_s": 2.0},
+        act=("ramp_to", {"temperature_c": 60.0, "ramp_k_min": 0.0, "tolerance_c": 1.0}),
+        verb="heater",
+        is_unchecked=True,
         beyond=(
-            (
-                "start_test",
-                {"protocol_path": "<p/>", "backup_path": "C:/data", "barcode": "cell-1"},
-            ),
+            ("ramp_to", {"temperature_c": 1001.0, "ramp_k_min": 0.0, "tolerance_c": 1.0}),
+            ("ramp_to", {"temperature_c": 3001.0, "ramp_k_min": 0.0, "tolerance_c": 1.0}),
+            ("hold", {"duration_s": 1.0, "temperature_c": 1001.0, "tolerance_c": 1.0}),
         ),
-        status="voltage_v",
+        status="temperature_c",
     )
 ]
 
@@ -343,9 +327,13 @@ EVERY = [
     *EVAPORATORS,
     *THERMOSTATS,
     *CONTROLLERS,
+    *FURNACES,
     *VACUUM_CONTROLLERS,
     *SUPPLIES,
     *CONDUCTIVITY,
+    *SENSORS,
+    *CHROMATOGRAPHS,
+    *SPECTROMETERS,
     *MOVERS,
     *CYCLERS,
 ]

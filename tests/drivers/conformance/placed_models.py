@@ -2,8 +2,9 @@
 
 import importlib
 import json
+import socket
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -14,6 +15,8 @@ from drivers.base import Driver, Report
 from drivers.load import call_action, load_driver, read_spec
 from drivers.transports import modbus
 from drivers.transports.opcua import transport as opcua
+from drivers.transports.s7 import transport as s7
+from drivers.transports.sila import transport as sila
 from drivers.transports.urls import make_transport
 from fixtures.instruments.models import MODELS
 from labweb.domain.errors import DeviceError
@@ -31,6 +34,7 @@ QUICK = {
     "speed_limit_s": 3.0,
     "vent_limit_s": 6.0,
     "grace_s": 0.2,
+    "home_limit_s": 2.0,
 }
 """Settings with which a driver is as fast as the simulated instruments."""
 
@@ -57,6 +61,12 @@ class Case:
     cold_c: float = -10.0
     """A temperature below the room's that a thermostat reaches."""
 
+    also: str = ""
+    """Setting with the further port that the driver needs."""
+
+    address: str = ""
+    """What stands in its URL behind place or port: `/0/1`, `?device=9`."""
+
     verb: str = ""
     """How the simulated instrument records that act."""
 
@@ -72,6 +82,15 @@ class Case:
     starts: int = 1
     """How many starts the instrument records for one such act."""
 
+    asks: int = 5
+    """How many exchanges one such act takes at least; a later answer cannot be lost."""
+
+    refuses_late: bool = False
+    """When busy it accepts a command, and its result says that nothing was done."""
+
+    ends_dark: bool = False
+    """Its process does not end while a command is under way: it loses its power before."""
+
     is_latching: bool = False
     """A fault of the instrument stays until it is switched off and on."""
 
@@ -86,17 +105,26 @@ class Case:
 class Bench:
     """One running process with an instrument for each case."""
 
-    def __init__(self, process: Process, folder: Path) -> None:
+    def __init__(self, process: Process, folder: Path, sides: Mapping[str, int]) -> None:
         self._process = process
         self._folder = folder
+        self._sides = sides
+        """Further ports, by model."""
 
     def url(self, case: Case) -> str:
         sort = read_spec(case.dotted).transport
         if case.carrier == "pty":
             scheme = "modbus+serial" if sort == "register" else "serial"
-            return f"{scheme}://{self._folder}/{case.model}"
-        scheme = {"register": "modbus+tcp", "opcua": "opc.tcp"}.get(sort, "tcp")
-        return f"{scheme}://127.0.0.1:{self._port(case)}"
+            return f"{scheme}://{self._folder}/{case.model}{case.address}"
+        scheme = {
+            "register": "modbus+tcp",
+            "opcua": "opc.tcp",
+            "s7": "s7",
+            "sila": "sila+local",
+            "http": "http",
+        }.get(sort, "tcp")
+        url = f"{scheme}://127.0.0.1:{self._port(case)}{case.address}"
+        return f"{url}?also={self._sides[case.model]}" if case.also else url
 
     def driver(self, case: Case, **config: object) -> Driver[Any, Any]:
         """Load the driver as an edge host does; nothing is opened."""
@@ -152,6 +180,7 @@ def running(cases: list[Case], contents: list[dict[str, Any]] | None = None) -> 
     """Run one process with an instrument and a vessel of its own for each case."""
     with TemporaryDirectory(prefix="lw") as name:
         folder = Path(name)
+        sides = {case.model: a_free_port() for case in cases if case.also}
         vessels = [
             a_vessel(f"{case.model}_flask", 10_000.0) | ({"contents": contents} if contents else {})
             for case in cases
@@ -163,7 +192,7 @@ def running(cases: list[Case], contents: list[dict[str, Any]] | None = None) -> 
                 "endpoint": (
                     f"pty:{folder}/{case.model}" if case.carrier == "pty" else "tcp:127.0.0.1:0"
                 ),
-                "settings": case.settings,
+                "settings": case.settings | ({case.also: sides[case.model]} if case.also else {}),
                 "attached": (
                     {"vessel": f"{case.model}_flask"}
                     if MODELS[case.model].ATTACHES == "vessel"
@@ -175,10 +204,19 @@ def running(cases: list[Case], contents: list[dict[str, Any]] | None = None) -> 
         process = Process(folder)
         (folder / "bench.json").write_text(json.dumps(a_document(*entries, vessels=vessels)))
         process.start("--speed", str(SPEED))
+        bench = Bench(process, folder, sides)
         try:
-            yield Bench(process, folder)
+            yield bench
         finally:
+            for case in cases:
+                if case.ends_dark:
+                    bench.inflict(case, "power_loss", for_s=1000.0)
             process.stop()
+
+
+def a_free_port() -> int:
+    with socket.create_server(("127.0.0.1", 0)) as found:
+        return int(found.getsockname()[1])
 
 
 def do(driver: Driver[Any, Any], act: Action) -> Report:
@@ -218,6 +256,8 @@ def impatient(monkeypatch: Any, case: Case, answer_s: float = 0.2) -> None:  # n
     if hasattr(module, "ANSWER_S"):
         monkeypatch.setattr(module, "ANSWER_S", answer_s)
     monkeypatch.setattr(modbus, "OPEN_TIMEOUT_S", answer_s)
+    monkeypatch.setattr(s7, "ANSWER_S", max(answer_s, 0.3))
+    monkeypatch.setattr(sila, "ANSWER_S", max(answer_s, 0.5))
     monkeypatch.setattr(opcua, "ANSWER_S", max(answer_s, 0.5))
 
 

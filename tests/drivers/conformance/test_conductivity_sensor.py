@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import pytest
 
 from drivers.load import read_statuses
-from tests.drivers.conformance.cases import CONDUCTIVITY
+from tests.drivers.conformance.analysers import CONDUCTIVITY
 from tests.drivers.conformance.placed_models import Bench, Case, do, running
 
 every = pytest.mark.parametrize("case", CONDUCTIVITY, ids=lambda case: case.model)

@@ -4,7 +4,7 @@ import pytest
 
 from drivers.logistics.cytomat import Cytomat
 from labweb.domain.errors import DeviceError, Effect, FrameError, PreconditionError, RejectedError
-from tests.drivers.conformance.cases import MOVERS
+from tests.drivers.conformance.movers import MOVERS
 from tests.drivers.conformance.placed_models import do, running
 from tests.drivers.conftest import Play
 

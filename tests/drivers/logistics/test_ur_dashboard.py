@@ -6,7 +6,7 @@ import pytest
 
 from drivers.logistics.ur_dashboard import UrDashboard, whole_answer
 from labweb.domain.errors import DeviceError, Effect, FrameError, PreconditionError, RejectedError
-from tests.drivers.conformance.cases import MOVERS
+from tests.drivers.conformance.movers import MOVERS
 from tests.drivers.conformance.placed_models import Bench, Doing, do, impatient, running
 from tests.drivers.conftest import Play
 from tests.fixtures.running import until

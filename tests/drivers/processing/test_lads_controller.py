@@ -12,7 +12,8 @@ import pytest
 from asyncua import Server, ua
 from asyncua.common.instantiate_util import instantiate
 
-from drivers.browse import Browsed, browse
+from drivers.browse.browsed import Browsed
+from drivers.browse.opcua import browse
 from drivers.load import read_status
 from drivers.transports.opcua.codes import LOST, REFUSED, failure
 from drivers.transports.opcua.nodes import UNECE, Unit

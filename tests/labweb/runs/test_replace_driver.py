@@ -18,7 +18,7 @@ from labweb.runs import services
 from labweb.runs.models import Outbox
 from tests.builders import Bench, Edge, a_started_run, an_edge, catalog, dispatched
 from tests.labweb.enrollment.driver_texts import approved, proposed, timer
-from tests.labweb.web import call, signed_in
+from tests.labweb.web import call, read, signed_in
 
 PUMP = "drivers.connectors.tricontinent_c3000"
 
@@ -226,3 +226,25 @@ def test_the_device_tells_over_rest_which_version_it_has_and_is_to_have(bench: B
     }
     shown = json.loads(call(client, "GET", f"/api/v1/{path}").content)["driver"]
     assert shown["next"]["digest"] == version.digest
+
+
+def test_which_version_serves_is_what_the_host_says_of_its_own_devices(bench: Bench) -> None:
+    edge, device = an_edge(bench), bench.device("timer_1")
+    other = bench.device("heater_1")
+    said = {str(device.id): device.driver.digest}
+    enrollment_services.note_serving(edge.host_id, edge.epoch + 1, said)
+    assert bench.device("timer_1").serving == {}, "another session's word counts nothing"
+    enrollment_services.note_serving(edge.host_id, edge.epoch, said)
+    first = bench.device("timer_1").serving
+    assert (first["digest"], first["host_id"]) == (device.driver.digest, str(edge.host_id))
+    enrollment_services.note_serving(edge.host_id, edge.epoch, said)
+    assert bench.device("timer_1").serving == first, "since when it does stays"
+    client = signed_in(bench.people["observer"])
+    shown = read(client, f"/api/v1/devices/{device.id}")["driver"]["serving"]
+    assert (shown["digest"], shown["is_present"]) == (device.driver.digest, True)
+    assert read(client, f"/api/v1/devices/{other.id}")["driver"]["serving"] is None
+    enrollment_services.note_serving(edge.host_id, edge.epoch, {str(device.id): "0" * 64})
+    shown = read(client, f"/api/v1/devices/{device.id}")["driver"]["serving"]
+    assert shown["is_present"] is False
+    enrollment_services.note_serving(edge.host_id, edge.epoch, {})
+    assert bench.device("timer_1").serving == {}

@@ -17,11 +17,12 @@ from django.http import HttpResponse
 from django.test import Client
 from pytest_django import Settings
 
+from labweb.common.clock import now
 from labweb.crutd import services as crutd_services
 from labweb.domain.crutd.decide import Outcome, OutcomeKind
 from labweb.enrollment.models import EdgeHost
 from labweb.runs import services as run_services
-from labweb.runs.models import Attempt
+from labweb.runs.models import Attempt, Calibration
 from tests.builders import PASSWORD, Bench, a_started_run, an_edge
 from tests.labweb.enrollment.driver_texts import TIMER, timer
 from tests.labweb.instrument_files import TRACE
@@ -51,6 +52,30 @@ A_VIAL = {
     }
 }
 
+A_CALIBRATION = {
+    "source_id": "<resource>",
+    "target_id": "<pan>",
+    "balance_id": "<balance>",
+    "around": {"water_c": 22, "pressure_kpa": 101.3},
+    "reference": {
+        "name": "Balance 1",
+        "certificate": "D-K-1",
+        "expanded": 0.4,
+        "due_on": "2099-01-01",
+    },
+}
+
+A_CALIBRATION_OF_PH = {
+    "buffers": [
+        {"source_id": vessel, "standard": standard, "reference": A_CALIBRATION["reference"]}
+        for vessel, standard in (("<resource>", "phosphate"), ("<acid>", "phthalate"))
+    ],
+    "vessel_id": "<dipped>",
+    "waste_id": "<waste>",
+    "pump_id": "<calibrated>",
+    "volume_ul": 5000,
+}
+
 A_RECIPE = base64.b64encode(
     b"<XDL><Synthesis><Hardware/><Reagents/>"
     b'<Procedure><Wait time="1 s"/></Procedure></Synthesis></XDL>'
@@ -78,6 +103,10 @@ API: dict[tuple[str, str], tuple[tuple[str, ...], Any]] = {
     ("GET", "drivers/<driver>/changes/<since>"): (MEMBERS, None),
     ("POST", "drivers/<driver>/decision"): (DECIDERS, {"is_approved": True}),
     ("POST", "drivers/<driver>/withdraw"): (ADMINS, {"reason": "old"}),
+    ("GET", "drivers/<driver>/tryouts"): (MEMBERS, None),
+    ("POST", "drivers/<driver>/tryouts"): (ADMINS, {"host_id": "<host>", "model": "timer"}),
+    ("GET", "tryouts/<tryout>"): (MEMBERS, None),
+    ("POST", "tryouts/<tryout>/wishes"): (ADMINS, {"sort": "read"}),
     ("GET", "hosts"): (MEMBERS, None),
     ("GET", "hosts/<host>"): (MEMBERS, None),
     ("POST", "hosts/<host>/fence"): (ADMINS, {"reason": "it burnt"}),
@@ -104,6 +133,12 @@ API: dict[tuple[str, str], tuple[tuple[str, ...], Any]] = {
     ("GET", "resources/<resource>/provenance"): (MEMBERS, None),
     ("GET", "resources/<resource>/custody"): (MEMBERS, None),
     ("GET", "resources/<resource>/stock"): (MEMBERS, None),
+    ("GET", "devices/<calibrated>/calibrations"): (MEMBERS, None),
+    ("POST", "devices/<calibrated>/calibrations"): (WORKERS, A_CALIBRATION),
+    ("POST", "devices/<probe>/calibrations/ph"): (WORKERS, A_CALIBRATION_OF_PH),
+    ("GET", "calibrations/<calibration>"): (MEMBERS, None),
+    ("POST", "calibrations/<calibration>/decision"): (DECIDERS, {"is_accepted": True}),
+    ("POST", "calibrations/<calibration>/withdraw"): (DECIDERS, {"reason": "a new syringe"}),
     ("GET", "resources/<resource>/reservations"): (MEMBERS, None),
     ("GET", "reservations"): (MEMBERS, None),
     ("POST", "reservations"): (
@@ -201,6 +236,9 @@ def prepare(bench: Bench, route: str, ids: dict[str, str]) -> None:
         attempt = Attempt.objects.get(job_id=ids["job"])
         nothing = Outcome(kind=OutcomeKind.PARTIAL, moved_nl=0)
         crutd_services.settle(attempt.transaction_id, crutd_services.Settlement(outcome=nothing))
+    if route == "calibrations/<calibration>/withdraw":
+        rows = Calibration.objects.filter(pk=ids["calibration"])
+        rows.update(state="accepted", expires_at=now())
     if route == "jobs/<job>/recover":
         undone = bench.lab.runs.get(pk=ids["run"]).jobs.get(pk=ids["job"])
         undone.state = "rejected"

@@ -8,15 +8,19 @@ from uuid import uuid4
 
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 
-from labweb.approvals.models import ApprovalRequest
+from labweb.approvals import services as approval_services
+from labweb.approvals.models import ApprovalRequest, Tryout
 from labweb.common.clock import now
 from labweb.crutd import services as crutd_services
 from labweb.domain.enrollment.join import Ask, code_of, parse_token
+from labweb.domain.messages import SimulatedModel, TryoutOffer, TryoutTold
+from labweb.domain.runs.session import SessionState
 from labweb.enrollment import services as enrollment_services
 from labweb.enrollment.models import DriverVersion, EdgeHost, JoinRequest
 from labweb.resources.models import Lot, Resource
+from labweb.runs import selectors as run_selectors
 from labweb.runs import services as run_services
-from labweb.runs.models import Custody
+from labweb.runs.models import Calibration, Custody, Run
 from labweb.telemetry.selectors import File, Incoming
 from labweb.telemetry.services import Upload, bring, keep_file
 from labweb.workflows import services as workflow_services
@@ -113,6 +117,59 @@ def on_its_way(bench: Bench, host: EdgeHost, place: Resource) -> Custody:
     )
 
 
+def a_tryout(bench: Bench, driver: DriverVersion, host: EdgeHost) -> Tryout:
+    """A driver that runs on a simulated instrument, on a host that can simulate more of them."""
+    model = SimulatedModel(
+        model="timer",
+        title="Timer",
+        folder="virtual",
+        speaks="virtual",
+        carriers=["tcp"],
+        settings={},
+        faults={},
+    )
+    EdgeHost.objects.filter(pk=host.pk).update(state=SessionState.ONLINE.value)
+    offer = TryoutOffer(epoch=host.epoch, models=[model])
+    approval_services.take_offer(host.id, host.epoch, offer)
+    wanted = approval_services.TryoutWanted(host_id=host.id, model="timer")
+    row = approval_services.begin_tryout(driver.id, wanted, actor=bench.people["admin"])
+    told = TryoutTold(epoch=host.epoch, tryout_id=row.id, state="running")
+    approval_services.take_told(host.id, host.epoch, told)
+    return row
+
+
+def a_result(bench: Bench, run: Run) -> Calibration:
+    """Return a calibration by the chemist that waits for a second person."""
+    return Calibration.objects.create(
+        device=bench.device("pump_2"),
+        quantity="volume",
+        number=1,
+        state="awaiting",
+        run=run,
+        order={"reference": {}, "around": {}, "tolerance": 0.005},
+        fingerprint=run_selectors.fingerprint_of(bench.device("pump_2")),
+        result={"gain": 0.97, "levels": []},
+        valid_days=365,
+        made_by=bench.people["chemist"],
+        made_at=now(),
+        measured_at=now(),
+    )
+
+
+def _calibrated(bench: Bench, calibration: Calibration) -> dict[str, str]:
+    """Return the ids of all that calibrating takes."""
+    return {
+        "calibration": str(calibration.pk),
+        "calibrated": str(bench.device("pump_1").id),
+        "balance": str(bench.device("balance_1").id),
+        "probe": str(bench.device("ph_1").id),
+        "acid": str(bench.node("acid").id),
+        "dipped": str(bench.node("reactor_1").id),
+        "waste": str(bench.node("waste").id),
+        "pan": str(bench.node("flask_1").id),
+    }
+
+
 def one_of_each(bench: Bench) -> dict[str, str]:
     """Make one of each, in a state in which every act is possible; return their ids by name."""
     run = a_started_run(bench)
@@ -138,16 +195,20 @@ def one_of_each(bench: Bench) -> dict[str, str]:
         lasts=timedelta(hours=1),
         reason="a wash",
     )
+    calibration = a_result(bench, request_run)
     token = enrollment_services.make_token(bench.lab, actor=bench.people["admin"])
     asking, code = a_machine_that_asks(bench)
+    driver = _from_somebody(bench)
     return {
         "reservation": str(reservation.pk),
+        **_calibrated(bench, calibration),
         "token": str(token.row.id),
         "join": str(asking.id),
         "code": code,
         "approved": (since := str(approved(bench, timer(7)).id)),
         "since": since,
-        "driver": str(_from_somebody(bench).id),
+        "driver": str(driver.id),
+        "tryout": str(a_tryout(bench, driver, spare).id),
         "host": str(spare.id),
         "place": str(place.id),
         "custody": str(on_its_way(bench, spare, place).id),

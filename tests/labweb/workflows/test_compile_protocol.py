@@ -189,3 +189,36 @@ def test_what_cannot_be_read_is_told_without_a_traceback(
     assert found == code
     assert err
     assert "Traceback" not in err
+
+
+STATION = ROOT / "fixtures/labs/organic_synthesis"
+
+
+def planned(tmp_path: Path, declared: str, *options: str) -> tuple[int, str, str]:
+    (tmp_path / "declared.json").write_text(declared)
+    text = (STATION / "protocols/benzhydryl_acetate.xdl").read_text("utf-8")
+    graph = (STATION / "lab.json").read_text("utf-8")
+    given = ("--declared", str(tmp_path / "declared.json"), *options)
+    return run(tmp_path, text, "--json", *given, graph=graph)
+
+
+def test_what_is_stated_beside_a_recipe_binds_it(tmp_path: Path) -> None:
+    declared = (STATION / "protocols/benzhydryl_acetate.declared.json").read_text("utf-8")
+    code, out, err = planned(tmp_path, declared)
+    assert (code, err) == (0, "")
+    assert json.loads(out)["plan"]["bindings"]["reagents"]["brine"] == "bottle_brine"
+
+
+def test_what_is_bound_by_hand_wins_over_what_is_stated(tmp_path: Path) -> None:
+    declared = (STATION / "protocols/benzhydryl_acetate.declared.json").read_text("utf-8")
+    code, out, _ = planned(tmp_path, declared, "--bind", "brine=bottle_water", "water=bottle_brine")
+    assert code == 0
+    bound = json.loads(out)["plan"]["bindings"]["reagents"]
+    assert (bound["brine"], bound["water"]) == ("bottle_water", "bottle_brine")
+
+
+def test_a_file_that_states_nothing_that_is_read_is_exit_code_2(tmp_path: Path) -> None:
+    code, out, err = planned(tmp_path, '{"schema": "labweb.other/1"}')
+    assert code == 2
+    assert json.loads(out)["findings"][0]["code"] == "xdl.not_declared"
+    assert "labweb.other/1" in err

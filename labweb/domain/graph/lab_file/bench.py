@@ -66,6 +66,16 @@ CARRIER_BY_MODEL: Mapping[str, str | None] = {
     "lads_controller": "tcp",
     "timer": None,
     "lauda_loop": "pty",
+    "s7_furnace": "tcp",
+    "robotiq_2f85": "pty",
+    "grbl_gantry": "pty",
+    "sila_controller": "tcp",
+    "buchi_c815": "tcp",
+    "magritek_spinsolve": "tcp",
+    "mettler_quantos": "tcp",
+    "lab_hplc": "tcp",
+    "lab_gcms": "tcp",
+    "lab_ms": "tcp",
 }
 """Model of simulated instrument → what carries its bytes; None needs no carrier."""
 

@@ -38,6 +38,8 @@ class VesselConfig(_Config, frozen=True, kw_only=True):
 
     tare_mg: NotNegative | None = None
     temperature_c: Celsius | None = None
+    gas: Name | None = None
+    """Gas that it gives by its connections for gas, as recipes call it. It holds no liquid."""
 
 
 class CavityConfig(VesselConfig, frozen=True, kw_only=True):
@@ -79,6 +81,13 @@ class RotaryValveConfig(_Config, frozen=True, kw_only=True):
     """Name of the port that is joined to each of the others in turn."""
 
 
+class CartridgeConfig(_Config, frozen=True, kw_only=True):
+    """A cartridge or a column."""
+
+    filling: Name | None = None
+    """What liquid runs through in it, as recipes call it."""
+
+
 class HeaterConfig(_Config, frozen=True, kw_only=True):
     """Range that may be asked for."""
 
@@ -116,6 +125,7 @@ _SPECIAL: Mapping[str, type[_Config]] = {
     "tip": TipConfig,
     "tip_spot": TipSpotConfig,
     "rotary_valve": RotaryValveConfig,
+    "cartridge": CartridgeConfig,
     **dict.fromkeys(("heater", "thermostat"), HeaterConfig),
     "rotary_evaporator": HeaterStirrerConfig,
     "stirrer": StirrerConfig,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from typing import Any
 from uuid import UUID
@@ -27,7 +27,9 @@ _ROLES: Mapping[str, Role] = {
     "solenoid_valve": Role.SOLENOID,
     "syringe_pump": Role.PUMP,
     "cartridge": Role.CARTRIDGE,
+    "vacuum_controller": Role.VACUUM,
 }
+_TRANSMITTER = "transmitter"
 
 
 def is_lab(value: object) -> bool:
@@ -48,15 +50,16 @@ def rig_of_lab(raw: bytes) -> Rig:
         if "valve" in device.nodes and device.nodes["valve"] == device.nodes.get("pump")
     }
     keys = {resource.id: resource.key for resource in lab.resources}
+    tubes = tuple(tube_of_connection(connection, keys) for connection in lab.connections)
+    roles = {node: role for device in lab.devices for role, node in sorted(device.nodes.items())}
     elements = tuple(
-        element_of_resource(resource, selects=resource.id in selecting)
+        replace(
+            _ported(element_of_resource(resource, selects=resource.id in selecting), tubes),
+            kind=_class_of(resource, roles.get(resource.id)),
+            attributes=_attributes(lab, resource, keys) | {"is_driven": resource.id in roles},
+        )
         for resource in lab.resources
     )
-    elements = tuple(
-        replace(element, attributes=_attributes(lab, resource, keys))
-        for element, resource in zip(elements, lab.resources, strict=True)
-    )
-    tubes = tuple(tube_of_connection(connection, keys) for connection in lab.connections)
     defects = find_defects(elements, tubes)
     return Rig(RigFormat.LABWEB, elements, tubes, defects, {}, raw.decode("utf-8-sig"))
 
@@ -74,6 +77,24 @@ def render_graph(lab: LabFile) -> bytes:
     return render_lab(replace(lab, mode=Mode.LIVE, devices=devices))
 
 
+def _class_of(resource: Resource, role: str | None) -> str:
+    """Return the kind; that of a transmitter says what it reads, by the role of its driver."""
+    if resource.kind == _TRANSMITTER and role is not None:
+        return f"{role}_{_TRANSMITTER}"
+    return resource.kind
+
+
+def _ported(element: Element, tubes: Iterable[Tube]) -> Element:
+    """Give a selector the ports that its settings count, unless a tube is at yet another."""
+    count = element.attributes.get("ports_count")
+    if element.role is not Role.VALVE or not isinstance(count, int):
+        return element
+    ports = {str(place) for place in range(1, count + 1)} | {element.common_port or COMMON_PORT}
+    joined = {tube.source_port for tube in tubes if tube.source == element.key}
+    joined |= {tube.target_port for tube in tubes if tube.target == element.key}
+    return replace(element, ports=frozenset(ports)) if joined <= ports else element
+
+
 def _attributes(lab: LabFile, resource: Resource, keys: Mapping[UUID, str]) -> dict[str, Any]:
     """Return what the file says beside the plumbing: settings, what it stands on, contents."""
     names = {
@@ -84,7 +105,10 @@ def _attributes(lab: LabFile, resource: Resource, keys: Mapping[UUID, str]) -> d
         for lot, amount_nl in lab.contents.get(resource.id, {}).items()
     ]
     parent = keys.get(resource.parent_id) if resource.parent_id else None
-    return {"config": dict(resource.config), "parent": parent, "data": {"liquid": liquid}}
+    said = {"gas_type": resource.config.get("gas"), "chemical": resource.config.get("filling")}
+    told = {name: value for name, value in said.items() if value}
+    own = {"config": dict(resource.config), "parent": parent, "data": {"liquid": liquid}}
+    return own | told
 
 
 def element_of_resource(resource: Resource, *, selects: bool = False) -> Element:
@@ -92,6 +116,8 @@ def element_of_resource(resource: Resource, *, selects: bool = False) -> Element
     role = _ROLES.get(resource.kind)
     if role is None:
         role = Role.VESSEL if is_vessel(resource.kind) else Role.OTHER
+    if role is Role.VESSEL and resource.config.get("gas"):
+        role = Role.GAS
     capacity_ul = resource.config.get("capacity_ul")
     capacity_nl = None
     if role is Role.PUMP and isinstance(capacity_ul, int | float) and capacity_ul > 0:
@@ -106,6 +132,7 @@ def element_of_resource(resource: Resource, *, selects: bool = False) -> Element
         numbered=role is Role.VALVE,
         selects=selects,
         capacity_nl=capacity_nl,
+        attributes=resource.config,
     )
 
 

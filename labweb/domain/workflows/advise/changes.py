@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from labweb.domain.workflows.advise.drawing import Drawing, Port, size_for
-from labweb.domain.workflows.on_rig.equipment import INERT, Equipment, Sort
+from labweb.domain.workflows.advise.drawing import Drawing, NotDrawnError, Port, size_for
+from labweb.domain.workflows.on_rig.equipment import CARRIES, INERT, Equipment, Sort
 
 FIRST_ML = 100
 """Size of a vessel that is added, unless more comes into it."""
@@ -61,7 +61,10 @@ class Change:
     def draw(self, drawing: Drawing) -> bool:
         """Draw it. False: there is no room or no vessel for it, and the drawing is spoilt."""
         is_new = self.kind in _NEW or self.subject in drawing.nodes
-        return is_new and _DRAW[self.kind](drawing, self)
+        try:
+            return is_new and _DRAW[self.kind](drawing, self)
+        except NotDrawnError:
+            return False
 
 
 def _add_flask(drawing: Drawing, change: Change) -> bool:
@@ -139,6 +142,8 @@ def _places(drawing: Drawing, key: str) -> str:
     """Return the ports of other elements that tubes join a node to, for a sentence."""
     found = []
     for tube in drawing.rig().tubes:
+        if tube.medium not in CARRIES:
+            continue
         if tube.source == key and tube.target_port:
             found.append(f"{Port(tube.target, tube.target_port)} ({tube.source_port})")
         elif tube.target == key and tube.source_port:

@@ -33,6 +33,12 @@ def _ways(finding: Finding, facts: Facts) -> list[Change]:
     return [Change("join", source, "out"), Change("join", target, "in")]
 
 
+def _reagent(facts: Facts) -> list[Change]:
+    if facts.get("differs_in_case_alone"):
+        return []  # It is there: somebody has to say so.
+    return [Change("add_flask", str(facts["reagent"]))]
+
+
 def _vessel(facts: Facts) -> list[Change]:
     sort = str(facts.get("sort"))
     return [Change("add_vessel", str(facts["role"]), sort)] if sort in _DRAWN else []
@@ -65,8 +71,14 @@ def _shared(facts: Facts) -> list[Change]:
     return [Change("own_vacuum", str(facts["other"]), str(facts["pump"]))]
 
 
+def _condenser(facts: Facts) -> list[Change]:
+    if "target" not in facts:
+        return []  # A flask on an evaporator of ours: which flask receives, nobody but people say.
+    return [Change("attach_condenser", str(facts["vessel"]), str(facts["target"]))]
+
+
 _CURES: Mapping[str, Callable[[Facts], list[Change]]] = {
-    "plan.no_reagent": lambda facts: [Change("add_flask", str(facts["reagent"]))],
+    "plan.no_reagent": _reagent,
     "plan.no_vessel": _vessel,
     "plan.no_waste": lambda facts: [
         Change("add_vessel", "waste", Sort.WASTE.value),
@@ -88,9 +100,7 @@ _CURES: Mapping[str, Callable[[Facts], list[Change]]] = {
     "plan.no_lamp": lambda facts: [Change("attach", str(facts["vessel"]), "lamp")],
     "plan.no_ultrasound": lambda facts: [Change("attach", str(facts["vessel"]), "ultrasonic bath")],
     "plan.no_microwave": lambda facts: [Change("attach", str(facts["vessel"]), "microwave")],
-    "plan.no_condenser": lambda facts: [
-        Change("attach_condenser", str(facts["vessel"]), str(facts["target"]))
-    ],
+    "plan.no_condenser": _condenser,
     "plan.no_sensor": lambda facts: [
         Change("attach_sensor", str(facts["vessel"]), str(facts["quantity"]))
     ],

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 from copy import deepcopy
@@ -11,9 +12,8 @@ from typing import Any
 
 from labweb.domain.graph.elements import Role
 from labweb.domain.graph.rig.classes import chemputer_sort
-from labweb.domain.graph.rig.model import Rig, RigFormat
+from labweb.domain.graph.rig.model import Rig
 from labweb.domain.graph.rig.read import read_rig
-from labweb.domain.graph.rig.write import write_rig
 from labweb.domain.workflows.on_rig.equipment import Equipment, Sort
 
 PUMP_ML = 25
@@ -25,7 +25,7 @@ Source:
 SIZES_ML = (25, 50, 100, 250, 500, 1000, 2000, 5000, 10_000, 20_000)
 """Sizes of common flasks; nothing larger is advised."""
 
-_COMMON = "-1"
+_FLASK = re.compile("flask|bottle")
 _VALVE_PORTS = tuple(str(port) for port in range(6))
 _DRY = "(,)"
 """Ports of a link that carries no liquid."""
@@ -53,8 +53,15 @@ class Done:
     adds: tuple[str, ...]
 
 
+class NotDrawnError(Exception):
+    """A graph has no word for what a change would draw."""
+
+
 class Drawing:
     """A copy of a graph. Changing it changes nothing else."""
+
+    common = "-1"
+    """Name of the common port of a valve."""
 
     def __init__(self, graph: Mapping[str, Any], wanted: frozenset[str] = frozenset()) -> None:
         self._wanted = wanted
@@ -62,7 +69,6 @@ class Drawing:
 
         self._rig: Rig | None = None
         self.graph: dict[str, Any] = deepcopy(dict(graph))
-        self._links_field = next(n for n in ("links", "edges") if n in self.graph)
         self.done: list[Done] = []
         self.cost = 0
         """Devices that were added or exchanged."""
@@ -77,7 +83,7 @@ class Drawing:
     @property
     def links(self) -> list[dict[str, Any]]:
         """Return the links, to be changed in place."""
-        found: list[dict[str, Any]] = self.graph[self._links_field]
+        found: list[dict[str, Any]] = self.graph["links" if "links" in self.graph else "edges"]
         return found
 
     def rig(self) -> Rig:
@@ -92,10 +98,14 @@ class Drawing:
 
     def add(self, wanted: str, class_: str, **fields: object) -> str:
         """Add a node and return its id: the wanted one, or the next with a number."""
+        key = self._new_key(wanted)
+        self.graph["nodes"].append({"id": key, "name": key, "class": class_, **fields})
+        return key
+
+    def _new_key(self, wanted: str) -> str:
         known, key, number = self.nodes, wanted, 2
         while key in known:
             key, number = f"{wanted}_{number}", number + 1
-        self.graph["nodes"].append({"id": key, "name": key, "class": class_, **fields})
         self._rig = None
         self.added.add(key)
         self.cost += 1
@@ -158,9 +168,15 @@ class Drawing:
         The valve with the most free ports comes first, so that tubes are spread.
         """
         valves = [valve] if valve else [key for key in self.backbone() if key != but_not]
-        free = {key: [p for p in _VALVE_PORTS if p not in self.used(key)] for key in valves}
+        free = {
+            key: [p for p in self.valve_ports(key) if p not in self.used(key)] for key in valves
+        }
         best = min(free, key=lambda key: (-len(free[key]), key), default=None)
         return Port(best, free[best][0]) if best is not None and free[best] else None
+
+    def valve_ports(self, _key: str) -> tuple[str, ...]:
+        """Return the ports of a valve beside the common one."""
+        return _VALVE_PORTS
 
     def free_port(self, *, but_not: str = "") -> Port | None:
         """Return a free port of the backbone, made by one more valve where there is none."""
@@ -189,7 +205,7 @@ class Drawing:
             ):
                 if roles[own] is Role.VALVE and roles[far] is Role.VALVE:
                     near.setdefault(own, set()).add(far)
-                if (roles[own], roles[far], port) == (Role.VALVE, Role.PUMP, _COMMON):
+                if (roles[own], roles[far], port) == (Role.VALVE, Role.PUMP, self.common):
                     pumped.add(own)
         parts = list(_parts(sorted(pumped), near))
         return max(parts, key=len, default=[])
@@ -202,20 +218,25 @@ class Drawing:
         flask, place = found
         valve = self.add("valve_more", "ChemputerValve", type="valve")
         pump = self.add("pump_more", "ChemputerPump", type="pump", max_volume=PUMP_ML)
-        self.lay(Port(pump, "0"), Port(valve, _COMMON), both=True)
+        self.lay(Port(pump, "0"), Port(valve, self.common), both=True)
+        first, second, *_, last = self.valve_ports(valve)
+        self._move_tubes(flask, place, Port(valve, first))
+        self.lay(place, Port(valve, last), both=True)
+        text = f"Put valve {valve} with pump {pump} ({PUMP_ML} mL) at {place}"
+        if flask not in self.added:
+            text += f", where {flask} is; {flask} moves to {Port(valve, first)}"
+        self.say("add_valve", lambda: text, valve, pump)
+        return Port(valve, second)
+
+    def _move_tubes(self, flask: str, old: Port, new: Port) -> None:
+        """Lead the tubes between a flask and a valve to another valve."""
         for link in self.links:
             for end, far, side in (("source", "target", 0), ("target", "source", 1)):
                 ports = str(link.get("port")).strip("()").split(",")
-                if (str(link[end]), str(link[far])) == (place.key, flask):
-                    ports[side] = "0"
-                    link |= {end: valve, "port": f"({ports[0]},{ports[1]})"}
+                if (str(link[end]), str(link[far])) == (old.key, flask):
+                    ports[side] = new.port
+                    link |= {end: new.key, "port": f"({ports[0]},{ports[1]})"}
                     link.pop(f"{end}Internal", None)
-        self.lay(place, Port(valve, "5"), both=True)
-        text = f"Put valve {valve} with pump {pump} ({PUMP_ML} mL) at {place}"
-        if flask not in self.added:
-            text += f", where {flask} is; {flask} moves to port 0 of {valve}"
-        self.say("add_valve", lambda: text, valve, pump)
-        return Port(valve, "1")
 
     def _movable(self, but_not: str) -> tuple[str, Port] | None:
         """Return a flask with one tube to a valve of the backbone, and that port of the valve."""
@@ -233,7 +254,7 @@ class Drawing:
             busy.update(places if self.nodes[own].get("class") else ())
         for key, node in sorted(self.nodes.items()):
             sort, places = str(node.get("class")).lower(), ends.get(key, set())
-            if "flask" in sort and len(places) == 1:
+            if _FLASK.search(sort) and len(places) == 1:
                 (place,) = places
                 if place.key in valves and busy[place] == 1:
                     return key, place
@@ -254,21 +275,6 @@ def _parts(keys: list[str], near: Mapping[str, set[str]]) -> Iterator[list[str]]
             left -= found
             waiting += sorted(found)
         yield sorted(part)
-
-
-def draw_rig(rig: Rig, wanted: frozenset[str] = frozenset()) -> Drawing | None:
-    """Copy a rig for drawing; None: it is no Chemputer graph, and is not drawn.
-
-    `wanted` are the reagents of the recipe, and flasks that are bound.
-    """
-    if rig.format is RigFormat.LABWEB or not rig.tubes:
-        return None
-    if not any(chemputer_sort(element.kind) for element in rig.elements):
-        return None
-    graph = json.loads(write_rig(rig, RigFormat.NODE_LINK))
-    for node, element in zip(graph["nodes"], rig.elements, strict=True):
-        node["id"] = element.key
-    return Drawing(graph, wanted)
 
 
 def size_for(needed_ml: float) -> int | None:

@@ -11,7 +11,8 @@ from labweb.domain.errors import Finding, InfeasibleError, LabError, ProtocolErr
 from labweb.domain.graph.rig.model import Rig
 from labweb.domain.workflows.advise.changes import Change
 from labweb.domain.workflows.advise.cures import cures
-from labweb.domain.workflows.advise.drawing import Drawing, draw_rig
+from labweb.domain.workflows.advise.draw import draw_rig
+from labweb.domain.workflows.advise.drawing import Drawing
 from labweb.domain.workflows.proof import find_unproved
 from labweb.domain.workflows.recipe_plan import Wish, compile_recipe
 from labweb.domain.workflows.xdl.recipe import Recipe
@@ -55,7 +56,7 @@ def advise(recipe: Recipe, rig: Rig, wish: Wish | None = None) -> Advice | list[
         None. Nothing is changed but a copy.
     """
     if draw_rig(rig) is None:
-        message = "advice is drawn for Chemputer graphs alone, and this is none"
+        message = "advice is drawn for Chemputer graphs and labs of ours, and this is neither"
         return [Finding("plan.no_advice", message)]
     return _Search(recipe, rig, wish or Wish()).run()
 

@@ -18,6 +18,9 @@ _SOUND = re.compile(r"ultra_?so|sonic")
 _MICROWAVE = re.compile(r"microwave")
 _CONDENSER = re.compile(r"condenser|still")
 _CENTRIFUGE = re.compile(r"centrifuge")
+_EVAPORATOR = re.compile(r"rotary_?evaporator")
+"""A rotary evaporator whose flasks are vessels of their own."""
+
 _LINE = re.compile(r"chemputer_?vacuum")
 
 ACTIONS_OF: Mapping[str, frozenset[str]] = {
@@ -74,6 +77,7 @@ def abilities(element: Element) -> frozenset[str]:
         for sort, is_it in (
             ("stirrer", _STIRRER.search(word) or _HOTPLATE.search(word)),
             ("heater", _HEATER.search(word) or _HOTPLATE.search(word)),
+            ("evaporator", _EVAPORATOR.search(word)),
             ("pneumatic", _PNEUMATIC.search(word)),
             ("sensor", _SENSOR.search(word)),
             ("boundary", "conductivity" in word),

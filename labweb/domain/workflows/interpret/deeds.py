@@ -8,7 +8,7 @@ from labweb.domain.workflows.interpret import schema
 from labweb.domain.workflows.interpret.apparatus import vessels_of
 from labweb.domain.workflows.interpret.matter import Contents, Range
 from labweb.domain.workflows.interpret.plan import Action, mass_units, units
-from labweb.domain.workflows.interpret.plumbing import COLLECT, End
+from labweb.domain.workflows.interpret.plumbing import End
 from labweb.domain.workflows.interpret.state import (
     REMOVED,
     TOLERANCE,
@@ -117,18 +117,24 @@ def _set_supply(state: State, action: Action) -> object:
 
 
 def _lower(state: State, action: Action) -> object:
+    vessels = vessels_of(state.plumbing, action.device)
     if action.name == "lower_flask":
-        state.lowered.add(action.device)
+        state.lowered.update(vessels)
     else:
-        state.lowered.discard(action.device)
+        state.lowered.difference_update(vessels)
     return None
 
 
 def _evaporate(state: State, action: Action) -> object:
     parameters = action.parameters
-    gone = state.held(action.device).let_go()
-    state.record.touched.add(action.device + COLLECT)
-    state.mix_in(action.device + COLLECT, gone)
+    for vessel in vessels_of(state.plumbing, action.device):
+        target = state.plumbing.condenses_in(vessel)
+        if target is None:
+            message = f"the vapour of {vessel} goes into no one vessel"
+            state.complain("interpret.no_path", message, device=action.device)
+            return None
+        state.record.touched.add(target)
+        state.mix_in(target, state.held(vessel).let_go())
     if not isinstance(parameters, schema.Boiling):
         return None
     return (parameters.duration_s, parameters.most_s)

@@ -50,6 +50,11 @@ class Plumbing:
         for tube in rig.tubes:
             self._joined.setdefault(tube.source, set()).add(tube.target)
             self._joined.setdefault(tube.target, set()).add(tube.source)
+        for element in rig.elements:
+            carrier = self.elements.get(str(element.attributes.get("parent")))
+            if element.role is Role.VESSEL and carrier is not None and carrier.role is Role.OTHER:
+                self._joined.setdefault(element.key, set()).add(carrier.key)
+                self._joined.setdefault(carrier.key, set()).add(element.key)
         for tube in self.tubes:
             self._lay((tube.source, tube.source_port), (tube.target, tube.target_port))
             if tube.is_two_way:
@@ -72,7 +77,7 @@ class Plumbing:
         )
 
     def neighbours(self, key: str) -> set[str]:
-        """Return what any link joins to an element."""
+        """Return what any link joins to an element, what it stands on and what stands on it."""
         return self._joined.get(key, set())
 
     def tubes_at(self, key: str, *, pushing: bool) -> list[tuple[str, End]]:
@@ -102,6 +107,25 @@ class Plumbing:
             return owner is not None and is_evaporator(owner)
         element = self.elements.get(key)
         return element is not None and element.role is Role.VESSEL and not self.is_gas(key)
+
+    def condenses_in(self, vessel: str) -> str | None:
+        """Return where the vapour of a vessel goes: its own flask, or down its way for gas."""
+        if is_evaporator(self.elements[vessel]):
+            return vessel + COLLECT
+        ends = [
+            tube.target
+            for tube in self.tubes
+            if tube.medium is Medium.GAS and tube.source == vessel and self.is_vessel(tube.target)
+        ]
+        return ends[0] if len(ends) == 1 else None
+
+    def evaporates_into(self, vessel: str) -> list[str]:
+        """Return the vessels from which a way for gas leads into a vessel, with no valve."""
+        return [
+            tube.source
+            for tube in self.tubes
+            if tube.medium is Medium.GAS and tube.target == vessel and self.is_vessel(tube.source)
+        ]
 
     def capacity(self, key: str) -> int | None:
         """Return the units that the graph says a vessel holds; None: it does not say."""

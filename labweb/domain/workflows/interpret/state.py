@@ -170,8 +170,9 @@ class State:
 
     def see_no_vacuum(self, vessel: str, what: str) -> None:
         """Add a finding when running vacuum is, or may be, on a vessel while `what` is done."""
-        key = vessel.removesuffix(COLLECT)
-        lines = self.running_vacuum(key, maybe=True) if key in self.exposed else set()
+        owner = vessel.removesuffix(COLLECT)
+        keys = {owner, *self.plumbing.evaporates_into(vessel)}.intersection(self.exposed)
+        lines = {line for key in keys for line in self.running_vacuum(key, maybe=True)}
         if lines:
             names = ", ".join(sorted(lines))
             message = f"{what} while {names} is, or may be, drawing on it"

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from decimal import Decimal
+from difflib import get_close_matches
 
 from labweb.domain.errors import Finding
 from labweb.domain.workflows.on_rig.equipment import Equipment, Sort
@@ -14,6 +15,9 @@ from labweb.domain.workflows.xdl.markup import NOWHERE, Place
 from labweb.domain.workflows.xdl.recipe import Component, Procedure, Reagent
 
 _LISTED = 8
+_ALIKE = 0.8
+"""How much alike two labels are that one may be written for the other; 1: letter by letter."""
+
 _VESSEL_FIELDS = ("vessel", "source", "target", "lower_to", "upper_to")
 _REAGENT_FIELDS = {
     Kind.ADD_LIQUID: "reagent",
@@ -43,6 +47,9 @@ class Binding:
     reagents: Mapping[str, tuple[str, ...]]
     """Reagent → the flasks of the graph that it can be taken from."""
 
+    fillings: Mapping[str, str] = field(default_factory=dict)
+    """Filling that somebody chose a cartridge for → the cartridge."""
+
     notes: tuple[str, ...] = ()
 
     def flasks(self) -> frozenset[str]:
@@ -65,19 +72,23 @@ def bind(
     equipment: Equipment,
     given: Mapping[str, str],
     told: Findings,
+    rinse: Iterable[str] = (),
 ) -> Binding:
     """Bind every vessel and liquid reagent that the recipe uses; tell all that cannot be.
 
     A vessel is the one of the same id and sort, the one that `given` names, or the only one of
-    its sort that can do what is asked of it. A reagent is in the flasks that hold exactly it.
+    its sort that can do what is asked of it. A reagent is in the flasks that hold exactly it, and
+    so is what lines are rinsed with, which the recipe need not declare.
     """
     operations = list(operations)
     _check_given(procedure, equipment, given, told)
     uses = _uses(operations)
     binder = _Binder(procedure, equipment, given, told)
-    reagents = binder.reagents(operations, uses)
+    reagents = binder.reagents(operations, uses, rinse)
     vessels = binder.vessels({name: use for name, use in uses.items() if name not in reagents})
-    return Binding(vessels=vessels, reagents=reagents, notes=tuple(binder.notes))
+    fillings = {name: key for name, key in given.items() if key in equipment.cartridges}
+    notes = tuple(binder.notes)
+    return Binding(vessels=vessels, reagents=reagents, fillings=fillings, notes=notes)
 
 
 def _uses(operations: Iterable[BasicOperation]) -> dict[str, _Use]:
@@ -126,8 +137,22 @@ class _Binder:
         self.notes: list[str] = []
 
     def reagents(
-        self, operations: Iterable[BasicOperation], uses: Mapping[str, _Use]
+        self, operations: Iterable[BasicOperation], uses: Mapping[str, _Use], rinse: Iterable[str]
     ) -> dict[str, tuple[str, ...]]:
+        found = {}
+        for name, place in self._wanted(operations, uses, rinse).items():
+            known = self._procedure.reagent(name)
+            keys = self._flasks(Reagent(id=name, name=name) if known is None else known)
+            if keys:
+                found[name] = keys
+                self._say_where(name, keys)
+            elif name not in self._given:
+                self._miss(name, place)
+        return found
+
+    def _wanted(
+        self, operations: Iterable[BasicOperation], uses: Mapping[str, _Use], rinse: Iterable[str]
+    ) -> dict[str, Place]:
         wanted: dict[str, Place] = {}
         for operation in operations:
             name = operation.fields.get(_REAGENT_FIELDS.get(operation.kind, ""))
@@ -140,25 +165,31 @@ class _Binder:
         for reagent in self._procedure.reagents:
             if reagent.values.get("use_for_cleaning") is True and self._flasks(reagent):
                 wanted.setdefault(reagent.id, reagent.place)
-        found = {}
-        for name, place in wanted.items():
-            known = self._procedure.reagent(name)
-            keys = self._flasks(Reagent(id=name, name=name) if known is None else known)
-            if keys:
-                found[name] = keys
-            elif name not in self._given:
-                held = {
-                    label: key
-                    for key in self._equipment.vessels
-                    for label in (self._equipment.chemical(key),)
-                    if label
-                }
-                message = (
-                    f"no flask of the rig holds {name!r}{nearest(name, held)}: name the flask in "
-                    "the graph, or choose one by hand"
-                )
-                self._told.tell("plan.no_reagent", message, place, reagent=name)
-        return found
+        for name in rinse:
+            wanted.setdefault(name, self._procedure.place)
+        return wanted
+
+    def _say_where(self, name: str, keys: tuple[str, ...]) -> None:
+        if len(keys) > 1:
+            listed = ", ".join(keys[:_LISTED])
+            self.notes.append(
+                f"{name} is in {listed}: each vessel gets it from the one with the shortest way, "
+                "unless one is chosen by hand"
+            )
+
+    def _miss(self, name: str, place: Place) -> None:
+        """Tell that a reagent is nowhere, and what is there that looks like it."""
+        looks = alike(name, self._equipment)
+        if looks:
+            hint = "; ".join(f"{key} holds {label!r}" for key, label in looks.items())
+            what = f"{hint}: choose it by hand if it is the same"
+        else:
+            what = "name the flask in the graph, or choose one by hand"
+        message = f"no flask of the rig holds {name!r}: {what}"
+        facts: dict[str, object] = {"reagent": name, "alike": list(looks)}
+        if any(label.casefold() == name.casefold() for label in looks.values()):
+            facts["differs_in_case_alone"] = True
+        self._told.tell("plan.no_reagent", message, place, **facts)
 
     def _flasks(self, reagent: Reagent) -> tuple[str, ...]:
         if reagent.id in self._given:
@@ -172,8 +203,7 @@ class _Binder:
         )
 
     def _holds(self, key: str) -> set[str]:
-        named = self._equipment.chemical(key)
-        return {named} if named else {name for name, _ in self._equipment.contents(key)}
+        return _held(self._equipment, key)
 
     def vessels(self, uses: Mapping[str, _Use]) -> dict[str, str]:
         found: dict[str, str] = {}
@@ -209,13 +239,20 @@ class _Binder:
         of_kind = [
             key
             for key, sort in self._equipment.vessels.items()
-            if sort is kind and not self._equipment.chemical(key) and key not in self._named()
+            if sort is kind and not self._is_full(key) and key not in self._named()
+            if not self._equipment.is_receiver(key)
         ]
         able = [key for key in of_kind if self._is_able(key, use)]
         if not of_kind:
             message = f"the rig has no {kind} for {name!r}; choose another by hand"
             self._told.tell("plan.no_vessel", message, use.place, role=name, sort=str(kind))
         return able or of_kind
+
+    def _is_full(self, key: str) -> bool:
+        """Tell whether it is labelled, or a flask that holds something: no empty vessel."""
+        if self._equipment.sort(key) in (Sort.FLASK, Sort.PLAIN):
+            return bool(_held(self._equipment, key))
+        return bool(self._equipment.chemical(key))
 
     def _named(self) -> set[str]:
         return {*self._given.values(), *(c.id for c in self._procedure.hardware)}
@@ -257,6 +294,22 @@ class _Binder:
                 uses[name].place,
                 **facts,
             )
+
+
+def alike(name: str, equipment: Equipment) -> dict[str, str]:
+    """Return flasks whose label looks like a reagent, with the label: for a person to choose."""
+    labels: dict[str, list[tuple[str, str]]] = {}
+    for key, sort in equipment.vessels.items():
+        if sort in (Sort.FLASK, Sort.PLAIN):
+            for label in _held(equipment, key):
+                labels.setdefault(label.casefold(), []).append((key, label))
+    near = get_close_matches(name[:80].casefold(), labels, n=1, cutoff=_ALIKE)
+    return dict(labels[near[0]][:_LISTED]) if near else {}
+
+
+def _held(equipment: Equipment, key: str) -> set[str]:
+    named = equipment.chemical(key)
+    return {named} if named else {name for name, _ in equipment.contents(key)}
 
 
 def may_be(component: Component | None, sort: Sort) -> bool:

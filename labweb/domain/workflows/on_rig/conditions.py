@@ -32,9 +32,21 @@ def start_stir(making: Making, operation: BasicOperation) -> None:
         message = f"nothing stirs {vessel}"
         making.told.tell("plan.no_stirrer", message, operation.place, vessel=vessel)
         return
+    _look_at_speed(making, operation, stirrer)
     making.running["stir", vessel] = stirrer
     does = {"kind": "stir", "vessel": vessel, "speed_rpm": number(speed)}
     making.add(operation.place, does, [[say(stirrer, "stir", speed_rpm=number(speed))]])
+
+
+def _look_at_speed(making: Making, operation: BasicOperation, device: str) -> None:
+    """Tell what is slower or faster than a device's settings say that it goes."""
+    wanted, (low, high) = operation.fields.get("speed_rpm"), making.equipment.speeds(device)
+    if not isinstance(wanted, Decimal | int):
+        return
+    if (low is not None and wanted < low) or (high is not None and wanted > high):
+        ends = " to ".join("?" if end is None else f"{end.normalize():f}" for end in (low, high))
+        message = f"{device} goes from {ends} rpm, and is asked for {Decimal(wanted):f} rpm"
+        making.told.tell("plan.out_of_range", message, operation.place, device=device)
 
 
 def stop_stir(making: Making, operation: BasicOperation) -> None:
@@ -56,34 +68,39 @@ def start_rotation(making: Making, operation: BasicOperation) -> None:
     vessel = _rotavap(making, operation)
     speed = number(operation.fields.get("speed_rpm"))
     if vessel is not None:
-        making.running["rotate", vessel] = vessel
+        device = making.equipment.evaporator(vessel)
+        _look_at_speed(making, operation, device)
+        making.running["rotate", vessel] = device
         does = {"kind": "rotate", "vessel": vessel, "speed_rpm": speed}
-        making.add(operation.place, does, [[say(vessel, "start_rotation", speed_rpm=speed)]])
+        making.add(operation.place, does, [[say(device, "start_rotation", speed_rpm=speed)]])
 
 
 def stop_rotation(making: Making, operation: BasicOperation) -> None:
     """Stop turning it."""
     vessel = making.vessel(operation)
-    if vessel is not None and making.stopped("rotate", vessel):
+    device = None if vessel is None else making.stopped("rotate", vessel)
+    if device is not None:
         does = {"kind": "stop_rotate", "vessel": vessel}
-        making.add(operation.place, does, [[say(vessel, "stop_rotation")]])
+        making.add(operation.place, does, [[say(device, "stop_rotation")]])
 
 
 def lower_flask(making: Making, operation: BasicOperation) -> None:
     """Put the flask into the bath."""
     vessel = _rotavap(making, operation)
     if vessel is not None:
-        making.running["lower", vessel] = vessel
+        device = making.equipment.evaporator(vessel)
+        making.running["lower", vessel] = device
         does = {"kind": "lower", "vessel": vessel}
-        making.add(operation.place, does, [[say(vessel, "lower_flask")]])
+        making.add(operation.place, does, [[say(device, "lower_flask")]])
 
 
 def raise_flask(making: Making, operation: BasicOperation) -> None:
     """Take the flask out of the bath."""
     vessel = making.vessel(operation)
-    if vessel is not None and making.stopped("lower", vessel):
+    device = None if vessel is None else making.stopped("lower", vessel)
+    if device is not None:
         does = {"kind": "raise", "vessel": vessel}
-        making.add(operation.place, does, [[say(vessel, "raise_flask")]])
+        making.add(operation.place, does, [[say(device, "raise_flask")]])
 
 
 def _rotavap(making: Making, operation: BasicOperation) -> str | None:
@@ -123,12 +140,12 @@ def _thermostat(
     able.sort(key=lambda t: (t.key != running, _fitness(t, wanted), t.key))
     if able:
         return able[0].key
-    unknown = [t.key for t in near if t.low_c is None or t.high_c is None]
+    unknown = [t.key for t in near if not t.is_beyond(wanted)]
     if unknown:
         making.ask_first(f"{unknown[0]} brings {vessel} to {wanted.normalize():f} °C")
         return unknown[0]
     if near:
-        ranges = ", ".join(f"{t.key} from {t.low_c} to {t.high_c} °C" for t in near)
+        ranges = ", ".join(str(t) for t in near)
         message = f"{vessel} cannot be brought to {wanted.normalize():f} °C: {ranges}"
         code = "plan.out_of_range"
     else:
@@ -193,14 +210,19 @@ def evaporate(making: Making, operation: BasicOperation) -> None:
         return
     seconds = number(operation.fields.get("seconds"))
     name = "most_s" if operation.fields.get("is_automatic") else "duration_s"
+    collect = making.equipment.collecting(vessel)
+    if collect is None:
+        message = f"no way for vapour leads from {vessel} into a flask that it condenses in"
+        making.told.tell("plan.no_condenser", message, operation.place, vessel=vessel)
+        return
     gone = making.matter.loosen(vessel)
-    collect = f"{vessel}#collect"
     capacity = making.capacity_nl(collect)
     making.matter.add(collect, gone)
     if capacity is not None and making.matter.liquid(collect).most > capacity:
         making.ask_first(f"The collecting flask of {vessel} has room for what boils off")
     given = {} if seconds is None else {name: seconds}
-    actions = [*making.take_checks(), [say(vessel, "evaporate", **given)]]
+    device = making.equipment.evaporator(vessel)
+    actions = [*making.take_checks(), [say(device, "evaporate", **given)]]
     does = {"kind": "evaporate", "vessel": vessel, **given}
     lasts = estimate(actions) if seconds is not None else EVAPORATION_S
     making.add(operation.place, does, actions, lasts)

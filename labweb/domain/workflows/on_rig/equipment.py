@@ -13,14 +13,15 @@ from typing import Any
 
 from labweb.domain.graph.elements import Element, Role
 from labweb.domain.graph.rig.elements import volume_nl
-from labweb.domain.graph.rig.model import Rig
+from labweb.domain.graph.rig.model import Rig, RigFormat
 from labweb.domain.graph.topology import Medium
 
 COLLECT = "collect"
 """Port of a rotary evaporator that its collecting flask is drawn from."""
 
 
-_CARRIES = frozenset({Medium.LIQUID, Medium.VACUUM, Medium.GAS})
+CARRIES = frozenset({Medium.LIQUID, Medium.VACUUM, Medium.GAS})
+"""What tubes carry; all else joins devices to what they act on."""
 
 
 class Sort(StrEnum):
@@ -54,6 +55,7 @@ _HEATS = re.compile(
 )
 _LIGHTS = re.compile(r"lamp|light|led")
 _CONDUCTS = re.compile(r"conductivity")
+_EVAPORATES = re.compile(r"rotary_?evaporator")
 _PNEUMATIC = re.compile(r"pneumatic")
 _SENSE = "sensor|meter|probe|transmitter|electrode"
 _SENSES = re.compile(r"sensor|camera|meter$|probe|transmitter|balance")
@@ -69,6 +71,13 @@ _RANGES_C = (
 
 Source:
     Limits that the published XDL compiler checks for these classes."""
+
+_ONLY_HEATS = re.compile(r"^(?!.*(chill|cool|cryo)).*(heat|hot_?plate)")
+_HEATED_C = Decimal(18)
+"""What is colder is not reached by what only heats.
+
+Source:
+    Lower limit of hotplates that the published XDL compiler checks."""
 
 GASES: Mapping[str, str] = {
     "nitrogen": "nitrogen",
@@ -92,12 +101,24 @@ class Thermostat:
     key: str
     low_c: Decimal | None
     high_c: Decimal | None
+    only_heats: bool = False
 
     def covers(self, temperature_c: Decimal) -> bool:
         """Tell whether it surely reaches a temperature."""
         if self.low_c is None or self.high_c is None:
             return False
         return self.low_c <= temperature_c <= self.high_c
+
+    def is_beyond(self, temperature_c: Decimal) -> bool:
+        """Tell whether it surely does not reach a temperature."""
+        low_c = _HEATED_C if self.low_c is None and self.only_heats else self.low_c
+        is_below = low_c is not None and temperature_c < low_c
+        return is_below or (self.high_c is not None and temperature_c > self.high_c)
+
+    def __str__(self) -> str:
+        low, high = ("?" if end is None else f"{end}" for end in (self.low_c, self.high_c))
+        only = ", which only heats" if self.only_heats and self.low_c is None else ""
+        return f"{self.key} from {low} to {high} °C{only}"
 
 
 class Equipment:
@@ -126,19 +147,61 @@ class Equipment:
     def vessels(self) -> dict[str, Sort]:
         """Return the vessels with what each is for; sources of gas are none."""
         return {
-            key: _sort(element)
+            key: Sort.ROTAVAP if self._turning(key) else _sort(element)
             for key, element in sorted(self.elements.items())
             if element.role is Role.VESSEL and self.gas(key) == ""
         }
 
+    def _turning(self, key: str) -> str | None:
+        """Return the rotary evaporator that a flask stands on as a part of its own."""
+        carrier = self.elements.get(str(self.elements[key].attributes.get("parent")))
+        return carrier.key if carrier is not None and _is(carrier, _EVAPORATES) else None
+
+    def evaporator(self, key: str) -> str:
+        """Return what turns, warms and lowers a flask: the vessel itself, or what it stands on."""
+        return self._turning(key) or key
+
+    def collecting(self, key: str) -> str | None:
+        """Return where the vapour of a flask condenses; None: no way leads there."""
+        if self._turning(key) is None:
+            return f"{key}#{COLLECT}"
+        return self._receivers.get(key)
+
+    @cached_property
+    def _receivers(self) -> dict[str, str]:
+        """Return the flask that vapour runs into, by the flask that turns on an evaporator."""
+        return {
+            tube.source: tube.target
+            for tube in sorted(self.rig.tubes, key=lambda tube: tube.key, reverse=True)
+            if tube.medium is Medium.GAS
+            and self.elements[tube.source].role is Role.VESSEL
+            and self._turning(tube.source)
+            and tube.target in self.vessels
+        }
+
+    def is_receiver(self, key: str) -> bool:
+        """Tell whether vapour condenses in a vessel: it is no spare flask."""
+        return key in self._receivers.values()
+
+    def shares_vacuum(self, key: str) -> list[str]:
+        """Return the vessels whose vacuum is on a vessel: itself, and the flask it receives of."""
+        owner = key.partition("#")[0]
+        return [owner, *(flask for flask, end in self._receivers.items() if end == owner)]
+
     @cached_property
     def ways(self) -> dict[str, list[tuple[str, str, str]]]:
-        """Return the tubes for liquid, gas and vacuum of each element: port, far end, its port."""
+        """Return the tubes for liquid, gas and vacuum of each element: port, far end, its port.
+
+        A link to a vacuum is one for vacuum, but in a lab of ours, which says what each carries.
+        """
+        is_said = self.rig.format is RigFormat.LABWEB
         found: dict[str, set[tuple[str, str, str]]] = {}
         for tube in self.rig.tubes:
             ends = (self.elements[tube.source], self.elements[tube.target])
-            is_vacuum = any(end.role is Role.VACUUM for end in ends)
-            if tube.medium in _CARRIES or is_vacuum:
+            is_gas = any(end.role in (Role.GAS, Role.VACUUM) for end in ends)
+            is_vacuum = not is_said and any(end.role is Role.VACUUM for end in ends)
+            wanted = CARRIES - {Medium.LIQUID} if is_said and is_gas else CARRIES
+            if tube.medium in wanted or is_vacuum:
                 there = (tube.source_port, tube.target, tube.target_port)
                 back = (tube.target_port, tube.source, tube.source_port)
                 found.setdefault(tube.source, set()).add(there)
@@ -205,12 +268,17 @@ class Equipment:
     def thermostats(self, key: str) -> list[Thermostat]:
         """Return what heats or chills a vessel; a rotary evaporator has its own bath."""
         if self.sort(key) is Sort.ROTAVAP:
-            return [_thermostat(self.elements[key])]
+            return [_thermostat(self.elements[self.evaporator(key)])]
         return [
             _thermostat(self.elements[near])
             for near in self.near(key)
             if _is(self.elements[near], _HEATS)
         ]
+
+    def speeds(self, key: str) -> tuple[Decimal | None, Decimal | None]:
+        """Return the least and most speed that a device's settings say."""
+        low, high = (_numbers(self.elements[key], f"{end}_speed_rpm") for end in ("min", "max"))
+        return next(low, None), next(high, None)
 
     def devices(self, key: str, pattern: re.Pattern[str]) -> list[str]:
         """Return the devices of a class that a link joins to a vessel."""
@@ -260,10 +328,11 @@ class Equipment:
 
     def drains(self, key: str) -> bool:
         """Tell whether the collecting flask of a rotary evaporator has a tube."""
+        receiver = self._receivers.get(key)
         return any(
-            (tube.source, tube.source_port) == (key, COLLECT)
-            or (tube.target, tube.target_port) == (key, COLLECT)
+            (own == receiver and tube.medium is Medium.LIQUID) or (own, port) == (key, COLLECT)
             for tube in self.rig.tubes
+            for own, port in ((tube.source, tube.source_port), (tube.target, tube.target_port))
         )
 
 
@@ -297,7 +366,10 @@ def _thermostat(element: Element) -> Thermostat:
     high = next(_numbers(element, "max_temp", "max_temperature_c"), None)
     usual = next((r for p, r in _RANGES_C if p.search(element.kind.lower())), (None, None))
     return Thermostat(
-        element.key, usual[0] if low is None else low, usual[1] if high is None else high
+        element.key,
+        usual[0] if low is None else low,
+        usual[1] if high is None else high,
+        only_heats=bool(_ONLY_HEATS.search(element.kind.lower())),
     )
 
 

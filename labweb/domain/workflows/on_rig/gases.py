@@ -185,8 +185,10 @@ def stop_vacuum(making: Making, operation: BasicOperation) -> None:
 
 def _drain(making: Making, vessel: str, operation: BasicOperation) -> None:
     """Let what has boiled off run into a waste, where the collecting flask has a tube."""
-    collect = f"{vessel}#collect"
-    if not making.matter.liquid(collect).most or not making.equipment.drains(vessel):
+    collect = making.equipment.collecting(vessel)
+    if collect is None or not making.equipment.drains(vessel):
+        return
+    if not making.matter.liquid(collect).most:
         return
     waste = resolve(making, WASTE, collect, operation.place)
     if waste is not None:

@@ -189,7 +189,7 @@ def transfer(making: Making, operation: BasicOperation) -> None:
 def _collecting(making: Making, vessel: str, port: str | None) -> tuple[str, str | None]:
     """Return the vessel behind a port: of a rotary evaporator it may be the collecting flask."""
     if port == COLLECT and making.equipment.sort(vessel) is Sort.ROTAVAP:
-        return f"{vessel}#{COLLECT}", None
+        return making.equipment.collecting(vessel) or vessel, None
     return vessel, port
 
 

@@ -110,6 +110,7 @@ def choose_buffer(making: Making, source: str, place: Place, waits_in: str = "")
     found = []
     for key, sort in equipment.vessels.items():
         is_spare = sort is Sort.FLASK and not equipment.chemical(key) and key not in busy
+        is_spare = is_spare and not equipment.is_receiver(key)
         is_own = key == wanted and sort is not Sort.WASTE and key != source
         if making.matter.liquid(key).most or not (is_spare or is_own):
             continue
@@ -151,6 +152,8 @@ def conductors(making: Making, name: str, place: Place) -> tuple[str, ...] | Non
     if name in known or (element is not None and element.role is Role.MANIFOLD):
         return (name,)
     found = [key for key, filling in known.items() if filling == name]
+    if name in making.binding.fillings:
+        found = [making.binding.fillings[name]]
     if len(found) == 1:
         return (found[0],)
     if found:
@@ -379,7 +382,7 @@ def is_under_vacuum(making: Making, place: Place, *vessels: str) -> bool:
     """Tell whether nothing can be put into or taken out of a vessel, which is then told."""
     for vessel in vessels:
         key = vessel.partition("#")[0]
-        if making.is_evacuated(key):
+        if any(making.is_evacuated(owner) for owner in making.equipment.shares_vacuum(vessel)):
             message = f"{key} is under vacuum: nothing can be put into it or taken out of it"
             making.told.tell("plan.under_vacuum", message, place)
             return True

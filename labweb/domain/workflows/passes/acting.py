@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from uuid import UUID
 
+from labweb.domain.calibration.model import Quantity
 from labweb.domain.crutd.conditions import Condition
 from labweb.domain.crutd.operations import Operation
 from labweb.domain.enrollment.device import Device
 from labweb.domain.errors import NotFoundError
 from labweb.domain.units import parse
+from labweb.domain.workflows.passes.correcting import check_accuracy, in_force
 from labweb.domain.workflows.passes.draft import Drafting, DraftJob, DraftStep
 from labweb.domain.workflows.passes.roles import (
     HEAT_TOLERANCE_C,
@@ -317,6 +319,8 @@ def _plan_reading(
         message = "no device of this lab reads that instrument"
         drafting.refuse(step, "plan.no_device", message, f"params.{field}", role=role)
         return DraftStep(step=step)
+    if not _is_accurate(step, drafting, device):
+        return DraftStep(step=step)
     job = drafting.job(
         step,
         device,
@@ -327,6 +331,18 @@ def _plan_reading(
         estimate_s=READ_S,
     )
     return draft_of(step, [job])
+
+
+def _is_accurate(step: Step, drafting: Drafting, device: Device) -> bool:
+    """Tell whether a probe is known to be as accurate as a step needs, wherever it may read."""
+    if "accuracy" not in step.params:
+        return True
+    wanted, known = parse(step.params["accuracy"], "ph_difference"), in_force(device, Quantity.PH)
+    values = () if known is None else tuple(level.value for level in known.levels)
+    found = check_accuracy(device, Quantity.PH, values, wanted)
+    for finding in found:
+        drafting.refuse(step, finding.code, finding.message, "params.accuracy")
+    return not found
 
 
 def ramp_s(drafting: Drafting, heater: Device, vessel: UUID, target_c: float) -> float:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any
 from uuid import UUID
 
+from labweb.domain.calibration.model import Correction
 from labweb.domain.crutd.conditions import Condition
 from labweb.domain.crutd.operations import Operation, Read, TransferLiquid, Update
 from labweb.domain.enrollment.device import Device
@@ -59,6 +60,8 @@ class DraftJob:
     locks: frozenset[UUID] = frozenset()
     estimate_s: float = 0.0
     mass_check: MassCheck | None = None
+    corrections: tuple[Correction, ...] = ()
+    """Arguments that a calibration has changed, as asked and as sent."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

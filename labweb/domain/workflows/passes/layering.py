@@ -51,7 +51,7 @@ def plan_separate(step: Step, drafting: Drafting) -> DraftStep:
     jobs: list[DraftJob | None] = [
         wait_job(step, drafting, (vessel,), sentence=text, duration="settle_for")
     ]
-    parts, left = split_strokes(amount_nl, strokes.syringe_nl), dict(layer)
+    parts, left = split_strokes(amount_nl, strokes.stroke_nl), dict(layer)
     for place, part_nl in enumerate(parts, start=1):
         text = f", stroke {place} of {len(parts)}" if len(parts) > 1 else ""
         drawn = take(left, part_nl)

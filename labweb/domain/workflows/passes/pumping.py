@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from uuid import UUID
 
+from labweb.domain.calibration.model import Quantity
 from labweb.domain.crutd.operations import TransferLiquid
 from labweb.domain.enrollment.device import Device
 from labweb.domain.errors import Finding, NoRouteError
 from labweb.domain.graph.routing import Route, find_route, is_numbered
 from labweb.domain.graph.topology import Connection, Medium, PortRef
 from labweb.domain.resources.kinds import is_vessel
+from labweb.domain.units import parse
+from labweb.domain.workflows.passes.correcting import check_accuracy, largest_stroke_nl
 from labweb.domain.workflows.passes.draft import Drafting
 from labweb.domain.workflows.passes.roles import acting_node, plays, setting
+from labweb.domain.workflows.passes.splitting import count_strokes, split_strokes
 from labweb.domain.workflows.passes.view import LabView
 from labweb.domain.workflows.protocol import Step
 
@@ -76,7 +80,20 @@ def choose_way(step: Step, drafting: Drafting, whole: TransferLiquid) -> Pumping
             return None
     through = UUID(step.params["through"]) if "through" in step.params else None
     source, target = whole.source_id, whole.target_id
-    answer = choose_pump(drafting.view, source, target, whole.amount_nl, wanted, through=through)
+    unfit: list[Finding] = []
+    answer = choose_pump(
+        drafting.view,
+        source,
+        target,
+        whole.amount_nl,
+        wanted,
+        through=through,
+        check=lambda way: _note(unfit, _check_share(step, drafting.view, way, whole.amount_nl)),
+    )
+    if isinstance(answer, Finding) and unfit:
+        for finding in unfit:
+            drafting.refuse(step, finding.code, finding.message, "params.accuracy")
+        return None
     if isinstance(answer, Finding):
         at = "params.target" if wanted is None else "params.pump"
         drafting.refuse(step, answer.code, answer.message, at, **answer.context)
@@ -84,7 +101,26 @@ def choose_way(step: Step, drafting: Drafting, whole: TransferLiquid) -> Pumping
     return answer
 
 
-def choose_pump(
+def _note(noted: list[Finding], found: list[Finding]) -> list[Finding]:
+    noted += found
+    return found
+
+
+def _check_share(step: Step, view: LabView, way: Pumping, amount_nl: int) -> list[Finding]:
+    """List why a pump is not known to be as accurate as the step needs, stroke by stroke."""
+    if "accuracy" not in step.params:
+        return []
+    state = view.state(way.pump_id)
+    syringe_nl = 0 if state is None else state.capacity_nl or 0
+    stroke_nl = largest_stroke_nl(way.device, syringe_nl)
+    is_planned = stroke_nl > 0 and count_strokes(amount_nl, stroke_nl) <= MOST_STROKES
+    parts = split_strokes(amount_nl, stroke_nl) if is_planned else (amount_nl,)
+    volumes_ul = [part / 1000 for part in sorted(set(parts))]
+    wanted = parse(step.params["accuracy"], "share")
+    return check_accuracy(way.device, Quantity.VOLUME, volumes_ul, wanted)
+
+
+def choose_pump(  # noqa: PLR0913 - what is moved, and by which way it may go
     view: LabView,
     source: UUID,
     target: UUID,
@@ -92,10 +128,12 @@ def choose_pump(
     wanted: Device | None,
     *,
     through: UUID | None = None,
+    check: Callable[[Pumping], list[Finding]] = lambda _: [],
 ) -> Pumping | Finding:
     """Find the pump that wastes least; ties go to the device whose key sorts first.
 
-    One whose syringe is so small that it takes too many strokes is chosen last.
+    One whose syringe is so small that it takes too many strokes is chosen last. One of which
+    `check` lists findings is not chosen.
 
     Returns:
         The pump with its legs, or the finding that says why no single pump can do it.
@@ -110,10 +148,10 @@ def choose_pump(
     reasons: list[Finding] = []
     for device, node_id in pumps:
         answer = _try_pump(view, device, node_id, source, target, through)
-        if isinstance(answer, Pumping):
+        problems = check(answer) if isinstance(answer, Pumping) else [answer]
+        if isinstance(answer, Pumping) and not problems:
             found.append(answer)
-        else:
-            reasons.append(answer)
+        reasons += problems
     if found:
         return min(
             found,

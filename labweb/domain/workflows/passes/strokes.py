@@ -10,6 +10,7 @@ from labweb.domain.crutd.conditions import Condition
 from labweb.domain.crutd.operations import TransferLiquid
 from labweb.domain.enrollment.device import Device
 from labweb.domain.units import parse, render_volume
+from labweb.domain.workflows.passes.correcting import largest_stroke_nl
 from labweb.domain.workflows.passes.draft import Drafting, DraftJob, MassCheck
 from labweb.domain.workflows.passes.pumping import Leg, Turn
 from labweb.domain.workflows.passes.roles import setting
@@ -36,6 +37,9 @@ class Strokes:
     drafting: Drafting
     device: Device
     syringe_nl: int
+    stroke_nl: int
+    """Largest volume of one stroke: of the syringe, and of its calibration where it has one."""
+
     rate_ul_s: float
     mass_check: MassCheck | None = None
 
@@ -158,6 +162,7 @@ def make_strokes(
         drafting=drafting,
         device=device,
         syringe_nl=syringe_nl,
+        stroke_nl=largest_stroke_nl(device, syringe_nl),
         rate_ul_s=rate_ul_s,
         mass_check=mass_check,
     )

@@ -38,15 +38,15 @@ def plan_transfer(step: Step, drafting: Drafting) -> DraftStep:
     strokes = make_strokes(step, drafting, pumping.device, pumping.pump_id, mass_check)
     if strokes is None:
         return DraftStep(step=step, whole=whole)
-    count = count_strokes(amount_nl, strokes.syringe_nl)
+    count = count_strokes(amount_nl, strokes.stroke_nl)
     if count > MOST_STROKES:
         message = (
             f"{render_volume(amount_nl)} takes {count} strokes of "
-            f"{render_volume(strokes.syringe_nl)}; at most {MOST_STROKES} are planned"
+            f"{render_volume(strokes.stroke_nl)}; at most {MOST_STROKES} are planned"
         )
         drafting.refuse(step, "plan.too_many_strokes", message, "params.volume")
         return DraftStep(step=step, whole=whole)
-    parts = split_strokes(amount_nl, strokes.syringe_nl)
+    parts = split_strokes(amount_nl, strokes.stroke_nl)
     check_fineness(step, drafting, pumping.device, strokes.syringe_nl, parts)
     jobs: list[DraftJob | None] = []
     pump_id = pumping.pump_id

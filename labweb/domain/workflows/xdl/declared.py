@@ -13,6 +13,7 @@ from msgspec import Meta
 
 from labweb.domain.errors import ProtocolError
 from labweb.domain.workflows.unit_operations import ALL
+from labweb.domain.workflows.xdl.recipe import Recipe
 
 SCHEMA = "labweb.declared/1"
 
@@ -69,6 +70,14 @@ def read_declared(raw: bytes) -> Declared:
     if found.schema != SCHEMA:
         raise ProtocolError(f"schema is {found.schema!r}, not {SCHEMA!r}", code="xdl.not_declared")
     return found
+
+
+def bindings(declared: Declared, recipe: Recipe) -> dict[str, str]:
+    """Return the stated keys of what a recipe declares: vessels, reagents, fillings."""
+    syntheses = recipe.syntheses
+    names = {component.id for synthesis in syntheses for component in synthesis.hardware}
+    names |= {reagent.id for synthesis in syntheses for reagent in synthesis.reagents}
+    return {name: key for name, key in declared.keys.items() if name in names}
 
 
 def all_of(lots: list[str]) -> dict[str, str]:

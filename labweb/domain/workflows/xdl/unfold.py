@@ -39,6 +39,7 @@ from labweb.domain.workflows.xdl.values import (
     Value,
     read_amount,
     read_value,
+    written,
 )
 
 _MEASURED = {"Add": "reagent", "AddSolid": "reagent", "Dissolve": "solvent"} | {
@@ -90,6 +91,11 @@ class _Unfolder:
         self._table = table
         self._told = told
         self._count = 0
+        self._top: Procedure | None = None
+        """The synthesis itself, whose Parameters are given from outside."""
+
+        self._unread: set[str] = set()
+        """Parameters of which the value that was given is told to be none."""
 
     def top(self, synthesis: Procedure, given: Mapping[str, str]) -> Context:
         reagents: dict[str, Named] = {}
@@ -97,11 +103,12 @@ class _Unfolder:
             reagents[reagent.id] = Named(reagent.id, reagent)
         for reagent in synthesis.reagents:
             reagents.setdefault(reagent.name, Named(reagent.id, reagent))
+        self._top = synthesis
         known = {p.id for p in synthesis.parameters}
         for name in given:
             if name not in known:
                 message = f"the recipe has no Parameter {name!r:.60}"
-                self._told.tell("xdl.no_parameter_value", message, synthesis.place)
+                self._told.tell("xdl.no_parameter_value", message, synthesis.place, parameter=name)
         return Context(
             procedure=synthesis,
             vessels={c.id: c.id for c in synthesis.hardware},
@@ -116,7 +123,8 @@ class _Unfolder:
             try:
                 value = read_value(given[parameter.id], _property_of(parameter))
             except UnitError as error:
-                self._told.tell(error.code, error.message, parameter.place)
+                self._unread.add(parameter.id)
+                self._told.tell(error.code, error.message, parameter.place, parameter=parameter.id)
         return self._limited(parameter, value, parameter.place)
 
     def _limited(self, parameter: Parameter, value: Value | None, place: Place) -> Value | None:
@@ -126,10 +134,10 @@ class _Unfolder:
         )
         if _is_less(number, least) or _is_less(most, number):
             message = (
-                f"{number} for the Parameter {parameter.id!r} is outside of its limits "
-                f"{least} to {most}"
+                f"{written(value)} for the Parameter {parameter.id!r} is outside of its limits "
+                f"{written(parameter.least) or 'any'} to {written(parameter.most) or 'any'}"
             )
-            self._told.tell("xdl.parameter_limit", message, place)
+            self._told.tell("xdl.parameter_limit", message, place, parameter=parameter.id)
         return value
 
     def scaled(self, context: Context, reference: str, amount: str, place: Place) -> Context:
@@ -185,7 +193,10 @@ class _Unfolder:
             found = context.parameters.get(raw.id)
             if found is None:
                 message = f"{name} of {step.name}: the Parameter {raw.id!r} has no value"
-                self._told.tell("xdl.no_parameter_value", message, step.place)
+                is_given_here = context.procedure is self._top
+                facts = {"parameter": raw.id} if is_given_here else {}
+                if not (is_given_here and raw.id in self._unread):
+                    self._told.tell("xdl.no_parameter_value", message, step.place, **facts)
             return found
         spec = self._table.spec(step.name)
         wanted = spec.properties.get(name) if spec is not None else None

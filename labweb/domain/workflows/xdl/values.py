@@ -50,6 +50,8 @@ _COUNT = re.compile(r"[0-9]{1,9}")
 _NUMBER = re.compile(r"[+-]?(?:[0-9]{1,12}\.?[0-9]{0,12}|\.[0-9]{1,12})")
 _FORMULA = re.compile(r"(?:[A-Z][a-z]?[0-9]*|[()\[\].·][0-9]*|[+-][0-9]*(?=$))+")
 _PER_EQUIVALENT = re.compile(r"^(.*?)\s*/\s*(?:eq|equiv|equivalent)s?\.?$")
+_STANDARDS: Mapping[str, Notation] = {**NOTATIONS, **AMOUNTS, **CONCENTRATIONS}
+_NO_BRACKETS = str.maketrans("", "", "()")
 _NAMES = frozenset({"vessel", "reagent", "text", "port", "through", "gas", "pid"})
 
 
@@ -71,6 +73,40 @@ def read_value(text: str, wanted: Property) -> Value:
         sort = wanted.sort.removesuffix("_or_all")
         return Quantity(sort, read_quantity(text, NOTATIONS[wanted.sort]))
     return _READERS[wanted.sort](text)
+
+
+def unit_of(sort: str) -> str:
+    """Return the standard unit of a sort of value as a person writes it, "" when it has none."""
+    notation = _STANDARDS.get(sort)
+    if notation is None:
+        return ""
+    if not notation.standard:
+        return next(iter(notation.units), "")
+    plain = notation.standard.replace("(", "").replace(")", "")
+    spellings = notation.units.items()
+    return next(text for text, unit in spellings if unit.translate(_NO_BRACKETS) == plain)
+
+
+def written(value: Value | None) -> str:
+    """Return a value as a recipe may write it, in standard units; "" for none."""
+    if isinstance(value, Quantity):
+        reading, unit = value.reading, unit_of(value.sort)
+        if reading.word or reading.low is None or reading.high is None:
+            return reading.word.replace("_", " ")
+        ends = [reading.low, reading.high] if reading.is_range else [reading.low]
+        number = "–".join(_plain(end) for end in ends)
+        scaled = "/eq" if value.is_per_equivalent else ""
+        return f"{number} {unit}".strip() + scaled
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, Decimal):
+        return _plain(value)
+    return "" if value is None else str(value)
+
+
+def _plain(number: Decimal) -> str:
+    text = f"{number:f}"
+    return text.rstrip("0").rstrip(".") if "." in text else text
 
 
 def read_amount(text: str) -> Quantity:

@@ -18,6 +18,7 @@ from django.db.utils import InterfaceError, OperationalError
 
 from labweb.common import wake
 from labweb.common.clock import now
+from labweb.common.heap import freeze_heap
 from labweb.enrollment import selectors as enrollment_selectors
 from labweb.enrollment import services as enrollment_services
 from labweb.resources import selectors as resource_selectors
@@ -79,6 +80,7 @@ class Command(BaseCommand):
 
         signal.signal(signal.SIGTERM, end)
         signal.signal(signal.SIGINT, end)
+        freeze_heap()
         self.work(stop)
 
     def work(self, stop: threading.Event) -> None:
@@ -131,6 +133,7 @@ class Command(BaseCommand):
         enrollment_services.withdraw_fences()
         services.expire_requests()
         services.isolate_hosts()
+        services.judge_ended()
         telemetry_services.ring_incoming()
         telemetry_services.roll_up()
         for lab in resource_selectors.labs().filter(is_stopped=True):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from argparse import ArgumentParser
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,7 @@ from labweb.domain.units import parse_volume_nl
 from labweb.domain.workflows.advise.search import Advice, advise
 from labweb.domain.workflows.recipe_on_rig import digest, plan_recipe, read_recipe
 from labweb.domain.workflows.recipe_plan import Wish
+from labweb.domain.workflows.xdl.declared import bindings, read_declared
 from labweb.domain.workflows.xdl.markup import MAX_BYTES
 from labweb.domain.workflows.xdl.to_workflow import parse_pairs
 from labweb.workflows.management.commands.compile_transfers import read_graph
@@ -47,6 +49,12 @@ class Command(BaseCommand):
         )
         parser.add_argument(
             "--bind", nargs="+", default=[], metavar="ROLE=VESSEL", help="vessel or flask to use"
+        )
+        parser.add_argument(
+            "--declared",
+            type=Path,
+            metavar="FILE",
+            help="what is stated beside the recipe (labweb.declared/1): its keys bind, --bind wins",
         )
         parser.add_argument(
             "--holds",
@@ -100,6 +108,9 @@ class Command(BaseCommand):
         try:
             library = [_read_recipe(path) for path in options["blueprints"]]
             recipe = read_recipe(raw_recipe, rig, library)
+            if options["declared"] is not None:
+                stated = read_declared(_read_recipe(options["declared"]))
+                wish = replace(wish, bind={**bindings(stated, recipe), **wish.bind})
         except LabError as error:
             self._print(error, as_json=options["json"])
             raise CommandError(f"{error.code}: {error.message}", returncode=REFUSED) from error

@@ -1,0 +1,146 @@
+"""Write down what an OpenAPI document offers on one path, as a spec.
+
+Source:
+    OpenAPI Specification 3.0.3, "Path Item Object" and "Schema Object" (readOnly, nullable, enum).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from drivers.browse.browsed import Binding, Browsed, Collected, snake
+from labweb.domain.enrollment.spec import ActionSpec, ParameterSpec, StatusSpec
+from labweb.domain.errors import NotFoundError
+
+MOST_LEVELS = 8
+GOOD = "200"
+Json = Mapping[str, Any]
+
+
+def browse_document(document: Json, path: str) -> Browsed:
+    """Write down what is read and put on one path of a document.
+
+    Texts and truth values of what GET returns become statuses; those that PUT takes as well become
+    actions that set them. A number has no unit in such a document, and is left out.
+
+    Raises:
+        NotFoundError: The document has no such path; `context["names"]` lists those it has.
+    """
+    paths = document.get("paths")
+    item = paths.get(path) if isinstance(paths, dict) else None
+    if not isinstance(item, dict):
+        raise NotFoundError(
+            f"the document has no path {path!r}",
+            code="browse.not_found",
+            context={"names": sorted(paths) if isinstance(paths, dict) else []},
+        )
+    walk = _Walk(document, path, Collected())
+    told = _schema(item.get("get"), "responses", GOOD)
+    taken = _schema(item.get("put"), "requestBody")
+    if told is not None:
+        walk.visit(told, (), is_settable=taken is not None and taken == told)
+    if isinstance(item.get("put"), dict) and "requestBody" not in item["put"]:
+        walk.add_call(item["put"])
+    info = document.get("info") or {}
+    return walk.found.browsed(
+        name=path.rpartition("/")[2] or "root",
+        transport="http",
+        doc=str(info.get("title") or ""),
+        protocol=f"HTTP, browsed {path} of version {info.get('version') or 'none'}",
+    )
+
+
+def _schema(operation: object, *names: str) -> Json | None:
+    found: Any = operation
+    for name in names:
+        found = found.get(name) if isinstance(found, dict) else None
+    content = found.get("content") if isinstance(found, dict) else None
+    if not isinstance(content, dict):
+        return None
+    kind = next((one for sort, one in content.items() if "json" in sort), None)
+    return kind.get("schema") if isinstance(kind, dict) else None
+
+
+@dataclass
+class _Walk:
+    """Collects while it goes from schema to schema."""
+
+    document: Json
+    path: str
+    found: Collected
+
+    def visit(self, schema: Json, way: tuple[str, ...], *, is_settable: bool) -> None:
+        """Look at all below a schema."""
+        subject = f"{self.path} {'.'.join(way)}"
+        if len(way) > MOST_LEVELS:
+            self.found.refuse("too_many", f"more than {MOST_LEVELS} levels", subject)
+            return
+        whole = self._resolved(schema)
+        is_settable = is_settable and not whole.get("readOnly")
+        properties = whole.get("properties")
+        if isinstance(properties, dict):
+            for name, one in properties.items():
+                self.visit(one, (*way, name), is_settable=is_settable)
+        else:
+            self._add(whole, way, subject, is_settable=is_settable)
+
+    def add_call(self, operation: Json) -> None:
+        """Keep a PUT that takes nothing."""
+        name = snake((str(operation.get("operationId") or self.path),))
+        doc = str(operation.get("summary") or f"Call PUT {self.path}.")
+        self.found.add(ActionSpec(name=name, doc=doc), Binding(node=f"PUT {self.path}"))
+
+    def _add(self, whole: Json, way: tuple[str, ...], subject: str, *, is_settable: bool) -> None:
+        sort = whole.get("type")
+        if sort in {"number", "integer"}:
+            self.found.refuse("unit", "a number, and the document says no unit", subject)
+            return
+        if sort not in {"boolean", "string"}:
+            self.found.refuse("type", f"{sort or 'no type'} is no plain value", subject)
+            return
+        value = ParameterSpec(
+            name=snake(way),
+            type=sort,
+            nullable=bool(whole.get("nullable")),
+            doc=str(whole.get("description") or ""),
+            choices=tuple(whole.get("enum") or ()),
+        )
+        doc = value.doc or f"Tell {'.'.join(way)}."
+        status = StatusSpec(name=value.name, value=value, doc=doc)
+        self.found.add(status, Binding(node=f"GET {subject}"))
+        if is_settable:
+            setter = ActionSpec(
+                name=f"set_{value.name}",
+                parameters=(value,),
+                doc=f"Put {'.'.join(way)}.",
+                recovery="R1",
+            )
+            self.found.add(setter, Binding(node=f"PUT {subject}"))
+
+    def _resolved(self, schema: Json) -> dict[str, Any]:
+        """Join a schema with what it refers to; what stands beside a reference stays."""
+        joined: dict[str, Any] = {}
+        parts: list[tuple[Json, int]] = [(schema, 0)]
+        while parts:
+            part, depth = parts.pop()
+            if depth > MOST_LEVELS or not isinstance(part, dict):
+                continue
+            parts += [(one, depth + 1) for one in part.get("allOf", [])]
+            choices = part.get("oneOf", [])
+            parts += [(choices[0], depth + 1)] if len(choices) == 1 else []
+            reference = str(part.get("$ref") or "")
+            if reference.startswith("#/components/schemas/"):
+                parts.append((self._named(reference.rpartition("/")[2]), depth + 1))
+            for name, value in part.items():
+                if name == "properties" and isinstance(joined.get(name), dict):
+                    joined[name] = {**value, **joined[name]}
+                else:
+                    joined.setdefault(name, value)
+        return joined
+
+    def _named(self, name: str) -> Json:
+        schemas = (self.document.get("components") or {}).get("schemas") or {}
+        found = schemas.get(name)
+        return found if isinstance(found, dict) else {}

@@ -1,0 +1,1 @@
+"""S7 controllers: data blocks that are read and written by their bytes."""

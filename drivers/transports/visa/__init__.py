@@ -1,0 +1,1 @@
+"""VISA instruments: messages on a GPIB bus, or over HiSLIP."""

@@ -1,0 +1,75 @@
+/** Calibrations of a device: what its page reads and writes of them. */
+
+import {
+  useMutation,
+  useQuery,
+  type UseMutationResult,
+  type UseQueryResult,
+} from "@tanstack/react-query";
+import type {
+  CalibratedQuantity,
+  Calibration,
+  PhOrder,
+  VolumeOrder,
+} from "@/model/wirecalibration";
+import { call } from "./client";
+import { keys } from "./keys";
+import { client } from "./live";
+
+function refresh(): void {
+  void client.invalidateQueries({ queryKey: keys.devices });
+  void client.invalidateQueries({ queryKey: keys.runs });
+}
+
+/** By quantity; asked for again each few seconds while one is being measured. */
+export function useCalibrations(deviceId: string): UseQueryResult<CalibratedQuantity[]> {
+  return useQuery({
+    queryKey: keys.calibrations(deviceId),
+    queryFn: ({ signal }) =>
+      call<{ quantities: CalibratedQuantity[] }>(
+        "GET",
+        `/devices/${deviceId}/calibrations`,
+        undefined,
+        signal,
+      ),
+    select: (answer: { quantities: CalibratedQuantity[] }) => answer.quantities,
+    refetchInterval: ({ state }) =>
+      state.data?.quantities.some((one) => one.history.some((row) => row.state === "measuring"))
+        ? 3000
+        : 60_000,
+  });
+}
+
+export function useBeginCalibration(
+  deviceId: string,
+): UseMutationResult<Calibration, Error, VolumeOrder> {
+  return useMutation({
+    mutationFn: (order) => call<Calibration>("POST", `/devices/${deviceId}/calibrations`, order),
+    onSuccess: refresh,
+  });
+}
+
+export function useBeginPhCalibration(
+  deviceId: string,
+): UseMutationResult<Calibration, Error, PhOrder> {
+  return useMutation({
+    mutationFn: (order) => call<Calibration>("POST", `/devices/${deviceId}/calibrations/ph`, order),
+    onSuccess: refresh,
+  });
+}
+
+export function useDecideCalibration(
+  id: string,
+): UseMutationResult<Calibration, Error, { is_accepted: boolean; comment: string }> {
+  return useMutation({
+    mutationFn: (answer) => call<Calibration>("POST", `/calibrations/${id}/decision`, answer),
+    onSuccess: refresh,
+  });
+}
+
+export function useWithdrawCalibration(id: string): UseMutationResult<Calibration, Error, string> {
+  return useMutation({
+    mutationFn: (reason) => call<Calibration>("POST", `/calibrations/${id}/withdraw`, { reason }),
+    onSuccess: refresh,
+  });
+}

@@ -1,0 +1,141 @@
+"""Tryouts: a version of a driver on a simulated instrument, driven by its author."""
+
+from __future__ import annotations
+
+from typing import Any, ClassVar
+from uuid import UUID
+
+import msgspec
+from rest_framework.request import Request
+from rest_framework.response import Response
+from rest_framework.views import APIView
+
+from labweb.accounts.selectors import user_of
+from labweb.approvals import selectors as tryouts
+from labweb.approvals import services
+from labweb.approvals.selectors import Tryout, TryoutAct
+from labweb.common.render import iso
+from labweb.common.requests import body
+from labweb.domain.enrollment.tryout import FASTEST, labelled
+from labweb.enrollment import selectors as driver_selectors
+from labweb.enrollment.selectors import DriverVersion
+
+
+class DriverTryouts(APIView):
+    """Tryouts of one version."""
+
+    bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": services.TryoutWanted}
+
+    def get(self, request: Request, driver_id: UUID) -> Response:
+        """Say where a version can be tried, on which models, and what was tried of it."""
+        user_of(request)
+        version = driver_selectors.find_driver(driver_id)
+        return Response(
+            {
+                "hosts": [
+                    {
+                        "id": str(offer.host_id),
+                        "name": offer.host.name,
+                        "problem": offer.problem or None,
+                        "models": [
+                            {
+                                "model": one.model,
+                                "title": one.title,
+                                "carriers": one.carriers,
+                                "settings": labelled(one.settings),
+                            }
+                            for one in tryouts.models_for(offer, version)
+                        ],
+                    }
+                    for offer in tryouts.offers()
+                ],
+                "fastest": FASTEST,
+                "tried": tried_of(version),
+                "tryouts": [_row(one) for one in tryouts.tryouts_of(version)],
+            }
+        )
+
+    def post(self, request: Request, driver_id: UUID) -> Response:
+        """Begin a tryout; the version need not be approved."""
+        wanted = body(request, services.TryoutWanted)
+        row = services.begin_tryout(driver_id, wanted, actor=user_of(request))
+        return Response(_detail(tryouts.find_tryout(row.id)), status=201)
+
+
+class TryoutDetail(APIView):
+    """One tryout."""
+
+    def get(self, request: Request, tryout_id: UUID) -> Response:
+        """Return a tryout with its wishes, statuses, faults and the bytes on its line."""
+        user_of(request)
+        return Response(_detail(tryouts.find_tryout(tryout_id)))
+
+
+class TryoutWishes(APIView):
+    """What is asked of a tryout."""
+
+    bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": services.TryoutWish}
+
+    def post(self, request: Request, tryout_id: UUID) -> Response:
+        """Have it act, read, stop, take a fault, lose all faults, or end."""
+        wish = body(request, services.TryoutWish)
+        act = services.ask_tryout(tryout_id, wish, actor=user_of(request))
+        return Response(_act(act), status=201)
+
+
+def tried_of(version: DriverVersion) -> dict[str, Any]:
+    """Render what all tryouts of a version have shown."""
+    plain: dict[str, Any] = msgspec.to_builtins(tryouts.tried_of(version))
+    return plain
+
+
+def _row(row: Tryout) -> dict[str, Any]:
+    is_over = tryouts.is_over(row)
+    is_lost = is_over and row.state != Tryout.State.ENDED
+    return {
+        "id": str(row.id),
+        "host": {"id": str(row.host_id), "name": row.host.name},
+        "model": row.model,
+        "title": row.title,
+        "speed": row.speed,
+        "state": Tryout.State.ENDED.value if is_over else row.state,
+        "code": "tryout.lost" if is_lost else row.code,
+        "message": "its host has not been heard of" if is_lost else row.message,
+        "begun_by": row.begun_by.printed_name,
+        "begun_at": iso(row.begun_at),
+        "ended_at": iso(row.ended_at),
+    }
+
+
+def _detail(row: Tryout) -> dict[str, Any]:
+    return {
+        **_row(row),
+        "driver_id": str(row.version_id),
+        "settings": row.settings,
+        "config": row.config,
+        "faults_offered": {name: labelled(schema) for name, schema in row.faults_offered.items()},
+        "faults": row.faults,
+        "statuses": row.statuses,
+        "acts": [_act(one) for one in tryouts.acts_of(row)],
+        "wire": [
+            {"n": n, "at_s": at_s, "direction": direction, "hex": text}
+            for n, at_s, direction, text in row.wire
+        ],
+        "wire_left_out_count": row.wire_left_out_count,
+    }
+
+
+def _act(row: TryoutAct) -> dict[str, Any]:
+    return {
+        "number": row.number,
+        "sort": row.sort,
+        "name": row.name,
+        "args": row.args,
+        "asked_at": iso(row.asked_at),
+        "answered_at": iso(row.answered_at),
+        "code": row.code,
+        "message": row.message,
+        "effect": row.effect,
+        "data": row.data,
+        "has_faults": row.has_faults,
+    }

@@ -1,0 +1,237 @@
+"""Writes of policies, requests and decisions."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from datetime import datetime, timedelta
+from functools import partial
+from uuid import UUID
+
+from django.db.transaction import atomic, on_commit
+
+from labweb.accounts import services as account_services
+from labweb.accounts.selectors import User
+from labweb.approvals import selectors
+from labweb.approvals.models import ApprovalRequest, Decision, Policy
+from labweb.approvals.services.tryouts import TryoutWanted as TryoutWanted
+from labweb.approvals.services.tryouts import TryoutWish as TryoutWish
+from labweb.approvals.services.tryouts import ask_tryout as ask_tryout
+from labweb.approvals.services.tryouts import begin_tryout as begin_tryout
+from labweb.approvals.services.tryouts import frames_of as frames_of
+from labweb.approvals.services.tryouts import take_offer as take_offer
+from labweb.approvals.services.tryouts import take_told as take_told
+from labweb.common import feed
+from labweb.common.clock import now
+from labweb.domain.approvals import policy as policy_rules
+from labweb.domain.approvals.roles import Permission
+from labweb.domain.errors import ForbiddenError, StateError
+from labweb.domain.workflows.plan import Plan
+from labweb.enrollment import selectors as enrollment_selectors
+from labweb.enrollment import services as enrollment_services
+from labweb.enrollment.selectors import DriverVersion
+from labweb.resources import selectors as resource_selectors
+from labweb.resources.selectors import Lab
+
+DRIVER_RULE = "A driver needs a second person"
+
+_DRIVER_REQUEST_LIFE = timedelta(days=30)
+
+
+def ensure_policy(lab: Lab, *, name: str, rule: dict[str, object]) -> Policy:
+    """Write a policy unless one of that name exists."""
+    policy_rules.parse_rule(rule)
+    row, _ = Policy.objects.get_or_create(lab=lab, name=name, defaults={"rule": rule})
+    return row
+
+
+def asking_policies(lab: Lab, plan: Plan) -> list[Policy]:
+    """Return the policies that want a person to look at the plan."""
+    return [
+        policy
+        for policy in selectors.rules_of(lab)
+        if policy_rules.asks(policy_rules.parse_rule(policy.rule), plan)
+    ]
+
+
+def open_request(  # noqa: PLR0913 - one column each
+    *,
+    lab: Lab,
+    title: str,
+    run_id: UUID,
+    plan_digest: str,
+    policies: Sequence[str],
+    asked_by: User,
+    expires_at: datetime,
+) -> ApprovalRequest:
+    """Ask a person about the plan with this digest.
+
+    A policy that is no row is a rule of the server's own: it asks somebody else.
+    """
+    rows = list(selectors.active_policies(lab).filter(name__in=list(policies)))
+    is_own_rule = not set(policies) <= {row.name for row in rows}
+    request = ApprovalRequest.objects.create(
+        lab=lab,
+        title=title,
+        run_id=run_id,
+        plan_digest=plan_digest,
+        policies=list(policies),
+        allow_self=all(row.allow_self for row in rows) and not is_own_rule,
+        asked_by=asked_by,
+        asked_at=now(),
+        expires_at=expires_at,
+    )
+    on_commit(partial(feed.publish, "approvals", {"request_id": str(request.id)}))
+    return request
+
+
+@atomic
+def decide(request_id: UUID, *, actor: User, is_approved: bool, comment: str) -> ApprovalRequest:
+    """Write a person's answer; the first writer wins.
+
+    Raises:
+        NotFoundError: There is no such request.
+        StateError: It was answered before, or has expired.
+        ForbiddenError: The actor asked it themself, or may not decide here.
+    """
+    found = selectors.find_request(request_id)
+    root = resource_selectors.root_of(found.lab)
+    resource_selectors.require(actor, Permission.DECIDE, [root.id])
+    row = ApprovalRequest.objects.select_for_update().get(pk=request_id)
+    state = row.state
+    if state == ApprovalRequest.State.OPEN and row.expires_at < now():
+        state = ApprovalRequest.State.EXPIRED
+    code, message = policy_rules.check_decision(
+        asked_by=str(row.asked_by_id),
+        actor=str(actor.pk),
+        allow_self=row.allow_self,
+        state=str(state),
+    )
+    if code == "approval.own_request":
+        raise ForbiddenError(message, code=code)
+    if code:
+        raise StateError(message, code=code)
+    row.state = ApprovalRequest.State.APPROVED if is_approved else ApprovalRequest.State.REJECTED
+    row.save(update_fields=["state"])
+    Decision.objects.create(
+        request=row,
+        actor=actor,
+        printed_name=actor.printed_name,
+        is_approved=is_approved,
+        meaning=_meaning(row, is_approved=is_approved),
+        comment=comment,
+        plan_digest=row.plan_digest,
+        at=now(),
+    )
+    account_services.write_audit(
+        "approval.decide",
+        str(row.id),
+        actor=actor,
+        reason=comment,
+        detail={"approved": is_approved},
+    )
+    on_commit(partial(feed.publish, "approvals", {"request_id": str(row.id)}))
+    return row
+
+
+def _meaning(row: ApprovalRequest, *, is_approved: bool) -> str:
+    what = "the start" if row.driver_id is None else "the driver"
+    return f"{'approves' if is_approved else 'rejects'} {what}"
+
+
+@atomic
+def submit_driver(module: str, text: str, *, note: str, actor: User) -> DriverVersion:
+    """Keep driver source that a person brought, and ask a second person about it.
+
+    Raises:
+        ForbiddenError: The actor may not bring drivers.
+        ConformanceError: It breaks a rule; `findings` list each place. Nothing was written.
+        StateError: This very source is known already.
+    """
+    row = enrollment_services.propose_driver(module, text, note=note, actor=actor)
+    _close_requests(row, ApprovalRequest.State.EXPIRED)
+    request = ApprovalRequest.objects.create(
+        lab=resource_selectors.the_lab(),
+        title=f"Driver {row.class_name} of {row.module}, {row.digest[:12]}",
+        driver_id=row.id,
+        plan_digest=row.digest,
+        policies=[DRIVER_RULE],
+        allow_self=False,
+        asked_by=actor,
+        asked_at=now(),
+        expires_at=now() + _DRIVER_REQUEST_LIFE,
+    )
+    on_commit(partial(feed.publish, "approvals", {"request_id": str(request.id)}))
+    return row
+
+
+@atomic
+def decide_driver(
+    version_id: UUID, *, actor: User, is_approved: bool, comment: str
+) -> DriverVersion:
+    """Approve or reject a driver version; an approval signs the digest of its source.
+
+    Raises:
+        NotFoundError: There is no such version, or nobody was asked about it.
+        ForbiddenError: The actor brought it, or may not decide here.
+        StateError: Somebody answered before, or the request has expired.
+
+    Effect:
+        None on matter. Devices get the version only when somebody gives it to them.
+    """
+    enrollment_selectors.driver_for_update(version_id)  # first, as whoever withdraws it does
+    request = selectors.request_about_driver(version_id)
+    decide(request.id, actor=actor, is_approved=is_approved, comment=comment)
+    return enrollment_services.settle_proposal(
+        version_id, actor=actor, is_approved=is_approved, comment=comment
+    )
+
+
+@atomic
+def withdraw_driver(version_id: UUID, *, actor: User, reason: str) -> DriverVersion:
+    """Let a driver version be used no more, and ask about it no more.
+
+    Raises:
+        LabError: As `labweb.enrollment.services.withdraw_driver`.
+    """
+    row = enrollment_services.withdraw_driver(version_id, actor=actor, reason=reason)
+    _close_requests(row, ApprovalRequest.State.WITHDRAWN)
+    return row
+
+
+def _close_requests(row: DriverVersion, state: ApprovalRequest.State) -> None:
+    rows = ApprovalRequest.objects.filter(driver_id=row.id, state=ApprovalRequest.State.OPEN)
+    rows.update(state=state)
+
+
+def expire_one() -> ApprovalRequest | None:
+    """Close one request about a run whose time is over, and return it; None: there is none.
+
+    A request that somebody answers at this moment is left to them.
+
+    Effect:
+        Nothing is released: the caller ends the run that waits for it in the same block.
+    """
+    due = ApprovalRequest.objects.filter(
+        state=ApprovalRequest.State.OPEN, expires_at__lt=now(), run_id__isnull=False
+    )
+    row = due.order_by("expires_at").select_for_update(skip_locked=True).first()
+    if row is None:
+        return None
+    row.state = ApprovalRequest.State.EXPIRED
+    row.save(update_fields=["state"])
+    account_services.write_audit(
+        "approval.expire",
+        str(row.id),
+        actor=None,
+        reason="nobody answered in time",
+        detail={"run": str(row.run_id), "expires_at": row.expires_at.isoformat()},
+    )
+    on_commit(partial(feed.publish, "approvals", {"request_id": str(row.id)}))
+    return row
+
+
+def withdraw(run_id: UUID) -> None:
+    """Close the open request of a run that was given up."""
+    rows = ApprovalRequest.objects.filter(run_id=run_id, state=ApprovalRequest.State.OPEN)
+    if rows.update(state=ApprovalRequest.State.WITHDRAWN):
+        feed.publish("approvals", {"run_id": str(run_id)})

@@ -1,0 +1,1 @@
+"""What a device's numbers are worth: calibration, correction and expanded uncertainty."""

@@ -1,0 +1,191 @@
+"""A calibration, what it corrects, and how sure a corrected value is.
+
+Words as in JCGM 200:2012 (VIM): *calibration* 2.39, *correction* 2.53, *expanded measurement
+uncertainty* 2.35 with *coverage factor* 2.38 (here always k = 2, about 95 %).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from enum import StrEnum
+from itertools import pairwise
+from uuid import UUID
+
+import msgspec
+
+COVERAGE_FACTOR = 2.0
+"""Every expanded uncertainty here is this times a standard uncertainty."""
+
+DIGITS = 6
+"""Decimals that are kept of a corrected number, as all numbers of a plan."""
+
+
+class Quantity(StrEnum):
+    """What can be calibrated."""
+
+    VOLUME = "volume"
+    """A pump's volume in µL, against the mass of water on a balance."""
+
+    PH = "ph"
+    """A probe's pH, against buffers."""
+
+    TEMPERATURE = "temperature"
+    """A sensor's °C, against a reference thermometer."""
+
+
+IS_RELATIVE: Mapping[Quantity, bool] = {
+    Quantity.VOLUME: True,
+    Quantity.PH: False,
+    Quantity.TEMPERATURE: False,
+}
+"""Whether its uncertainty is asked for as a share of the value (1 %) or in its own unit."""
+
+SYMBOLS: Mapping[Quantity, str] = {
+    Quantity.VOLUME: "µL",
+    Quantity.PH: "pH",
+    Quantity.TEMPERATURE: "°C",
+}
+
+
+class Standing(StrEnum):
+    """Whether a calibration may be relied on now."""
+
+    IN_FORCE = "in_force"
+    EXPIRED = "expired"
+    """Its due date is past."""
+
+    CHANGED = "changed"
+    """The device is not what was calibrated: another driver, other settings, or a repair."""
+
+    WITHDRAWN = "withdrawn"
+    """A person took it back."""
+
+
+class Level(msgspec.Struct, frozen=True, kw_only=True):
+    """How sure a corrected value is at one calibrated level."""
+
+    value: float
+    """The true value, in the quantity's unit."""
+
+    expanded: float
+    """Expanded uncertainty (k = 2) of one value there, in the same unit."""
+
+
+class Calibration(msgspec.Struct, frozen=True, kw_only=True):
+    """An accepted calibration of one quantity of one device.
+
+    The device's own number and the true one are linked by `true = offset + gain × device`.
+    """
+
+    id: UUID
+    quantity: Quantity
+    number: int
+    """Version, from 1; a newer one supersedes it and never edits it."""
+
+    gain: float
+    offset: float = 0.0
+    levels: tuple[Level, ...]
+    """Calibrated levels, the lowest first. Nothing is said beyond the first and the last."""
+
+    standing: Standing = Standing.IN_FORCE
+    reasons: tuple[str, ...] = ()
+    """Why it is not in force, in words."""
+
+    @property
+    def is_in_force(self) -> bool:
+        """Tell whether it corrects anything now."""
+        return self.standing is Standing.IN_FORCE
+
+    def true_of(self, device_value: float) -> float:
+        """Return the true value of a number of the device."""
+        return round(self.offset + self.gain * device_value, DIGITS)
+
+    def device_of(self, true_value: float) -> float:
+        """Return the number that the device has to be given for a true value."""
+        return round((true_value - self.offset) / self.gain, DIGITS)
+
+    def expanded_at(self, true_value: float) -> float | None:
+        """Return the expanded uncertainty of one value; None: it was not calibrated there.
+
+        Between two levels the worse of both holds; of a relative quantity the worse share.
+
+        Example:
+            >>> levels = (Level(value=100.0, expanded=1.0), Level(value=1000.0, expanded=2.0))
+            >>> one = Calibration(
+            ...     id=UUID(int=1), quantity=Quantity.VOLUME, number=1, gain=1.0, levels=levels
+            ... )
+            >>> one.expanded_at(500.0), one.expanded_at(1000.0), one.expanded_at(99.0)
+            (5.0, 2.0, None)
+        """
+        for level in self.levels:
+            if level.value == true_value:
+                return level.expanded
+        for low, high in pairwise(self.levels):
+            if low.value < true_value < high.value:
+                if IS_RELATIVE[self.quantity]:
+                    share = max(low.expanded / low.value, high.expanded / high.value)
+                    return share * true_value
+                return max(low.expanded, high.expanded)
+        return None
+
+
+class Correction(msgspec.Struct, frozen=True, kw_only=True):
+    """One number of a command as it was asked and as it is sent, or one that it reads.
+
+    Made by the planner alone.
+    """
+
+    argument: str
+    """Argument of the action, `volume_ul`; or the status that it reads, `value_ph`."""
+
+    quantity: Quantity
+    asked: float | None
+    """True value that is wanted; None: it is read."""
+
+    sent: float | None
+    """Number that the device is given for it; None: it is read."""
+
+    gain: float
+    offset: float
+    calibration_id: UUID
+    number: int
+    """Version of the calibration."""
+
+    low: float | None = None
+    high: float | None = None
+    """For what is read: true values between which it was calibrated, with their uncertainty."""
+
+    needs: float | None = None
+    """Largest expanded uncertainty that the step allows, of a volume as a share; None: any."""
+
+    def true_of(self, device_value: float) -> float:
+        """Return the true value of what the device tells of it; nothing stays nothing."""
+        if device_value == 0 and self.quantity is Quantity.VOLUME:
+            return 0.0
+        return round(self.offset + self.gain * device_value, DIGITS)
+
+
+def correction_of(calibration: Calibration, argument: str, asked: float | None) -> Correction:
+    """Return the correction of one argument; without a value, of one status that is read.
+
+    Example:
+        >>> levels = (Level(value=97.0, expanded=0.4), Level(value=970.0, expanded=1.0))
+        >>> one = Calibration(
+        ...     id=UUID(int=1), quantity=Quantity.VOLUME, number=1, gain=0.97, levels=levels
+        ... )
+        >>> correction_of(one, "volume_ul", 485.0).sent
+        500.0
+    """
+    first, last = calibration.levels[0], calibration.levels[-1]
+    return Correction(
+        argument=argument,
+        quantity=calibration.quantity,
+        asked=asked,
+        sent=None if asked is None else calibration.device_of(asked),
+        gain=calibration.gain,
+        offset=calibration.offset,
+        calibration_id=calibration.id,
+        number=calibration.number,
+        low=None if asked is not None else first.value - first.expanded,
+        high=None if asked is not None else last.value + last.expanded,
+    )

@@ -1,0 +1,352 @@
+"""Reads of hosts, devices and drivers."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Collection, Iterable
+from datetime import timedelta
+from uuid import UUID
+
+import msgspec
+from django.db.models import F, Q, QuerySet, UUIDField
+
+from labweb.common import authority
+from labweb.common.clock import now
+from labweb.common.prepared import Given, Prepared
+from labweb.domain.enrollment.admission import admitted_spec
+from labweb.domain.enrollment.device import Device as DeviceData
+from labweb.domain.enrollment.join import code_of
+from labweb.domain.enrollment.sighting import FORGOTTEN_AFTER_S
+from labweb.domain.enrollment.spec import DriverSpec
+from labweb.domain.errors import NotFoundError
+from labweb.domain.messages import DeviceConfig
+from labweb.domain.runs.session import SessionState
+from labweb.enrollment.models import Candidate as Candidate
+from labweb.enrollment.models import Device as Device
+from labweb.enrollment.models import DriverVersion as DriverVersion
+from labweb.enrollment.models import EdgeHost as EdgeHost
+from labweb.enrollment.models import Fence as Fence
+from labweb.enrollment.models import HostCertificate as HostCertificate
+from labweb.enrollment.models import JoinRequest as JoinRequest
+from labweb.enrollment.models import JoinToken as JoinToken
+from labweb.enrollment.models import Look as Look
+from labweb.enrollment.selectors.joining import code_of_request as code_of_request
+from labweb.enrollment.selectors.joining import find_request as find_request
+from labweb.enrollment.selectors.joining import is_key_known as is_key_known
+from labweb.enrollment.selectors.joining import is_stale as is_stale
+from labweb.enrollment.selectors.joining import request_for_update as request_for_update
+from labweb.enrollment.selectors.joining import requests_of as requests_of
+from labweb.enrollment.selectors.joining import token_for_update as token_for_update
+from labweb.enrollment.selectors.joining import token_state as token_state
+from labweb.enrollment.selectors.joining import tokens_of as tokens_of
+from labweb.enrollment.selectors.joining import waiting_requests as waiting_requests
+from labweb.enrollment.selectors.looks import checks_of as checks_of
+from labweb.enrollment.selectors.looks import is_looking as is_looking
+from labweb.enrollment.selectors.looks import last_look as last_look
+from labweb.enrollment.selectors.looks import told_of as told_of
+from labweb.resources import selectors as resource_selectors
+from labweb.resources.selectors import Lab
+
+
+def hosts_of(lab: Lab) -> QuerySet[EdgeHost]:
+    """Edge hosts of a lab."""
+    return EdgeHost.objects.filter(lab=lab).order_by("key")
+
+
+def find_host(host_id: UUID) -> EdgeHost | None:
+    """Return a host, or None."""
+    return EdgeHost.objects.filter(pk=host_id).select_related("lab").first()
+
+
+def host_for_update(host_id: UUID) -> EdgeHost:
+    """Lock and return a host.
+
+    Raises:
+        NotFoundError: There is none.
+    """
+    row = HOST_TO_LOCK.first(id=host_id)
+    if row is None:
+        raise NotFoundError(f"no host {host_id}", code="host.not_found")
+    return row
+
+
+HOST_TO_LOCK = Prepared(
+    lambda: EdgeHost.objects.filter(pk=Given("id", UUIDField())).select_for_update(
+        of=("self",), no_key=True
+    )
+)
+
+
+def open_fence(host: EdgeHost) -> Fence | None:
+    """Return the fence of a host that waits for its second signature, or None."""
+    rows = Fence.objects.filter(host=host, second_at__isnull=True, withdrawn_at__isnull=True)
+    return rows.select_related("first_by").first()
+
+
+def all_hosts() -> QuerySet[EdgeHost]:
+    """Every host of every lab."""
+    return EdgeHost.objects.all()
+
+
+def session_states() -> dict[UUID, SessionState]:
+    """Return how the server sees every host; a suspended one is as good as away."""
+    rows = EdgeHost.objects.values_list("id", "state", "suspended_at")
+    return {
+        host_id: SessionState(state) if suspended_at is None else _by_suspension(state)
+        for host_id, state, suspended_at in rows
+    }
+
+
+def _by_suspension(state: str) -> SessionState:
+    is_there = state in {SessionState.ONLINE.value, SessionState.SUSPECT.value}
+    return SessionState.ISOLATED if is_there else SessionState(state)
+
+
+def hosts_online() -> QuerySet[EdgeHost]:
+    """The hosts that hear what is sent to them."""
+    return EdgeHost.objects.filter(state="online")
+
+
+def hosts_ready() -> QuerySet[EdgeHost]:
+    """The hosts that may get new work."""
+    return hosts_online().filter(suspended_at__isnull=True)
+
+
+def ready_ids() -> set[UUID]:
+    """Return the ids of the hosts that may get new work."""
+    return {host_id for (host_id,) in READY.rows()}
+
+
+READY = Prepared(lambda: hosts_ready().values_list("pk"))
+
+
+def certificates_of(host: EdgeHost) -> QuerySet[HostCertificate]:
+    """Certificates of a host, the newest first."""
+    return host.certificates.order_by(F("issued_at").desc())
+
+
+def devices_of(lab: Lab) -> QuerySet[Device]:
+    """Devices of a lab with host and drivers."""
+    return Device.objects.filter(lab=lab).select_related("host", "driver", "next_driver")
+
+
+def enrolled_devices(lab: Lab) -> QuerySet[Device]:
+    """Devices that were admitted."""
+    return devices_of(lab).filter(state=Device.State.ENROLLED)
+
+
+TO_PLAN = Prepared(
+    lambda: (
+        Device.objects.filter(lab_id=Given("lab", UUIDField()), state=Device.State.ENROLLED)
+        .select_related("driver")
+        .defer("driver__spec", "driver__sources")
+    )
+)
+"""The devices of a lab that were admitted, without what their drivers say of themselves."""
+
+
+def find_device(device_id: UUID) -> Device:
+    """Return a device with host and driver.
+
+    Raises:
+        NotFoundError: There is none.
+    """
+    related = ("host", "driver", "next_driver", "lab")
+    row = Device.objects.filter(pk=device_id).select_related(*related).first()
+    if row is None:
+        raise NotFoundError(f"no device {device_id}", code="device.not_found")
+    return row
+
+
+def device_for_update(device_id: UUID) -> Device:
+    """Lock and return a device.
+
+    Raises:
+        NotFoundError: There is none.
+    """
+    row = Device.objects.filter(pk=device_id).select_for_update(of=("self",)).first()
+    if row is None:
+        raise NotFoundError(f"no device {device_id}", code="device.not_found")
+    return row
+
+
+def node_ids(row: Device) -> set[UUID]:
+    """Return the resources a device acts through; the lab's root when it acts through none."""
+    return {UUID(node) for node in row.nodes.values()} or {resource_selectors.root_of(row.lab).id}
+
+
+def visible_devices(lab: Lab, seen: Collection[UUID]) -> list[Device]:
+    """Return the devices that act through at least one of the resources."""
+    return [row for row in devices_of(lab) if is_seen(row, seen)]
+
+
+def is_seen(row: Device, seen: Collection[UUID]) -> bool:
+    """Tell whether a device acts through one of the resources; without nodes it is no secret."""
+    return any(UUID(node) in seen for node in row.nodes.values()) or not row.nodes
+
+
+def declared_spec(row: Device) -> DriverSpec:
+    """Return all that the driver declares."""
+    return msgspec.convert(row.driver.spec, DriverSpec)
+
+
+def specs_of(rows: Collection[Device]) -> dict[UUID, DriverSpec]:
+    """Return the drivers' interfaces as far as they were admitted, by device.
+
+    A version is never edited, so each is read once in a process; one query for those that
+    were not.
+    """
+    wanted = {row.driver_id for row in rows}
+    missing = wanted.difference(_SPECS)
+    if missing and len(_SPECS) + len(missing) > _MOST_SPECS:
+        _SPECS.clear()
+        missing = wanted
+    if missing:
+        found = DriverVersion.objects.filter(pk__in=missing).values_list("pk", "spec")
+        _SPECS.update((pk, msgspec.convert(spec, DriverSpec)) for pk, spec in found)
+    return {row.id: admitted_spec(_SPECS[row.driver_id], row.admission) for row in rows}
+
+
+_SPECS: dict[UUID, DriverSpec] = {}
+_MOST_SPECS = 1000
+
+
+def spec_of(row: Device) -> DriverSpec:
+    """Return the driver's interface as far as it was admitted."""
+    return admitted_spec(declared_spec(row), row.admission)
+
+
+def to_domain(row: Device, spec: DriverSpec) -> DeviceData:
+    """Turn a row into what planning works on."""
+    return DeviceData(
+        id=row.id,
+        key=row.key,
+        name=row.name,
+        host_id=row.host_id,
+        spec=spec,
+        transport=row.transport,
+        config=row.config,
+        nodes={role: UUID(node) for role, node in row.nodes.items()},
+    )
+
+
+def config_for_host(row: Device, driver: DriverVersion | None = None) -> DeviceConfig:
+    """Return what the host needs to serve the device, with its own driver or with another."""
+    driver = driver or row.driver
+    spec = msgspec.convert(driver.spec, DriverSpec)
+    return DeviceConfig(
+        id=row.id,
+        key=row.key,
+        name=row.name,
+        module=driver.module,
+        class_name=driver.class_name,
+        digest=driver.digest,
+        transport=row.transport,
+        config=row.config,
+        statuses={status.name: status.every_s or 1.0 for status in spec.statuses},
+        nodes={role: UUID(node) for role, node in row.nodes.items()},
+        admission=row.admission,
+    )
+
+
+def drivers() -> QuerySet[DriverVersion]:
+    """Every version of every driver, by module, the newest first."""
+    rows = DriverVersion.objects.select_related("proposed_by", "approved_by")
+    return rows.order_by("module", "-read_at")
+
+
+def find_driver(version_id: UUID) -> DriverVersion:
+    """Return a driver version with who proposed and approved it.
+
+    Raises:
+        NotFoundError: There is none.
+    """
+    row = drivers().filter(pk=version_id).first()
+    if row is None:
+        raise NotFoundError(f"no driver version {version_id}", code="driver.not_found")
+    return row
+
+
+def driver_for_update(version_id: UUID) -> DriverVersion:
+    """Lock and return a driver version.
+
+    Raises:
+        NotFoundError: There is none.
+    """
+    row = DriverVersion.objects.filter(pk=version_id).select_for_update().first()
+    if row is None:
+        raise NotFoundError(f"no driver version {version_id}", code="driver.not_found")
+    return row
+
+
+def users_of_driver(row: DriverVersion) -> QuerySet[Device]:
+    """Devices that use a version, or are to; retired ones count no more."""
+    rows = Device.objects.filter(Q(driver=row) | Q(next_driver=row))
+    return rows.exclude(state=Device.State.RETIRED)
+
+
+def driver_for_host(host_id: UUID, digest: str) -> DriverVersion | None:
+    """Return an approved version that a device of the host uses, or is to; None: there is none."""
+    rows = Device.objects.filter(host_id=host_id, state=Device.State.ENROLLED)
+    used = rows.filter(Q(driver__digest=digest) | Q(next_driver__digest=digest))
+    if not used.exists():
+        return None
+    state = DriverVersion.State.APPROVED
+    return DriverVersion.objects.filter(digest=digest, state=state).first()
+
+
+def staged_devices(host: EdgeHost) -> QuerySet[Device]:
+    """Devices of a host that shall have another version of their driver."""
+    rows = Device.objects.filter(host=host, state=Device.State.ENROLLED)
+    return rows.filter(next_driver__isnull=False).select_related("driver", "next_driver", "lab")
+
+
+def driver_names(digests: Iterable[str]) -> dict[str, str]:
+    """Return the class of each driver version by the digest of its source."""
+    rows = DriverVersion.objects.filter(digest__in=list(digests))
+    return {row.digest: f"{row.module}:{row.class_name}" for row in rows}
+
+
+# --- what hosts see ---
+
+
+def candidates_of(lab: Lab) -> QuerySet[Candidate]:
+    """What hosts have seen, the latest first."""
+    return Candidate.objects.filter(lab=lab).select_related("host", "device", "key_changed_from")
+
+
+def new_candidates(lab: Lab) -> list[Candidate]:
+    """Return what was seen within a day and nobody has looked at, the latest first."""
+    since = now() - timedelta(seconds=FORGOTTEN_AFTER_S)
+    return list(candidates_of(lab).filter(state=Candidate.State.NEW, last_seen_at__gt=since))
+
+
+def find_candidate(candidate_id: UUID) -> Candidate:
+    """Return a candidate.
+
+    Raises:
+        NotFoundError: There is none.
+    """
+    rows = Candidate.objects.select_related("lab", "host", "device", "key_changed_from__device")
+    row = rows.filter(pk=candidate_id).first()
+    if row is None:
+        raise NotFoundError(f"no candidate {candidate_id}", code="candidate.not_found")
+    return row
+
+
+def is_forgotten(row: Candidate) -> bool:
+    """Tell whether a candidate has not been seen for a day."""
+    return row.last_seen_at + timedelta(seconds=FORGOTTEN_AFTER_S) <= now()
+
+
+def code_of_candidate(row: Candidate) -> str:
+    """Return the code that the device shows; "" when it has no key."""
+    if not row.public_key:
+        return ""
+    return code_of(authority.authority_hash(), base64.b64decode(row.public_key))
+
+
+def approved_drivers() -> QuerySet[DriverVersion]:
+    """Driver versions that a device may be given, by class, the newest first."""
+    rows = DriverVersion.objects.filter(state=DriverVersion.State.APPROVED)
+    return rows.order_by("class_name", "-read_at")

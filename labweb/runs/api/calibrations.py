@@ -1,0 +1,221 @@
+"""REST of calibrations: what a device's numbers are worth, by whom, and until when."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Annotated, Any, ClassVar
+from uuid import UUID
+
+import msgspec
+from rest_framework.request import Request
+from rest_framework.response import Response
+from rest_framework.views import APIView
+
+from labweb.accounts.selectors import User, user_of
+from labweb.common.clock import now
+from labweb.common.render import iso
+from labweb.common.requests import body
+from labweb.domain.approvals.roles import Permission
+from labweb.domain.calibration.model import IS_RELATIVE, SYMBOLS, Quantity, Standing
+from labweb.domain.calibration.order import PhOrder, VolumeOrder
+from labweb.domain.enrollment.spec import DriverSpec, ParameterSpec
+from labweb.domain.errors import NotFoundError
+from labweb.enrollment import selectors as enrollment_selectors
+from labweb.enrollment.selectors import Device
+from labweb.resources import selectors as resource_selectors
+from labweb.runs import selectors, services
+from labweb.runs.models import Calibration
+
+MOST_SHOWN = 50
+
+_MEASURED = (Quantity.VOLUME, Quantity.PH)
+"""Quantities that a workflow measures."""
+
+
+class Answer(msgspec.Struct, forbid_unknown_fields=True):
+    """Body of a decision."""
+
+    is_accepted: bool
+    comment: Annotated[str, msgspec.Meta(max_length=10_000)] = ""
+
+
+class Withdrawal(msgspec.Struct, forbid_unknown_fields=True):
+    """Body of a withdrawal."""
+
+    reason: Annotated[str, msgspec.Meta(max_length=10_000)]
+
+
+class DeviceCalibrations(APIView):
+    """Calibrations of one device."""
+
+    bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": VolumeOrder}
+
+    def get(self, request: Request, calibrated_id: UUID) -> Response:
+        """List what can be calibrated of it, what is in force, and every version before."""
+        user = user_of(request)
+        device = _visible(calibrated_id, user)
+        return Response({"quantities": _quantities(device, user)})
+
+    def post(self, request: Request, calibrated_id: UUID) -> Response:
+        """Start the run that calibrates it (412 with everything that speaks against it)."""
+        user = user_of(request)
+        _visible(calibrated_id, user)
+        row = services.begin_calibration(calibrated_id, body(request, VolumeOrder), actor=user)
+        return Response(_render(selectors.find_calibration(row.id), user), status=201)
+
+
+class PhCalibrations(APIView):
+    """Calibrations of one probe in buffers."""
+
+    bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": PhOrder}
+
+    def post(self, request: Request, probe_id: UUID) -> Response:
+        """Start the run that calibrates it (412 with everything that speaks against it)."""
+        user = user_of(request)
+        _visible(probe_id, user)
+        row = services.begin_calibration(probe_id, body(request, PhOrder), actor=user)
+        return Response(_render(selectors.find_calibration(row.id), user), status=201)
+
+
+class CalibrationDetail(APIView):
+    """One calibration."""
+
+    def get(self, request: Request, calibration_id: UUID) -> Response:
+        """Return it with its points and its result."""
+        user = user_of(request)
+        return Response(_render(_find(calibration_id, user), user))
+
+
+class DecideCalibration(APIView):
+    """The decision about a result."""
+
+    bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": Answer}
+
+    def post(self, request: Request, calibration_id: UUID) -> Response:
+        """Accept or reject a result that somebody else measured."""
+        user = user_of(request)
+        wanted = body(request, Answer)
+        _find(calibration_id, user)
+        services.decide_calibration(
+            calibration_id, actor=user, is_accepted=wanted.is_accepted, comment=wanted.comment
+        )
+        return Response(_render(selectors.find_calibration(calibration_id), user))
+
+
+class WithdrawCalibration(APIView):
+    """The end of a calibration before its due date."""
+
+    bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": Withdrawal}
+
+    def post(self, request: Request, calibration_id: UUID) -> Response:
+        """Let it be relied on no more, for a reason."""
+        user = user_of(request)
+        wanted = body(request, Withdrawal)
+        _find(calibration_id, user)
+        services.withdraw_calibration(calibration_id, actor=user, reason=wanted.reason)
+        return Response(_render(selectors.find_calibration(calibration_id), user))
+
+
+def _visible(device_id: UUID, user: User) -> Device:
+    """Return a device the user may see.
+
+    Raises:
+        NotFoundError: There is none, or they may not know of it.
+    """
+    row = enrollment_selectors.find_device(device_id)
+    seen = resource_selectors.allowed_ids(user, Permission.VIEW)
+    if not enrollment_selectors.is_seen(row, seen):
+        raise NotFoundError(f"no device {device_id}", code="device.not_found")
+    return row
+
+
+def _find(calibration_id: UUID, user: User) -> Calibration:
+    """Return a calibration of a device that the user may see; raises NotFoundError."""
+    row = selectors.find_calibration(calibration_id)
+    _visible(row.device_id, user)
+    return row
+
+
+def _quantities(device: Device, user: User) -> list[dict[str, Any]]:
+    rows: dict[str, list[Calibration]] = {}
+    for row in selectors.history_of(device)[:MOST_SHOWN]:
+        row.device = device
+        rows.setdefault(row.quantity, []).append(row)
+    counted = {row.quantity: row for row in selectors.accepted_of([device]).get(device.id, [])}
+    marked = {one.quantity: one for one in _marked(enrollment_selectors.spec_of(device))}
+    found = []
+    for quantity in (one for one in _MEASURED if {one.value} & (marked.keys() | rows.keys())):
+        newest = counted.get(quantity.value)
+        found.append(
+            {
+                "quantity": quantity.value,
+                "unit": SYMBOLS[quantity],
+                "is_relative": IS_RELATIVE[quantity],
+                "may_begin": quantity.value in marked,
+                "stated": _stated(marked.get(quantity.value)),
+                "newest": None if newest is None else str(newest.id),
+                "history": [_render(one, user) for one in rows.get(quantity.value, [])],
+            }
+        )
+    return found
+
+
+def _references(row: Calibration) -> list[dict[str, Any]]:
+    """Return every standard that the device was compared with."""
+    if "buffers" in row.order:
+        return [one["reference"] for one in row.order["buffers"]]
+    return [row.order["reference"]]
+
+
+def _marked(spec: DriverSpec) -> Iterator[ParameterSpec]:
+    for action in spec.actions:
+        yield from (one for one in action.parameters if one.accuracy is not None)
+    yield from (one.value for one in spec.statuses if one.value.accuracy is not None)
+
+
+def _stated(parameter: ParameterSpec | None) -> dict[str, float | None] | None:
+    """Return what the maker states; None: nothing."""
+    stated = None if parameter is None else parameter.accuracy
+    if stated is None or (stated.ratio is None and stated.absolute is None):
+        return None
+    return {"ratio": stated.ratio, "absolute": stated.absolute}
+
+
+def _render(row: Calibration, user: User) -> dict[str, Any]:
+    reach = resource_selectors.permissions_of(user)
+    may_decide = Permission.DECIDE in reach
+    standing: Standing | None = None
+    reasons: tuple[str, ...] = ()
+    if row.expires_at is not None:
+        standing, reasons = selectors.standing_of(row, row.device, at=now())
+    return {
+        "id": str(row.id),
+        "device_id": str(row.device_id),
+        "quantity": row.quantity,
+        "number": row.number,
+        "state": row.state,
+        "standing": None if standing is None else standing.value,
+        "reasons": list(reasons),
+        "run": {"id": str(row.run_id), "number": row.run.number, "state": row.run.state},
+        "references": _references(row),
+        "tolerance": row.order["tolerance"],
+        "valid_days": row.valid_days,
+        "points": row.points,
+        "result": row.result,
+        "findings": row.findings,
+        "made_by": row.made_by.printed_name,
+        "made_at": iso(row.made_at),
+        "measured_at": iso(row.measured_at),
+        "decided_by": None if row.decided_by is None else row.decided_by.printed_name,
+        "decided_at": iso(row.decided_at),
+        "comment": row.comment,
+        "expires_at": iso(row.expires_at),
+        "withdrawn_by": None if row.withdrawn_by is None else row.withdrawn_by.printed_name,
+        "withdrawn_at": iso(row.withdrawn_at),
+        "withdrawn_because": row.withdrawn_because,
+        "can": {
+            "decide": may_decide and row.state == "awaiting" and row.made_by_id != user.pk,
+            "accept": not row.findings,
+            "withdraw": may_decide and row.state == "accepted",
+        },
+    }

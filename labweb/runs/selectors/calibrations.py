@@ -1,0 +1,148 @@
+"""Reads of calibrations."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable
+from datetime import datetime
+from typing import Any
+from uuid import UUID
+
+import msgspec
+from django.contrib.postgres.fields import ArrayField
+from django.db.models import F, QuerySet, UUIDField
+
+from labweb.common.prepared import Given, IsAnyOf, Prepared
+from labweb.common.render import iso
+from labweb.domain.calibration import model, standing
+from labweb.domain.calibration.judge import Result
+from labweb.domain.calibration.model import Correction, Quantity, Standing
+from labweb.domain.calibration.sending import check_sending
+from labweb.domain.errors import Finding, NotFoundError, StateError
+from labweb.domain.runs.job import RunState
+from labweb.enrollment.selectors import Device
+from labweb.runs.models import Calibration, Job
+
+_COUNTED = [Calibration.State.ACCEPTED, Calibration.State.WITHDRAWN]
+_PEOPLE = ("made_by", "decided_by", "withdrawn_by", "run")
+
+
+def fingerprint_of(device: Device) -> dict[str, Any]:
+    """Return what makes a device the one that was calibrated."""
+    return {
+        "driver": device.driver.digest,
+        "config": device.config,
+        "transport": device.transport,
+        "admitted_at": iso(device.admitted_at),
+    }
+
+
+def history_of(device: Device) -> QuerySet[Calibration]:
+    """Every calibration of a device, the newest first."""
+    rows = Calibration.objects.filter(device=device).select_related(*_PEOPLE)
+    return rows.order_by("quantity", "-number")
+
+
+def find_calibration(calibration_id: UUID) -> Calibration:
+    """Return a calibration with its device.
+
+    Raises:
+        NotFoundError: There is none.
+    """
+    rows = Calibration.objects.select_related("device__driver", *_PEOPLE)
+    row = rows.filter(pk=calibration_id).first()
+    if row is None:
+        raise NotFoundError(f"no calibration {calibration_id}", code="calibration.not_found")
+    return row
+
+
+def calibration_for_update(calibration_id: UUID) -> Calibration:
+    """Return a calibration, locked; raises as `find_calibration`."""
+    find_calibration(calibration_id)
+    rows = Calibration.objects.select_for_update(of=("self",))
+    return rows.select_related("device__driver").get(pk=calibration_id)
+
+
+def ended_calibrations() -> QuerySet[Calibration]:
+    """Calibrations under way whose run has ended."""
+    ended = [RunState.COMPLETE.value, RunState.ABORTED.value]
+    return Calibration.objects.filter(state=Calibration.State.MEASURING, run__state__in=ended)
+
+
+def accepted_of(devices: Collection[Device]) -> dict[UUID, list[Calibration]]:
+    """Return by device the newest calibration of each quantity that was ever accepted; a query."""
+    found: dict[UUID, list[Calibration]] = {}
+    for row in _NEWEST.rows(ids=[device.id for device in devices]):
+        found.setdefault(row.device_id, []).append(row)
+    return found
+
+
+_NEWEST = Prepared(
+    lambda: (
+        Calibration.objects.filter(
+            IsAnyOf(F("device_id"), Given("ids", ArrayField(UUIDField()))), state__in=_COUNTED
+        )
+        .order_by("device_id", "quantity", "-number")
+        .distinct("device_id", "quantity")
+        .select_related(*_PEOPLE)
+    )
+)
+
+
+def findings_of_sending(jobs: Iterable[Job], *, at: datetime) -> list[Finding]:
+    """List what keeps jobs from going with the numbers that calibrations have given them.
+
+    Jobs without such numbers ask nothing of the database.
+    """
+    found: list[Finding] = []
+    for job in jobs:
+        if job.corrections:
+            found += _of_sending(job, msgspec.convert(job.corrections, list[Correction]), at)
+    return found
+
+
+def _of_sending(job: Job, corrections: list[Correction], at: datetime) -> list[Finding]:
+    rows = Calibration.objects.filter(pk__in=[one.calibration_id for one in corrections])
+    known = {row.id: _to_domain(row, job.device, at) for row in rows}
+    newest = {row.quantity: row.number for row in accepted_of([job.device]).get(job.device_id, [])}
+    return check_sending(job.device.name, corrections, known, newest)
+
+
+def standing_of(
+    row: Calibration, device: Device, *, at: datetime
+) -> tuple[Standing, tuple[str, ...]]:
+    """Return whether an accepted calibration still holds of the device, and every reason."""
+    if row.expires_at is None:
+        raise StateError("only what was accepted holds", code="calibration.not_decided")
+    return standing.standing_of(
+        expires_at=row.expires_at,
+        is_withdrawn=row.state == Calibration.State.WITHDRAWN,
+        was=row.fingerprint,
+        is_now=fingerprint_of(device),
+        at=at,
+    )
+
+
+def calibrations_of(
+    devices: Collection[Device], *, at: datetime
+) -> dict[UUID, tuple[model.Calibration, ...]]:
+    """Return what planning needs to know of the devices' calibrations; one query."""
+    known = {device.id: device for device in devices}
+    return {
+        device_id: tuple(_to_domain(row, known[device_id], at) for row in rows)
+        for device_id, rows in accepted_of(devices).items()
+    }
+
+
+def _to_domain(row: Calibration, device: Device, at: datetime) -> model.Calibration:
+    result = msgspec.convert(row.result, Result)
+    found, reasons = standing_of(row, device, at=at)
+    return model.Calibration(
+        id=row.id,
+        quantity=Quantity(row.quantity),
+        number=row.number,
+        gain=result.gain,
+        offset=result.offset,
+        levels=result.certified(),
+        standing=found,
+        reasons=reasons,
+    )

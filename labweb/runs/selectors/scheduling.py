@@ -1,0 +1,238 @@
+"""Reads on the way from a queued job to the door of its host; the locks that are taken there."""
+
+from __future__ import annotations
+
+from datetime import datetime
+from typing import Any
+from uuid import UUID
+
+import msgspec
+from django.db.models import DateTimeField, Q, UUIDField
+
+from labweb.common.prepared import Given, Prepared, prepared_cursor
+from labweb.domain.errors import NotFoundError
+from labweb.domain.runs.job import UNSTARTED, JobState, RunState
+from labweb.domain.runs.scheduler import JobView, StepJob, held_by_steps
+from labweb.domain.workflows.plan import Execution
+from labweb.enrollment import selectors as enrollment_selectors
+from labweb.resources import selectors as resource_selectors
+from labweb.resources.selectors import Lab
+from labweb.runs.models import Attempt, Outbox
+from labweb.runs.models import Calibration as Calibration
+from labweb.runs.models import Custody as Custody
+from labweb.runs.models import Job as Job
+from labweb.runs.models import Run as Run
+from labweb.runs.selectors.custody import hosts_of_carry
+from labweb.runs.selectors.needs import LIVE
+
+
+def run_for_update(run_id: UUID) -> Run:
+    """Lock and return a run. Whoever locks several locks host, then run, then jobs.
+
+    Raises:
+        NotFoundError: There is none.
+    """
+    row = RUN_TO_LOCK.first(id=run_id)
+    if row is None:
+        raise NotFoundError(f"no run {run_id}", code="run.not_found")
+    return row
+
+
+RUN_TO_LOCK = Prepared(
+    lambda: (
+        Run.objects.filter(pk=Given("id", UUIDField()))
+        .select_for_update(of=("self",), no_key=True)
+        .defer("plan")
+    )
+)
+
+
+def job_for_update(job_id: UUID) -> Job:
+    """Lock and return a job with its run and device.
+
+    Raises:
+        NotFoundError: There is none.
+    """
+    row = JOB_TO_LOCK.first(id=job_id)
+    if row is None:
+        raise NotFoundError(f"no job {job_id}", code="job.not_found")
+    return row
+
+
+JOB_TO_LOCK = Prepared(
+    lambda: (
+        Job.objects.filter(pk=Given("id", UUIDField()))
+        .select_for_update(of=("self",), no_key=True)
+        .select_related("run__lab", "device__host", "device__driver")
+        .defer("run__plan", "device__driver__spec", "device__driver__sources")
+    )
+)
+
+
+def held_elsewhere(lab_id: UUID, run_id: UUID) -> dict[UUID, UUID]:
+    """Return, by resource, the other run that is in the middle of a step on it; one query."""
+    return held_by_steps(
+        StepJob(
+            run_id=owner,
+            step_id=step_id,
+            state=JobState(state),
+            has_started=started_at is not None,
+            locks=frozenset(UUID(node) for node in locks),
+        )
+        for owner, step_id, state, started_at, locks in _ELSEWHERE.rows(lab=lab_id, run=run_id)
+    )
+
+
+_ELSEWHERE = Prepared(
+    lambda: (
+        Job.objects.filter(run__lab_id=Given("lab", UUIDField()), run__state__in=LIVE)
+        .exclude(run_id=Given("run", UUIDField()))
+        .values_list("run_id", "step_id", "state", "started_at", "locks")
+    )
+)
+
+
+def step_blocked_by(job: Job) -> UUID | None:
+    """Return the run that is in the middle of a step on anything that this job's step needs.
+
+    A step begins only when all of it is free, so that two steps never wait for each other
+    half-way.
+    """
+    held = held_elsewhere(job.run.lab_id, job.run_id)
+    if not held:
+        return None
+    members = Job.objects.filter(run_id=job.run_id, step_id=job.step_id)
+    needed = {UUID(node) for locks in members.values_list("locks", flat=True) for node in locks}
+    return next((held[node] for node in sorted(needed) if node in held), None)
+
+
+def views(run_id: UUID) -> list[JobView]:
+    """Return what scheduling needs to know of a run's jobs."""
+    return [_view(*row) for row in _VIEWS.rows(run=run_id)]
+
+
+_VIEWS = Prepared(
+    lambda: (
+        Job.objects.filter(run_id=Given("run", UUIDField()))
+        .order_by("index")
+        .values_list(
+            "id",
+            "index",
+            "state",
+            "after",
+            "device__host_id",
+            "passed_by",
+            "operation",
+            "run__lab_id",
+        )
+    )
+)
+
+
+def _view(  # noqa: PLR0913 - one column each
+    job_id: UUID,
+    index: int,
+    state: str,
+    after: list[int],
+    host_id: UUID,
+    passed_by: str,
+    operation: dict[str, Any],
+    lab_id: UUID,
+) -> JobView:
+    is_carry = operation.get("op") == "transfer_resource"
+    owners: frozenset[UUID] = frozenset()
+    if is_carry and JobState(state) in UNSTARTED:
+        thing, place = UUID(operation["resource_id"]), UUID(operation["to_id"])
+        owners = hosts_of_carry(resource_selectors.labs().get(pk=lab_id), thing, place)
+    return JobView(
+        id=job_id,
+        index=index,
+        state=JobState(state),
+        after=tuple(after),
+        host_id=host_id,
+        owner_ids=owners,
+        is_passed=bool(passed_by),
+        is_carry=is_carry,
+    )
+
+
+def runs_to_schedule() -> list[tuple[UUID, Execution | None]]:
+    """Return the runs with work left, oldest first, none of a stopped lab.
+
+    With each goes what its workflow declares for the time its hosts cannot hear the server.
+    """
+    return [
+        (run_id, None if found is None else msgspec.convert(found, Execution))
+        for run_id, found in _TO_SCHEDULE.rows()
+    ]
+
+
+_TO_SCHEDULE = Prepared(
+    lambda: (
+        Run.objects.filter(
+            state__in=[RunState.QUEUED.value, RunState.RUNNING.value], lab__is_stopped=False
+        )
+        .order_by("created_at")
+        .values_list("id", "plan__execution")
+    )
+)
+
+
+def next_number(job: Job) -> int:
+    """Return the number of the next try of a job whose host is locked."""
+    with prepared_cursor() as cursor:
+        cursor.execute("SELECT count(*) FROM runs_attempt WHERE job_id = %s", [job.pk])
+        (count,) = cursor.fetchone()
+    return int(count) + 1
+
+
+def next_run_number(lab: Lab) -> int:
+    """Return the number of the next run of a lab that is locked."""
+    with prepared_cursor() as cursor:
+        cursor.execute("SELECT max(number) FROM runs_run WHERE lab_id = %s", [lab.pk])
+        (last,) = cursor.fetchone()
+    return (last or 0) + 1
+
+
+def hold_run_of(action_id: UUID) -> None:
+    """Lock the run of an action, before its attempt and its job."""
+    run_id = Attempt.objects.filter(pk=action_id).values_list("job__run_id", flat=True).first()
+    if run_id is not None:
+        run_for_update(run_id)
+
+
+def attempt_for_update(action_id: UUID) -> Attempt | None:
+    """Lock and return the attempt an event speaks of, or None."""
+    return (
+        Attempt.objects.filter(pk=action_id)
+        .select_related("job__run", "transaction")
+        .defer("job__run__plan")
+        .select_for_update(of=("self",))
+        .first()
+    )
+
+
+def due_outbox(rung_before: datetime) -> list[Outbox]:
+    """Lock and return commands that hosts which are online have not answered, nor heard since then.
+
+    The first `MOST_AT_ONCE` in dispatch order, with their hosts; none that somebody else sends.
+    """
+    return _DUE.rows(before=rung_before)
+
+
+MOST_AT_ONCE = 100
+"""How many commands one look at the outbox sends; the next one comes at once or a tick later."""
+
+
+_DUE = Prepared(
+    lambda: (
+        Outbox.objects.filter(
+            Q(published_at__isnull=True) | Q(published_at__lt=Given("before", DateTimeField())),
+            settled_at__isnull=True,
+            host__in=enrollment_selectors.hosts_online(),
+        )
+        .select_related("host")
+        .select_for_update(skip_locked=True, of=("self",))
+        .order_by("id")[:MOST_AT_ONCE]
+    )
+)

@@ -1,0 +1,69 @@
+"""What may still be sent with the numbers that a calibration has made right."""
+
+from __future__ import annotations
+
+from uuid import UUID
+
+import msgspec
+import pytest
+
+from labweb.domain.calibration.model import (
+    Calibration,
+    Correction,
+    Level,
+    Quantity,
+    Standing,
+    correction_of,
+)
+from labweb.domain.calibration.sending import check_sending
+
+PUMP = Calibration(
+    id=UUID(int=1),
+    quantity=Quantity.VOLUME,
+    number=3,
+    gain=0.97,
+    levels=(Level(value=97.0, expanded=0.5), Level(value=970.0, expanded=2.0)),
+)
+
+
+def codes(
+    standing: Standing = Standing.IN_FORCE, needs: float | None = None, newest: int = 3
+) -> list[str]:
+    correction: Correction = correction_of(PUMP, "volume_ul", 485.0)
+    correction = msgspec.structs.replace(correction, needs=needs)
+    known = msgspec.structs.replace(PUMP, standing=standing, reasons=("why",))
+    found = check_sending("Pump", [correction], {PUMP.id: known}, {"volume": newest})
+    return [one.code for one in found]
+
+
+@pytest.mark.parametrize(
+    ("standing", "unasked", "asked"),
+    [
+        (Standing.IN_FORCE, [], []),
+        (Standing.EXPIRED, [], ["calibration.expired"]),
+        (Standing.CHANGED, ["calibration.changed"], ["calibration.changed"]),
+        (Standing.WITHDRAWN, ["calibration.withdrawn"], ["calibration.withdrawn"]),
+    ],
+)
+def test_wrong_numbers_never_go_and_old_ones_only_where_nothing_is_asked(
+    standing: Standing, unasked: list[str], asked: list[str]
+) -> None:
+    assert codes(standing) == unasked
+    assert codes(standing, needs=0.01) == asked
+
+
+def test_a_newer_one_keeps_a_plan_unless_its_step_asks_how_sure_it_is() -> None:
+    assert codes(newest=4) == []
+    assert codes(newest=4, needs=0.01) == ["calibration.superseded"]
+
+
+def test_the_uncertainty_is_looked_at_again() -> None:
+    assert codes(needs=0.006) == []
+    assert codes(needs=0.005) == ["calibration.too_uncertain"]
+
+
+def test_a_calibration_that_is_gone_is_named() -> None:
+    correction = correction_of(PUMP, "volume_ul", 485.0)
+    (finding,) = check_sending("Pump", [correction], {}, {})
+    assert finding.code == "calibration.missing"
+    assert "calibration 3 of volume of Pump" in finding.message

@@ -1,0 +1,76 @@
+"""What moves things: stores, arms, vehicles, grippers and gantries, each with its model."""
+
+from tests.drivers.conformance.placed_models import Case
+
+MOVERS = [
+    Case(
+        module="logistics.cytomat",
+        model="cytomat",
+        config={"slots_count": 42},
+        settings={"move_s": 20.0},
+        act=("initialize", {}),
+        verb="initialize",
+        beyond=(("store_plate", {"slot_index": 43}), ("retrieve_plate", {"slot_index": 0})),
+        status="temperature_c",
+    ),
+    Case(
+        module="logistics.ur_dashboard",
+        model="ur_dashboard",
+        carrier="tcp",
+        config={"programs": ["pick.urp"]},
+        settings={"program_s": 20.0},
+        act=("run_program", {"program": "pick.urp"}),
+        beyond=(("run_program", {"program": "place.urp"}),),
+        status="robot_mode",
+    ),
+    Case(
+        module="logistics.seer_agv",
+        model="seer_agv",
+        carrier="tcp",
+        also="navigation_port",
+        config={"stations": ["LM1", "LM2", "LM3"]},
+        settings={"speed_m_s": 0.05},
+        act=("drive_to", {"station": "LM3"}),
+        verb="drive",
+        is_unchecked=True,
+        beyond=(("drive_to", {"station": "LM4"}), ("drive_to", {"station": ""})),
+        status="x_mm",
+    ),
+    Case(
+        module="logistics.robotiq_2f85",
+        model="robotiq_2f85",
+        address="?device=9",
+        config={"max_force_n": 100.0},
+        act=("initialize", {}),
+        verb="initialize",
+        beyond=(
+            ("grip", {"width_mm": 10.0, "speed_mm_s": 50.0, "force_n": 101.0}),
+            ("grip", {"width_mm": 86.0, "speed_mm_s": 50.0, "force_n": 50.0}),
+            ("release", {"width_mm": 80.0, "speed_mm_s": 10.0}),
+        ),
+        status="width_mm",
+    ),
+    Case(
+        module="logistics.grbl_gantry",
+        model="grbl_gantry",
+        config={
+            "low_x_mm": -300.0,
+            "high_x_mm": 0.0,
+            "low_y_mm": -200.0,
+            "high_y_mm": 0.0,
+            "low_z_mm": -100.0,
+            "high_z_mm": 0.0,
+            "max_speed_mm_s": 50.0,
+            "wake_s": 0.0,
+        },
+        act=("initialize", {}),
+        asks=2,
+        verb="initialize",
+        beyond=(
+            ("move_to", {"x_mm": 1.0, "y_mm": 0.0, "z_mm": 0.0, "speed_mm_s": 10.0}),
+            ("move_to", {"x_mm": 0.0, "y_mm": -201.0, "z_mm": 0.0, "speed_mm_s": 10.0}),
+            ("move_to", {"x_mm": 0.0, "y_mm": 0.0, "z_mm": 0.0, "speed_mm_s": 51.0}),
+        ),
+        status="machine_state",
+    ),
+]

@@ -1,0 +1,1 @@
+"""Drivers that their author tries on a simulated instrument of this host; see docs/edge.md."""
