@@ -156,7 +156,8 @@ class Peer:
         found, done = [], threading.Event()
 
         def take(message):
-            found.append([time.time(), plain(message)])
+            if not done.is_set():
+                found.append([time.time(), plain(message)])
             if len(found) >= count:
                 done.set()
 
@@ -164,11 +165,10 @@ class Peer:
             depth=100,
             durability=DurabilityPolicy.TRANSIENT_LOCAL if lasting else DurabilityPolicy.VOLATILE,
         )
-        listening = self.node.create_subscription(
-            type_of(type), topic, take, qos, callback_group=self.group
-        )
+        # What is destroyed while the executor waits on it ends the executor: it stays.
+        self.node.create_subscription(type_of(type), topic, take, qos, callback_group=self.group)
         done.wait(wait_s)
-        self.node.destroy_subscription(listening)
+        done.set()
         return {"found": found}
 
     def do_graph(self):
