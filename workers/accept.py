@@ -8,7 +8,7 @@ from collections.abc import Callable
 
 import msgspec
 
-from labweb.domain.messages import Command, Signed, decode_command
+from labweb.domain.messages import Batch, Command, Do, Signed, decode_command
 from labweb.domain.runs import edge
 from labweb.domain.runs.edge import Answer
 from labweb.domain.runs.taking import Receipt as Receipt
@@ -31,12 +31,13 @@ def accept(journal: Journal, signed: Signed, wake: Callable[[str], None]) -> Rec
         JournalError: It could not be written; the command may come again.
     """
     command = _read(journal, signed)
+    is_work = isinstance(command, Batch | Do)
     if isinstance(command, Receipt):
         receipt = command
     else:
         served = lines_of(journal.devices())
         lines = {device.id: line for line, devices in served.items() for device in devices}
-        with journal.write() as tx:
+        with journal.write(is_sealed=not is_work) as tx:
             receipt = take_command(tx, signed, command, at=journal.moment(), line_of=lines.get)
             faults.point("accept.before_commit")
         faults.point("accept.after_commit")
@@ -44,6 +45,9 @@ def accept(journal: Journal, signed: Signed, wake: Callable[[str], None]) -> Rec
         log.warning("command %s: %s", receipt.answer.kind, receipt.answer.message)
     for line in (*receipt.lines, *([] if receipt.line is None else [receipt.line])):
         wake(line)
+    if is_work:
+        # The line wakes meanwhile, and moves the seal itself before it acts.
+        journal.seal_up()
     return receipt
 
 

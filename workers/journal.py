@@ -33,13 +33,13 @@ from labweb.domain.runs.moment import Moment
 from labweb.domain.runs.standing import state_of
 from workers import faults
 from workers.bell import ring
+from workers.journal_file import begin_write, open_file, readable
 from workers.journal_schema import FROM_UNFINISHED, SELECT_NEXT, SELECT_STATE, migrate, to_action
 from workers.seal import create_seal, raise_seal, read_seal
 from workers.transaction import Transaction
 
 T = TypeVar("T")
 
-BUSY_TIMEOUT_S = 5.0
 BOOT_ID_FILE = Path("/proc/sys/kernel/random/boot_id")
 
 
@@ -72,9 +72,9 @@ class Journal:
         self._seal_path = path.with_suffix(".seal")
         self.bell_path = path.with_suffix(".bell")
         self._known: dict[str, tuple[str, object]] = {}
-        self._connection = _connect(path)
+        self._connection = open_file(path)
         try:
-            with _readable:
+            with readable:
                 migrate(self._connection)
             self.journal_id = UUID(self._must("journal_id"))
             self.host_id = UUID(self._must("host_id"))
@@ -95,7 +95,7 @@ class Journal:
 
     def host_state(self) -> HostState:
         """Return what decides whether anything may start."""
-        with _readable:
+        with readable:
             return state_of(dict(self._connection.execute(SELECT_STATE)), self.boot_id)
 
     def head(self) -> tuple[int, str]:
@@ -219,7 +219,8 @@ class Journal:
             is_sealed: False leaves the seal to the next write, or to whoever tells the
                 server, unless an action is started in it. Only for what may be taken back by
                 a copy of the journal: an answer of a device, whose start is sealed and then
-                counts as in doubt.
+                counts as in doubt; and an action that is accepted, which the server rings
+                again.
             is_durable: False lets a power cut take the write back; the next one that is
                 durable keeps it too. Only for what the server knows better.
 
@@ -238,8 +239,8 @@ class Journal:
             ring(self.bell_path)
 
     def _commit(self) -> Generator[Transaction, None, Transaction]:
-        with _readable:
-            self._connection.execute("BEGIN IMMEDIATE")
+        with readable:
+            begin_write(self._connection)
         try:
             transaction = Transaction(
                 self._connection,
@@ -249,7 +250,7 @@ class Journal:
             )
             yield transaction
             faults.point("journal.before_commit")
-            with _readable:
+            with readable:
                 self._connection.execute("COMMIT")
         except BaseException:
             if self._connection.in_transaction:
@@ -259,12 +260,12 @@ class Journal:
 
     @contextmanager
     def _not_durably(self) -> Iterator[None]:
-        with _readable:
+        with readable:
             self._connection.execute("PRAGMA synchronous = NORMAL")
         try:
             yield
         finally:
-            with _readable:
+            with readable:
                 self._connection.execute("PRAGMA synchronous = FULL")
 
     def seal_up(self) -> None:
@@ -292,12 +293,12 @@ class Journal:
         return None if row is None else str(row[0])
 
     def _one(self, query: str, values: tuple[Any, ...] = ()) -> sqlite3.Row | None:
-        with _readable:
+        with readable:
             row: sqlite3.Row | None = self._connection.execute(query, values).fetchone()
             return row
 
     def _all(self, query: str, values: tuple[Any, ...] = ()) -> list[sqlite3.Row]:
-        with _readable:
+        with readable:
             return self._connection.execute(query, values).fetchall()
 
     def _must(self, key: str) -> str:
@@ -335,7 +336,7 @@ def create_journal(path: Path, host_id: UUID) -> UUID:
         return journal.journal_id
     journal_id = uuid4()
     os.close(os.open(path, os.O_RDWR | os.O_CREAT, 0o600))
-    connection = _connect(path)
+    connection = open_file(path)
     try:
         migrate(connection)
         create_seal(path.with_suffix(".seal"), Seal(journal_id=journal_id, seq=0, hash=""))
@@ -356,43 +357,12 @@ def check_journal(path: Path) -> None:
     Raises:
         JournalError: A page or an index is damaged, or the chain is broken.
     """
-    connection = _connect(path)
+    connection = open_file(path)
     try:
-        with _readable:
+        with readable:
             for pragma in ("quick_check", "integrity_check"):
                 found = [row[0] for row in connection.execute(f"PRAGMA {pragma}")]
                 if found != ["ok"]:
                     raise JournalError(f"the journal {path} is damaged: {'; '.join(found)}")
     finally:
         connection.close()
-
-
-class _Readable:
-    """Turns what SQLite raises into the journal's own error; on the way of every step."""
-
-    def __enter__(self) -> None:
-        return None
-
-    def __exit__(self, _sort: object, error: BaseException | None, _trace: object) -> None:
-        if isinstance(error, sqlite3.Error):
-            raise JournalError(f"the journal cannot be used: {error}") from error
-
-
-_readable = _Readable()
-
-
-def _connect(path: Path) -> sqlite3.Connection:
-    try:
-        connection = sqlite3.connect(path, timeout=BUSY_TIMEOUT_S, isolation_level=None)
-    except sqlite3.Error as exc:
-        raise JournalError(f"the journal {path} cannot be opened: {exc}") from exc
-    try:
-        connection.row_factory = sqlite3.Row
-        connection.execute(f"PRAGMA busy_timeout = {int(BUSY_TIMEOUT_S * 1000)}")
-        connection.execute("PRAGMA journal_mode = WAL")
-        connection.execute("PRAGMA synchronous = FULL")
-        connection.execute("PRAGMA foreign_keys = ON")
-    except sqlite3.Error as exc:
-        connection.close()
-        raise JournalError(f"the journal {path} cannot be opened: {exc}") from exc
-    return connection

@@ -1,4 +1,4 @@
-"""What a host tells the server by itself, beside events and samples: wishes, and pictures."""
+"""What a host tells the server beside events and samples: wishes, sightings, pictures."""
 
 from __future__ import annotations
 
@@ -16,6 +16,8 @@ from labweb.domain.messages import (
     Ask,
     EdgeFrame,
     ServerFrame,
+    Sighting,
+    Sightings,
     SimulatedModel,
     TryoutAsk,
     TryoutOffer,
@@ -23,6 +25,7 @@ from labweb.domain.messages import (
     TryoutTold,
     WithdrawAsk,
 )
+from labweb.domain.messages.enrolling import MOST_SIGHTINGS_PER_FRAME
 from workers.pictures import Kept, Pictures
 from workers.store import ASKS, TRYOUT_TOLD, TRYOUT_WORDS, Store
 
@@ -32,6 +35,7 @@ ACK_TIMEOUT_S = 10.0
 ASKS_S = 0.1
 """Shortest time between two looks for wishes."""
 
+SIGHTINGS_S = 1.0
 TRYOUTS_S = 0.1
 """Shortest time between two looks for what is told of tryouts."""
 
@@ -78,6 +82,16 @@ async def tell_asks(socket: ClientConnection, store: Store, epoch: Callable[[], 
             if time.monotonic() - word.mono_s < ASK_LIFE_S:
                 await send(socket, msgspec.structs.replace(word.frame, epoch=epoch()))
         await asyncio.sleep(ASKS_S)
+
+
+async def tell_sightings(socket: ClientConnection, store: Store, epoch: Callable[[], int]) -> None:
+    """Send what was seen on wires and networks."""
+    while True:
+        texts = await asyncio.to_thread(store.take_sightings, MOST_SIGHTINGS_PER_FRAME)
+        if texts:
+            found = [msgspec.json.decode(text, type=Sighting) for text in texts]
+            await send(socket, Sightings(epoch=epoch(), found=found))
+        await asyncio.sleep(SIGHTINGS_S)
 
 
 async def tell_tryouts(socket: ClientConnection, store: Store, epoch: Callable[[], int]) -> None:

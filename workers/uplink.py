@@ -39,8 +39,6 @@ from labweb.domain.messages import (
     Renewed,
     Resume,
     ServerFrame,
-    Sighting,
-    Sightings,
     StopAcknowledged,
     StopLab,
     TelemetryTaken,
@@ -49,7 +47,6 @@ from labweb.domain.messages import (
     WantDriver,
     Welcome,
 )
-from labweb.domain.messages.enrolling import MOST_SIGHTINGS_PER_FRAME
 from workers import faults
 from workers.accept import accept
 from workers.app import make_host_app
@@ -86,6 +83,7 @@ from workers.telling import (
     receive,
     send,
     tell_asks,
+    tell_sightings,
     tell_tryouts,
 )
 from workers.waking import waker
@@ -100,9 +98,9 @@ EVENTS_POLL_S = 0.03
 """How long progress waits to be told, and an end whose bell was lost."""
 
 ACK_TIMEOUT_S = 10.0
+KEEP_ACK_S = 0.2
 SILENCE_S = 20.0
 RENEW_LOOK_S = 1.0
-SIGHTINGS_S = 1.0
 RENEW_AGAIN_S = 60.0
 
 
@@ -132,6 +130,7 @@ class Uplink:
         self._epoch = 0
         self._sent_seq = 0
         self._acked = asyncio.Event()
+        self._acked_seq = 0
         self._pictures = PictureTeller(Pictures(config.pictures_path), config.retention_s)
         self._samples = SampleTeller(store)
         self._looker = Looker(journal)
@@ -199,7 +198,7 @@ class Uplink:
         record_ack(self._journal, answer.acked_seq)
         faults.point("uplink.after_welcome")
         self._epoch = answer.epoch
-        self._sent_seq = answer.acked_seq
+        self._sent_seq = self._acked_seq = answer.acked_seq
         self._acked.set()
         log.info("session %d with the server, %s", answer.epoch, answer.mode)
 
@@ -208,11 +207,12 @@ class Uplink:
         work = (
             self._hear(socket),
             self._tell_events(socket),
+            self._keep_acked(),
             self._tell_life(socket),
             self._samples.tell(socket, lambda: self._epoch),
             self._pictures.tell(socket, lambda: self._epoch),
             self._renew(socket),
-            self._tell_sightings(socket),
+            tell_sightings(socket, self._store, lambda: self._epoch),
             tell_asks(socket, self._store, lambda: self._epoch),
             tell_tryouts(socket, self._store, lambda: self._epoch),
             self._looker.tell(socket, lambda: self._epoch),
@@ -269,10 +269,19 @@ class Uplink:
                 self._store.put_word(ASKS_TOLD, msgspec.json.encode(frame))
 
     def _take_ack(self, ack: Ack) -> None:
-        record_ack(self._journal, ack.seq)
+        self._acked_seq = max(self._acked_seq, ack.seq)
         faults.point("uplink.after_ack")
         if ack.seq >= self._sent_seq:
             self._acked.set()
+
+    async def _keep_acked(self) -> None:
+        """Write now and then how far the server is: a write for each would hold up the lines."""
+        kept_seq = self._acked_seq
+        while True:
+            await asyncio.sleep(KEEP_ACK_S)
+            if self._acked_seq > kept_seq:
+                kept_seq = self._acked_seq
+                record_ack(self._journal, kept_seq)
 
     async def _take_devices(self, socket: ClientConnection, told: Devices) -> None:
         if told.epoch == self._epoch:
@@ -348,14 +357,6 @@ class Uplink:
         faults.point("uplink.after_send")
         async with asyncio.timeout(ACK_TIMEOUT_S):
             await self._acked.wait()
-
-    async def _tell_sightings(self, socket: ClientConnection) -> None:
-        while True:
-            texts = await asyncio.to_thread(self._store.take_sightings, MOST_SIGHTINGS_PER_FRAME)
-            if texts:
-                found = [msgspec.json.decode(text, type=Sighting) for text in texts]
-                await send(socket, Sightings(epoch=self._epoch, found=found))
-            await asyncio.sleep(SIGHTINGS_S)
 
     async def _tell_life(self, socket: ClientConnection) -> None:
         while True:

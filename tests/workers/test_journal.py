@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import shutil
 import sqlite3
+import threading
+import time
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from uuid import uuid4
 
@@ -13,7 +16,7 @@ import pytest
 from labweb.domain.runs.edge import ActionState
 from labweb.domain.runs.journal import JournalError
 from tests.workers.bench import DEVICE_ID, HOST_ID, Host, a_do
-from workers import journal_schema
+from workers import journal_file, journal_schema
 from workers.journal import Journal, check_journal, create_journal
 from workers.keys import create_key
 from workers.seal import BLOCK_BYTES, PLACES_COUNT, Seal, raise_seal, read_seal
@@ -155,7 +158,9 @@ def test_an_answer_leaves_the_seal_to_whoever_tells_it(host: Host) -> None:
     )
 
 
-def test_every_write_is_durable_but_the_one_that_says_otherwise(host: Host) -> None:
+def test_every_write_is_durable_but_the_one_that_says_otherwise(
+    host: Host, monkeypatch: pytest.MonkeyPatch
+) -> None:
     def synchronous() -> int:
         return int(host.journal._connection.execute("PRAGMA synchronous").fetchone()[0])
 
@@ -165,13 +170,36 @@ def test_every_write_is_durable_but_the_one_that_says_otherwise(host: Host) -> N
     assert synchronous() == 2
     other = Journal(host.path)
     other._connection.execute("BEGIN IMMEDIATE")
-    host.journal._connection.execute("PRAGMA busy_timeout = 1")
+    monkeypatch.setattr(journal_file, "BUSY_TIMEOUT_S", 0.01)
     with pytest.raises(JournalError), host.journal.write(is_durable=False):
         pass
     other.close()
     with pytest.raises(ZeroDivisionError), host.journal.write(is_durable=False):
         _ = 1 // 0
     assert synchronous() == 2
+
+
+def test_a_write_begins_soon_after_the_one_it_waits_for(host: Host) -> None:
+    looks: list[str] = []
+    host.journal._connection.set_trace_callback(looks.append)
+    is_held = threading.Event()
+
+    def hold() -> None:
+        other = Journal(host.path)
+        with other.write() as tx:
+            tx.append("boot", None, {})
+            is_held.set()
+            while looks.count("BEGIN IMMEDIATE") < 3:
+                time.sleep(0.001)
+        other.close()
+
+    with ThreadPoolExecutor() as pool:
+        held = pool.submit(hold)
+        assert is_held.wait(5)
+        with host.journal.write() as tx:
+            tx.append("boot", None, {})
+        held.result()
+    assert host.journal._connection.execute("PRAGMA busy_timeout").fetchone()[0] == 5000
 
 
 def test_a_journal_put_back_from_a_copy_cannot_outgrow_its_seal(host: Host) -> None:

@@ -1,0 +1,86 @@
+"""The journal's file: a commit reaches the disk, and one process writes at a time.
+
+Source:
+    SQLite documentation, "Write-Ahead Logging", "PRAGMA synchronous" and "PRAGMA busy_timeout".
+"""
+
+from __future__ import annotations
+
+import sqlite3
+import threading
+import time
+from pathlib import Path
+
+from labweb.domain.runs.journal import JournalError
+
+BUSY_TIMEOUT_S = 5.0
+BUSY_LOOK_S = 0.0002
+"""How soon a write that waits for another one looks again; SQLite's own waits begin at 1 ms."""
+
+
+class _Readable:
+    """Turns what SQLite raises into the journal's own error; on the way of every step."""
+
+    def __enter__(self) -> None:
+        return None
+
+    def __exit__(self, _sort: object, error: BaseException | None, _trace: object) -> None:
+        if isinstance(error, sqlite3.Error):
+            raise JournalError(f"the journal cannot be used: {error}") from error
+
+
+readable = _Readable()
+
+
+def open_file(path: Path) -> sqlite3.Connection:
+    """Open a journal's file.
+
+    Raises:
+        JournalError: It cannot be opened.
+    """
+    try:
+        connection = sqlite3.connect(path, timeout=BUSY_TIMEOUT_S, isolation_level=None)
+    except sqlite3.Error as exc:
+        raise JournalError(f"the journal {path} cannot be opened: {exc}") from exc
+    try:
+        connection.row_factory = sqlite3.Row
+        _be_patient(connection)
+        connection.execute("PRAGMA journal_mode = WAL")
+        connection.execute("PRAGMA synchronous = FULL")
+        connection.execute("PRAGMA foreign_keys = ON")
+    except sqlite3.Error as exc:
+        connection.close()
+        raise JournalError(f"the journal {path} cannot be opened: {exc}") from exc
+    return connection
+
+
+def begin_write(connection: sqlite3.Connection) -> None:
+    """Begin a write as soon as no other process writes.
+
+    Raises:
+        sqlite3.Error: Its turn has not come in time, or the file cannot be used.
+    """
+    deadline_s, pause = time.monotonic() + BUSY_TIMEOUT_S, threading.Event()
+    connection.execute("PRAGMA busy_timeout = 0")
+    try:
+        while not _has_begun(connection):
+            if time.monotonic() > deadline_s:
+                raise sqlite3.OperationalError("database is locked")
+            pause.wait(BUSY_LOOK_S)
+    finally:
+        _be_patient(connection)
+
+
+def _has_begun(connection: sqlite3.Connection) -> bool:
+    try:
+        connection.execute("BEGIN IMMEDIATE")
+    except sqlite3.OperationalError as error:
+        if error.sqlite_errorcode & 0xFF != sqlite3.SQLITE_BUSY:
+            raise
+        return False
+    return True
+
+
+def _be_patient(connection: sqlite3.Connection) -> None:
+    """Let SQLite wait by itself, for whoever puts a log back after a crash, say."""
+    connection.execute(f"PRAGMA busy_timeout = {int(BUSY_TIMEOUT_S * 1000)}")
