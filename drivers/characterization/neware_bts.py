@@ -116,6 +116,7 @@ class NewareBts(Driver[ByteTransport, Config], BatteryTester):
 
     def identify(self) -> None:
         """Sign in, and make sure that the channel is there."""
+        self.transport.has_session = True
         user, password = escape(self.config.user), escape(self.config.password)
         body = f"<username>{user}</username><password>{password}</password><type>bfgs</type>"
         _, result = decode_element(self._ask("connect", body), "result")

@@ -156,7 +156,13 @@ class ByteTransport(Transport):
         self.also: tuple[ByteTransport, ...] = ()
         """Further connections to the same device, which open and close with this one."""
 
+        self.has_session = False
+        """What is set up counts for one connection alone: it is never exchanged for another."""
+
         self._may_owe_bytes = False
+        self._has_failed = False
+        """The last answer did not come, and nobody gave it up: nobody knows when it will."""
+
         self._last_used_s = float("-inf")
 
     @abstractmethod
@@ -217,10 +223,10 @@ class ByteTransport(Transport):
             UnreachableError, DeviceTimeoutError, FrameError: As `exchange`; UNKNOWN.
         """
         with self.lock:
-            self._may_owe_bytes = True
+            self._may_owe_bytes = self._has_failed = True
             deadline_s = time.monotonic() + timeout_s
             reply = self._read(until, deadline_s, longest_bytes, unless)
-            self._may_owe_bytes = False
+            self._may_owe_bytes = self._has_failed = False
             self._last_used_s = time.monotonic()
             return reply
 
@@ -256,8 +262,9 @@ class ByteTransport(Transport):
         buffer = bytearray()
         while (length := whole_length(bytes(buffer), until)) is None or length > len(buffer):
             left_s = deadline_s - time.monotonic()
-            if unless is not None:
-                left_s = min(left_s, 0.0 if unless() else LISTEN_S)
+            if unless is not None and left_s > 0:
+                self._has_failed = not unless()
+                left_s = min(left_s, LISTEN_S if self._has_failed else 0.0)
             if left_s <= 0:
                 raise DeviceTimeoutError(
                     "no whole answer in time",

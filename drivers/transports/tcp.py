@@ -37,9 +37,9 @@ class TcpTransport(ByteTransport):
 
     def _open(self) -> None:
         self._close()
+        self._has_failed = False
         try:
-            self._socket = socket.create_connection(self._address, timeout=OPEN_TIMEOUT_S)
-            self._socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+            self._socket = self._connect()
             for one in self.also:
                 one.open()
         except OSError as error:
@@ -66,6 +66,23 @@ class TcpTransport(ByteTransport):
             opened.close()
         for one in self.also:
             one.close()
+
+    def _drain(self) -> None:
+        """Throw away what waits; after an answer that did not come, begin a new connection.
+
+        A device that was held up answers when it goes on, and in some protocols nothing tells
+        which request an answer is to. It then goes to the connection that is no more.
+        """
+        if self._has_failed and not self.has_session:
+            self._opened().close()
+            self._socket = self._connect()
+            self._has_failed = False
+        super()._drain()
+
+    def _connect(self) -> socket.socket:
+        opened = socket.create_connection(self._address, timeout=OPEN_TIMEOUT_S)
+        opened.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        return opened
 
     def _put(self, data: bytes) -> None:
         self._opened().sendall(data)

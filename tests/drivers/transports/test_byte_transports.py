@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import os
 import re
+import signal
 import threading
 import time
 import tty
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 
@@ -15,6 +17,7 @@ from drivers.transports.base import ByteTransport
 from drivers.transports.urls import make_transport, open_transport
 from labweb.domain.errors import DeviceTimeoutError, Effect, FrameError, UnreachableError
 from tests.drivers.wire import answering
+from tests.workers.bench import PumpProcess
 
 
 def opened(url: str) -> ByteTransport:
@@ -141,6 +144,21 @@ def test_a_late_answer_is_not_taken_for_the_next_one() -> None:
             line.exchange(b"slow\n", until=b"\n", timeout_s=0.12)
         assert line.exchange(b"fast\n", until=b"\n", timeout_s=2) == b"fast\n"
         line.close()
+
+
+def test_what_a_device_that_was_held_up_answers_is_not_taken_for_the_next_answer(
+    tmp_path: Path,
+) -> None:
+    """Its answers do not say to what, and those to both requests come at once."""
+    pump = PumpProcess(tmp_path)
+    line = opened(pump.url)
+    os.kill(pump.popen.pid, signal.SIGSTOP)
+    with pytest.raises(DeviceTimeoutError):
+        line.exchange(b"/1?19\r", until=b"\x03\r\n", timeout_s=0.2)
+    threading.Timer(0.3, os.kill, (pump.popen.pid, signal.SIGCONT)).start()
+    assert b"TEST 1.0" in line.exchange(b"/1?23\r", until=b"\x03\r\n", timeout_s=5)
+    line.close()
+    pump.end()
 
 
 def test_an_endless_answer_is_cut_at_four_kibibytes() -> None:
