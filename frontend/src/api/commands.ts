@@ -108,9 +108,12 @@ export function checkDocument(
   return call("POST", "/workflows/check", { document }, signal);
 }
 
-/** Start a version by the plan that was seen. */
-export function startRun(versionId: string, planDigest: string): Promise<Run> {
-  return call("POST", "/runs", { version_id: versionId, plan_digest: planDigest });
+/** Start a version by the plan that was seen; its page shows what was answered until it changes. */
+export async function startRun(versionId: string, planDigest: string): Promise<Run> {
+  const body = { version_id: versionId, plan_digest: planDigest };
+  const run = await call<Run>("POST", "/runs", body);
+  setRun(run);
+  return run;
 }
 
 export type RunAct = { act: "pause" | "resume" } | { act: "abort"; reason: string };
