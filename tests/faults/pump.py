@@ -34,8 +34,12 @@ class CountingPump:
         self._port = 1
         self._lock = threading.Lock()
         self._line, self._control = _listen(), _listen()
-        for server, talk in ((self._line, self._talk), (self._control, self._obey)):
-            threading.Thread(target=self._serve, args=(server, talk), daemon=True).start()
+        self._threads = [
+            threading.Thread(target=self._serve, args=(server, talk), daemon=True)
+            for server, talk in ((self._line, self._talk), (self._control, self._obey))
+        ]
+        for thread in self._threads:
+            thread.start()
 
     def __enter__(self) -> CountingPump:
         return self
@@ -46,6 +50,12 @@ class CountingPump:
         error: BaseException | None,
         at: TracebackType | None,
     ) -> None:
+        # A thread that still waited would serve whoever gets the number of its file next: a call
+        # that a stopped process was in is begun anew, by that number.
+        for server in (self._line, self._control):
+            server.shutdown(socket.SHUT_RDWR)
+        for thread in self._threads:
+            thread.join()
         self._line.close()
         self._control.close()
 
