@@ -15,7 +15,7 @@ from typing import Annotated, Any, ClassVar
 
 import msgspec
 
-from drivers.base import Driver, Quantity, Range, Report, action, before_acting, status
+from drivers.base import Accuracy, Driver, Quantity, Range, Report, action, before_acting, status
 from drivers.interfaces.shaker import Shaker
 from drivers.interfaces.temperature_controller import TemperatureController
 from drivers.transports.base import ByteTransport
@@ -36,7 +36,7 @@ STAND_S = 3.0
 
 ANSWER_S = 2.0
 
-Temperature = Annotated[float, Range(0.0, 99.0)]
+Temperature = Annotated[float, Range(0.0, 99.0), Accuracy()]
 Tolerance = Annotated[float, Range(0.1, 50.0), Quantity("temperature_difference")]
 
 
@@ -116,7 +116,7 @@ class Bioshake(Driver[ByteTransport, Config], Shaker, TemperatureController):
         return self._number("getShakeActualSpeed")
 
     @status(every_s=2.0)
-    def temperature_c(self) -> float:
+    def temperature_c(self) -> Annotated[float, Accuracy()]:
         """Tell the temperature of the table."""
         return self._number("getTempActual")
 

@@ -18,7 +18,7 @@ from typing import Annotated, Any, ClassVar
 
 import msgspec
 
-from drivers.base import Driver, Quantity, Range, Report, action, before_acting, status
+from drivers.base import Accuracy, Driver, Quantity, Range, Report, action, before_acting, status
 from drivers.interfaces.temperature_controller import TemperatureController
 from drivers.transports.modbus import RegisterTransport
 from drivers.waiting import (
@@ -32,7 +32,7 @@ from labweb.domain.errors import DeviceError
 READING, SETPOINT, HIGHEST_SETPOINT, LOWEST_SETPOINT = 1, 2, 111, 112
 SIGN_BIT, WORD = 0x8000, 0x10000
 
-Temperature = Annotated[float, Range(-200.0, 1500.0)]
+Temperature = Annotated[float, Range(-200.0, 1500.0), Accuracy()]
 Tolerance = Annotated[float, Range(0.1, 50.0), Quantity("temperature_difference")]
 
 
@@ -78,7 +78,7 @@ class Eurotherm2000(Driver[RegisterTransport, Config], TemperatureController):
         self._set(self.config.rest_temperature_c)
 
     @status(every_s=2.0)
-    def temperature_c(self) -> float:
+    def temperature_c(self) -> Annotated[float, Accuracy()]:
         """Tell the reading.
 
         Raises:

@@ -19,7 +19,7 @@ from typing import Annotated, Any, ClassVar, Literal
 
 import msgspec
 
-from drivers.base import Driver, Quantity, Range, Report, action, before_acting, status
+from drivers.base import Accuracy, Driver, Quantity, Range, Report, action, before_acting, status
 from drivers.interfaces.heater_stirrer import HeaterStirrer
 from drivers.transports.base import ByteTransport
 from drivers.waiting import (
@@ -48,7 +48,7 @@ BLOCKED = -1
 ANSWER_S = 1.0
 SPEED_TOLERANCE_RPM = 20.0
 
-Temperature = Annotated[float, Range(0.0, 300.0)]
+Temperature = Annotated[float, Range(0.0, 300.0), Accuracy()]
 Tolerance = Annotated[float, Range(0.1, 50.0), Quantity("temperature_difference")]
 
 
@@ -119,7 +119,7 @@ class HeidolphHeiConnect(Driver[ByteTransport, Config], HeaterStirrer):
         self._motor_off()
 
     @status(every_s=1.0)
-    def temperature_c(self) -> float:
+    def temperature_c(self) -> Annotated[float, Accuracy()]:
         """Tell the reading that is controlled: the medium's, unless set to the plate's."""
         return self._value(f"IN_PV_{MEDIUM if self.config.sensor == 'external' else PLATE}")
 

@@ -18,7 +18,7 @@ from typing import Annotated, Any, ClassVar, Literal
 
 import msgspec
 
-from drivers.base import Driver, Quantity, Range, Report, action, before_acting, status
+from drivers.base import Accuracy, Driver, Quantity, Range, Report, action, before_acting, status
 from drivers.interfaces.thermostat import Thermostat
 from drivers.transports.base import ByteTransport
 from drivers.waiting import (
@@ -41,7 +41,7 @@ NOT_AVAILABLE = 0x7FFF
 SIGN_BIT, WORD = 0x8000, 0x10000
 ANSWER_S = 1.0
 
-Temperature = Annotated[float, Range(-151.0, 327.0)]
+Temperature = Annotated[float, Range(-151.0, 327.0), Accuracy()]
 Tolerance = Annotated[float, Range(0.01, 50.0), Quantity("temperature_difference")]
 
 
@@ -145,7 +145,7 @@ class HuberPb(Driver[ByteTransport, Config], Thermostat):
         self._write(CIRCULATION, 0)
 
     @status(every_s=2.0)
-    def temperature_c(self) -> float:
+    def temperature_c(self) -> Annotated[float, Accuracy()]:
         """Tell the reading that is controlled."""
         return self._temperature(INTERNAL if self.config.sensor == "internal" else PROCESS)
 

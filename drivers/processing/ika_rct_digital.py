@@ -18,6 +18,7 @@ from typing import Annotated, ClassVar, Literal
 import msgspec
 
 from drivers.base import (
+    Accuracy,
     DeviceStoppedError,
     Driver,
     Quantity,
@@ -48,7 +49,7 @@ SPEED_LIMIT_S = 30.0
 
 SPEED_TOLERANCE_RPM = 20.0
 
-Temperature = Annotated[float, Range(0.0, 310.0)]
+Temperature = Annotated[float, Range(0.0, 310.0), Accuracy()]
 Tolerance = Annotated[float, Range(0.1, 50.0), Quantity("temperature_difference")]
 
 
@@ -94,7 +95,7 @@ class IkaRctDigital(Driver[ByteTransport, Config], HeaterStirrer):
         self._send("STOP_4")
 
     @status(every_s=1.0)
-    def temperature_c(self) -> float:
+    def temperature_c(self) -> Annotated[float, Accuracy()]:
         """Tell the reading that is controlled: the medium's, unless set to the plate's."""
         return self._value("IN_PV", TEMPERATURE if self.config.sensor == "external" else PLATE)
 

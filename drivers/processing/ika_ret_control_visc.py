@@ -18,7 +18,7 @@ from typing import Annotated, Any, ClassVar, Literal
 
 import msgspec
 
-from drivers.base import Driver, Quantity, Range, Report, action, before_acting, status
+from drivers.base import Accuracy, Driver, Quantity, Range, Report, action, before_acting, status
 from drivers.interfaces.heater_stirrer import HeaterStirrer
 from drivers.processing._namur import (
     END,
@@ -48,7 +48,7 @@ HEATER, MOTOR = 1, 4
 ANSWER_S = 1.0
 SPEED_TOLERANCE_RPM = 20.0
 
-Temperature = Annotated[float, Range(0.0, 340.0)]
+Temperature = Annotated[float, Range(0.0, 340.0), Accuracy()]
 Tolerance = Annotated[float, Range(0.1, 50.0), Quantity("temperature_difference")]
 
 
@@ -95,7 +95,7 @@ class IkaRetControlVisc(Driver[ByteTransport, Config], HeaterStirrer):
         self._send(f"STOP_{MOTOR}")
 
     @status(every_s=1.0)
-    def temperature_c(self) -> float:
+    def temperature_c(self) -> Annotated[float, Accuracy()]:
         """Tell the reading that is controlled: the medium's, unless set to the plate's."""
         return self._value("IN_PV", self._controlled)
 

@@ -18,7 +18,7 @@ from typing import Annotated, Any, ClassVar, Literal
 
 import msgspec
 
-from drivers.base import Driver, Quantity, Range, Report, action, before_acting, status
+from drivers.base import Accuracy, Driver, Quantity, Range, Report, action, before_acting, status
 from drivers.interfaces.thermostat import Thermostat
 from drivers.transports.base import ByteTransport
 from drivers.waiting import (
@@ -46,7 +46,7 @@ WARNINGS = {"-20", "-40"}
 
 ANSWER_S = 1.0
 
-Temperature = Annotated[float, Range(-40.0, 110.0)]
+Temperature = Annotated[float, Range(-40.0, 110.0), Accuracy()]
 Tolerance = Annotated[float, Range(0.01, 50.0), Quantity("temperature_difference")]
 
 
@@ -133,7 +133,7 @@ class JulaboCf41(Driver[ByteTransport, Config], Thermostat):
         self._send("OUT_MODE_05 0")
 
     @status(every_s=2.0)
-    def temperature_c(self) -> float:
+    def temperature_c(self) -> Annotated[float, Accuracy()]:
         """Tell the reading that is controlled."""
         return self._number("IN_PV_00" if self.config.sensor == "internal" else "IN_PV_02")
 

@@ -20,6 +20,7 @@ from typing import Annotated, Any, ClassVar
 import msgspec
 
 from drivers.base import (
+    Accuracy,
     Driver,
     Quantity,
     Range,
@@ -57,7 +58,7 @@ STATES = {
 CELSIUS = "CEL"
 RESOLUTION_C = 0.05
 
-Temperature = Annotated[float, Range(-200.0, 1500.0)]
+Temperature = Annotated[float, Range(-200.0, 1500.0), Accuracy()]
 Tolerance = Annotated[float, Range(0.1, 50.0), Quantity("temperature_difference")]
 
 
@@ -133,7 +134,7 @@ class LadsController(Driver[OpcUaTransport, Config], TemperatureController):
                     raise RejectedError("the function runs on after Stop")
 
     @status(every_s=2.0)
-    def temperature_c(self) -> float:
+    def temperature_c(self) -> Annotated[float, Accuracy()]:
         """Tell the reading.
 
         Raises:

@@ -20,7 +20,7 @@ from typing import Annotated, Any, ClassVar
 
 import msgspec
 
-from drivers.base import Driver, Quantity, Range, Report, action, before_acting, status
+from drivers.base import Accuracy, Driver, Quantity, Range, Report, action, before_acting, status
 from drivers.interfaces.thermostat import Thermostat
 from drivers.transports.base import ByteTransport
 from drivers.waiting import (
@@ -51,7 +51,7 @@ has them, section 6.7.5. Any other is told as it came."""
 
 ANSWER_S = 1.0
 
-Temperature = Annotated[float, Range(4.0, 80.0)]
+Temperature = Annotated[float, Range(4.0, 80.0), Accuracy()]
 Tolerance = Annotated[float, Range(0.01, 20.0), Quantity("temperature_difference")]
 
 
@@ -161,7 +161,7 @@ class LaudaLoop(Driver[ByteTransport, Config], Thermostat):
         self._order("STOP")
 
     @status(every_s=2.0)
-    def temperature_c(self) -> float:
+    def temperature_c(self) -> Annotated[float, Accuracy()]:
         """Tell the reading that is controlled, which is that of the outflow."""
         return self._number("IN_PV_00")
 

@@ -18,7 +18,7 @@ from typing import Annotated, Any, ClassVar
 
 import msgspec
 
-from drivers.base import Driver, Quantity, Range, Report, action, before_acting, status
+from drivers.base import Accuracy, Driver, Quantity, Range, Report, action, before_acting, status
 from drivers.interfaces.temperature_controller import TemperatureController
 from drivers.transports.sila.features import Feature, Value
 from drivers.transports.sila.transport import SilaTransport
@@ -30,7 +30,7 @@ CONTROL, TARGET, READING = "ControlTemperature", "TargetTemperature", "CurrentTe
 ZERO_C_K = 273.15
 KELVIN = "Kelvin"
 
-Temperature = Annotated[float, Range(-200.0, 1500.0)]
+Temperature = Annotated[float, Range(-200.0, 1500.0), Accuracy()]
 Tolerance = Annotated[float, Range(0.1, 50.0), Quantity("temperature_difference")]
 
 
@@ -85,7 +85,7 @@ class SilaTemperatureController(Driver[SilaTransport, Config], TemperatureContro
         self._begin(self.config.rest_temperature_c)
 
     @status(every_s=2.0)
-    def temperature_c(self) -> float:
+    def temperature_c(self) -> Annotated[float, Accuracy()]:
         """Tell the reading."""
         return round(self.transport.read_number(self._feature, READING) - ZERO_C_K, 6)
 

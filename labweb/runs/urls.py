@@ -39,6 +39,10 @@ urlpatterns = [
     path("runs/<uuid:run_id>/eln", crate.RunEln.as_view()),
     path("devices/<uuid:calibrated_id>/calibrations", calibrations.DeviceCalibrations.as_view()),
     path("devices/<uuid:probe_id>/calibrations/ph", calibrations.PhCalibrations.as_view()),
+    path(
+        "devices/<uuid:heating_id>/calibrations/temperature",
+        calibrations.TemperatureCalibrations.as_view(),
+    ),
     path("calibrations/<uuid:calibration_id>", calibrations.CalibrationDetail.as_view()),
     path(
         "calibrations/<uuid:calibration_id>/decision",

@@ -63,7 +63,7 @@ class Client:
         run: dict[str, Any] = self.call("POST", "runs", {"version_id": row["latest_version"]["id"]})
         return run
 
-    def start_step(self, kind: str, params: dict[str, str]) -> dict[str, Any]:
+    def start_step(self, kind: str, params: Mapping[str, Any]) -> dict[str, Any]:
         """Draw a workflow of one step, save it and start it."""
         step = {"id": "step", "kind": kind, "params": params, "position": {"x": 0, "y": 0}}
         document = {

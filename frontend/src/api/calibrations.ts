@@ -10,6 +10,7 @@ import type {
   CalibratedQuantity,
   Calibration,
   PhOrder,
+  TemperatureOrder,
   VolumeOrder,
 } from "@/model/wirecalibration";
 import { call } from "./client";
@@ -54,6 +55,16 @@ export function useBeginPhCalibration(
 ): UseMutationResult<Calibration, Error, PhOrder> {
   return useMutation({
     mutationFn: (order) => call<Calibration>("POST", `/devices/${deviceId}/calibrations/ph`, order),
+    onSuccess: refresh,
+  });
+}
+
+export function useBeginTemperatureCalibration(
+  deviceId: string,
+): UseMutationResult<Calibration, Error, TemperatureOrder> {
+  return useMutation({
+    mutationFn: (order) =>
+      call<Calibration>("POST", `/devices/${deviceId}/calibrations/temperature`, order),
     onSuccess: refresh,
   });
 }

@@ -9,16 +9,19 @@ import type { Device } from "@/model/wire";
 import { AskForm } from "@/ui/askform";
 import { Button, Dialog, TextField } from "@/ui/controls";
 import type { Choice } from "@/ui/picker";
+import { HeatForm } from "./calibrateheat";
 import { PhForm } from "./calibrateph";
 import { Pick, useChoices } from "./choices";
 import { words } from "./words";
 
 const said = words.calibration;
 
+const FORMS: Record<string, typeof VolumeForm> = { ph: PhForm, temperature: HeatForm };
+
 export function Calibrate(props: { device: Device; kind: CalibratedQuantity; isBusy: boolean }) {
   const { device, kind, isBusy } = props;
   const [isOpen, setIsOpen] = useState(false);
-  const Form = kind.quantity === "ph" ? PhForm : VolumeForm;
+  const Form = FORMS[kind.quantity] ?? VolumeForm;
   const user = useSession().data?.user ?? null;
   const may = user?.permissions.includes("run") ?? false;
   return (

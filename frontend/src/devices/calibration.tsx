@@ -153,7 +153,7 @@ function Facts({ row, kind }: { row: Calibration; kind: CalibratedQuantity }) {
       {row.result && sure !== null && (
         <>
           <dt>{row.result.slope_pct === null ? "Gain" : "Slope"}</dt>
-          <dd className="num">{slopeText(row.result)}</dd>
+          <dd className="num">{slopeText(row.result, kind)}</dd>
           <dt>Uncertainty</dt>
           <dd className="num">
             ± {amountText(sure, kind)} <span className="m">at most, k = 2</span>
@@ -190,9 +190,12 @@ function Facts({ row, kind }: { row: Calibration; kind: CalibratedQuantity }) {
   );
 }
 
-/** Gain of a pump; slope and offset of an electrode. */
-function slopeText(result: CalibrationResult): string {
-  if (result.slope_pct === null || result.offset_mv === null) return formatNumber(result.gain, 5);
+/** Gain of a pump; gain and offset of a probe; slope and offset of an electrode. */
+function slopeText(result: CalibrationResult, kind: CalibratedQuantity): string {
+  if (result.slope_pct === null || result.offset_mv === null) {
+    const gain = formatNumber(result.gain, 5);
+    return kind.is_relative ? gain : `${gain}, offset ${signedText(result.offset, kind)}`;
+  }
   const slope = `${formatNumber(result.slope_pct, 1)}${THIN}%`;
   return `${slope} of Nernst, ${formatNumber(result.offset_mv, 1)}${THIN}mV at pH 7`;
 }

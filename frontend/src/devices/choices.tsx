@@ -2,6 +2,7 @@
 
 import { useId } from "react";
 import { useDevices, useResources } from "@/api/queries";
+import type { DeviceRow } from "@/model/wire";
 import { Picker, type Choice } from "@/ui/picker";
 import { words } from "./words";
 
@@ -30,11 +31,16 @@ export function Pick(props: {
   );
 }
 
-/** Vessels that water may stand in, and devices that weigh. */
+/** A sensor that tells the temperature of what it dips into. */
+const isThermometer = (row: DeviceRow): boolean =>
+  row.role.endsWith("_sensor") && row.readings.some((one) => one.status === "temperature_c");
+
+/** Vessels that water may stand in, and devices that weigh, pump or measure a temperature. */
 export function useChoices(): {
   vessels: Choice[];
   balances: Choice[];
   pumps: Choice[];
+  thermometers: Choice[];
 } {
   const resources = useResources().data ?? [];
   const devices = useDevices().data ?? [];
@@ -47,5 +53,8 @@ export function useChoices(): {
   const pumps = devices
     .filter((row) => row.role === "pump" && row.state === "enrolled")
     .map((row) => ({ value: row.id, label: row.name }));
-  return { vessels, balances, pumps };
+  const thermometers = devices
+    .filter((row) => row.state === "enrolled" && isThermometer(row))
+    .map((row) => ({ value: row.id, label: row.name }));
+  return { vessels, balances, pumps, thermometers };
 }

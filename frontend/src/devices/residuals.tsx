@@ -41,7 +41,7 @@ export function Residuals({ row, kind }: { row: Calibration; kind: CalibratedQua
         </span>
       </div>
       <div className="xaxis t12 m num">
-        <span>0</span>
+        <span>{formatNumber(plot.start, 0)}</span>
         <span>
           {formatNumber(plot.end, kind.is_relative ? 0 : 2)}
           {THIN}

@@ -62,6 +62,16 @@ export const words = {
       repeats: "Weighings of each volume",
       tolerance: "Wanted uncertainty, %",
       days: "Holds for, days",
+      aboutHeat:
+        "Holds each set point from the lowest up and reads the thermometer beside the device’s own probe, then turns the heater off. The run starts in your name; a second person accepts the result.",
+      heated: "Heated vessel, with liquid in it",
+      thermometer: "Reference thermometer in it",
+      certificateHeat: "Certificate of the thermometer",
+      expandedHeat: "Its uncertainty, °C (k = 2)",
+      setPoints: "Set points, °C",
+      settle: "Hold before each reading, min",
+      stir: "Stir at, rpm (may be empty)",
+      toleranceHeat: "Wanted uncertainty, °C",
       aboutPh:
         "Pumps each buffer to the probe, rinses with it, lets it stand and reads it. The run starts in your name; a second person accepts the result.",
       pump: "Pump",

@@ -88,7 +88,8 @@ export interface ResidualPlot {
   reach: number;
   /** Where the lines of the tolerance lie, 0 to 1 from the top. */
   limits: [upper: number, lower: number];
-  /** Largest true value. */
+  /** Where the plot begins and ends: at nothing, or at what is below it, and the largest value. */
+  start: number;
   end: number;
 }
 
@@ -105,9 +106,14 @@ export function residualPlot(row: Calibration, kind: Kind): ResidualPlot | null 
   });
   const reach = 1.2 * Math.max(tolerance, ...left.map((one) => Math.abs(one.residual)));
   const end = Math.max(...left.map((one) => one.value));
+  const start = Math.min(0, ...left.map((one) => one.value));
   const place = (value: number): number => 0.5 - value / reach / 2;
-  const dots = left.map((one) => ({ ...one, x: one.value / (end * 1.04), y: place(one.residual) }));
-  return { dots, reach, limits: [place(tolerance), place(-tolerance)], end };
+  const dots = left.map((one) => ({
+    ...one,
+    x: (one.value - start) / ((end - start) * 1.04),
+    y: place(one.residual),
+  }));
+  return { dots, reach, limits: [place(tolerance), place(-tolerance)], start, end };
 }
 
 /** Whole days until the due date, negative when it is past. */

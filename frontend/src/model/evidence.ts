@@ -70,7 +70,6 @@ function correctionRows(job: Job): EvidenceRow[] {
     if (one.asked !== null && one.sent !== null) {
       const text = `${exact(one.asked)} asked for, ${exact(one.sent)} sent, ${by}`;
       rows.push({ label: label(one.argument), text });
-      continue;
     }
     const read = job.evidence.corrected?.[one.argument];
     if (!read) continue;

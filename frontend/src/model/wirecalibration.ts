@@ -95,6 +95,19 @@ export interface PhOrder {
   valid_days: number;
 }
 
+export interface TemperatureOrder {
+  vessel_id: string;
+  thermometer_id: string;
+  reference: Reference;
+  set_points_c: number[];
+  settle_s: number;
+  repeats: number;
+  /** Null: nothing stirs. */
+  stir_speed_rpm: number | null;
+  tolerance: number;
+  valid_days: number;
+}
+
 export interface VolumeOrder {
   source_id: string;
   target_id: string;

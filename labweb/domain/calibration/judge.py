@@ -32,6 +32,9 @@ MOST_OFFSET_MV = 30.0
 GAIN = (0.9, 1.1)
 """Beyond, a pump is not a little wrong: it has another syringe than its settings say."""
 
+MOST_ERROR_C = 10.0
+"""Beyond, a probe is not a little wrong: it is broken, or stands in another liquid."""
+
 SPAN_RATIO = 0.9
 """The highest level of a pump is at least this share of its scale."""
 
@@ -135,6 +138,8 @@ def judge(
     found += _check_order(levels)
     if quantity is Quantity.VOLUME:
         found += _check_pump(line, points, levels, criteria)
+    if quantity is Quantity.TEMPERATURE:
+        found += _check_probe(levels, criteria)
     found += _check_drift(quantity, line, points, criteria)
     found += _check_uncertainty(quantity, levels, criteria)
     slope_pct = offset_mv = None
@@ -236,6 +241,25 @@ def _check_pump(
             "play in the drive, which a gain does not correct"
         )
         found.append(Finding("calibration.offset", text))
+    return found
+
+
+def _check_probe(levels: Sequence[LevelResult], criteria: Criteria) -> list[Finding]:
+    """List what a line does not correct; half of what is wanted may be left at a level."""
+    found = []
+    for one in levels:
+        if abs(one.error) > MOST_ERROR_C:
+            text = (
+                f"at {one.level:g} °C the probe is off by {one.error:.3g} K: see that both "
+                "thermometers stand in the same liquid; so large an error is not corrected"
+            )
+            found.append(Finding("calibration.probe", text))
+        if abs(one.residual) > criteria.tolerance / 2:
+            text = (
+                f"at {one.level:g} °C {one.residual:.3g} K are left after the correction: the "
+                "probe is not off by a slope and an offset, which is all that is corrected"
+            )
+            found.append(Finding("calibration.not_linear", text))
     return found
 
 

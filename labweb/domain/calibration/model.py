@@ -30,7 +30,7 @@ class Quantity(StrEnum):
     """A probe's pH, against buffers."""
 
     TEMPERATURE = "temperature"
-    """A sensor's °C, against a reference thermometer."""
+    """A heater's or thermostat's °C, against a reference thermometer."""
 
 
 IS_RELATIVE: Mapping[Quantity, bool] = {

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from datetime import date
 from typing import Annotated
 from uuid import UUID
@@ -18,10 +19,13 @@ from labweb.domain.calibration.gravimetric import (
     check_surroundings,
 )
 from labweb.domain.calibration.model import Quantity
+from labweb.domain.calibration.thermal import LEAST_SET_POINTS, MOST_SET_POINTS
 from labweb.domain.errors import Finding
 
 LONGEST_DAYS = 1095
 """Three years: the longest time that any calibration is believed."""
+
+LONGEST_SETTLE_S = 7200.0
 
 _Name = Annotated[str, Meta(max_length=200)]
 
@@ -105,6 +109,62 @@ class PhOrder(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
         return Quantity.PH
 
 
+class TemperatureOrder(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Hold a heater at set points and read a reference thermometer beside its own probe."""
+
+    vessel_id: UUID
+    """Vessel that the device heats, with liquid in which both thermometers stand."""
+
+    thermometer_id: UUID
+    """Device that is the reference."""
+
+    reference: Reference
+    set_points_c: Annotated[list[float], Meta(max_length=100)]
+    """Held from the lowest up: what only heats does not chill."""
+
+    settle_s: float = 300.0
+    """How long a set point is held before each reading."""
+
+    repeats: Annotated[int, Meta(ge=0, le=1000)] = 3
+    stir_speed_rpm: float | None = None
+    """None: nothing stirs."""
+
+    tolerance: float = 0.5
+    """Largest expanded uncertainty, in K."""
+
+    valid_days: Annotated[int, Meta(ge=0, le=1_000_000)] = 365
+
+    @property
+    def quantity(self) -> Quantity:
+        """Tell what is calibrated."""
+        return Quantity.TEMPERATURE
+
+
+Order = VolumeOrder | PhOrder | TemperatureOrder
+
+
+def check_temperature_order(order: TemperatureOrder, *, today: date) -> list[Finding]:
+    """List everything that keeps an order from being carried out; empty means go."""
+    found = _check_reference(order.reference, today)
+    count = len(set(order.set_points_c))
+    if not LEAST_SET_POINTS <= count == len(order.set_points_c) <= MOST_SET_POINTS:
+        text = (
+            f"{count} different set points; {LEAST_SET_POINTS} to {MOST_SET_POINTS} are held, each "
+            "named once"
+        )
+        found.append(Finding("calibration.too_few_points", text, "set_points_c"))
+    if not 2 <= order.repeats <= MOST_REPEATS:
+        text = f"{order.repeats} readings; 2 to {MOST_REPEATS} are taken at each set point"
+        found.append(Finding("calibration.too_few_points", text, "repeats"))
+    if not 0 < order.tolerance <= 10:
+        text = f"a tolerance of {order.tolerance:g} K; more than nothing and at most 10 K is asked"
+        found.append(Finding("calibration.tolerance", text, "tolerance"))
+    if not 0 < order.settle_s <= LONGEST_SETTLE_S:
+        text = f"a set point is held for up to {LONGEST_SETTLE_S:g} s before each reading"
+        found.append(Finding("calibration.settling", text, "settle_s"))
+    return found + _check_days(order.valid_days)
+
+
 def check_ph_order(order: PhOrder, *, today: date) -> list[Finding]:
     """List everything that keeps an order from being carried out; empty means go."""
     found = []
@@ -156,10 +216,20 @@ def _check_reference(reference: Reference, today: date) -> list[Finding]:
     if not 0 < reference.expanded < float("inf"):
         text = "the certificate states an expanded uncertainty above zero: write it down"
         found.append(Finding("calibration.no_reference", text, "reference.expanded"))
-    if reference.due_on < today:
-        text = f"the certificate of {reference.name} ended on {reference.due_on}: renew it first"
-        found.append(Finding("calibration.reference_expired", text, "reference.due_on"))
-    return found
+    return found + check_certificates([reference], on=today)
+
+
+def check_certificates(references: Iterable[Reference], *, on: date) -> list[Finding]:
+    """List the standards whose certificate has ended by a day."""
+    return [
+        Finding(
+            "calibration.reference_expired",
+            f"the certificate of {one.name} ended on {one.due_on}: renew it first",
+            "reference.due_on",
+        )
+        for one in references
+        if one.due_on < on
+    ]
 
 
 def levels_ul(stroke_ul: float) -> tuple[float, ...]:

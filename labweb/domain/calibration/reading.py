@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-from labweb.domain.calibration.model import Correction
+from labweb.domain.calibration.model import Correction, Quantity
 
 
 def corrected(
@@ -13,11 +13,11 @@ def corrected(
 ) -> dict[str, dict[str, Any]]:
     """Return the corrected values of a report by status, each with the raw one beside it.
 
-    Outside what was calibrated the value is None: nothing is extrapolated.
+    Outside what was calibrated the value is None: nothing is extrapolated. What an action was
+    given is no reading, but for a temperature, which it reads when it has reached it.
 
     Example:
         >>> from uuid import UUID
-        >>> from labweb.domain.calibration.model import Quantity
         >>> one = Correction(
         ...     argument="value_ph", quantity=Quantity.PH, asked=None, sent=None, gain=1.05,
         ...     offset=-0.3, calibration_id=UUID(int=1), number=2,
@@ -28,7 +28,8 @@ def corrected(
     found: dict[str, dict[str, Any]] = {}
     for one in corrections:
         raw = told.get(one.argument)
-        if one.asked is not None or isinstance(raw, bool) or not isinstance(raw, int | float):
+        is_sent = one.asked is not None and one.quantity is not Quantity.TEMPERATURE
+        if is_sent or isinstance(raw, bool) or not isinstance(raw, int | float):
             continue
         value = one.true_of(raw)
         is_known = (one.low is None or value >= one.low) and (one.high is None or value <= one.high)

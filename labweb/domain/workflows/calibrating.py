@@ -56,11 +56,8 @@ def gravimetric_workflow(
             "pump": str(pump),
         }
         weighed = {"balance": str(balance)}
-        for column, (step_id, kind, params) in enumerate(
-            ((before, "weigh", weighed), (move, "transfer", moved), (after, "weigh", weighed))
-        ):
-            position = {"x": column * _ACROSS, "y": place * _DOWN}
-            steps.append({"id": step_id, "kind": kind, "params": params, "position": position})
+        row = [(before, "weigh", weighed), (move, "transfer", moved), (after, "weigh", weighed)]
+        steps += _placed(row, place)
     return _in_a_row(name, steps)
 
 
@@ -112,16 +109,71 @@ def buffer_workflow(  # noqa: PLR0913 - what such a row of readings is made of; 
             for reading in range(repeats)
         ]
         row.append((f"empty-{number}", "transfer", {**emptied, "volume": moved["volume"]}))
-        steps += [
-            {
-                "id": step_id,
-                "kind": kind,
-                "params": params,
-                "position": {"x": column * _ACROSS, "y": place * _DOWN},
-            }
-            for column, (step_id, kind, params) in enumerate(row)
-        ]
+        steps += _placed(row, place)
     return _in_a_row(name, steps)
+
+
+def comparison_ids(set_point: int, reading: int) -> tuple[str, str]:
+    """Return the ids of the steps that hold a set point, and then read the reference.
+
+    Example:
+        >>> comparison_ids(0, 2)
+        ('hold-1-3', 'read-1-3')
+    """
+    place = f"{set_point + 1}-{reading + 1}"
+    return f"hold-{place}", f"read-{place}"
+
+
+def thermal_workflow(  # noqa: PLR0913 - what such a comparison is made of; all keywords
+    name: str,
+    *,
+    heater: UUID,
+    thermometer: UUID,
+    vessel: UUID,
+    set_points_c: Sequence[float],
+    settle_s: float,
+    repeats: int,
+    tolerance_c: float,
+    stir_speed_rpm: float | None,
+) -> dict[str, Any]:
+    """Draw the comparison of a heater's probe: reach, then hold and read in turn, then off.
+
+    Source:
+        EURAMET Calibration Guide 13: readings at held set points over the range that is used.
+    """
+    bring: dict[str, Any] = {"vessel": str(vessel)}
+    if stir_speed_rpm is not None:
+        bring["stir_speed"] = f"{stir_speed_rpm:g} rpm"
+    read = {"device": str(thermometer), "action": "measure"}
+    steps: list[dict[str, Any]] = []
+    for place, set_point_c in enumerate(set_points_c):
+        args = {
+            "duration_s": settle_s,
+            "temperature_c": set_point_c,
+            "tolerance_c": tolerance_c,
+        }
+        hold = {"device": str(heater), "action": "hold", "args": args}
+        reached = {**bring, "temperature": f"{set_point_c:g} °C"}
+        row: list[tuple[str, str, dict[str, Any]]] = [(f"reach-{place + 1}", "heat_chill", reached)]
+        for reading in range(repeats):
+            hold_id, read_id = comparison_ids(place, reading)
+            row += [(hold_id, "device_action", hold), (read_id, "device_action", read)]
+        steps += _placed(row, place)
+    off = [("off", "stop_heat_stir", {"vessel": str(vessel)})]
+    return _in_a_row(name, [*steps, *_placed(off, len(set_points_c))])
+
+
+def _placed(row: Sequence[tuple[str, str, dict[str, Any]]], place: int) -> list[dict[str, Any]]:
+    """Put the steps of a row beside each other."""
+    return [
+        {
+            "id": step_id,
+            "kind": kind,
+            "params": params,
+            "position": {"x": column * _ACROSS, "y": place * _DOWN},
+        }
+        for column, (step_id, kind, params) in enumerate(row)
+    ]
 
 
 def _in_a_row(name: str, steps: list[dict[str, Any]]) -> dict[str, Any]:

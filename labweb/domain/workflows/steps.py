@@ -166,9 +166,19 @@ STEP_KINDS: Mapping[str, UnitOperation] = {
                         "Left empty, both stay on.",
                     )
                 ),
+                advanced(
+                    quantity(
+                        "accuracy",
+                        "temperature_difference",
+                        "Accuracy",
+                        "Largest expanded uncertainty (k = 2), such as 0.5 K; a heater whose "
+                        "calibration does not reach it is refused.",
+                    )
+                ),
             ),
             clauses=(
                 "Bring {vessel} to {temperature}",
+                " to within {accuracy}",
                 ", stir at {stir_speed}",
                 ", hold for {hold_for}",
             ),

@@ -17,7 +17,7 @@ from labweb.common.render import iso
 from labweb.common.requests import body
 from labweb.domain.approvals.roles import Permission
 from labweb.domain.calibration.model import IS_RELATIVE, SYMBOLS, Quantity, Standing
-from labweb.domain.calibration.order import PhOrder, VolumeOrder
+from labweb.domain.calibration.order import PhOrder, TemperatureOrder, VolumeOrder
 from labweb.domain.enrollment.spec import DriverSpec, ParameterSpec
 from labweb.domain.errors import NotFoundError
 from labweb.enrollment import selectors as enrollment_selectors
@@ -28,7 +28,7 @@ from labweb.runs.models import Calibration
 
 MOST_SHOWN = 50
 
-_MEASURED = (Quantity.VOLUME, Quantity.PH)
+_MEASURED = (Quantity.VOLUME, Quantity.PH, Quantity.TEMPERATURE)
 """Quantities that a workflow measures."""
 
 
@@ -74,6 +74,19 @@ class PhCalibrations(APIView):
         user = user_of(request)
         _visible(probe_id, user)
         row = services.begin_calibration(probe_id, body(request, PhOrder), actor=user)
+        return Response(_render(selectors.find_calibration(row.id), user), status=201)
+
+
+class TemperatureCalibrations(APIView):
+    """Calibrations of one heater or thermostat beside a reference thermometer."""
+
+    bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": TemperatureOrder}
+
+    def post(self, request: Request, heating_id: UUID) -> Response:
+        """Start the run that calibrates it (412 with everything that speaks against it)."""
+        user = user_of(request)
+        _visible(heating_id, user)
+        row = services.begin_calibration(heating_id, body(request, TemperatureOrder), actor=user)
         return Response(_render(selectors.find_calibration(row.id), user), status=201)
 
 
@@ -160,17 +173,13 @@ def _quantities(device: Device, user: User) -> list[dict[str, Any]]:
     return found
 
 
-def _references(row: Calibration) -> list[dict[str, Any]]:
-    """Return every standard that the device was compared with."""
-    if "buffers" in row.order:
-        return [one["reference"] for one in row.order["buffers"]]
-    return [row.order["reference"]]
-
-
 def _marked(spec: DriverSpec) -> Iterator[ParameterSpec]:
+    """Yield every number that can be calibrated: a temperature only where it can be set."""
     for action in spec.actions:
         yield from (one for one in action.parameters if one.accuracy is not None)
-    yield from (one.value for one in spec.statuses if one.value.accuracy is not None)
+    for status in spec.statuses:
+        if status.value.accuracy is not None and status.value.quantity != Quantity.TEMPERATURE:
+            yield status.value
 
 
 def _stated(parameter: ParameterSpec | None) -> dict[str, float | None] | None:
@@ -197,7 +206,7 @@ def _render(row: Calibration, user: User) -> dict[str, Any]:
         "standing": None if standing is None else standing.value,
         "reasons": list(reasons),
         "run": {"id": str(row.run_id), "number": row.run.number, "state": row.run.state},
-        "references": _references(row),
+        "references": msgspec.to_builtins(selectors.references_of(row)),
         "tolerance": row.order["tolerance"],
         "valid_days": row.valid_days,
         "points": row.points,

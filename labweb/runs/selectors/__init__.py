@@ -31,6 +31,7 @@ from labweb.runs.selectors.calibrations import find_calibration as find_calibrat
 from labweb.runs.selectors.calibrations import findings_of_sending as findings_of_sending
 from labweb.runs.selectors.calibrations import fingerprint_of as fingerprint_of
 from labweb.runs.selectors.calibrations import history_of as history_of
+from labweb.runs.selectors.calibrations import references_of as references_of
 from labweb.runs.selectors.calibrations import standing_of as standing_of
 from labweb.runs.selectors.custody import hands_between as hands_between
 from labweb.runs.selectors.custody import hosts_between as hosts_between

@@ -16,6 +16,7 @@ from labweb.common.render import iso
 from labweb.domain.calibration import model, standing
 from labweb.domain.calibration.judge import Result
 from labweb.domain.calibration.model import Correction, Quantity, Standing
+from labweb.domain.calibration.order import Reference
 from labweb.domain.calibration.sending import check_sending
 from labweb.domain.errors import Finding, NotFoundError, StateError
 from labweb.domain.runs.job import RunState
@@ -53,6 +54,13 @@ def find_calibration(calibration_id: UUID) -> Calibration:
     if row is None:
         raise NotFoundError(f"no calibration {calibration_id}", code="calibration.not_found")
     return row
+
+
+def references_of(row: Calibration) -> list[Reference]:
+    """Return every standard that a device was compared with."""
+    if "buffers" in row.order:
+        return [msgspec.convert(one["reference"], Reference) for one in row.order["buffers"]]
+    return [msgspec.convert(row.order["reference"], Reference)]
 
 
 def calibration_for_update(calibration_id: UUID) -> Calibration:

@@ -19,7 +19,12 @@ from labweb.domain.approvals.policy import check_decision
 from labweb.domain.approvals.roles import Permission
 from labweb.domain.calibration.judge import Result
 from labweb.domain.calibration.model import Quantity
-from labweb.domain.calibration.order import PhOrder, VolumeOrder
+from labweb.domain.calibration.order import (
+    Order,
+    PhOrder,
+    VolumeOrder,
+    check_certificates,
+)
 from labweb.domain.errors import (
     DefinitionError,
     Finding,
@@ -32,7 +37,7 @@ from labweb.enrollment import selectors as enrollment_selectors
 from labweb.resources import selectors as resource_selectors
 from labweb.runs import selectors
 from labweb.runs.models import Calibration
-from labweb.runs.services import buffering, weighing
+from labweb.runs.services import buffering, thermometry, weighing
 from labweb.runs.services.start import lab_view, start_run
 from labweb.workflows import services as workflow_services
 
@@ -41,11 +46,12 @@ LONGEST_TEXT = 2000
 _JUDGES: dict[str, Callable[[Calibration], tuple[list[Finding], Result | None]]] = {
     Quantity.VOLUME.value: weighing.judged,
     Quantity.PH.value: buffering.judged,
+    Quantity.TEMPERATURE.value: thermometry.judged,
 }
 
 
 @atomic
-def begin_calibration(device_id: UUID, order: VolumeOrder | PhOrder, *, actor: User) -> Calibration:
+def begin_calibration(device_id: UUID, order: Order, *, actor: User) -> Calibration:
     """Draw the workflow that calibrates a device, and start it in the actor's name.
 
     Raises:
@@ -55,7 +61,7 @@ def begin_calibration(device_id: UUID, order: VolumeOrder | PhOrder, *, actor: U
         LabError: As `start_run`: the lab cannot carry it out, or the actor may not.
 
     Effect:
-        The run moves water or buffers, as soon as the dispatcher sends its first job.
+        The run moves water or buffers, or heats, as soon as the dispatcher sends its first job.
     """
     device = enrollment_selectors.device_for_update(device_id)
     nodes = enrollment_selectors.node_ids(device)
@@ -69,8 +75,10 @@ def begin_calibration(device_id: UUID, order: VolumeOrder | PhOrder, *, actor: U
         raise StateError(text, code="calibration.under_way")
     if isinstance(order, VolumeOrder):
         document, facts = weighing.drawn(view, device, order)
-    else:
+    elif isinstance(order, PhOrder):
         document, facts = buffering.drawn(view, device, order)
+    else:
+        document, facts = thermometry.drawn(view, device, order)
     drawn = workflow_services.create_workflow(
         device.lab, name=document["name"], document=document, actor=actor
     )
@@ -121,7 +129,12 @@ def _judged(row: Calibration) -> tuple[list[Finding], Result | None]:
     if row.run.state != RunState.COMPLETE.value:
         text = f"run {row.run.number} ended before all was measured"
         return [Finding("calibration.incomplete", text, str(row.run_id))], None
-    return _JUDGES[row.quantity](row)
+    found, result = _JUDGES[row.quantity](row)
+    measured_at = row.run.ended_at or now()
+    return [
+        *check_certificates(selectors.references_of(row), on=measured_at.date()),
+        *found,
+    ], result
 
 
 @atomic

@@ -160,3 +160,67 @@ def test_a_policy_looks_at_the_temperature_that_was_asked_for() -> None:
     plan = plan_of(bench, document)
     assert plan.jobs[0].args["temperature_c"] < 60
     assert asks(TemperatureAtLeast(temperature_c=60.0), plan)
+
+
+def a_warm_probe(**changes: Any) -> Bench:  # noqa: ANN401
+    """Return the usual bench with a heater that is calibrated from 30 to 80 °C, to 0.3 K."""
+    levels = tuple(Level(value=c, expanded=0.3) for c in (30.0, 55.0, 80.0))
+    heat = calibration(
+        gain=1 / 1.03, offset=-2.0 / 1.03, quantity=Quantity.TEMPERATURE, levels=levels, **changes
+    )
+    return with_calibration(heat, unit="temperature_c")
+
+
+def heating(temperature: str, **params: Any) -> dict[str, Any]:  # noqa: ANN401
+    return flow(step("h", "heat_chill", vessel="@reactor", temperature=temperature, **params))
+
+
+def test_a_set_point_is_sent_corrected_and_watched_on_the_probes_own_scale() -> None:
+    plan = plan_of(a_warm_probe(), heating("60 °C", hold_for="10 min"))
+    for action in ("heat_to", "hold"):
+        job = the_job(plan, action)
+        assert job.args["temperature_c"] == pytest.approx(1.03 * 60 + 2)
+        (kept,) = job.corrections
+        assert (kept.argument, kept.asked, kept.sent) == (
+            "temperature_c", 60.0, job.args["temperature_c"],
+        )  # fmt: skip
+        (after,) = [one for one in job.post if one.status == "temperature_c"]
+        assert after.low == after.high == job.args["temperature_c"]
+    assert plan.steps[0].sentence == "Bring Reactor to 60 °C, hold for 10 min"
+
+
+@pytest.mark.parametrize("temperature", ["22 °C", "81 °C", "120 °C"])
+def test_a_temperature_beyond_what_was_compared_is_refused(temperature: str) -> None:
+    (found,) = findings_of(a_warm_probe(), heating(temperature, hold_for="10 min"))
+    assert found.code == "calibration.out_of_range"
+    assert "was calibrated from 30 to 80 °C" in found.message
+
+
+def test_without_a_calibration_in_force_a_set_point_is_sent_as_asked() -> None:
+    gone = a_warm_probe(standing=Standing.EXPIRED, reasons=("it was due on 2026-01-01",))
+    job = the_job(plan_of(gone, heating("120 °C")), "heat_to")
+    assert (job.args["temperature_c"], job.corrections) == (120.0, ())
+
+
+@pytest.mark.parametrize(
+    ("changes", "wanted", "code"),
+    [
+        ({}, "0.2 K", "calibration.too_uncertain"),
+        ({"standing": Standing.EXPIRED, "reasons": ("due",)}, "0.5 K", "calibration.expired"),
+        ({"standing": Standing.WITHDRAWN, "reasons": ("x",)}, "0.5 K", "calibration.withdrawn"),
+    ],
+)
+def test_a_heater_that_is_not_known_to_be_good_enough_is_refused(
+    changes: dict[str, Any], wanted: str, code: str
+) -> None:
+    found = findings_of(a_warm_probe(**changes), heating("60 °C", accuracy=wanted))
+    assert [one.code for one in found] == [code]
+
+
+def test_a_step_that_needs_half_a_kelvin_is_reached_to_within_half_a_kelvin() -> None:
+    plan = plan_of(a_warm_probe(), heating("60 °C", accuracy="0.5 K", hold_for="1 min"))
+    for action in ("heat_to", "hold"):
+        job = the_job(plan, action)
+        assert job.args["tolerance_c"] == 0.5
+        assert job.corrections[0].needs == 0.5
+    assert plan.steps[0].sentence == "Bring Reactor to 60 °C to within 0.5 K, hold for 1 min"

@@ -255,7 +255,7 @@ def test_the_page_tells_what_can_be_calibrated_and_what_was(bench: Bench) -> Non
     assert volume["newest"] == str(row.id)
     assert volume["history"][0]["standing"] == "in_force"
     assert volume["history"][0]["can"]["withdraw"] is True
-    told = read(client, f"/api/v1/devices/{bench.device('heater_1').id}/calibrations")
+    told = read(client, f"/api/v1/devices/{bench.device('balance_1').id}/calibrations")
     assert told == {"quantities": []}
     answer = call(client, "GET", f"/api/v1/calibrations/{bench.lab.id}")
     assert answer.status_code == 404

@@ -20,6 +20,7 @@ from pytest_django import Settings
 from labweb.common.clock import now
 from labweb.crutd import services as crutd_services
 from labweb.domain.crutd.decide import Outcome, OutcomeKind
+from labweb.domain.crutd.operations import TransferLiquid
 from labweb.enrollment.models import EdgeHost
 from labweb.runs import services as run_services
 from labweb.runs.models import Attempt, Calibration
@@ -74,6 +75,13 @@ A_CALIBRATION_OF_PH = {
     "waste_id": "<waste>",
     "pump_id": "<calibrated>",
     "volume_ul": 5000,
+}
+
+A_CALIBRATION_OF_TEMPERATURE = {
+    "vessel_id": "<dipped>",
+    "thermometer_id": "<probe>",
+    "reference": A_CALIBRATION["reference"],
+    "set_points_c": [30, 40, 50],
 }
 
 A_RECIPE = base64.b64encode(
@@ -136,6 +144,7 @@ API: dict[tuple[str, str], tuple[tuple[str, ...], Any]] = {
     ("GET", "devices/<calibrated>/calibrations"): (MEMBERS, None),
     ("POST", "devices/<calibrated>/calibrations"): (WORKERS, A_CALIBRATION),
     ("POST", "devices/<probe>/calibrations/ph"): (WORKERS, A_CALIBRATION_OF_PH),
+    ("POST", "devices/<heating>/calibrations/temperature"): (WORKERS, A_CALIBRATION_OF_TEMPERATURE),
     ("GET", "calibrations/<calibration>"): (MEMBERS, None),
     ("POST", "calibrations/<calibration>/decision"): (DECIDERS, {"is_accepted": True}),
     ("POST", "calibrations/<calibration>/withdraw"): (DECIDERS, {"reason": "a new syringe"}),
@@ -239,6 +248,12 @@ def prepare(bench: Bench, route: str, ids: dict[str, str]) -> None:
     if route == "calibrations/<calibration>/withdraw":
         rows = Calibration.objects.filter(pk=ids["calibration"])
         rows.update(state="accepted", expires_at=now())
+    if route == "devices/<heating>/calibrations/temperature":
+        dipped = bench.node("reactor_1").id
+        water = TransferLiquid(
+            source_id=bench.node("acid").id, target_id=dipped, amount_nl=20_000_000
+        )
+        crutd_services.carry_out(water, lab=bench.lab, actor_id=chemist.pk)
     if route == "jobs/<job>/recover":
         undone = bench.lab.runs.get(pk=ids["run"]).jobs.get(pk=ids["job"])
         undone.state = "rejected"

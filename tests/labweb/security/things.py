@@ -138,6 +138,14 @@ def a_tryout(bench: Bench, driver: DriverVersion, host: EdgeHost) -> Tryout:
     return row
 
 
+A_CERTIFICATE = {
+    "name": "Balance 1",
+    "certificate": "D-K-1",
+    "expanded": 0.4,
+    "due_on": "2099-01-01",
+}
+
+
 def a_result(bench: Bench, run: Run) -> Calibration:
     """Return a calibration by the chemist that waits for a second person."""
     return Calibration.objects.create(
@@ -146,7 +154,7 @@ def a_result(bench: Bench, run: Run) -> Calibration:
         number=1,
         state="awaiting",
         run=run,
-        order={"reference": {}, "around": {}, "tolerance": 0.005},
+        order={"reference": A_CERTIFICATE, "around": {}, "tolerance": 0.005},
         fingerprint=run_selectors.fingerprint_of(bench.device("pump_2")),
         result={"gain": 0.97, "levels": []},
         valid_days=365,
@@ -163,6 +171,7 @@ def _calibrated(bench: Bench, calibration: Calibration) -> dict[str, str]:
         "calibrated": str(bench.device("pump_1").id),
         "balance": str(bench.device("balance_1").id),
         "probe": str(bench.device("ph_1").id),
+        "heating": str(bench.device("heater_1").id),
         "acid": str(bench.node("acid").id),
         "dipped": str(bench.node("reactor_1").id),
         "waste": str(bench.node("waste").id),

@@ -11,7 +11,7 @@ from labweb.domain.crutd.operations import Operation
 from labweb.domain.enrollment.device import Device
 from labweb.domain.errors import NotFoundError
 from labweb.domain.units import parse
-from labweb.domain.workflows.passes.correcting import check_accuracy, in_force
+from labweb.domain.workflows.passes.correcting import ACCURACIES, check_accuracy, in_force
 from labweb.domain.workflows.passes.draft import Drafting, DraftJob, DraftStep
 from labweb.domain.workflows.passes.roles import (
     HEAT_TOLERANCE_C,
@@ -49,7 +49,8 @@ def plan_heat_chill(step: Step, drafting: Drafting) -> DraftStep:
     name = drafting.name(vessel)
     target_c = parse(step.params["temperature"], "temperature")
     jobs: list[DraftJob | None] = []
-    if not _is_within(step, drafting, heater, "temperature_c", target_c):
+    is_accurate = _is_accurate(step, drafting, heater, Quantity.TEMPERATURE, target_c)
+    if not _is_within(step, drafting, heater, "temperature_c", target_c) or not is_accurate:
         jobs.append(None)
     if stirrer is not None:
         jobs.append(_stir(step, drafting, stirrer, vessel))
@@ -58,7 +59,7 @@ def plan_heat_chill(step: Step, drafting: Drafting) -> DraftStep:
             step,
             heater,
             "heat_to" if plays(heater, "heater") else "reach_temperature",
-            {"temperature_c": target_c, "tolerance_c": HEAT_TOLERANCE_C},
+            {"temperature_c": target_c, "tolerance_c": _tolerance_c(step, HEAT_TOLERANCE_C)},
             sentence=f"Bring {name} to {target_c:g} °C",
             locks=(vessel,),
             estimate_s=ramp_s(drafting, heater, vessel, target_c),
@@ -75,7 +76,8 @@ def _hold(
     vessel = UUID(step.params["vessel"])
     name = drafting.name(vessel)
     hold_s = parse(step.params["hold_for"], "time")
-    args = {"duration_s": hold_s, "temperature_c": target_c, "tolerance_c": HOLD_TOLERANCE_C}
+    tolerance_c = _tolerance_c(step, HOLD_TOLERANCE_C)
+    args = {"duration_s": hold_s, "temperature_c": target_c, "tolerance_c": tolerance_c}
     text = f"Hold {name} at {target_c:g} °C for {hold_s:g} s"
     if plays(heater, "heater"):
         held = drafting.job(
@@ -93,6 +95,13 @@ def _hold(
     if stirrer is not None:
         jobs.append(_stop(step, drafting, stirrer, "stop_stirring", vessel))
     return jobs
+
+
+def _tolerance_c(step: Step, usual_c: float) -> float:
+    """Return how far the reading may be from the set point: never more than a step allows."""
+    if "accuracy" not in step.params:
+        return usual_c
+    return min(usual_c, parse(step.params["accuracy"], ACCURACIES[Quantity.TEMPERATURE]))
 
 
 def _off(heater: Device) -> str:
@@ -319,7 +328,7 @@ def _plan_reading(
         message = "no device of this lab reads that instrument"
         drafting.refuse(step, "plan.no_device", message, f"params.{field}", role=role)
         return DraftStep(step=step)
-    if not _is_accurate(step, drafting, device):
+    if not _is_accurate(step, drafting, device, Quantity.PH):
         return DraftStep(step=step)
     job = drafting.job(
         step,
@@ -333,13 +342,22 @@ def _plan_reading(
     return draft_of(step, [job])
 
 
-def _is_accurate(step: Step, drafting: Drafting, device: Device) -> bool:
-    """Tell whether a probe is known to be as accurate as a step needs, wherever it may read."""
+def _is_accurate(
+    step: Step,
+    drafting: Drafting,
+    device: Device,
+    quantity: Quantity,
+    value: float | None = None,
+) -> bool:
+    """Tell whether a device is known to be as accurate as a step needs.
+
+    Without a value: wherever it may read.
+    """
     if "accuracy" not in step.params:
         return True
-    wanted, known = parse(step.params["accuracy"], "ph_difference"), in_force(device, Quantity.PH)
-    values = () if known is None else tuple(level.value for level in known.levels)
-    found = check_accuracy(device, Quantity.PH, values, wanted)
+    wanted, known = parse(step.params["accuracy"], ACCURACIES[quantity]), in_force(device, quantity)
+    levels = () if known is None else tuple(level.value for level in known.levels)
+    found = check_accuracy(device, quantity, levels if value is None else (value,), wanted)
     for finding in found:
         drafting.refuse(step, finding.code, finding.message, "params.accuracy")
     return not found

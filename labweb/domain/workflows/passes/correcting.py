@@ -31,8 +31,13 @@ from labweb.domain.units import parse
 from labweb.domain.workflows.passes.draft import Drafting, DraftJob, DraftStep
 from labweb.domain.workflows.passes.roles import setting
 from labweb.domain.workflows.protocol import Step
+from labweb.domain.workflows.steps import STEP_KINDS
 
-_ACCURACIES: Mapping[Quantity, str] = {Quantity.VOLUME: "share", Quantity.PH: "ph_difference"}
+ACCURACIES: Mapping[Quantity, str] = {
+    Quantity.VOLUME: "share",
+    Quantity.PH: "ph_difference",
+    Quantity.TEMPERATURE: "temperature_difference",
+}
 """How a step's accuracy is written, by the quantity that it is of."""
 
 
@@ -148,7 +153,7 @@ def correct_job(step: Step, job: DraftJob, drafting: Drafting) -> DraftJob:
     args = {**job.args, **{one.argument: one.sent for one in made if one.sent is not None}}
     devices = {device.id: device for device in drafting.view.devices}
     if made:
-        for problem in _check_sent(job, args):
+        for problem in (*_check_sent(job, args), *_check_range(job, made)):
             drafting.refuse(step, problem.code, problem.message, context=problem.context)
     return replace(
         job,
@@ -161,8 +166,9 @@ def correct_job(step: Step, job: DraftJob, drafting: Drafting) -> DraftJob:
 
 def _with_needs(step: Step, one: Correction) -> Correction:
     """Keep with a correction how sure the step wants it, to be looked at again when it is sent."""
-    sort = _ACCURACIES.get(one.quantity)
-    if sort is None or "accuracy" not in step.params:
+    sort = ACCURACIES[one.quantity]
+    asked = STEP_KINDS[step.kind].parameter("accuracy")
+    if "accuracy" not in step.params or asked is None or asked.quantity != sort:
         return one
     return msgspec.structs.replace(one, needs=parse(step.params["accuracy"], sort))
 
@@ -197,6 +203,22 @@ def _check_sent(job: DraftJob, args: dict[str, object]) -> list[Finding]:
         )
         found.append(Finding("calibration.beyond_scale", text))
     return found
+
+
+def _check_range(job: DraftJob, made: Iterable[Correction]) -> Iterator[Finding]:
+    """Refuse temperatures beyond those that were compared: a line says nothing of them."""
+    for one in made:
+        found = in_force(job.device, one.quantity)
+        if one.quantity is not Quantity.TEMPERATURE or one.asked is None or found is None:
+            continue
+        first, last = found.levels[0], found.levels[-1]
+        if not first.value - first.expanded <= one.asked <= last.value + last.expanded:
+            text = (
+                f"{job.device.name} was calibrated from {first.value:.5g} to {last.value:.5g} °C; "
+                f"of {one.asked:g} °C nothing is known: ask for one between, or withdraw "
+                f"calibration {found.number} and calibrate it over a wider range"
+            )
+            yield Finding("calibration.out_of_range", text)
 
 
 def _as_device_tells(condition: Condition, device: Device | None) -> Condition:

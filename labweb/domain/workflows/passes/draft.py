@@ -104,7 +104,9 @@ class Drafting:
 
     def refuse(self, step: Step, code: str, message: str, at: str = "", **context: object) -> None:
         """Note why a step cannot be planned."""
-        self.findings.append(Finding(code, message, step.id, {"field": at, **context}))
+        found = Finding(code, message, step.id, {"field": at, **context})
+        if found not in self.findings:
+            self.findings.append(found)
 
     def lot(self, key: str) -> LotId | None:
         """Return the lot of that key, one of this plan too; None: there is none."""

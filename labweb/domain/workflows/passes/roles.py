@@ -41,6 +41,7 @@ OFFERS: Mapping[str, Offer] = {
     "stirrer": Offer(("stir", "stop_stirring"), ("speed_rpm",)),
     "balance": Offer(("weigh",), ("mass_mg", "is_stable")),
     "ph": Offer(("measure",), ("value_ph",)),
+    "thermometer": Offer(("measure",), ("temperature_c",)),
     "timer": Offer(("wait",)),
     "camera": Offer(("look",), ("sighting",)),
     "arm": Offer(("run_program", "stop_program"), ("is_running",)),
