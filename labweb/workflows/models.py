@@ -35,6 +35,9 @@ class WorkflowVersion(Base):
     document = models.JSONField()
     digest = models.CharField(max_length=64)
     note = models.CharField(max_length=300, blank=True)
+    proved = models.JSONField(null=True)
+    """Of a recipe: what its proof takes for granted, checked at each start. Null: drawn."""
+
     author = models.ForeignKey("accounts.User", null=True, on_delete=models.PROTECT)
     at = models.DateTimeField()
 

@@ -18,7 +18,7 @@ pytestmark = [
     pytest.mark.slow,
     pytest.mark.timeout(0),
     pytest.mark.skipif(
-        "LABWEB_SOAK" not in os.environ, reason="267 actions take a quarter of an hour: make soak"
+        "LABWEB_SOAK" not in os.environ, reason="317 actions take a quarter of an hour: make soak"
     ),
 ]
 

@@ -26,9 +26,11 @@ export interface TriedRig {
 
 type Bound = Record<string, string>;
 
-interface Blueprints {
+/** A file that goes beside the recipe. */
+export interface BesideFile {
   id: string;
   name: string;
+  /** Base64 of its bytes. */
   packed: string;
 }
 
@@ -42,7 +44,9 @@ interface Opened {
   wishes: Wishes;
   /** By rig. */
   holds: Record<string, Held[]>;
-  blueprints: Blueprints[];
+  blueprints: BesideFile[];
+  /** What is stated beside the recipe, `labweb.declared/1`, or null. */
+  declared: BesideFile | null;
   problem: string | null;
   openRecipe: (file: File) => Promise<void>;
   addGraph: (file: File) => Promise<void>;
@@ -53,6 +57,8 @@ interface Opened {
   say: (wishes: Wishes, holds: Held[]) => void;
   addBlueprints: (file: File) => Promise<void>;
   dropBlueprints: (id: string) => void;
+  setDeclared: (file: File) => Promise<void>;
+  dropDeclared: () => void;
   close: () => void;
 }
 
@@ -76,6 +82,7 @@ const unsaid = {
   wishes: { parameters: {}, equiv_reference: "", equiv_amount: "", rinse: [] },
   holds: {},
   blueprints: [],
+  declared: null,
 };
 
 const nothing = {
@@ -133,6 +140,15 @@ export const useOpened = create<Opened>((set, get) => {
       }
     },
     dropBlueprints: (id) => set({ blueprints: get().blueprints.filter((one) => one.id !== id) }),
+    setDeclared: async (file) => {
+      try {
+        const { id, name, packed } = await read(file);
+        set({ declared: { id, name, packed }, problem: null });
+      } catch (error) {
+        tell(error);
+      }
+    },
+    dropDeclared: () => set({ declared: null }),
     close: () => set(nothing),
   };
 });
@@ -148,7 +164,9 @@ export function askedOn(state: Opened, rigId: string | null): RecipeAsked | null
     recipe: state.recipe.packed,
     graph: rig.packed,
     said: saidOn(state, rig.id),
-    blueprintIds: state.blueprints.map((one) => one.id),
+    besideIds: [...state.blueprints, ...(state.declared ? [state.declared] : [])].map(
+      (one) => one.id,
+    ),
   };
 }
 
@@ -161,6 +179,7 @@ function saidOn(state: Opened, rigId: string): Said {
     bind: state.binds[rigId] ?? {},
     holds,
     blueprints: state.blueprints.map((one) => one.packed),
+    declared: state.declared?.packed ?? "",
     ...state.wishes,
   };
 }

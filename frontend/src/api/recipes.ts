@@ -21,7 +21,7 @@ export interface RecipeAsked {
   graph: string | null;
   said: Said;
   /** Of the files among it. */
-  blueprintIds: string[];
+  besideIds: string[];
 }
 
 /** What a person says beside the recipe. */
@@ -31,6 +31,8 @@ export interface Said {
   holds: Record<string, Record<string, string>>;
   /** Files, base64. */
   blueprints: string[];
+  /** File `labweb.declared/1`, base64; "" for none. */
+  declared: string;
   rinse: string[];
   parameters: Record<string, string>;
   equiv_reference: string;
@@ -58,7 +60,8 @@ export function useOpening(asked: RecipeAsked | null): UseQueryResult<Opening> {
   return useQuery({
     queryKey: keys.opening(asked?.recipeId ?? "", asked?.rigId ?? "", {
       ...asked?.said,
-      blueprints: asked?.blueprintIds,
+      blueprints: asked?.besideIds,
+      declared: null,
     }),
     queryFn: ({ signal }) => {
       if (!asked) throw new Error("nothing is open");
@@ -81,7 +84,7 @@ export function useAdvice(): UseMutationResult<RecipeAdvice, Error, RecipeAsked>
   });
 }
 
-export interface Keeping extends Omit<Said, "holds" | "rinse"> {
+export interface Keeping extends Said {
   name: string;
   recipe: string;
   file: string;

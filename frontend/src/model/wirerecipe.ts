@@ -2,9 +2,9 @@
 
 import type { Finding, Id, Version } from "./wire";
 
-/** What a finding is about: the recipe's own text, the graph, both together, or what was asked. */
+/** What a finding is about: the recipe, the graph, both together, what was asked, what is stated. */
 export interface RecipeFinding extends Finding {
-  about: "recipe" | "graph" | "rig" | "wish";
+  about: "recipe" | "graph" | "rig" | "wish" | "declared";
 }
 
 export interface RigNode {

@@ -47,6 +47,15 @@ function GiveValue({ finding }: { finding: RecipeFinding }) {
 function Where(props: { finding: RecipeFinding; onLine: (line: number) => void }) {
   const { finding } = props;
   const line = lineOf(finding);
+  if (finding.about === "declared") {
+    const at = line === null ? finding.context.at : `line ${line}`;
+    return (
+      <span className="t12 m">
+        {words.about.declared}
+        {typeof at === "string" && `, ${at}`}
+      </span>
+    );
+  }
   if (line === null) {
     return <span className="t12 m">{finding.subject || words.about[finding.about]}</span>;
   }

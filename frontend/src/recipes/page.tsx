@@ -173,23 +173,14 @@ function Answer({ data, text, isNew, picked, onPick, asked }: AnswerProps) {
   };
   return (
     <div className="recipecols" aria-busy={isNew} data-testid="opening">
-      <div className="col beside">
+      <div className="col told">
         <ProofChip data={data} isNew={isNew} />
         {!isNew && data.findings.length > 0 && (
           <FindingsCard findings={data.findings} onLine={setLine} />
         )}
         {!isNew && !plan && data.rig && data.recipe && asked && <AdviceCard asked={asked} />}
-        {data.rig && <RigGraph rig={data.rig} step={step} />}
-        {plan && asked?.graph === null && <TwinCard step={step} />}
-        <RecipeText
-          text={text}
-          findings={isNew ? [] : data.findings}
-          marked={line ?? step?.of.line ?? null}
-          isWanted={line !== null}
-          onLine={pickLine}
-        />
       </div>
-      <div className="col">
+      <div className="col work">
         <ComparisonCard now={isNew ? null : data} />
         {data.recipe && !data.recipe.is_compiled && (
           <WishesCard key={asked?.rigId} opening={data} />
@@ -199,6 +190,17 @@ function Answer({ data, text, isNew, picked, onPick, asked }: AnswerProps) {
           <StepsCard plan={plan} rig={data.rig} picked={picked} onPick={pickStep} />
         )}
         {plan && <TotalsCard plan={plan} />}
+      </div>
+      <div className="col beside">
+        {data.rig && <RigGraph rig={data.rig} step={step} />}
+        {plan && asked?.graph === null && <TwinCard step={step} />}
+        <RecipeText
+          text={text}
+          findings={isNew ? [] : data.findings}
+          marked={line ?? step?.of.line ?? null}
+          isWanted={line !== null}
+          onLine={pickLine}
+        />
       </div>
     </div>
   );

@@ -24,19 +24,9 @@ export function SaveDialog(props: {
   const navigate = useNavigate();
   const send = (): void => {
     const { recipe, said } = props.asked;
-    const { blueprints, parameters, equiv_reference, equiv_amount } = said;
     const bind = keysOf(props.opening);
     keep.mutate(
-      {
-        name: name.trim(),
-        recipe,
-        file: props.file,
-        bind,
-        blueprints,
-        parameters,
-        equiv_reference,
-        equiv_amount,
-      },
+      { ...said, name: name.trim(), recipe, file: props.file, bind },
       { onSuccess: (kept) => void navigate(`/workflows/${kept.workflow_id}/edit`) },
     );
   };

@@ -153,3 +153,30 @@ test("a flask whose label looks like the reagent is taken by one press alone", a
   await waitFor(() => expect(asked(sent)).toMatchObject({ bind: { water: "flask" } }));
   expect(screen.queryByTestId("take-alike")).toBeNull();
 });
+
+test("what is stated beside the recipe goes with it, is saved with it, and tells what is wrong", async () => {
+  const wrong: RecipeFinding = {
+    code: "xdl.not_declared",
+    message: "keys states 'brime', which the recipe says nowhere",
+    subject: "",
+    context: { at: "keys" },
+    about: "declared",
+  };
+  const sent = page((body) =>
+    opening(body.declared === btoa("{bad}") ? { findings: [wrong], plan: null } : {}),
+  );
+  const field = await screen.findByTestId("add-declared-input");
+  await userEvent.upload(field, new File(["{bad}"], "bad.json"));
+  expect(await screen.findByTestId("recipe-finding")).toHaveTextContent("Stated beside it, keys");
+  expect(within(screen.getByTestId("wish-declared")).getByRole("alert")).toHaveTextContent("brime");
+  await userEvent.upload(screen.getByTestId("add-declared-input"), new File(["{}"], "good.json"));
+  await waitFor(() => expect(asked(sent)).toMatchObject({ declared: btoa("{}") }));
+  await waitFor(() => expect(screen.getByTestId("save-recipe")).toBeEnabled());
+  await userEvent.click(screen.getByTestId("save-recipe"));
+  await userEvent.click(await screen.findByTestId("save-confirm"));
+  await waitFor(() =>
+    expect(sent.at(-1)?.body).toMatchObject({ declared: btoa("{}"), holds: {}, rinse: [] }),
+  );
+  await userEvent.click(screen.getByLabelText("Remove good.json"));
+  expect(useOpened.getState().declared).toBeNull();
+});

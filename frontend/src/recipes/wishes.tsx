@@ -49,6 +49,7 @@ export function WishesCard({ opening }: { opening: Opening }) {
         <Equivalents opening={opening} draft={draft} onChange={change} />
         <Contents opening={opening} held={held} onChange={setHeld} />
         <Rinses opening={opening} draft={draft} onChange={change} />
+        <DeclaredFile findings={opening.findings} />
         <BlueprintFiles findings={opening.findings} />
         <div className="acts">
           {!isChanged && <span className="t12 m">{words.applied}</span>}
@@ -244,6 +245,46 @@ function Rinses({ opening, draft, onChange }: PartProps) {
           <option key={name}>{name}</option>
         ))}
       </select>
+    </Part>
+  );
+}
+
+function DeclaredFile({ findings }: { findings: readonly RecipeFinding[] }) {
+  const { declared, setDeclared, dropDeclared } = useOpened();
+  const wrong = findings.filter((finding) => finding.about === "declared");
+  return (
+    <Part
+      title={words.declared}
+      said={declared?.name ?? ""}
+      isOpen={declared !== null}
+      help={words.declaredHelp}
+      testId="wish-declared"
+    >
+      {declared && (
+        <ul className="chosen">
+          <li data-testid="declared-file">
+            <span className="cut">{declared.name}</span>
+            <IconButton
+              icon="trash"
+              label={`${words.remove} ${declared.name}`}
+              onClick={dropDeclared}
+            />
+          </li>
+        </ul>
+      )}
+      {wrong.map((finding, place) => (
+        <p key={place} className="help bad" role="alert">
+          {finding.message}
+        </p>
+      ))}
+      <FileButton
+        accept=".json,application/json"
+        label={words.declared}
+        onFile={(file) => void setDeclared(file)}
+        testId="add-declared"
+      >
+        {words.addDeclared}
+      </FileButton>
     </Part>
   );
 }

@@ -57,6 +57,10 @@ export const words = {
       ? `As the recipe says: ${names.join(", ")}.`
       : "The recipe names nothing: lines are not rinsed.",
   addRinse: "Add a liquid…",
+  declared: "Stated beside it",
+  declaredHelp:
+    "A file labweb.declared/1: which key of the lab a name is, where vapour condenses, which lots lie in which layer, what boils off, what reacts.",
+  addDeclared: "Choose a file…",
   blueprints: "Blueprint files",
   blueprintsHelp: "Files with the blueprints that the recipe uses and does not hold itself.",
   addBlueprints: "Add a file…",
@@ -104,5 +108,6 @@ export const words = {
     graph: "Graph",
     rig: "Recipe on this rig",
     wish: "What was asked",
+    declared: "Stated beside it",
   },
 } as const;

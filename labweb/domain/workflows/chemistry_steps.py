@@ -77,6 +77,13 @@ CHEMISTRY_STEPS = (
         clauses=("Keep stirring {vessel} at {stir_speed}",),
     ),
     UnitOperation(
+        kind="stop_stir",
+        label="Stop stirring",
+        help="Stop stirring a vessel; what heats or chills it goes on.",
+        parameters=(vessel("vessel", "Vessel", "Vessel on a stirrer."),),
+        clauses=("Stop stirring {vessel}",),
+    ),
+    UnitOperation(
         kind="separate",
         label="Draw the lower layer",
         help="Let two layers part, and draw the lower one out at the bottom.",
@@ -124,8 +131,16 @@ CHEMISTRY_STEPS = (
             StepParameter(
                 name="rounds", sort=ParameterSort.TEXT, label="Times", help="How often, such as 3."
             ),
+            optional(
+                quantity("vacuum_for", "time", "Vacuum for", "Keep it evacuated so long each time.")
+            ),
+            optional(quantity("gas_for", "time", "Gas for", "Let the gas in so long each time.")),
         ),
-        clauses=("Evacuate {vessel} to {pressure} and refill it with {gas}, {rounds} times",),
+        clauses=(
+            "Evacuate {vessel} to {pressure} and refill it with {gas}, {rounds} times",
+            ", vacuum for {vacuum_for}",
+            ", gas for {gas_for}",
+        ),
     ),
 )
 """In the order of the palette."""

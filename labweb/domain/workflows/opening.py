@@ -15,6 +15,8 @@ from labweb.domain.graph.rig.model import Rig
 from labweb.domain.graph.rig.read import read_rig, unpacked
 from labweb.domain.units import parse_volume_nl
 from labweb.domain.workflows.advise.search import Advice, advise
+from labweb.domain.workflows.agreement.check import check_same
+from labweb.domain.workflows.agreement.proved import sources_of
 from labweb.domain.workflows.on_rig.binding import Binding, alike, bind, may_be
 from labweb.domain.workflows.on_rig.equipment import Equipment, Sort
 from labweb.domain.workflows.recipe_on_rig import (
@@ -26,6 +28,7 @@ from labweb.domain.workflows.recipe_on_rig import (
     workflow_of,
 )
 from labweb.domain.workflows.recipe_plan import Wish, expand_recipe
+from labweb.domain.workflows.xdl.declared import Declared, bindings, read_declared
 from labweb.domain.workflows.xdl.expansion.expand import all_operations
 from labweb.domain.workflows.xdl.findings import Findings
 from labweb.domain.workflows.xdl.recipe import Procedure, Recipe
@@ -33,6 +36,7 @@ from labweb.domain.workflows.xdl.values import unit_of, written
 
 _NL_PER_UL = 1000
 _UNPROVED = "plan.not_proved"
+_STATED = "xdl.not_declared"
 _WISHED = frozenset(
     {"xdl.no_equivalents", "xdl.equivalents_incomplete", "xdl.equivalents_reference"}
 )
@@ -57,6 +61,9 @@ class Asked:
     blueprints: tuple[bytes, ...] = ()
     """Files with blueprints that the recipe uses."""
 
+    declared: bytes = b""
+    """What is stated beside the recipe, `labweb.declared/1`; empty: nothing."""
+
     rinse: tuple[str, ...] = ()
     """What lines are rinsed with, in this order; without any, what the recipe cleans with."""
 
@@ -64,24 +71,38 @@ class Asked:
     equiv_reference: str = ""
     equiv_amount: str = ""
 
-    def wish(self) -> Wish:
-        """Return it for the compiler.
+    def stated(self) -> Declared | None:
+        """Return what is stated beside the recipe.
+
+        Raises:
+            ProtocolError: `xdl.not_declared`, when the file is none.
+        """
+        return read_declared(self.declared) if self.declared else None
+
+    def wish(self, recipe: Recipe, stated: Declared | None) -> Wish:
+        """Return it for the compiler; what is bound by hand wins over what is stated.
 
         Raises:
             UnitError: What a vessel holds is no volume; `findings` list each.
         """
+        keys = {} if stated is None else bindings(stated, recipe)
         holds, wrong = self._held_nl()
         if wrong:
             first = wrong[0]
             raise UnitError(first.message, code=first.code, findings=wrong)
         return Wish(
-            bind=dict(self.bind),
+            bind={**keys, **self.bind},
             holds_nl=holds,
             rinse=self.rinse,
             parameters=dict(self.parameters),
             equiv_reference=self.equiv_reference,
             equiv_amount=self.equiv_amount,
         )
+
+    def head(self, graph_sha256: str) -> dict[str, Any]:
+        """Return what a plan says of the files that it is made of."""
+        recipe = {"id": self.name, "sha256": digest(self.recipe)}
+        return {"recipe": recipe, "graph_sha256": graph_sha256}
 
     def _held_nl(self) -> tuple[dict[str, dict[str, int]], list[Finding]]:
         found: dict[str, dict[str, int]] = {}
@@ -122,18 +143,16 @@ def open_recipe(asked: Asked) -> dict[str, Any]:
     except LabError as error:
         _tell(answer, "recipe", error)
     answer["findings"] += _plain("recipe", findings)
+    stated = _stated(asked, answer)
     if recipe is None or rig is None or len(recipe.syntheses) != 1:
         return answer
+    is_open = not findings and (stated is not None or not asked.declared)
     binding = None
     try:
-        wish = asked.wish()
-        binding = None if findings else _bound(recipe, rig, wish)
-        if not findings:
-            head = {
-                "recipe": {"id": asked.name, "sha256": digest(asked.recipe)},
-                "graph_sha256": answer["rig"]["sha256"],
-            }
-            proved = plan_recipe(recipe, rig, wish, head)
+        wish = asked.wish(recipe, stated)
+        binding = _bound(recipe, rig, wish) if is_open else None
+        if is_open:
+            proved = plan_recipe(recipe, rig, wish, asked.head(answer["rig"]["sha256"]))
             answer["plan"], answer["is_proved"] = _planned(proved), True
     except LabError as error:
         answer["is_proved"] = False if error.code == _UNPROVED else None
@@ -149,21 +168,46 @@ def advise_on(asked: Asked) -> dict[str, Any]:
         LabError: Recipe or graph cannot be read.
     """
     rig = read_rig(unpacked(asked.graph))
-    found = advise(read_recipe(asked.recipe, rig, asked.blueprints), rig, asked.wish())
+    recipe = read_recipe(asked.recipe, rig, asked.blueprints)
+    found = advise(recipe, rig, asked.wish(recipe, asked.stated()))
     if isinstance(found, Advice):
         return found.to_json() | {"graph": found.graph.decode()}
     return {"ok": False, "findings": [finding.to_json() for finding in found]}
 
 
 def workflow_from(asked: Asked) -> dict[str, Any]:
-    """Return the document of a workflow that says the whole recipe.
+    """Return the document of a workflow that does what the plan of a recipe is proved to do.
+
+    Returns:
+        `document`, and `proved`: `recipe_sha256`, `graph_sha256`, and `sources`, the vessels that
+        reagents come out of, by key.
 
     Raises:
-        LabError: It cannot be read, or a workflow cannot say all of it.
+        LabError: It cannot be read, there is no proved plan, a workflow cannot say all of it, or
+            `recipe.differs`, with each deed that the two do not have in common.
     """
-    rig = read_rig(unpacked(asked.graph)) if asked.graph else None
+    raw = unpacked(asked.graph)
+    rig, stated = read_rig(raw), asked.stated()
     recipe = read_recipe(asked.recipe, rig, asked.blueprints)
-    return workflow_of(recipe, asked.wish(), name=asked.name[:200])
+    wish = asked.wish(recipe, stated)
+    document = workflow_of(recipe, wish, name=asked.name[:200], declared=stated)
+    head = asked.head(digest(raw))
+    plan = plan_recipe(recipe, rig, wish, head).plan
+    check_same(plan, document)
+    proved = {
+        "recipe_sha256": head["recipe"]["sha256"],
+        "graph_sha256": head["graph_sha256"],
+        "sources": sources_of(plan),
+    }
+    return {"document": document, "proved": proved}
+
+
+def _stated(asked: Asked, answer: dict[str, Any]) -> Declared | None:
+    try:
+        return asked.stated()
+    except LabError as error:
+        _tell(answer, "declared", error)
+        return None
 
 
 def _rig(asked: Asked, answer: dict[str, Any]) -> Rig | None:
@@ -295,7 +339,8 @@ def _tell(answer: dict[str, Any], about: str, error: LabError) -> None:
     about = "wish" if isinstance(error, UnitError) else about
     for finding in findings:
         is_wish = finding.code in _WISHED or "parameter" in finding.context
-        answer["findings"] += _plain("wish" if is_wish else about, [finding])
+        told = "declared" if finding.code == _STATED else "wish" if is_wish else about
+        answer["findings"] += _plain(told, [finding])
 
 
 def _plain(about: str, findings: Iterable[Finding]) -> list[dict[str, Any]]:

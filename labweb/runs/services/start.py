@@ -30,6 +30,7 @@ from labweb.domain.errors import Finding, PreconditionError, RevisionError
 from labweb.domain.resources.contents import LotId
 from labweb.domain.runs.job import JobState, Mover, RunState
 from labweb.domain.workflows import plan as plans
+from labweb.domain.workflows.agreement.contents import check_sources
 from labweb.domain.workflows.compile import LabView, compile_workflow
 from labweb.domain.workflows.plan import Plan
 from labweb.domain.workflows.protocol import parse_workflow
@@ -194,7 +195,7 @@ def start_run(
         RevisionError: The plan is not the one the actor saw; nothing was written.
         ProtocolError, PlanningError: As `preview`; nothing was written.
         ForbiddenError: The actor may not run things on some resource of the plan.
-        PreconditionError: The lab is stopped.
+        PreconditionError: The lab is stopped, or a flask holds what nobody proved the recipe with.
         LockedError: Somebody else has reserved a resource of the plan.
 
     Effect:
@@ -205,7 +206,9 @@ def start_run(
         finding = Finding("run.lab_stopped", "the lab is stopped: a person has to reset it first")
         raise PreconditionError(finding.message, code=finding.code, findings=[finding])
     reach = resource_selectors.reach_of(actor, Permission.RUN)
-    found = preview(lab, version.document, reach=reach)
+    view = lab_view(lab)
+    found = preview(lab, version.document, view=view, reach=reach)
+    _check_proved(version, view)
     crutd_services.refuse_reserved_by_others(touched(found.plan), actor_id=actor.pk)
     plan_digest = plans.digest(found.plan)
     _check_seen(plan_digest, seen_digest)
@@ -236,6 +239,13 @@ def start_run(
     )
     on_commit(partial(announce, run.id))
     return run
+
+
+def _check_proved(version: WorkflowVersion, view: LabView) -> None:
+    findings = [] if version.proved is None else check_sources(version.proved, view)
+    if findings:
+        first = findings[0]
+        raise PreconditionError(first.message, code=first.code, findings=findings)
 
 
 def _check_seen(plan_digest: str, seen_digest: str | None) -> None:

@@ -28,6 +28,9 @@ class Opened(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
     bind: dict[str, str] = {}
     holds: dict[str, dict[str, str]] = {}
     blueprints: list[bytes] = []
+    declared: bytes = b""
+    """What is stated beside the recipe, `labweb.declared/1`; empty: nothing."""
+
     rinse: list[str] = []
     parameters: dict[str, str] = {}
     equiv_reference: str = ""
@@ -42,6 +45,7 @@ class Opened(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
             bind=self.bind,
             holds=self.holds,
             blueprints=tuple(self.blueprints),
+            declared=self.declared,
             rinse=tuple(self.rinse),
             parameters=self.parameters,
             equiv_reference=self.equiv_reference,
@@ -62,7 +66,10 @@ class Kept(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
     bind: dict[str, str] = {}
     """Vessel or reagent of the recipe → key of the lab."""
 
+    holds: dict[str, dict[str, str]] = {}
     blueprints: list[bytes] = []
+    declared: bytes = b""
+    rinse: list[str] = []
     parameters: dict[str, str] = {}
     equiv_reference: str = ""
     equiv_amount: str = ""
@@ -100,7 +107,10 @@ class KeepRecipe(APIView):
             name=told.file,
             recipe=told.recipe,
             bind=told.bind,
+            holds=told.holds,
             blueprints=tuple(told.blueprints),
+            declared=told.declared,
+            rinse=tuple(told.rinse),
             parameters=told.parameters,
             equiv_reference=told.equiv_reference,
             equiv_amount=told.equiv_amount,

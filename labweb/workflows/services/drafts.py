@@ -116,11 +116,17 @@ def save_draft(
 
 @atomic
 def save_version(
-    workflow_id: UUID, *, note: str, actor: User | None, revision: int | None = None
+    workflow_id: UUID,
+    *,
+    note: str,
+    actor: User | None,
+    revision: int | None = None,
+    proved: dict[str, Any] | None = None,
 ) -> WorkflowVersion:
     """Freeze the draft as the next version; the same draft twice is one version.
 
-    `revision` is of the draft that the author saw; None freezes whichever is there.
+    `revision` is of the draft that the author saw; None freezes whichever is there. `proved` is
+    what a proof takes for granted; None: nobody proved anything of it.
 
     Raises:
         RevisionError: Somebody saved in between; `context` carries the newer draft.
@@ -143,6 +149,7 @@ def save_version(
         document=row.draft,
         digest=digest,
         note=note[:300],
+        proved=proved,
         author=actor,
         at=now(),
     )

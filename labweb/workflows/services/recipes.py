@@ -17,7 +17,9 @@ from labweb.accounts.selectors import User
 from labweb.crutd.selectors.exporting import lab_file_of
 from labweb.domain.approvals.roles import Permission
 from labweb.domain.errors import DefinitionError, Finding, LockedError, ProtocolError
+from labweb.domain.graph.lab_file.model import LabFile
 from labweb.domain.graph.rig.lab import render_graph
+from labweb.domain.workflows.agreement.contents import render_proved
 from labweb.domain.workflows.opening import Asked
 from labweb.domain.workflows.protocol import parse_workflow, render_workflow, resolve_keys
 from labweb.domain.workflows.recipe_on_rig import digest
@@ -74,20 +76,24 @@ def keep_recipe(lab: Lab, asked: Asked, *, name: str, actor: User) -> WorkflowVe
     """Keep a recipe as a workflow with its first version.
 
     Raises:
-        ProtocolError: A workflow cannot say all of it, or a vessel is bound to no resource of the
-            lab; `findings` list what. Nothing was stored.
+        ProtocolError: A workflow cannot say all of it, a vessel is bound to no resource of the
+            lab, or `recipe.differs`: the run would not do what is proved; `findings` list what.
+            Nothing was stored.
+        InfeasibleError: The lab as it is now cannot do it.
         DefinitionError: The name, or `recipe.too_much`.
-        ForbiddenError: The actor may not draw here.
+        ForbiddenError: The actor may not draw here, or may not see the whole lab.
         LockedError: `recipe.busy`.
     """
-    _may(lab, actor, Permission.DRAW)
-    template = _run("workflow", replace(asked, name=name.strip() or asked.name))
-    tree = resource_selectors.tree_of(resource_selectors.resources_of(lab))
-    document = render_workflow(resolve_keys(parse_workflow(template), tree))
+    lab_file = _lab_file(lab, actor)
+    graph = render_graph(lab_file)
+    found = _run("workflow", replace(asked, name=name.strip() or asked.name, graph=graph))
+    template = parse_workflow(found["document"])
+    document = render_workflow(resolve_keys(template, lab_file.tree))
+    proved = render_proved(found["proved"], lab_file)
     note = f"from {asked.name[:LONGEST_FILE]}, SHA-256 {digest(asked.recipe)}"
     with atomic():  # not before: the recipe may have been minutes in its process
         row = create_workflow(lab, name=name, document=document, actor=actor)
-        return save_version(row.id, note=note, actor=actor)
+        return save_version(row.id, note=note, actor=actor, proved=proved)
 
 
 def _may(lab: Lab, actor: User, permission: Permission) -> None:
@@ -96,10 +102,14 @@ def _may(lab: Lab, actor: User, permission: Permission) -> None:
 
 def _with_graph(lab: Lab, asked: Asked, *, on_lab: bool, actor: User) -> Asked:
     _may(lab, actor, Permission.DRAW)
-    if not on_lab:
-        return asked
+    return replace(asked, graph=render_graph(_lab_file(lab, actor))) if on_lab else asked
+
+
+def _lab_file(lab: Lab, actor: User) -> LabFile:
+    """Return the whole lab as it is now, for who may draw and may see all of it."""
+    _may(lab, actor, Permission.DRAW)
     _may(lab, actor, Permission.VIEW)
-    return replace(asked, graph=render_graph(lab_file_of(lab)))
+    return lab_file_of(lab)
 
 
 def _run(act: str, asked: Asked) -> dict[str, Any]:

@@ -77,7 +77,7 @@ def refilling(**more: Any) -> dict[str, Any]:  # noqa: ANN401 - what a step take
 def test_the_recipe_compiles_on_the_station_to_its_end() -> None:
     found = check_plan(workflow(recipe_document()), station())
     assert not found, [(f.subject, f.code, f.message) for f in found]
-    assert len(recipe_plan().steps) == 38
+    assert len(recipe_plan().steps) == 45
 
 
 def test_the_template_of_the_lab_is_what_the_recipe_says() -> None:

@@ -6,6 +6,7 @@ import json
 import os
 import subprocess
 import sys
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -64,7 +65,8 @@ def test_json_and_back_is_the_same_recipe(tmp_path: Path) -> None:
 
 def test_a_recipe_of_known_steps_becomes_a_workflow(tmp_path: Path) -> None:
     workflow = parse_workflow(json.loads(convert(tmp_path, "", "--to", "workflow")))
-    assert [step.kind for step in workflow.steps] == ["transfer", "heat_chill", "wait", "wait"]
+    kinds = [step.kind for step in workflow.steps]
+    assert kinds == ["transfer", "start_stir", "heat_chill", "wait", "wait", "stop_stir"]
     assert workflow.steps[0].params == {
         "source": "@water",
         "target": "@reactor_1",
@@ -74,11 +76,8 @@ def test_a_recipe_of_known_steps_becomes_a_workflow(tmp_path: Path) -> None:
     # The recipe names no speed, so the one that is taken is told.
     assert workflow.steps[1].params["stir_speed"] == "250 rpm"
     assert "250 RPM" in workflow.steps[1].note
-    assert [(edge.source, edge.target) for edge in workflow.edges] == [
-        ("s1", "s2"),
-        ("s2", "s3"),
-        ("s3", "s4"),
-    ]
+    ids = [step.id for step in workflow.steps]
+    assert [(edge.source, edge.target) for edge in workflow.edges] == list(pairwise(ids))
 
 
 def test_queues_become_branches_and_meet_again(tmp_path: Path) -> None:
@@ -88,7 +87,7 @@ def test_queues_become_branches_and_meet_again(tmp_path: Path) -> None:
     )
     workflow = parse_workflow(json.loads(convert(tmp_path, steps, "--to", "workflow")))
     edges = {(edge.source, edge.target) for edge in workflow.edges}
-    assert {("s4", "s5"), ("s4", "s6"), ("s5", "s7"), ("s7", "s8"), ("s6", "s8")} <= edges
+    assert {("s5", "s6"), ("s5", "s7"), ("s6", "s8"), ("s8", "s9"), ("s7", "s9")} <= edges
 
 
 @pytest.mark.parametrize(

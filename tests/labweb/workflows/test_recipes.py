@@ -15,7 +15,9 @@ from django.http import HttpResponse
 from django.test import Client
 
 from labweb.common.recipes import __main__ as process
+from labweb.domain.errors import PreconditionError
 from labweb.domain.workflows.opening import Asked
+from labweb.runs.services import start_run
 from labweb.workflows.models import Workflow, WorkflowVersion
 from labweb.workflows.services import recipes
 from tests.builders import Bench
@@ -102,8 +104,9 @@ def test_a_recipe_is_kept_as_a_version_with_where_it_came_from(
     assert (version.number, str(version.workflow_id)) == (1, told["workflow_id"])
     assert version.note.startswith("from warm.xdl, SHA-256 ")
     assert version.author == bench.people["chemist"]
-    transfer, heat = version.document["steps"]
-    assert (transfer["kind"], heat["kind"]) == ("transfer", "heat_chill")
+    transfer, heat, stop = version.document["steps"]
+    kinds = [step["kind"] for step in (transfer, heat, stop)]
+    assert kinds == ["transfer", "heat_chill", "stop_heat_stir"]
     assert transfer["params"]["source"] == str(bench.node("water").id)
     assert heat["params"]["vessel"] == str(bench.node("reactor_1").id)
 
@@ -112,7 +115,7 @@ def test_a_vessel_that_the_lab_does_not_have_keeps_nothing(bench: Bench, chemist
     before = Workflow.objects.count()
     keys = {"Water": "water", "reactor": "elsewhere"}
     answer = post(chemist, "keep", name="Warm", recipe=packed(WATER), bind=keys)
-    assert (answer.status_code, code_of(answer)) == (422, "protocol.unknown_key")
+    assert (answer.status_code, code_of(answer)) == (422, "plan.unknown_vessel")
     assert Workflow.objects.count() == before
 
 
@@ -191,3 +194,54 @@ def test_a_long_file_name_leaves_the_digest_whole(bench: Bench, chemist: Client)
 
 def test_the_process_has_less_of_the_processor_than_the_server_waits() -> None:
     assert recipes.MOST_S > process.MAX_CPU_S
+
+
+def kept(chemist: Client) -> WorkflowVersion:
+    keys = {"Water": "water", "reactor": "reactor_1"}
+    answer = post(chemist, "keep", name="Warm", recipe=packed(WATER), bind=keys)
+    return WorkflowVersion.objects.get(pk=json.loads(answer.content)["version"]["id"])
+
+
+def test_a_version_of_a_recipe_keeps_what_its_proof_takes_for_granted(
+    bench: Bench, chemist: Client
+) -> None:
+    version = kept(chemist)
+    assert version.proved is not None
+    assert version.proved["recipe_sha256"] == hashlib.sha256(WATER).hexdigest()
+    source = version.proved["sources"][str(bench.node("water").id)]
+    assert source == {"reagent": "Water", "materials": ["water"]}
+    assert start_run(version, actor=bench.people["chemist"]).version_id == version.pk
+
+
+def test_a_recipe_does_not_start_once_its_flask_holds_something_else(
+    bench: Bench, chemist: Client
+) -> None:
+    version = kept(chemist)
+    source = {"reagent": "Water", "materials": ["acid"]}
+    other = {**(version.proved or {}), "sources": {str(bench.node("water").id): source}}
+    row = WorkflowVersion.objects.create(
+        workflow=version.workflow,
+        number=2,
+        document=version.document,
+        digest=version.digest,
+        proved=other,
+        at=version.at,
+    )
+    with pytest.raises(PreconditionError) as refusal:
+        start_run(row, actor=bench.people["chemist"])
+    assert [one.code for one in refusal.value.findings] == ["recipe.other_content"]
+
+
+def test_what_the_run_would_do_otherwise_than_is_proved_is_not_kept(
+    bench: Bench, chemist: Client
+) -> None:
+    before = Workflow.objects.count()
+    recipe = (
+        WATER.replace(b'name="Water"', b'name="Water" use_for_cleaning="true"')
+        .replace(b"<Procedure>", b'<Procedure><Add vessel="reactor" reagent="acid" volume="1 mL"/>')
+        .replace(b"</Reagents>", b'<Reagent name="acid"/></Reagents>')
+    )
+    keys = {"Water": "water", "acid": "acid", "reactor": "reactor_1"}
+    answer = post(chemist, "keep", name="Warm", recipe=packed(recipe), bind=keys)
+    assert (answer.status_code, code_of(answer)) == (422, "recipe.differs")
+    assert Workflow.objects.count() == before

@@ -123,6 +123,15 @@ def plan_start_stir(step: Step, drafting: Drafting) -> DraftStep:
     return draft_of(step, [_stir(step, drafting, stirrer, vessel)])
 
 
+def plan_stop_stir(step: Step, drafting: Drafting) -> DraftStep:
+    """Stop stirring, and leave the heater as it is."""
+    vessel = UUID(step.params["vessel"])
+    stirrer = find_carrier(step, drafting, vessel, "stirrer")
+    if stirrer is None:
+        return DraftStep(step=step)
+    return draft_of(step, [_stop(step, drafting, stirrer, "stop_stirring", vessel)])
+
+
 def plan_stir(step: Step, drafting: Drafting) -> DraftStep:
     """Stir for a time counted by a timer, then stop."""
     vessel = UUID(step.params["vessel"])
@@ -375,6 +384,7 @@ PLANNERS: Mapping[str, Callable[[Step, Drafting], DraftStep]] = {
     "heat_chill": plan_heat_chill,
     "start_stir": plan_start_stir,
     "stir": plan_stir,
+    "stop_stir": plan_stop_stir,
     "stop_heat_stir": plan_stop,
     "wait": plan_wait,
     "weigh": plan_weigh,

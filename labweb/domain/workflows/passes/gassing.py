@@ -17,7 +17,7 @@ from labweb.domain.graph.routing import COMMON_PORT, is_numbered
 from labweb.domain.graph.topology import Medium
 from labweb.domain.resources.contents import total_nl
 from labweb.domain.units import parse
-from labweb.domain.workflows.passes.acting import draft_of
+from labweb.domain.workflows.passes.acting import draft_of, wait_job
 from labweb.domain.workflows.passes.draft import Drafting, DraftJob, DraftStep
 from labweb.domain.workflows.passes.roles import plays
 from labweb.domain.workflows.protocol import Step
@@ -97,11 +97,19 @@ def _one_round(
             estimate_s=takes_s,
         )
 
+    def stand(field: str, sentence: str) -> list[DraftJob | None]:
+        if field not in step.params:
+            return []
+        locks = (vessel, valve.node_id, *valve.vacuum.nodes.values())
+        return [wait_job(step, drafting, locks, sentence=sentence + text, duration=field)]
+
     return [
         turn(valve.vacuum_port, "vacuum"),
         pump("evacuate_to", low, "Evacuate", PUMP_DOWN_S),
+        *stand("vacuum_for", f"Keep {name} evacuated"),
         pump("stop_pump", {}, "Stop the pump of", STOP_S),
         turn(valve.gas_port, gas),
+        *stand("gas_for", f"Let {gas} into {name}"),
     ]
 
 

@@ -6,16 +6,19 @@ boils off, and what a reaction makes. None of it is inferred.
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
 from typing import Annotated, Any
 
 import msgspec
 from msgspec import Meta
 
-from labweb.domain.errors import ProtocolError
+from labweb.domain.errors import Finding, LabFileError, ProtocolError
+from labweb.domain.graph.lab_file.guard import decode_json
 from labweb.domain.workflows.unit_operations import ALL
-from labweb.domain.workflows.xdl.recipe import Recipe
+from labweb.domain.workflows.xdl.recipe import Recipe, Step
 
 SCHEMA = "labweb.declared/1"
+_CODE = "xdl.not_declared"
 
 Key = Annotated[str, Meta(min_length=1, max_length=80)]
 
@@ -63,21 +66,52 @@ def read_declared(raw: bytes) -> Declared:
         ProtocolError: It is not as above; `xdl.not_declared`.
     """
     try:
-        found = msgspec.json.decode(raw, type=Declared)
-    except msgspec.DecodeError as error:
+        found = msgspec.convert(decode_json(raw), Declared)
+    except (LabFileError, msgspec.ValidationError) as error:
         message = f"what is stated beside the recipe cannot be read: {error}"
-        raise ProtocolError(message, code="xdl.not_declared") from error
+        raise _refusal([Finding(_CODE, message)]) from error
     if found.schema != SCHEMA:
-        raise ProtocolError(f"schema is {found.schema!r}, not {SCHEMA!r}", code="xdl.not_declared")
+        raise _refusal([Finding(_CODE, f"schema is {found.schema!r}, not {SCHEMA!r}")])
     return found
 
 
 def bindings(declared: Declared, recipe: Recipe) -> dict[str, str]:
-    """Return the stated keys of what a recipe declares: vessels, reagents, fillings."""
+    """Return the stated keys of what a recipe declares: vessels, reagents, fillings.
+
+    Raises:
+        ProtocolError: `xdl.not_declared`, for each name that the recipe says nowhere.
+    """
+    unknown = check_names(declared, recipe)
+    if unknown:
+        raise _refusal(unknown)
     syntheses = recipe.syntheses
     names = {component.id for synthesis in syntheses for component in synthesis.hardware}
     names |= {reagent.id for synthesis in syntheses for reagent in synthesis.reagents}
     return {name: key for name, key in declared.keys.items() if name in names}
+
+
+def check_names(declared: Declared, recipe: Recipe) -> list[Finding]:
+    """List the names of which something is stated and that the recipe says nowhere."""
+    names: set[str] = set()
+    for procedure in (*recipe.syntheses, *recipe.blueprints.values()):
+        names |= {one.id for one in procedure.hardware} | {one.id for one in procedure.reagents}
+        names |= set(_texts(procedure.steps))
+    parts = {"keys": declared.keys, "receivers": declared.receivers}
+    return [
+        Finding(_CODE, f"{part} states {name!r}, which the recipe says nowhere", "", {"at": part})
+        for part, stated in parts.items()
+        for name in sorted(stated.keys() - names)
+    ]
+
+
+def _texts(steps: Iterable[Step]) -> Iterator[str]:
+    for step in steps:
+        yield from (value for value in step.values.values() if isinstance(value, str))
+        yield from _texts(step.children)
+
+
+def _refusal(findings: list[Finding]) -> ProtocolError:
+    return ProtocolError(findings[0].message, code=_CODE, findings=findings)
 
 
 def all_of(lots: list[str]) -> dict[str, str]:

@@ -7,19 +7,15 @@ the table of defaults, which the notes of the step name.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
-from decimal import Decimal
-from typing import Any
+from dataclasses import dataclass
 
 from labweb.domain.workflows.unit_operations import ALL
 from labweb.domain.workflows.xdl.acts import Act
 from labweb.domain.workflows.xdl.declared import Declared, all_of
 from labweb.domain.workflows.xdl.defaults_table import DEFAULTS
 from labweb.domain.workflows.xdl.findings import Findings
+from labweb.domain.workflows.xdl.standing import Made, Standing
 from labweb.domain.workflows.xdl.values import Quantity
-
-Made = tuple[str, dict[str, Any], list[str]]
-"""Kind, parameters and notes of one step."""
 
 SAID: Mapping[str, frozenset[str]] = {
     "Add": frozenset(
@@ -31,7 +27,10 @@ SAID: Mapping[str, frozenset[str]] = {
     "HeatChillToTemp": frozenset({"vessel", "temp", "stir", "stir_speed", "purpose"}),
     "Stir": frozenset({"vessel", "time", "stir_speed", "purpose"}),
     "Wait": frozenset({"time"}),
-    "EvacuateAndRefill": frozenset({"vessel", "gas", "repeats", "vacuum_pressure"}),
+    "EvacuateAndRefill": frozenset(
+        {"vessel", "gas", "repeats", "vacuum_pressure"}
+        | {"after_vacuum_wait_time", "after_inert_gas_wait_time"}
+    ),
     "Separate": frozenset(
         {"purpose", "product_phase", "from_vessel", "separation_vessel", "to_vessel"}
         | {"waste_phase_to_vessel", "solvent", "solvent_volume", "through", "stir_time"}
@@ -60,18 +59,13 @@ class SeveralSteps:
     """A property as one number with a unit; tells where it is none."""
 
     told: Findings
-    stirred: set[str] = field(default_factory=set)
-    """Vessels that are being stirred by now."""
-
+    standing: Standing
     _layers: int = 0
     _boiled: int = 0
 
-    def make(self, act: Act) -> list[Made] | None:
+    def make(self, act: Act, notes: list[str]) -> list[Made] | None:
         """Return the steps of an act; None: the simple rules do for it."""
-        notes: list[str] = []
         match act.name:
-            case "Add":
-                return self._add(act, notes)
             case "Transfer" if _is_all(act):
                 return [self._transfer(act, "from_vessel", "to_vessel", notes)]
             case "EvacuateAndRefill":
@@ -79,16 +73,10 @@ class SeveralSteps:
             case "Separate":
                 return self._separate(act, notes)
             case "Evaporate":
-                return [self._evaporate(act, notes)]
+                return self._evaporate(act, notes)
             case "FilterThrough":
                 return self._filter_through(act, notes)
         return None
-
-    def note_stirring(self, kind: str, values: Mapping[str, Any]) -> None:
-        """Follow what is being stirred after a step."""
-        if kind in {"heat_chill", "stir"} and "stir_speed" in values:
-            is_over = kind == "stir" or "hold_for" in values
-            (self.stirred.discard if is_over else self.stirred.add)(values["vessel"])
 
     def _known(self, act: Act, name: str, what: str, notes: list[str]) -> str:
         """Return a property, or the value of the table of defaults with a note of it."""
@@ -99,25 +87,6 @@ class SeveralSteps:
         default = DEFAULTS[what]
         notes.append(f"{name} {default.value}: {default.source}")
         return default.value.replace("RPM", "rpm")
-
-    def _add(self, act: Act, notes: list[str]) -> list[Made]:
-        vessel = self.key(act, "vessel")
-        values = {
-            "source": self.key(act, "reagent"),
-            "target": vessel,
-            "volume": self.number(act, "volume", "mL"),
-        }
-        if "speed" in act.values:
-            values["flow_rate"] = self.number(act, "speed", "mL/min")
-        elif "time" in act.values:
-            rate = _exact(act, "volume") / max(_exact(act, "time"), Decimal(1)) * 1000
-            values["flow_rate"] = f"{round(rate, 6):f} uL/s"
-        before: list[Made] = []
-        if act.values.get("stir") is True and vessel not in self.stirred:
-            speed = self._known(act, "stir_speed", "stir_speed", notes)
-            before = [("start_stir", {"vessel": vessel, "stir_speed": speed}, notes)]
-            self.stirred.add(vessel)
-        return [*before, ("transfer", values, [])]
 
     def _transfer(self, act: Act, source: str, target: str, notes: list[str]) -> Made:
         values = {
@@ -139,6 +108,8 @@ class SeveralSteps:
             "gas": self.key(act, "gas"),
             "pressure": self._known(act, "vacuum_pressure", "evacuate.pressure", notes),
             "rounds": str(repeats),
+            "vacuum_for": self._known(act, "after_vacuum_wait_time", "evacuate.vacuum_time", notes),
+            "gas_for": self._known(act, "after_inert_gas_wait_time", "evacuate.gas_time", notes),
         }
         return "evacuate_refill", values, notes
 
@@ -154,7 +125,11 @@ class SeveralSteps:
             made.append(("transfer", added, []))
         speed = self._known(act, "stir_speed", "separation.fast_stir_speed", notes)
         time = self._known(act, "stir_time", "separation.fast_stir_time", notes)
+        slow = self._known(act, "slow_stir_speed", "separation.slow_stir_speed", notes)
+        slowly = self._known(act, "slow_stir_time", "separation.slow_stir_time", notes)
         made.append(("stir", {"vessel": separator, "stir_speed": speed, "duration": time}, notes))
+        made.append(("stir", {"vessel": separator, "stir_speed": slow, "duration": slowly}, []))
+        self.standing.over(separator)
         return [*made, *self._part(act, separator)]
 
     def _part(self, act: Act, separator: str) -> list[Made]:
@@ -162,9 +137,8 @@ class SeveralSteps:
         lower = self._next(act, self.declared.lower_layers, self._layers, "lower_layers")
         self._layers += 1
         product = self.key(act, "to_vessel")
-        waste = f"@{self.declared.waste}"
-        if "waste_phase_to_vessel" in act.values:
-            waste = self.key(act, "waste_phase_to_vessel")
+        named = "waste_phase_to_vessel"
+        waste = self.key(act, named) if named in act.values else self._waste(act)
         is_lower = act.values.get("product_phase") == "bottom"
         through = {"through": self.key(act, "through")} if "through" in act.values else {}
         drawn = {
@@ -180,6 +154,12 @@ class SeveralSteps:
             made.append(("transfer", rest | ({} if is_lower else through), []))
         return made
 
+    def _waste(self, act: Act) -> str:
+        if not self.declared.waste:
+            message = f"{act.name}: nobody declared the waste"
+            self.told.tell("xdl.not_declared", message, act.place)
+        return f"@{self.declared.waste}"
+
     def _next(self, act: Act, lists: list[list[str]], place: int, name: str) -> list[str]:
         if place < len(lists):
             return lists[place]
@@ -187,7 +167,7 @@ class SeveralSteps:
         self.told.tell("xdl.not_declared", message, act.place)
         return []
 
-    def _evaporate(self, act: Act, notes: list[str]) -> Made:
+    def _evaporate(self, act: Act, notes: list[str]) -> list[Made]:
         gone = self._next(act, self.declared.boils_off, self._boiled, "boils_off")
         self._boiled += 1
         called = str(act.values.get("vessel", ""))
@@ -204,32 +184,29 @@ class SeveralSteps:
             "duration": self.number(act, "time", "s"),
             "boils_off": all_of(gone),
         }
-        return "evaporate", values, notes
+        # What has condensed goes to the waste, as in a plan: the flask has room for the next.
+        drain = {"source": f"@{receiver}", "target": self._waste(act), "volume": ALL}
+        return [("evaporate", values, notes), ("transfer", drain, [])]
 
     def _filter_through(self, act: Act, notes: list[str]) -> list[Made]:
         made = [self._transfer(act, "from_vessel", "to_vessel", notes)]
         if "eluting_solvent" not in act.values:
             return made
         repeats = act.values.get("eluting_repeats", 1)
-        flush = {
+        rinse = {
             "source": self.key(act, "eluting_solvent"),
-            "target": self.key(act, "to_vessel"),
+            "target": self.key(act, "from_vessel"),
             "volume": self.number(act, "eluting_volume", "mL"),
-            "through": self.key(act, "through"),
         }
-        count = repeats if isinstance(repeats, int) else 1
-        return [*made, *(("transfer", dict(flush), []) for _ in range(count))]
+        for _ in range(repeats if isinstance(repeats, int) else 1):
+            made.append(("transfer", dict(rinse), []))
+            made.append(self._transfer(act, "from_vessel", "to_vessel", []))
+        return made
 
 
 def _is_all(act: Act) -> bool:
     volume = act.values.get("volume", act.values.get("amount"))
     return isinstance(volume, Quantity) and volume.word == ALL
-
-
-def _exact(act: Act, name: str) -> Decimal:
-    value = act.values.get(name)
-    found = value.exact if isinstance(value, Quantity) else None
-    return Decimal(0) if found is None else found
 
 
 def _without(act: Act) -> Act:

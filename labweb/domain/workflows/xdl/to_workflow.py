@@ -16,19 +16,19 @@ from typing import Any
 from labweb.domain.workflows.protocol import MOST_STEPS, SCHEMA, check_workflow
 from labweb.domain.workflows.xdl.acts import Act
 from labweb.domain.workflows.xdl.declared import Declared
-from labweb.domain.workflows.xdl.defaults_table import DEFAULTS
 from labweb.domain.workflows.xdl.findings import Findings
 from labweb.domain.workflows.xdl.markup import NOWHERE
 from labweb.domain.workflows.xdl.read import refusal
 from labweb.domain.workflows.xdl.several_steps import SAID as SEVERAL_SAID
-from labweb.domain.workflows.xdl.several_steps import Made, SeveralSteps
+from labweb.domain.workflows.xdl.several_steps import SeveralSteps
 from labweb.domain.workflows.xdl.spec import STEPS
+from labweb.domain.workflows.xdl.standing import Made, Standing
 from labweb.domain.workflows.xdl.values import Quantity, Value
 
 _KEY = re.compile(r"[^\s@]{1,79}")
 _ALWAYS = {"comment", "queue"}
 _SAID: Mapping[str, frozenset[str]] = {
-    "Add": frozenset({"vessel", "reagent", "volume", "amount", "speed"}),
+    "Add": frozenset({"vessel", "reagent", "volume", "amount", "speed", "stir", "stir_speed"}),
     "Transfer": frozenset({"from_vessel", "to_vessel", "volume", "amount"}),
     "HeatChill": frozenset({"vessel", "temp", "time", "stir", "stir_speed", "purpose"}),
     "HeatChillToTemp": frozenset({"vessel", "temp", "stir", "stir_speed", "purpose"}),
@@ -60,7 +60,7 @@ def to_workflow(
             comes of it.
     """
     writer = _Writer({**({} if declared is None else declared.keys), **(keys or {})}, declared)
-    writer.lay(acts)
+    writer.stop(writer.lay(acts))
     writer.check_declared()
     plain = {
         "schema": SCHEMA,
@@ -83,11 +83,20 @@ class _Writer:
     steps: list[dict[str, Any]] = field(default_factory=list)
     edges: list[dict[str, str]] = field(default_factory=list)
     acts_count: int = 0
+    standing: Standing = field(init=False)
     several: SeveralSteps | None = None
 
     def __post_init__(self) -> None:
+        self.standing = Standing(self._number)
         if self.declared is not None:
-            self.several = SeveralSteps(self.declared, self._key, self._number, self.told)
+            self.several = SeveralSteps(
+                self.declared, self._key, self._number, self.told, self.standing
+            )
+
+    def stop(self, after: tuple[str, ...]) -> None:
+        """Write what stops all that still runs behind the last steps."""
+        for kind, values, notes in self.standing.end():
+            after = self._lay_step(kind, values, notes, after)
 
     def check_declared(self) -> None:
         """Tell of reactions behind a step that the recipe does not have."""
@@ -132,17 +141,14 @@ class _Writer:
         """Return the steps of an act, with the reactions that are declared behind it."""
         made = None if self.several is None else self._made(act, self.several)
         if made is None:
-            simple = self._params(act)
-            made = [] if simple is None else [simple]
-        if self.declared is None or self.several is None:
+            made = self._simple(act)
+        if self.declared is None:
             return made
-        for kind, values, _ in made:
-            self.several.note_stirring(kind, values)
         here = (r for r in self.declared.reactions if r.after == self.acts_count)
         return [*made, *(("react", dict(reaction.params), []) for reaction in here)]
 
     def _made(self, act: Act, several: SeveralSteps) -> list[Made] | None:
-        made = several.make(act)
+        made = several.make(act, [])
         if made is not None:
             self._check_said(act, SEVERAL_SAID)
         return made
@@ -178,30 +184,25 @@ class _Writer:
                 message = f"a workflow of labweb cannot say {name} of {act.name}"
                 self.told.tell("xdl.not_in_workflow", message, act.place)
 
-    def _params(self, act: Act) -> Made | None:
+    def _simple(self, act: Act) -> list[Made]:
         said = _SAID.get(act.name)
         if said is None:
             message = f"a workflow of labweb has no step that does what {act.name} does"
             self.told.tell("xdl.not_in_workflow", message, act.place)
-            return None
-        self._check_said(act, _SAID)
+            return []
+        self._check_said(act, _SAID if self.several is None else {**_SAID, **SEVERAL_SAID})
         comment = act.values.get("comment")
         notes = [comment] if isinstance(comment, str) and comment else []
         match act.name:
             case "Add":
-                return "transfer", self._add(act), notes
+                return self._add(act, notes)
             case "Transfer":
-                return "transfer", self._transfer(act), notes
+                return [("transfer", self._transfer(act), notes)]
             case "Wait":
-                return "wait", {"duration": self._number(act, "time", "s")}, notes
+                return [("wait", {"duration": self._number(act, "time", "s")}, notes)]
             case "Stir":
-                values = {
-                    "vessel": self._key(act, "vessel"),
-                    "stir_speed": self._stir_speed(act, notes),
-                    "duration": self._number(act, "time", "s"),
-                }
-                return "stir", values, notes
-        return "heat_chill", self._heat(act, notes), notes
+                return self._stir(act, notes)
+        return self._heat(act, notes)
 
     def _is_more(self, step: str, name: str, value: Value, said: frozenset[str]) -> bool:
         if name in said or name in _ALWAYS:
@@ -210,18 +211,23 @@ class _Writer:
         spec = STEPS.steps[step].properties.get(name)
         return spec is None or spec.default is None or spec.default != str(value)
 
-    def _add(self, act: Act) -> dict[str, str]:
+    def _add(self, act: Act, notes: list[str]) -> list[Made]:
         if isinstance(act.values.get("mass"), Quantity) and "volume" not in act.values:
             message = "a workflow of labweb has no step that adds a solid"
             self.told.tell("xdl.not_in_workflow", message, act.place)
+        vessel = self._key(act, "vessel")
         values = {
             "source": self._key(act, "reagent"),
-            "target": self._key(act, "vessel"),
+            "target": vessel,
             "volume": self._number(act, "volume", "mL"),
         }
         if "speed" in act.values:
             values["flow_rate"] = self._number(act, "speed", "mL/min")
-        return values
+        elif "time" in act.values:
+            rate = _exact(act, "volume") / max(_exact(act, "time"), Decimal(1)) * 1000
+            values["flow_rate"] = f"{round(rate, 6):f} uL/s"
+        before = self.standing.as_said(act, vessel, list(notes))
+        return [*before, ("transfer", values, notes)]
 
     def _transfer(self, act: Act) -> dict[str, str]:
         return {
@@ -230,23 +236,21 @@ class _Writer:
             "volume": self._number(act, "volume", "mL"),
         }
 
-    def _heat(self, act: Act, notes: list[str]) -> dict[str, str]:
-        values = {
-            "vessel": self._key(act, "vessel"),
-            "temperature": self._number(act, "temp", "°C"),
-        }
-        if act.values.get("stir", True) is True:
-            values["stir_speed"] = self._stir_speed(act, notes)
-        if act.name == "HeatChill":
-            values["hold_for"] = self._number(act, "time", "s")
-        return values
+    def _stir(self, act: Act, notes: list[str]) -> list[Made]:
+        vessel, duration = self._key(act, "vessel"), self._number(act, "time", "s")
+        speed = self.standing.speed(act, notes)
+        self.standing.over(vessel)
+        return [("stir", {"vessel": vessel, "stir_speed": speed, "duration": duration}, notes)]
 
-    def _stir_speed(self, act: Act, notes: list[str]) -> str:
-        if "stir_speed" in act.values:
-            return self._number(act, "stir_speed", "rpm")
-        default = DEFAULTS["stir_speed"]
-        notes.append(f"stirring speed {default.value}: {default.source}")
-        return default.value.replace("RPM", "rpm")
+    def _heat(self, act: Act, notes: list[str]) -> list[Made]:
+        vessel = self._key(act, "vessel")
+        values = {"vessel": vessel, "temperature": self._number(act, "temp", "°C")}
+        is_held = act.name == "HeatChillToTemp"
+        if not is_held:
+            values["hold_for"] = self._number(act, "time", "s")
+        before = self.standing.as_said(act, vessel, list(notes))
+        self.standing.hold(vessel, is_held=is_held)
+        return [*before, ("heat_chill", values, notes)]
 
     def _key(self, act: Act, name: str) -> str:
         called = str(act.values.get(name, ""))
@@ -265,6 +269,12 @@ class _Writer:
         message = f"{name} of {act.name}: {what}; a workflow of labweb wants one"
         self.told.tell("xdl.range_not_exact", message, act.place)
         return ""
+
+
+def _exact(act: Act, name: str) -> Decimal:
+    value = act.values.get(name)
+    found = value.exact if isinstance(value, Quantity) else None
+    return Decimal(0) if found is None else found
 
 
 def _plain(value: Decimal) -> str:

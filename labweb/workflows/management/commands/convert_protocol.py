@@ -5,19 +5,24 @@ from __future__ import annotations
 import json
 from argparse import ArgumentParser
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from django.core.management.base import BaseCommand, CommandError
 
 from labweb.domain.errors import Finding, LabError
-from labweb.domain.workflows.recipe_on_rig import read_recipe, workflow_of
+from labweb.domain.graph.rig.model import Rig
+from labweb.domain.graph.rig.read import read_rig
+from labweb.domain.workflows.agreement.check import check_same
+from labweb.domain.workflows.recipe_on_rig import digest, plan_recipe, read_recipe, workflow_of
 from labweb.domain.workflows.recipe_plan import Wish
-from labweb.domain.workflows.xdl.declared import read_declared
+from labweb.domain.workflows.xdl.declared import bindings, read_declared
 from labweb.domain.workflows.xdl.markup import MAX_BYTES
 from labweb.domain.workflows.xdl.recipe import Recipe
 from labweb.domain.workflows.xdl.to_workflow import parse_pairs
 from labweb.domain.workflows.xdl.write import VERSIONS, render_as
+from labweb.workflows.management.commands.compile_transfers import read_graph
 
 _XDL = {f"xdl-{version}": version for version in VERSIONS} | {"xdl-1": "1.0", "xdl-2": "2.0"}
 _FORMS = (*_XDL, "json", "workflow")
@@ -46,6 +51,12 @@ class Command(BaseCommand):
         )
         parser.add_argument(
             "--declared", type=Path, help="what a person states of lab and matter, for a workflow"
+        )
+        parser.add_argument(
+            "--lab",
+            type=Path,
+            metavar="GRAPH",
+            help="refuse a workflow that would not do what the plan on this graph is proved to do",
         )
         parser.add_argument(
             "--parameter", nargs="+", default=[], metavar="ID=VALUE", help="value of a Parameter"
@@ -79,15 +90,16 @@ class Command(BaseCommand):
 
     def _convert(self, options: dict[str, Any]) -> str:
         library = [_read(path) for path in options["blueprints"]]
-        recipe = read_recipe(_read(options["source"]), library=library)
+        rig = None if options["lab"] is None else read_rig(_read_graph(options["lab"]))
+        recipe = read_recipe(_read(options["source"]), rig, library)
         if options["to"] == "workflow":
-            return self._workflow(recipe, options)
+            return self._workflow(recipe, options, rig)
         version = _XDL.get(options["to"], recipe.version or "2.0")
         if options["to"] == "json":
             return render_as(recipe, _nearest(version), as_json=True)
         return render_as(recipe, version)
 
-    def _workflow(self, recipe: Recipe, options: dict[str, Any]) -> str:
+    def _workflow(self, recipe: Recipe, options: dict[str, Any], rig: Rig | None) -> str:
         try:
             keys, parameters = parse_pairs(options["bind"]), parse_pairs(options["parameter"])
         except ValueError as error:
@@ -106,6 +118,13 @@ class Command(BaseCommand):
         if options["declared"] is not None:
             declared = read_declared(_read(options["declared"]))
         plain = workflow_of(recipe, wish, name=name[:200], declared=declared)
+        if rig is not None:
+            keys = {} if declared is None else bindings(declared, recipe)
+            files = (options["source"], options["lab"])
+            hashes = [digest(path.read_bytes()) for path in files]
+            head = {"recipe": {"id": name, "sha256": hashes[0]}, "graph_sha256": hashes[1]}
+            bound = replace(wish, bind={**keys, **wish.bind})
+            check_same(plan_recipe(recipe, rig, bound, head).plan, plain)
         return json.dumps(plain, indent=2, ensure_ascii=False) + "\n"
 
     def _print(self, findings: Sequence[Finding], *, as_json: bool) -> None:
@@ -115,6 +134,13 @@ class Command(BaseCommand):
             return
         for finding in findings:
             self.stderr.write(f"{finding.subject or '-'}  {finding.code}  {finding.message}")
+
+
+def _read_graph(path: Path) -> bytes:
+    try:
+        return read_graph(path)
+    except OSError as error:
+        raise CommandError(f"cannot read {path}: {error.strerror}") from error
 
 
 def _read(path: Path) -> bytes:

@@ -188,8 +188,9 @@ def test_a_lab_is_a_rig_whatever_its_instruments_are_reached_by() -> None:
 
 def test_a_workflow_takes_the_keys_that_are_bound_or_is_refused_whole() -> None:
     keys = {"Water": "water", "reactor": "reactor_1"}
-    document = workflow_from(Asked(name="warm", recipe=WATER, bind=keys))
-    assert document["steps"][0]["params"]["target"] == "@reactor_1"
+    found = workflow_from(Asked(name="warm", recipe=WATER, graph=STARTER, bind=keys))
+    assert found["document"]["steps"][0]["params"]["target"] == "@reactor_1"
+    assert found["proved"]["sources"] == {"water": "Water"}
     with pytest.raises(LabError) as refusal:
-        workflow_from(Asked(name="acetylation", recipe=RECIPE))
+        workflow_from(Asked(name="acetylation", recipe=RECIPE, graph=ROW))
     assert {finding.code for finding in refusal.value.findings} >= {"xdl.not_in_workflow"}

@@ -12,6 +12,7 @@ import pytest
 from labweb.domain.workflows.opening import Asked, open_recipe
 from labweb.domain.workflows.xdl.spec import Property
 from labweb.domain.workflows.xdl.values import read_value, unit_of, written
+from tests.domain.workflows.station import DECLARED, LAB
 from tests.domain.workflows.xdl.plans import bench, recipe
 from tests.domain.workflows.xdl.test_opening import STARTER, WATER, binding
 
@@ -175,3 +176,43 @@ def test_a_flask_that_holds_something_is_not_taken_for_an_empty_one() -> None:
     assert finding["code"] == "plan.vessel_ambiguous"
     assert "flask_1, flask_2:" in finding["message"]
     assert not {"acid", "dye", "water"} & {*finding["message"].replace(",", "").split()}
+
+
+def test_no_plan_is_made_while_what_is_stated_cannot_be_read() -> None:
+    asked = Asked(name="warm", recipe=WATER, graph=STARTER, bind={"reactor": "reactor_1"})
+    assert open_recipe(asked)["is_proved"] is True
+    answer = open_recipe(replace(asked, declared=b"{}x"))
+    assert (answer["plan"], answer["is_proved"]) == (None, None)
+
+
+def stating(raw: bytes) -> dict[str, Any]:
+    graph = (LAB / "lab.json").read_bytes()
+    recipe_raw = (LAB / "protocols/benzhydryl_acetate.xdl").read_bytes()
+    return open_recipe(Asked(name="one", recipe=recipe_raw, graph=graph, declared=raw))
+
+
+def test_what_is_stated_beside_the_recipe_binds() -> None:
+    answer = stating(DECLARED.read_bytes())
+    assert (answer["findings"], answer["is_proved"]) == ([], True)
+    assert binding(answer, "brine")["keys"] == ["bottle_brine"]
+
+
+@pytest.mark.parametrize(
+    ("raw", "word"),
+    [
+        (b'{"keys": {"brine": 1}}', "$.keys"),
+        (b'{"keys":\n {"brine"}}', "line 2, column 10"),
+        (b'{"keys": {}, "keys": {}}', "keys"),
+        (b'{"keys": {"brime": "bottle_brine"}}', "brime"),
+        (b'{"receivers": {"rotovap": "rotavap_receiver"}}', "rotovap"),
+        (b'{"schema": "labweb.declared/9"}', "labweb.declared/9"),
+    ],
+)
+def test_a_statement_that_cannot_be_read_or_fits_nothing_is_told_apart(
+    raw: bytes, word: str
+) -> None:
+    answer = stating(raw)
+    found = [finding for finding in answer["findings"] if finding["about"] == "declared"]
+    assert [finding["code"] for finding in found] == ["xdl.not_declared"]
+    assert word in found[0]["message"]
+    assert answer["plan"] is None

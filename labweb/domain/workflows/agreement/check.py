@@ -1,0 +1,81 @@
+"""The deeds of a proved plan and of a workflow, compared one by one.
+
+```text
+recipe ─▶ plan ─▶ proved ─▶ deeds ─┐
+       └▶ workflow ───────▶ deeds ─┴▶ findings
+```
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from difflib import SequenceMatcher
+from itertools import zip_longest
+from typing import Any
+
+from labweb.domain.errors import Finding, ProtocolError
+from labweb.domain.workflows.agreement.deeds import Deed
+from labweb.domain.workflows.agreement.meant import deeds_of_workflow
+from labweb.domain.workflows.agreement.proved import deeds_of_plan
+
+_RATE_RATIO = 1e-3
+"""How near two rates are to be the same, of the larger."""
+
+
+def check_agreement(plan: Mapping[str, Any], document: Mapping[str, Any]) -> list[Finding]:
+    """List where a workflow would not do what a proved plan does; empty: they agree.
+
+    Compared are, in their order: which vessel gives how much to which, by which cartridges and
+    how fast; layers, evaporations, evacuations and waits; and how the vessels are stirred and
+    heated meanwhile.
+
+    Args:
+        plan: As `docs/plan.md` says it, proved.
+        document: The workflow of the same recipe, its vessels as `@key` of the same lab.
+    """
+    proved, meant = list(deeds_of_plan(plan)), list(deeds_of_workflow(document))
+    whats = [deed.what for deed in proved], [deed.what for deed in meant]
+    matcher = SequenceMatcher(None, *whats, autojunk=False)
+    findings: list[Finding] = []
+    for kind, start, end, other, other_end in matcher.get_opcodes():
+        pairs = proved[start:end], meant[other:other_end]
+        findings += _rates(*pairs) if kind == "equal" else _differences(*pairs)
+    return findings
+
+
+def check_same(plan: Mapping[str, Any], document: Mapping[str, Any]) -> None:
+    """Refuse a workflow that would not do what a proved plan does.
+
+    Raises:
+        ProtocolError: `recipe.differs`; `findings` list each deed.
+    """
+    findings = check_agreement(plan, document)
+    if findings:
+        message = (
+            "the workflow would not do what the plan is proved to do, so it is none: "
+            + findings[0].message
+        )
+        raise ProtocolError(message, code="recipe.differs", findings=findings)
+
+
+def _rates(proved: Sequence[Deed], meant: Sequence[Deed]) -> Iterator[Finding]:
+    """Compare how fast the same liquid is pushed, where the workflow says it."""
+    for one, other in zip(proved, meant, strict=True):
+        for wanted in other.rates_ul_s:
+            if any(abs(rate - wanted) > _RATE_RATIO * max(rate, wanted) for rate in one.rates_ul_s):
+                told = ", ".join(f"{rate:g}" for rate in one.rates_ul_s)
+                message = f"{one.text}: the plan pushes at {told} µL/s, the workflow at {wanted:g}"
+                yield _finding(message, one, other)
+
+
+def _differences(proved: Sequence[Deed], meant: Sequence[Deed]) -> Iterator[Finding]:
+    for one, other in zip_longest(proved, meant):
+        known = "nothing of it" if one is None else one.text
+        said = "nothing of it" if other is None else other.text
+        yield _finding(f"proved is: {known}; the workflow would do: {said}", one, other)
+
+
+def _finding(message: str, *deeds: Deed | None) -> Finding:
+    context = {name: v for deed in deeds if deed is not None for name, v in deed.place.items()}
+    subject = f"{context['line']}:{context['column']}" if "line" in context else ""
+    return Finding("recipe.differs", message, subject, context)

@@ -1,0 +1,191 @@
+"""A workflow of a recipe does what its plan is proved to do, and anything else is told."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+from labweb.domain.errors import LabError
+from labweb.domain.workflows.agreement.check import check_agreement, check_same
+from labweb.domain.workflows.agreement.contents import check_sources, render_proved
+from labweb.domain.workflows.opening import Asked, workflow_from
+from tests.domain.workflows.station import DECLARED, LAB, recipe_document, station, station_file
+from tests.domain.workflows.xdl.plans import recipe
+from tests.domain.workflows.xdl.test_opening import STARTER
+from tests.domain.workflows.xdl.test_station_of_our_own import whole
+
+SYNTHESIS = (LAB / "protocols/benzhydryl_acetate.xdl").read_bytes()
+GRAPH = (LAB / "lab.json").read_bytes()
+DECLARED_RAW = DECLARED.read_bytes()
+KEYS = {"water": "water", "acid": "acid", "reactor": "reactor_1"}
+
+
+def document() -> dict[str, Any]:
+    copy: dict[str, Any] = json.loads(json.dumps(recipe_document()))
+    return copy
+
+
+def first(found: dict[str, Any], kind: str, **wanted: str) -> dict[str, Any]:
+    steps = (step for step in found["steps"] if step["kind"] == kind)
+    params = (step["params"] for step in steps)
+    return next(one for one in params if wanted.items() <= one.items())
+
+
+def drop(found: dict[str, Any], kind: str) -> None:
+    found["steps"].remove(next(step for step in found["steps"] if step["kind"] == kind))
+
+
+def swap(found: dict[str, Any]) -> None:
+    adds = [n for n, step in enumerate(found["steps"]) if step["kind"] == "transfer"][:2]
+    one, other = (found["steps"][place] for place in adds)
+    one["params"], other["params"] = other["params"], one["params"]
+
+
+def test_the_workflow_of_the_synthesis_does_what_its_plan_is_proved_to_do() -> None:
+    assert check_agreement(whole(), document()) == []
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda d: first(d, "transfer").update(volume="41 mL"),
+        lambda d: first(d, "transfer").update(target="@separator"),
+        lambda d: first(d, "transfer").update(source="@bottle_dcm"),
+        lambda d: first(d, "transfer", volume="30 mL").update(flow_rate="17 uL/s"),
+        lambda d: first(d, "transfer", through="@cartridge_mgso4").pop("through"),
+        lambda d: first(d, "separate").update(target="@crude"),
+        lambda d: first(d, "separate").update(settle_for="1 min"),
+        lambda d: first(d, "heat_chill").update(temperature="5 °C"),
+        lambda d: first(d, "heat_chill", hold_for="3600 s").update(hold_for="1 s"),
+        lambda d: first(d, "heat_chill", hold_for="3600 s").update(stir_speed="250 rpm"),
+        lambda d: first(d, "start_stir").update(stir_speed="600 rpm"),
+        lambda d: first(d, "stir").update(duration="4 min"),
+        lambda d: first(d, "evaporate").update(pressure="60 mbar"),
+        lambda d: first(d, "evaporate").update(temperature="60 °C"),
+        lambda d: first(d, "evacuate_refill").update(rounds="2"),
+        lambda d: first(d, "evacuate_refill").pop("vacuum_for"),
+        lambda d: drop(d, "stop_stir"),
+        lambda d: drop(d, "transfer"),
+        swap,
+        lambda d: d["steps"].append({"id": "x", "kind": "weigh", "params": {"balance": "@b"}}),
+    ],
+)
+def test_whatever_else_it_does_is_a_finding(change: Callable[[dict[str, Any]], object]) -> None:
+    other = document()
+    change(other)
+    found = check_agreement(whole(), other)
+    assert {finding.code for finding in found} == {"recipe.differs"}
+    with pytest.raises(LabError) as refusal:
+        check_same(whole(), other)
+    assert list(refusal.value.findings) == found
+
+
+def test_a_difference_says_the_line_of_the_recipe_and_the_step_of_the_workflow() -> None:
+    other = document()
+    first(other, "transfer").update(volume="41 mL")
+    (found,) = check_agreement(whole(), other)
+    line = SYNTHESIS.decode().splitlines()[found.context["line"] - 1]
+    assert 'reagent="tetrahydrofuran" volume="40 mL"' in line
+    assert found.context["step"] == "s3"
+    assert "move 40.00 mL" in found.message
+    assert "move 41.00 mL" in found.message
+
+
+REACTOR = '<Component id="reactor" type="reactor"/>'
+
+
+def workflow(*steps: str, reagent: str = "") -> dict[str, Any]:
+    text = recipe(*steps, hardware=REACTOR, reagents=("water", "acid"))
+    raw = text.replace('<Reagent id="water"/>', f'<Reagent id="water" {reagent}/>').encode()
+    asked = Asked(name="one", recipe=raw, graph=STARTER, bind=KEYS)
+    found: dict[str, Any] = workflow_from(asked)["document"]
+    return found
+
+
+def kinds(found: dict[str, Any]) -> list[str]:
+    return [step["kind"] for step in found["steps"]]
+
+
+ADD = 'Add vessel="reactor" reagent="water" volume="2 mL"'
+HEAT = 'vessel="reactor" temp="40 °C"'
+
+
+@pytest.mark.parametrize(
+    ("steps", "wanted"),
+    [
+        ((ADD,), ["transfer"]),
+        ((f'{ADD} stir="true"', ADD), ["start_stir", "transfer", "stop_stir", "transfer"]),
+        (
+            (f'{ADD} stir="true"', f'{ADD} stir="true" stir_speed="400 RPM"'),
+            ["start_stir", "transfer", "start_stir", "transfer", "stop_stir"],
+        ),
+        (
+            (ADD, f'HeatChill {HEAT} time="10 min"', ADD),
+            ["transfer", "start_stir", "heat_chill", "stop_stir", "transfer"],
+        ),
+        (
+            (ADD, f"HeatChillToTemp {HEAT}", 'Wait time="5 min"'),
+            ["transfer", "start_stir", "heat_chill", "wait", "stop_heat_stir"],
+        ),
+        (
+            (ADD, f"HeatChillToTemp {HEAT}", ADD),
+            ["transfer", "start_stir", "heat_chill", "stop_stir", "transfer", "stop_heat_stir"],
+        ),
+        (
+            (ADD, f'HeatChill {HEAT} time="10 min" stir="false"'),
+            ["transfer", "heat_chill"],
+        ),
+        (
+            (
+                ADD,
+                'Stir vessel="reactor" time="5 min"',
+                'Transfer from_vessel="reactor" to_vessel="water" volume="1 mL"',
+            ),
+            ["transfer", "stir", "transfer"],
+        ),
+    ],
+)
+def test_stirring_and_heating_go_on_and_end_as_in_the_plan(
+    steps: tuple[str, ...], wanted: list[str]
+) -> None:
+    assert kinds(workflow(*steps)) == wanted
+
+
+def test_what_a_plan_rinses_and_a_workflow_does_not_is_refused() -> None:
+    other = 'Add vessel="reactor" reagent="acid" volume="2 mL"'
+    with pytest.raises(LabError) as refusal:
+        workflow(ADD, other, reagent='use_for_cleaning="true"')
+    assert {finding.code for finding in refusal.value.findings} == {"recipe.differs"}
+    assert "clean" in refusal.value.findings[0].message
+
+
+def proved() -> dict[str, Any]:
+    told = workflow_from(Asked(name="one", recipe=SYNTHESIS, graph=GRAPH, declared=DECLARED_RAW))
+    return render_proved(told["proved"], station_file())
+
+
+def test_what_is_kept_of_a_proof_names_the_material_of_each_flask() -> None:
+    sources = proved()["sources"]
+    keys = {str(one.id): one.key for one in station_file().resources}
+    told = {keys[one]: entry for one, entry in sources.items()}
+    assert told["bottle_ether"] == {"reagent": "diethyl ether", "materials": ["diethyl_ether"]}
+    assert check_sources(proved(), station()) == []
+
+
+def test_a_flask_that_holds_something_else_by_then_keeps_a_run_from_starting() -> None:
+    (found,) = check_sources(proved(), station(bottle_ether={"dcm": 1000.0}))
+    assert found.code == "recipe.other_content"
+    assert "diethyl ether" in found.message
+    mixed = station(bottle_ether={"ether": 50_000.0, "dcm": 1.0})
+    assert [one.code for one in check_sources(proved(), mixed)] == ["recipe.other_content"]
+    assert check_sources(proved(), station(bottle_ether={})) == []
+
+
+def test_a_flask_that_was_empty_may_not_give_what_nobody_compared() -> None:
+    told = proved()
+    for entry in told["sources"].values():
+        entry["materials"] = []
+    assert len(check_sources(told, station())) == len(told["sources"])
