@@ -5,11 +5,12 @@ from __future__ import annotations
 import logging
 from collections.abc import Sequence
 from datetime import timedelta
+from functools import partial
 from typing import Any
 from uuid import UUID
 
 import msgspec
-from django.db.transaction import atomic
+from django.db.transaction import atomic, on_commit
 
 from labweb.common import faults, queue, signing
 from labweb.common.clock import new_id, now
@@ -50,6 +51,7 @@ WITH numbered AS (
 )
 INSERT INTO runs_outbox (host_id, action_id, kind, body, at, publish_count)
 VALUES (%(host)s, %(id)s, 'do', %(body)s::jsonb, %(at)s, 0)
+RETURNING id
 """
 
 
@@ -137,7 +139,10 @@ def check_calibrations(jobs: Sequence[Job]) -> None:
 
 
 def _keep_attempt(attempt: Attempt, command: Do) -> None:
-    """Write the number that a host has come to, a try that has it, and its command; at once."""
+    """Write the number that a host has come to, a try that has it, and its command; at once.
+
+    The command is sent as soon as that is on disk; where this fails, the relay finds it.
+    """
     values: dict[str, Any] = {
         "id": attempt.id,
         "job": attempt.job_id,
@@ -151,6 +156,10 @@ def _keep_attempt(attempt: Attempt, command: Do) -> None:
     }
     with prepared_cursor() as cursor:
         cursor.execute(_KEEP, values)
+        (row_id,) = cursor.fetchone()
+    body = msgspec.to_builtins(command)
+    row = Outbox(pk=row_id, host=attempt.host, action_id=attempt.id, kind="do", body=body)
+    on_commit(partial(_publish, row), robust=True)
 
 
 def hold_job(job_id: UUID, error: PreconditionError) -> None:
