@@ -156,6 +156,9 @@ class ByteTransport(Transport):
         self.also: tuple[ByteTransport, ...] = ()
         """Further connections to the same device, which open and close with this one."""
 
+        self.share: Transport | None = None
+        """Where the files of the same device are read; it opens and closes with this one."""
+
         self._may_owe_bytes = False
         self._last_used_s = float("-inf")
 
