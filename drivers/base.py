@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import threading
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping
@@ -41,6 +42,27 @@ class DeviceStoppedError(DeviceError):
     default_code = "device.stopped"
 
 
+class DataFile(msgspec.Struct, frozen=True, kw_only=True):
+    """A file that an instrument wrote, as an action hands it over."""
+
+    name: str
+    """What it is called, without a path; each of one report another."""
+
+    format: str
+    """How it is read: a format of `docs/files.md`, or `none`: it is only kept."""
+
+    data: bytes
+    """All of it, as the instrument wrote it."""
+
+    media_type: str = "application/octet-stream"
+    """What it is where nothing is read of it."""
+
+    @property
+    def sha256(self) -> str:
+        """Return the digest of its bytes, in hex."""
+        return hashlib.sha256(self.data).hexdigest()
+
+
 class Report(msgspec.Struct, frozen=True):
     """What an action did, as far as the device can tell."""
 
@@ -52,6 +74,10 @@ class Report(msgspec.Struct, frozen=True):
 
     resolution_ul: float | None = None
     """Smallest volume the device can tell apart; None when it does not say."""
+
+    files: tuple[DataFile, ...] = ()
+    """What was measured, at most 16 files of 64 MiB. An action whose files cannot be kept has
+    not done what was asked."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -37,7 +37,7 @@ def confine_line(config: HostConfig, line: str, devices: Sequence[DeviceConfig])
 
 
 def bounds_of(config: HostConfig, line: str, devices: Sequence[DeviceConfig]) -> Bounds:
-    """Return what a line needs: journal, lock, bundles, its own port or address."""
+    """Return what a line needs: journal, lock, bundles, its files, its own port or address."""
     journal = config.journal_path
     own = [journal, *(journal.with_name(journal.name + end) for end in ("-wal", "-shm"))]
     own += [journal.with_suffix(".seal"), journal.with_suffix(".bell")]
@@ -50,6 +50,7 @@ def bounds_of(config: HostConfig, line: str, devices: Sequence[DeviceConfig]) ->
     return Bounds(
         readable=existing([*(store.path(device.digest) for device in devices), *_read(devices)]),
         writable=existing([*own, *device_files(devices)]),
+        folders=existing([config.files_of(line)]),
         ports=tuple(sorted(set(ports))),
         has_datagrams=any("beat=" in device.transport for device in devices) or has_ros2,
         has_interfaces=has_ros2,

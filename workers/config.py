@@ -133,9 +133,13 @@ class HostConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
         return self.folder / "journal.sqlite3"
 
     @property
-    def pictures_path(self) -> Path:
-        """Return where pictures wait for the server."""
-        return self.folder / "pictures"
+    def files_path(self) -> Path:
+        """Return where files wait for the server, in a folder of each line."""
+        return self.folder / "files"
+
+    def files_of(self, line: str) -> Path:
+        """Return where the files of one line wait for the server."""
+        return self.files_path / line_queue(line)
 
     @property
     def drivers_folder(self) -> Path:

@@ -30,6 +30,7 @@ _CREATE, _ADD, _RESTRICT = 444, 445, 446
 _VERSION = 1
 _PATH_BENEATH, _NET_PORT = 1, 2
 _EXECUTE, _WRITE, _READ, _READ_DIR = 1 << 0, 1 << 1, 1 << 2, 1 << 3
+_REMOVE_FILE, _MAKE_FILE = 1 << 5, 1 << 8
 _TRUNCATE, _IOCTL = 1 << 14, 1 << 15
 _CONNECT = 1 << 1
 _NET = 0b11
@@ -61,6 +62,9 @@ class Bounds:
     readable: tuple[Path, ...] = ()
     writable: tuple[Path, ...] = ()
     """Files, never folders; one that is not there is not reached when it appears."""
+
+    folders: tuple[Path, ...] = ()
+    """Folders in which files may be made, read, written and removed."""
 
     ports: tuple[int, ...] = ()
     """TCP ports that may be connected to; none: no socket of the internet's at all."""
@@ -140,6 +144,9 @@ def _landlock(libc: ctypes.CDLL, bounds: Bounds) -> None:
             _allow(libc, ruleset, path, files & (_READ | _READ_DIR | _EXECUTE))
         for path in (Path("/dev/null"), *bounds.writable):
             _allow(libc, ruleset, path, files & (_READ | _WRITE | _TRUNCATE | _IOCTL))
+        for path in bounds.folders:
+            made = _READ | _READ_DIR | _WRITE | _TRUNCATE | _MAKE_FILE | _REMOVE_FILE
+            _allow(libc, ruleset, path, files & made)
         for port in bounds.ports if net else ():
             rule = struct.pack("=QQ", _CONNECT, port)
             _check(libc.syscall(_ADD, ruleset, _NET_PORT, rule, 0))

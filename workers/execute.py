@@ -5,14 +5,16 @@ from __future__ import annotations
 import logging
 import threading
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from queue import SimpleQueue
 from typing import Any, Literal
 
+from drivers.base import DataFile
 from drivers.base import Report as DriverReport
 from labweb.domain.calibration.model import Quantity
 from labweb.domain.crutd.decide import confirmed_nl
-from labweb.domain.errors import Effect, LabError
+from labweb.domain.errors import DeviceError, Effect, LabError
+from labweb.domain.files import MEDIA_TYPES, NamedFile, check_files
 from labweb.domain.messages import Do
 from labweb.domain.ports import Clock
 from labweb.domain.runs.bodies import plain
@@ -36,6 +38,9 @@ class Acted:
     report: Report
     is_hung: bool = False
     """The driver has not come back; its process has to end."""
+
+    files: tuple[DataFile, ...] = ()
+    """What the action hands over, as the report names it; not on disk yet."""
 
 
 def outer_limit_s(do: Do) -> float:
@@ -72,7 +77,7 @@ class Actor:
                 is_halted = True
                 unit.stop()
         unit.is_acting = False
-        return Acted(task.report())
+        return Acted(task.report(), files=task.files)
 
     def close(self) -> None:
         """End the thread after what it does now."""
@@ -118,6 +123,7 @@ class _Task:
         self._do = do
         self._done = threading.Event()
         self._report: Report | None = None
+        self.files: tuple[DataFile, ...] = ()
 
     @property
     def is_done(self) -> bool:
@@ -133,7 +139,9 @@ class _Task:
     def run(self) -> None:
         try:
             with _observed(self._unit):
-                self._report = to_report(self._do, self._unit, self._call())
+                told = self._call()
+                self._report = to_report(self._do, self._unit, told)
+                self.files = told.files
         except LabError as error:
             self._report = _failed(self._do, error)
         except Exception as error:
@@ -162,12 +170,59 @@ def is_plain_read(do: Do, unit: Unit) -> bool:
 
 
 def to_report(do: Do, unit: Unit, report: DriverReport) -> Report:
-    """Turn a driver's report into the journal's."""
+    """Turn a driver's report into the journal's.
+
+    Raises:
+        DeviceError: It hands files over that cannot be; the device has acted.
+    """
+    files = _named(do, report)
     evidence = plain(report.evidence)
     data: dict[str, Any] = {}
     if do.operation.get("op") in {"update", "read"}:
         data = {key: evidence[key] for key in evidence if key in unit.config.statuses}
-    return Report(ok=True, moved_nl=_moved_nl(do, report), evidence=evidence, data=data)
+    return Report(
+        ok=True, moved_nl=_moved_nl(do, report), evidence=evidence, data=data, files=files
+    )
+
+
+def _named(do: Do, report: DriverReport) -> tuple[NamedFile, ...]:
+    """Return how the record names the files of a report, once they are known to fit."""
+    named = tuple(
+        NamedFile(
+            name=file.name,
+            format=file.format,
+            media_type=MEDIA_TYPES.get(file.format, file.media_type),
+            size_bytes=len(file.data),
+            sha256=file.sha256,
+        )
+        for file in report.files
+    )
+    findings = check_files(named)
+    if findings:
+        raise DeviceError(
+            "the files of the action cannot be kept: " + "; ".join(one.message for one in findings),
+            code=findings[0].code,
+            effect=_effect_of_loss(do),
+            context={"moved_ul": report.moved_ul, "files": [one.name for one in named]},
+        )
+    return named
+
+
+def without_files(do: Do, report: Report, error: LabError) -> Report:
+    """Return the report of an action that was done, and whose files could not be kept."""
+    return replace(
+        report,
+        ok=False,
+        effect=_effect_of_loss(do),
+        code=error.code,
+        message=f"the files of the action could not be kept: {error.message}",
+        files=(),
+    )
+
+
+def _effect_of_loss(do: Do) -> Effect:
+    """Say what an action did to matter whose files are lost: all that it was asked to."""
+    return Effect.NONE if do.operation.get("op") == "read" else Effect.PARTIAL
 
 
 def _moved_nl(do: Do, report: DriverReport) -> int | None:

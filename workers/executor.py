@@ -12,6 +12,7 @@ import msgspec
 
 from labweb.domain.crutd.conditions import Condition, Result
 from labweb.domain.enrollment.admission import refusal
+from labweb.domain.errors import StateError
 from labweb.domain.messages import Do
 from labweb.domain.ports import Clock
 from labweb.domain.runs import acting, batch, edge, standing
@@ -21,10 +22,10 @@ from labweb.domain.runs.context import context_body
 from labweb.domain.runs.edge import ActionState, Answer, Report
 from labweb.domain.runs.journal import ActionRow, JournalError
 from workers import execute, faults
+from workers.files import Files, Witness
 from workers.journal import Journal
 from workers.keys import is_signed
 from workers.outcomes import Following, Outcomes
-from workers.pictures import Pictures, Witness
 from workers.readings import Reader, judged, prestate_body, prestate_from
 from workers.store import Store
 from workers.unit import Unit
@@ -57,7 +58,7 @@ class Executor:
         *,
         store: Store | None,
         clock: Clock,
-        pictures: Pictures,
+        files: Files,
         is_closing: Callable[[], bool] = lambda: False,
         wake: Callable[[str], None] = lambda _line: None,
     ) -> None:
@@ -68,7 +69,7 @@ class Executor:
         self._is_closing = is_closing
         self._wake = wake
         self._reader = Reader(units, store, clock)
-        self._witness = Witness(pictures, units, store)
+        self._witness = Witness(files, units, store)
         self._outcomes = Outcomes(journal, clock)
         self._actor = execute.Actor()
         self._begun: Started | None = None
@@ -265,6 +266,11 @@ class Executor:
             unit.check_link()
             return
         self._witness.keep_reported(row.action_id, unit.config.id, acted.report.evidence)
+        try:
+            self._witness.keep_files(row.action_id, unit.config.id, acted.files)
+        except StateError as error:
+            self._finish(row, execute.without_files(do, acted.report, error), [])
+            return
         context = self._context(unit)
         if not do.post:  # nothing is read between answer and end: one write holds both
             self._finish(row, acted.report, [], context, self._following(row, unit, context))

@@ -22,8 +22,8 @@ from workers.config import HostConfig, line_queue
 from workers.devices import lines_of
 from workers.drivers import Drivers, DriverStore, tell_once
 from workers.executor import Executor
+from workers.files import Files
 from workers.journal import Journal
-from workers.pictures import Pictures
 from workers.store import Store
 from workers.telemetry import Sampler
 from workers.unit import Unit
@@ -65,7 +65,7 @@ class Line:
             self.units,
             store=self._store,
             clock=self._clock,
-            pictures=Pictures(config.pictures_path),
+            files=Files(config.files_of(line)),
             is_closing=self._closing.is_set,
             wake=wake,
         )

@@ -134,6 +134,7 @@ def _confine(config: HostConfig, name: str) -> None:
     try:
         hang(journal.bell_path)
         (config.folder / f"{line_queue(name)}.lock").touch(mode=0o600)
+        config.files_of(name).mkdir(mode=0o700, parents=True, exist_ok=True)
         confine_line(config, name, lines_of(journal.devices()).get(name, []))
     finally:
         journal.close()

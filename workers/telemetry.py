@@ -10,7 +10,7 @@ from uuid import UUID
 from labweb.domain.errors import DeviceError, LabError
 from labweb.domain.ports import Clock
 from labweb.domain.runs.bodies import plain
-from workers.pictures import share_picture
+from workers.files import share_picture
 from workers.store import Sample, Store
 from workers.unit import Unit
 

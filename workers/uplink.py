@@ -21,8 +21,8 @@ import msgspec
 from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import WebSocketException
 
-from labweb.domain import pictures as picture_frames
 from labweb.domain.errors import LabError
+from labweb.domain.files import FileAsked, FileTaken
 from labweb.domain.messages import (
     MAX_FRAME_BYTES,
     Ack,
@@ -55,6 +55,8 @@ from workers.config import HostConfig
 from workers.confine import describe
 from workers.devices import lines_of
 from workers.drivers import DriverStore, Fetching, Serving
+from workers.files import WaitingFiles
+from workers.handing import FileTeller
 from workers.identity import (
     Identity,
     load_identity,
@@ -65,7 +67,6 @@ from workers.identity import (
 )
 from workers.journal import Journal
 from workers.looking import Looker
-from workers.pictures import Pictures
 from workers.samples import SampleTeller
 from workers.session import (
     arm,
@@ -78,7 +79,6 @@ from workers.session import (
 )
 from workers.store import ASKS_TOLD, Store
 from workers.telling import (
-    PictureTeller,
     hand_on,
     receive,
     send,
@@ -131,7 +131,7 @@ class Uplink:
         self._sent_seq = 0
         self._acked = asyncio.Event()
         self._acked_seq = 0
-        self._pictures = PictureTeller(Pictures(config.pictures_path), config.retention_s)
+        self._files = FileTeller(WaitingFiles(config.files_path), config.retention_s)
         self._samples = SampleTeller(store)
         self._looker = Looker(journal)
         self._serving = Serving(journal)
@@ -210,7 +210,7 @@ class Uplink:
             self._keep_acked(),
             self._tell_life(socket),
             self._samples.tell(socket, lambda: self._epoch),
-            self._pictures.tell(socket, lambda: self._epoch),
+            self._files.tell(socket, lambda: self._epoch),
             self._renew(socket),
             tell_sightings(socket, self._store, lambda: self._epoch),
             tell_asks(socket, self._store, lambda: self._epoch),
@@ -251,8 +251,8 @@ class Uplink:
     async def _take_given(self, socket: ClientConnection, frame: ServerFrame) -> None:
         """Take in what the host was given, or asked for."""
         match frame:
-            case picture_frames.PictureTaken():
-                self._pictures.take(frame)
+            case FileTaken() | FileAsked():
+                await self._files.hear(socket, frame, self._epoch)
             case TelemetryTaken():
                 self._samples.take(frame)
             case Renewed():

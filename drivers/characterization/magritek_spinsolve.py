@@ -4,8 +4,9 @@ Protocol: TCP 13000, XML documents with the root Message one after another, both
 Quality: bronze, simulated instrument.
 Safe state: nothing is measured; on a lost link a measurement goes on and its files are stored.
 
-The maker has no command that hands files over: the folder they lie in is told as evidence, and
-they are whole once the software has said that all is over.
+The maker has no command that hands files over: labs share the folder. Where it is shared over
+HTTP (`tcp://HOST:13000?share=PORT`), they are fetched once the software has said that all is over;
+else the folder they lie in is told, and nothing more.
 
 Source:
     Magritek, Spinsolve remote control by XML, as public drivers and recorded exchanges have it.
@@ -14,14 +15,25 @@ Source:
 from __future__ import annotations
 
 import re
-from html import escape, unescape
+from html import escape
 from typing import Annotated, ClassVar, Literal
 
 import msgspec
 
 from drivers.base import DeviceStoppedError, Driver, Range, Report, action, before_acting, status
+from drivers.characterization._spinsolve import (
+    decode_attributes,
+    decode_messages,
+    decode_number,
+    decode_text,
+    encode_message,
+    fetch_files,
+    whole_documents,
+    whole_until_completed,
+)
 from drivers.interfaces.spectrometer import Spectrometer
 from drivers.transports.base import ByteTransport
+from drivers.transports.http import HttpTransport
 from labweb.domain.errors import (
     DeviceError,
     DeviceTimeoutError,
@@ -31,14 +43,18 @@ from labweb.domain.errors import (
     RejectedError,
 )
 
-END = b"</Message>"
-HEAD = '<?xml version="1.0" encoding="UTF-8"?>'
 ANSWER_S = 5.0
 SPARE_S = 60.0
 """A measurement may last so much longer than the software has estimated."""
 
 SILENCE_S = 30.0
 """Progress is told every 2 s: a longer silence is a lost link, or a loss of power."""
+
+STOPPING_S = 1.0
+"""So soon it tells that it stops, where anything is measured."""
+
+ENDED_S = 10.0
+"""So long it may take from there until it says that all is over."""
 
 LONGEST_BYTES = 262_144
 PROTOCOL = "1D EXTENDED+"
@@ -57,80 +73,11 @@ class Config(msgspec.Struct, frozen=True, kw_only=True):
     spectrometer_type: str = ""
     """Refuse a spectrometer of another type, such as "Spinsolve 80 Carbon"; "" accepts any."""
 
+    data_root: str = ""
+    """The folder on the instrument that is shared, such as "C:\\\\Data"; where it is needed."""
+
     silence_limit_s: Annotated[float, Range(0.1, 600.0)] = SILENCE_S
     """Longest silence while something is measured."""
-
-
-def encode_message(body: str) -> bytes:
-    """Build a document.
-
-    Example:
-        >>> encode_message("<Abort/>")
-        b'<?xml version="1.0" encoding="UTF-8"?><Message><Abort/></Message>'
-    """
-    return f"{HEAD}<Message>{body}</Message>".encode()
-
-
-def decode_messages(received: bytes) -> str:
-    """Read whole documents as text.
-
-    Raises:
-        FrameError: They are none.
-    """
-    try:
-        text = received.decode("utf-8").strip()
-    except UnicodeDecodeError as error:
-        raise FrameError("answer is not text", context={"frame": received[:200].hex()}) from error
-    if not re.fullmatch(
-        r"(\s*(<\?xml [^<>]*\?>)?\s*<Message>((?!</?Message>).)*</Message>)+", text, re.DOTALL
-    ):
-        raise FrameError("answer is no document", context={"answer": text[:200]})
-    return text
-
-
-def decode_text(text: str, name: str) -> str:
-    """Read the text of the one element of a name.
-
-    Raises:
-        FrameError: There is none, or several.
-
-    Example:
-        >>> decode_text("<Solvent>CDCl3</Solvent>", "Solvent")
-        'CDCl3'
-    """
-    found = re.findall(rf"<{name}(?:\s*/>|>([^<>]*)</{name}>)", text)
-    if len(found) != 1:
-        raise FrameError(f"answer has {len(found)} elements {name}", context={"answer": text[:200]})
-    return unescape(found[0])
-
-
-def decode_attributes(text: str, name: str) -> list[dict[str, str]]:
-    """Read the attributes of each element of a name.
-
-    Example:
-        >>> decode_attributes('<State status="Ready" dataFolder="/d"/>', "State")
-        [{'status': 'Ready', 'dataFolder': '/d'}]
-    """
-    return [
-        {key: unescape(value) for key, value in re.findall(r'(\w+)="([^"]*)"', inner)}
-        for inner in re.findall(rf"<{name}((?:\s+\w+=\"[^\"<>]*\")*)\s*/?>", text)
-    ]
-
-
-def decode_number(text: str, what: str) -> float:
-    """Read a number.
-
-    Raises:
-        FrameError: It is none.
-    """
-    if not re.fullmatch(r"-?[0-9]{1,9}(\.[0-9]{1,9})?", text.strip()):
-        raise FrameError(f"{what} is {text[:80]!r}, no number")
-    return float(text)
-
-
-def whole_documents(received: bytes) -> int | None:
-    """Tell the length of what has come once its last document is whole; None: it is not."""
-    return len(received) if received.rstrip().endswith(END) else None
 
 
 class MagritekSpinsolve(Driver[ByteTransport, Config], Spectrometer):
@@ -185,7 +132,9 @@ class MagritekSpinsolve(Driver[ByteTransport, Config], Spectrometer):
         repetition_s: Annotated[float, Range(2.0, 120.0)],
         pulse_angle_deg: Annotated[float, Range(30.0, 90.0)],
     ) -> Report:
-        """Take a proton spectrum, and return once its files are whole; evidence `data_folder`.
+        """Take a proton spectrum, and hand its files over where they are shared.
+
+        Evidence `data_folder` tells where they lie.
 
         Args:
             sample: Name of the sample, which is read back before anything starts.
@@ -198,6 +147,7 @@ class MagritekSpinsolve(Driver[ByteTransport, Config], Spectrometer):
         Raises:
             PreconditionError: A value between those that the spectrometer has (NONE).
             RejectedError: It is busy, or refused to start (NONE).
+            FrameError: A file is not whole; the spectrum lies in its folder (PARTIAL).
             DeviceError: The measurement failed or was stopped (PARTIAL), or the link broke
                 and it may go on (UNKNOWN). The sample is as it was.
 
@@ -206,6 +156,9 @@ class MagritekSpinsolve(Driver[ByteTransport, Config], Spectrometer):
         """
         self.refuse_if_stopped()
         options = _options(scan_count, acquisition_s, repetition_s, pulse_angle_deg)
+        share = self.transport.share
+        if share is not None and not self.config.data_root:
+            raise PreconditionError("the files are shared: set data_root, the folder that is")
         inner = f'protocol="{PROTOCOL}">{options}'
         with before_acting():
             self._refuse_unconnected()
@@ -223,7 +176,10 @@ class MagritekSpinsolve(Driver[ByteTransport, Config], Spectrometer):
                 "sample": sample,
                 "solvent": solvent,
                 "scan_count": scan_count,
-            }
+            },
+            files=fetch_files(share, self.config.data_root, folders[-1], sample)
+            if isinstance(share, HttpTransport)
+            else (),
         )
 
     @action(timeout_s=3600.0, recovery="R1")
@@ -261,13 +217,42 @@ class MagritekSpinsolve(Driver[ByteTransport, Config], Spectrometer):
 
     @action(timeout_s=30.0, recovery="R1")
     def stop_measuring(self) -> Report:
-        """End what the spectrometer measures; nothing of it is stored.
+        """End what the spectrometer measures, and return once it says so; nothing is stored.
+
+        Evidence `was_measuring` tells whether anything was ended.
+
+        Raises:
+            DeviceError: It stops, and does not say that all is over (UNKNOWN).
 
         Effect:
             None on matter.
         """
-        self.halt()
-        return Report()
+        with self.transport.lock:
+            self.halt()
+            told = self._told_after_abort(STOPPING_S)
+            is_over = "<Completed " in told
+            if not is_over and told:
+                is_over = "<Completed " in self._told_after_abort(ENDED_S)
+        if told and not is_over:
+            raise DeviceError("the spectrometer stops, and does not say that it has ended")
+        return Report(evidence={"was_measuring": is_over})
+
+    def _told_after_abort(self, limit_s: float) -> str:
+        """Return what is told until all is over; "" where nothing is told in time."""
+        heard = bytearray()
+
+        def is_over(received: bytes) -> int | None:
+            heard[:] = received
+            return whole_until_completed(received)
+
+        try:
+            return decode_messages(
+                self.transport.receive(
+                    until=is_over, timeout_s=limit_s, longest_bytes=LONGEST_BYTES
+                )
+            )
+        except DeviceTimeoutError:
+            return heard.decode("utf-8", "replace")
 
     def _run(self, body: str, limit_s: float, last: str) -> str:
         """Start once, follow what is told, and return it whole; the line is held meanwhile."""
@@ -295,7 +280,7 @@ class MagritekSpinsolve(Driver[ByteTransport, Config], Spectrometer):
             except (DeviceTimeoutError, FrameError):
                 self.halt()
                 if self.is_stopped:
-                    raise DeviceStoppedError("the measurement was told to abort") from None
+                    raise self._stopped() from None
                 raise
             for one in decode_attributes(part, "Progress"):
                 self._progress_ratio = min(
@@ -306,6 +291,16 @@ class MagritekSpinsolve(Driver[ByteTransport, Config], Spectrometer):
             seen += "" if "<Progress" in part and part.count("<Message>") == 1 else part
             self._refuse_failed(seen)
         return seen
+
+    def _stopped(self) -> DeviceStoppedError:
+        """Wait until the software says that all is over, and tell how it ended."""
+        if "<Completed " in self._told_after_abort(ENDED_S):
+            return DeviceStoppedError(
+                "the measurement was aborted; nothing of it is stored",
+                effect=Effect.PARTIAL,
+                context={"moved_ul": 0.0},
+            )
+        return DeviceStoppedError("the measurement was told to abort, and has not said it ended")
 
     def _refuse_failed(self, seen: str) -> None:
         """Raise what the software told of a failure."""

@@ -156,6 +156,10 @@ EFFECTS: dict[str, dict[str, dict[str, Effect]]] = {
         "stop_pump": {"is_pumping": ("become", False)},
         "vent": {"pressure_kpa": ("become", 101.3), "is_pumping": ("become", False)},
     },
+    "analyser": {
+        "measure": {"is_measuring": ("become", False), "progress_ratio": ("become", 1.0)},
+        "stop_measuring": {"is_measuring": ("become", False)},
+    },
     "spectrometer": {
         "measure": {"is_measuring": ("become", False), "progress_ratio": ("become", 1.0)},
         "stop_measuring": {"is_measuring": ("become", False)},

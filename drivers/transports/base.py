@@ -159,6 +159,9 @@ class ByteTransport(Transport):
         self.has_session = False
         """What is set up counts for one connection alone: it is never exchanged for another."""
 
+        self.share: Transport | None = None
+        """Where the files of the same device are read; it opens and closes with this one."""
+
         self._may_owe_bytes = False
         self._has_failed = False
         """The last answer did not come, and nobody gave it up: nobody knows when it will."""

@@ -6,6 +6,9 @@ Source:
 
 from __future__ import annotations
 
+import base64
+import hashlib
+import re
 import socket
 import threading
 from collections.abc import Callable
@@ -38,6 +41,28 @@ class HttpReply:
     def content_type(self) -> str:
         """Return the media type with its parameters, "" when none is told."""
         return self.headers.get("content-type", "")
+
+    @property
+    def told_sha256(self) -> str | None:
+        """Return the SHA-256 that the server tells of the whole content, in hex; None: it does not.
+
+        Raises:
+            FrameError: What it tells is no digest.
+
+        Source:
+            RFC 9530, `Repr-Digest`: a dictionary of byte sequences.
+        """
+        told = self.headers.get("repr-digest")
+        found = None if told is None else re.search(r"(?:^|,)\s*sha-256=:([^:]*):", told)
+        if found is None:
+            return None
+        try:
+            digest = base64.b64decode(found[1], validate=True)
+        except ValueError as error:
+            raise FrameError(f"the digest cannot be read: {told}") from error
+        if len(digest) != hashlib.sha256().digest_size:
+            raise FrameError(f"the digest has {len(digest)} bytes: {told}")
+        return digest.hex()
 
     @property
     def content_age_s(self) -> float | None:
@@ -121,6 +146,16 @@ class HttpTransport(Transport):
         """
         return self._request(
             "PUT", path, body, timeout_s, longest_bytes, lambda _type, _body: False
+        )
+
+    def post(self, path: str, body: bytes, *, timeout_s: float, longest_bytes: int) -> HttpReply:
+        """Send JSON to a path, once, and return the reply; what it begins is never begun again.
+
+        Raises:
+            DeviceError: As `get`; whatever the status of the reply, it is returned.
+        """
+        return self._request(
+            "POST", path, body, timeout_s, longest_bytes, lambda _type, _body: False
         )
 
     def _request(

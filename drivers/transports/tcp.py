@@ -6,7 +6,13 @@ import select
 import socket
 from collections.abc import Sequence
 
-from drivers.transports.base import MAX_FRAME_BYTES, OPEN_TIMEOUT_S, ByteTransport, Direction
+from drivers.transports.base import (
+    MAX_FRAME_BYTES,
+    OPEN_TIMEOUT_S,
+    ByteTransport,
+    Direction,
+    Transport,
+)
 from drivers.transports.beat import Beat
 from labweb.domain.errors import Effect, UnreachableError
 
@@ -33,14 +39,17 @@ class TcpTransport(ByteTransport):
     @property
     def is_open(self) -> bool:
         """Tell whether the connection stands, and those to further ports."""
-        return self._socket is not None and all(one.is_open for one in self.also)
+        return self._socket is not None and all(one.is_open for one in self._sides())
+
+    def _sides(self) -> tuple[Transport, ...]:
+        return self.also if self.share is None else (*self.also, self.share)
 
     def _open(self) -> None:
         self._close()
         self._has_failed = False
         try:
             self._socket = self._connect()
-            for one in self.also:
+            for one in self._sides():
                 one.open()
         except OSError as error:
             self._close()
@@ -64,7 +73,7 @@ class TcpTransport(ByteTransport):
         opened, self._socket = self._socket, None
         if opened is not None:
             opened.close()
-        for one in self.also:
+        for one in self._sides():
             one.close()
 
     def _drain(self) -> None:

@@ -16,6 +16,7 @@ from drivers.transports.ros2.names import check_name
 from drivers.transports.ros2.transport import Ros2Transport
 from drivers.transports.s7.transport import S7Transport
 from drivers.transports.serial import SerialSettings, SerialTransport, serial_line
+from drivers.transports.share import Share
 from drivers.transports.sila.transport import SilaTransport
 from drivers.transports.tcp import TcpTransport, tcp_line
 from drivers.transports.virtual import VirtualTransport
@@ -27,6 +28,7 @@ FORMS = (
     "tcp://127.0.0.1:4305",
     "tcp://192.168.1.10:5000?beat=192.168.255.255:3000",
     "tcp://192.168.1.30:19204?also=19206",
+    "tcp://192.168.1.40:13000?share=8080",
     "modbus+tcp://127.0.0.1:502?device=1",
     "modbus+serial:///dev/ttyUSB0?baud=9600&format=8N1&device=1",
     "http://192.168.1.20:80",
@@ -101,7 +103,7 @@ def ports_of(url: str) -> tuple[int, ...]:
     if kind != "tcp":
         return ()
     own = int(address.rpartition(":")[2])
-    return own, *(_further(url, own) if url.startswith("tcp:") else ())
+    return own, *((*_further(url, own), *_shared(url, own)) if url.startswith("tcp:") else ())
 
 
 def _scheme(url: str) -> tuple[Callable[[str], Transport], Callable[[str], str]]:
@@ -116,8 +118,11 @@ def _make_serial(url: str) -> Transport:
 
 
 def _make_tcp(url: str) -> Transport:
-    host, port = _address(url, frozenset({"beat", "also"}))
-    return TcpTransport(url, host, port, beat=_beat(url), also=_further(url, port))
+    host, port = _address(url, frozenset({"beat", "also", "share"}))
+    made = TcpTransport(url, host, port, beat=_beat(url), also=_further(url, port))
+    for one in _shared(url, port):
+        made.share = Share(made, host, one)
+    return made
 
 
 def _make_modbus_tcp(url: str) -> Transport:
@@ -269,7 +274,7 @@ def _serial_line(url: str) -> str:
 
 
 def _tcp_line(url: str) -> str:
-    return tcp_line(*_address(url, frozenset({"device", "beat", "also"})))
+    return tcp_line(*_address(url, frozenset({"device", "beat", "also", "share"})))
 
 
 def _virtual_line(url: str) -> str:
@@ -323,6 +328,17 @@ def _further(url: str, own: int) -> tuple[int, ...]:
     if len({own, *ports}) <= len(ports):
         raise _bad(url, "also names ports of the same device, each once: also=19205,19206")
     return tuple(ports)
+
+
+def _shared(url: str, own: int) -> tuple[int, ...]:
+    """Return the port at which the device's files are read over HTTP, or none."""
+    text = dict(parse_qsl(_split(url).query, keep_blank_values=True)).get("share")
+    if text is None:
+        return ()
+    port = _number(url, text, 1, _HIGHEST_PORT)
+    if port in {own, *_further(url, own)}:
+        raise _bad(url, "share is a port of its own")
+    return (port,)
 
 
 def _device(url: str) -> int:

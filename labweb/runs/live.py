@@ -17,6 +17,7 @@ from labweb.approvals import services as approval_services
 from labweb.common import faults
 from labweb.common.clock import now
 from labweb.domain.errors import LabError
+from labweb.domain.files import FileGone, FileOffer, FilePart, FileParts, FileTaken
 from labweb.domain.messages import (
     MAX_FRAME_BYTES,
     Ack,
@@ -45,7 +46,6 @@ from labweb.domain.messages import (
     WantDriver,
     WithdrawAsk,
 )
-from labweb.domain.pictures import Picture, PictureParts, PictureTaken
 from labweb.domain.runs.session import is_caught_up
 from labweb.enrollment import selectors as enrollment_selectors
 from labweb.enrollment import services as enrollment_services
@@ -86,13 +86,13 @@ class EdgeConsumer(AsyncWebsocketConsumer):
     beats_to_rival = 0
     patience: asyncio.Task[None] | None = None
     following: asyncio.Task[None] | None = None
-    picture_parts: PictureParts
+    file_parts: FileParts
     asked: dict[UUID, AskTold]
     """What was told last of each wish that has not ended."""
 
     async def connect(self) -> None:
         """Open, and challenge the other side to prove its key."""
-        self.picture_parts = PictureParts()
+        self.file_parts = FileParts()
         self.asked = {}
         self.nonce = secrets.token_urlsafe(32)
         await self.accept()
@@ -173,6 +173,8 @@ class EdgeConsumer(AsyncWebsocketConsumer):
         await database_sync_to_async(enrollment_services.resume_host)(self.host_id, self.epoch)
         await self._send(Resume(epoch=self.epoch))
         await self._repeat_stop(self.host_id)
+        for asked in await database_sync_to_async(services.files_asked)(self.host_id):
+            await self._send(asked)
 
     async def _repeat_stop(self, host_id: UUID) -> None:
         stop = await database_sync_to_async(_open_stop)(host_id)
@@ -191,8 +193,8 @@ class EdgeConsumer(AsyncWebsocketConsumer):
                 await database_sync_to_async(enrollment_services.acknowledge_stop)(
                     host_id, frame.stop_id, now()
                 )
-            case Picture():
-                await self._picture(host_id, frame)
+            case FileOffer() | FilePart() | FileGone():
+                await self._file(host_id, frame)
             case Renew():
                 await self._renew(host_id, frame)
             case Hello():
@@ -275,12 +277,19 @@ class EdgeConsumer(AsyncWebsocketConsumer):
         if frame.key:
             await self._send(TelemetryTaken(key=frame.key))
 
-    async def _picture(self, host_id: UUID, part: Picture) -> None:
-        data = self.picture_parts.add(part)
-        if data is None:
+    async def _file(self, host_id: UUID, frame: FileOffer | FilePart | FileGone) -> None:
+        """Say whether a file is wanted, put its parts together, or note that it is lost."""
+        if isinstance(frame, FileGone):
+            await database_sync_to_async(services.take_gone)(host_id, frame)
             return
-        code = await database_sync_to_async(services.take_picture)(host_id, part, data)
-        answer = PictureTaken(action_id=part.action_id, sha256=part.sha256, code=code)
+        if isinstance(frame, FileOffer):
+            code = await database_sync_to_async(services.offer_file)(host_id, frame)
+        else:
+            data = self.file_parts.add(frame)
+            if data is None:
+                return
+            code = await database_sync_to_async(services.take_file)(host_id, frame, data)
+        answer = FileTaken(action_id=frame.action_id, sha256=frame.sha256, code=code)
         await self._send(answer)
 
     async def _renew(self, host_id: UUID, frame: Renew) -> None:

@@ -172,24 +172,31 @@ class File(Base):
 
 
 class Incoming(Base):
-    """A file that was brought and waits to be read, and what became of it.
+    """A file that a person brought or an action of a host named, and what became of it.
 
-    Its bytes wait in the data directory under its id; read, they are kept as a `File`; refused,
-    they are gone and the reason stays.
+    Its bytes wait in the data directory under its id; read, they are kept as a `File`. What a
+    person brought and is refused is gone, and the reason stays; what an action measured is
+    kept all the same, and nothing of it is read.
     """
 
     class State(models.TextChoices):
         """Where the reading stands."""
 
+        AWAITED = "awaited"
+        """An action named it; its bytes have not come from the host."""
+
         PENDING = "pending"
         PARSED = "parsed"
         REFUSED = "refused"
+        LOST = "lost"
+        """The host named it and does not have its bytes any more."""
 
     lab = models.ForeignKey("resources.Lab", on_delete=models.PROTECT, related_name="+")
     sha256 = models.CharField(max_length=64)
     size_bytes = models.BigIntegerField()
     name = models.CharField(max_length=255)
     format = models.CharField(max_length=16)
+    media_type = models.CharField(max_length=100, blank=True)
     resource = models.ForeignKey(
         "resources.Resource", null=True, on_delete=models.PROTECT, related_name="+"
     )
@@ -197,8 +204,15 @@ class Incoming(Base):
         "enrollment.Device", null=True, on_delete=models.PROTECT, related_name="+"
     )
     job = models.ForeignKey("runs.Job", null=True, on_delete=models.PROTECT, related_name="+")
-    brought_by = models.ForeignKey("accounts.User", on_delete=models.PROTECT, related_name="+")
+    action_id = models.UUIDField(null=True)
+    """The action of a host that named it; None: a person brought it."""
+
+    brought_by = models.ForeignKey(
+        "accounts.User", null=True, on_delete=models.PROTECT, related_name="+"
+    )
     brought_at = models.DateTimeField()
+    """When it was brought, or named."""
+
     state = models.CharField(max_length=8, choices=State.choices, default=State.PENDING)
     asked_at = models.DateTimeField()
     """When a worker was last asked to read it."""
@@ -218,9 +232,18 @@ class Incoming(Base):
         constraints = [
             models.CheckConstraint(
                 condition=Q(state="parsed", file__isnull=False)
+                | Q(state="refused", action_id__isnull=False)
                 | Q(file__isnull=True) & ~Q(state="parsed"),
                 name="incoming_parsed_has_file",
-            )
+            ),
+            models.CheckConstraint(
+                condition=Q(brought_by__isnull=False, action_id__isnull=True)
+                | Q(brought_by__isnull=True, action_id__isnull=False),
+                name="incoming_from_person_or_host",
+            ),
+            models.UniqueConstraint(
+                fields=["action_id", "sha256"], name="incoming_once_per_action"
+            ),
         ]
         indexes = [models.Index(fields=["state", "asked_at"])]
 

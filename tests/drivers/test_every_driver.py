@@ -41,6 +41,7 @@ every_driver = pytest.mark.parametrize("spec", SPECS, ids=lambda spec: spec.clas
 def test_the_catalog_holds_every_role_that_a_lab_is_built_of() -> None:
     assert {role for spec in SPECS for role in spec.roles} == {
         "agv",
+        "analyser",
         "arm",
         "balance",
         "continuous_pump",

@@ -40,9 +40,9 @@ from workers.accept import Receipt, accept
 from workers.clock import SystemClock
 from workers.drivers import Drivers, DriverStore
 from workers.executor import Executor
+from workers.files import Files
 from workers.journal import Journal, create_journal
 from workers.line import make_units
-from workers.pictures import Pictures
 from workers.session import arm, open_session
 from workers.store import Store
 
@@ -236,7 +236,7 @@ class Host:
             units,
             store=store,
             clock=clock,
-            pictures=Pictures(self.folder / "pictures"),
+            files=Files(self.folder / "files" / "line"),
         )
         made.recover()
         for unit in units.values():

@@ -14,9 +14,9 @@ from workers import faults
 from workers.accept import accept
 from workers.clock import SystemClock
 from workers.executor import Executor
+from workers.files import Files
 from workers.journal import Journal
 from workers.line import make_units
-from workers.pictures import Pictures
 
 
 def accept_and_drain(
@@ -38,7 +38,7 @@ def accept_and_drain(
         units,
         store=None,
         clock=clock,
-        pictures=Pictures(path.with_name("pictures")),
+        files=Files(path.with_name("files") / "line"),
     )
     executor.recover()
     for unit in units.values():

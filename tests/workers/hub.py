@@ -6,13 +6,14 @@ import base64
 import contextlib
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import msgspec
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PublicKey
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.server import ServerConnection, serve
 
+from labweb.domain.files import WANTED, FileOffer, FilePart, FileParts, FileTaken
 from labweb.domain.messages import (
     Ack,
     Challenge,
@@ -33,7 +34,6 @@ from labweb.domain.messages import (
     TelemetryTaken,
     hello_bytes,
 )
-from labweb.domain.pictures import Picture, PictureParts, PictureTaken
 from tests.workers.bench import Server
 
 
@@ -55,11 +55,14 @@ class Hub:
         self.will_resume = True
         self.socket: ServerConnection | None = None
         self.url = ""
-        self.pictures: list[tuple[Picture, bytes]] = []
-        self.picture_codes: list[str] = []
-        """What the next pictures are answered with; then they are kept."""
+        self.files: list[tuple[FilePart, bytes]] = []
+        self.file_codes: list[str] = []
+        """What the next offers are answered with; then files are wanted."""
 
-        self._parts = PictureParts()
+        self.cuts_at: Callable[[FilePart], bool] = lambda _part: False
+        """Whether the connection breaks at a part of a file."""
+
+        self._parts = FileParts()
 
     @property
     def acked(self) -> int:
@@ -147,8 +150,19 @@ class Hub:
                 socket.send(msgspec.json.encode(Ack(seq=self.acked)).decode())
         if isinstance(frame, Telemetry) and self.is_storing:
             socket.send(msgspec.json.encode(TelemetryTaken(key=frame.key)).decode())
-        if isinstance(frame, Picture) and (whole := self._parts.add(frame)) is not None:
-            self.pictures.append((frame, whole))
-            code = self.picture_codes.pop(0) if self.picture_codes else ""
-            taken = PictureTaken(action_id=frame.action_id, sha256=frame.sha256, code=code)
-            socket.send(msgspec.json.encode(taken).decode())
+        if isinstance(frame, FileOffer):
+            self._say(socket, frame, self.file_codes.pop(0) if self.file_codes else WANTED)
+        if isinstance(frame, FilePart) and self.cuts_at(frame):
+            socket.close()
+            return
+        if isinstance(frame, FilePart) and (whole := self._parts.add(frame)) is not None:
+            self.files.append((frame, whole))
+            self._say(socket, frame, "")
+
+    @property
+    def offers(self) -> list[FileOffer]:
+        return [frame for frame in self.frames if isinstance(frame, FileOffer)]
+
+    def _say(self, socket: ServerConnection, of: FileOffer | FilePart, code: str) -> None:
+        taken = FileTaken(action_id=of.action_id, sha256=of.sha256, code=code)
+        socket.send(msgspec.json.encode(taken).decode())

@@ -13,14 +13,15 @@ from uuid import uuid4
 import msgspec
 import pytest
 
+from labweb.domain.errors import StateError
+from labweb.domain.files import UNKNOWN, FileAsked, FileGone, FilePart
 from labweb.domain.messages import Ask, AskTold, Events, StopLab, WithdrawAsk
-from labweb.domain.pictures import UNKNOWN
 from tests.workers.bench import HOST_ID, Host, a_do
 from tests.workers.hub import Hub
 from workers.config import HostConfig, ValkeyConfig
+from workers.files import Files
 from workers.identity import Identity
 from workers.keys import HostKey, create_key
-from workers.pictures import Pictures
 from workers.samples import Told
 from workers.store import ASKS, ASKS_TOLD, Sample, Store
 from workers.telling import ASK_LIFE_S, Word
@@ -227,34 +228,84 @@ async def test_a_stream_that_was_lost_with_its_server_is_told_from_its_begin(
         await until(lambda: len(told(hub)) == 3)
 
 
-async def test_a_picture_goes_up_whole_and_again_until_the_server_knows_what_it_shows(
+async def test_a_file_goes_up_whole_once_the_server_knows_it_and_is_kept_until_then(
     host: Host, hub: Hub, key: HostKey, store: Store
 ) -> None:
     data = bytes(range(256)) * 2000
     sha256, action_id, device_id = hashlib.sha256(data).hexdigest(), uuid4(), uuid4()
-    pictures = Pictures(host.folder / "pictures")
-    assert not pictures.keep(action_id, device_id, sha256, data + b"x"), "another picture"
-    assert not pictures.keep(action_id, device_id, sha256, None)
-    assert pictures.keep(action_id, device_id, sha256, data)
-    hub.picture_codes = [UNKNOWN]
+    files = Files(host.folder / "files" / "line")
+    with pytest.raises(StateError) as refusal:
+        files.keep(action_id, device_id, sha256, data + b"x")
+    assert refusal.value.code == "file.other_bytes"
+    files.keep(action_id, device_id, sha256, data)
+    hub.file_codes = [UNKNOWN]
     async with connected(host, hub, key, store):
-        await until(lambda: len(hub.pictures) == 1)
-        assert len(pictures.waiting()) == 1, "it is kept while the server does not know it"
-        await until(lambda: len(hub.pictures) == 2 and not pictures.waiting())
-    last, whole = hub.pictures[-1]
+        await until(lambda: len(hub.offers) == 1)
+        assert not hub.files, "nothing is sent before the server wants it"
+        assert len(files.waiting()) == 1, "it is kept while the server does not know it"
+        await until(lambda: hub.files and not files.waiting())
+    ((last, whole),) = hub.files
     assert whole == data
     assert (last.action_id, last.device_id, last.sha256) == (action_id, device_id, sha256)
 
 
-async def test_a_picture_that_the_server_does_not_want_is_dropped(
+async def test_a_file_that_the_server_does_not_want_is_dropped(
     host: Host, hub: Hub, key: HostKey, store: Store
 ) -> None:
-    pictures = Pictures(host.folder / "pictures")
-    assert pictures.keep(uuid4(), uuid4(), hashlib.sha256(b"x").hexdigest(), b"x")
-    hub.picture_codes = ["picture.refused"]
+    files = Files(host.folder / "files" / "line")
+    files.keep(uuid4(), uuid4(), hashlib.sha256(b"x").hexdigest(), b"x")
+    hub.file_codes = ["file.refused"]
     async with connected(host, hub, key, store):
-        await until(lambda: hub.pictures and not pictures.waiting())
-    assert len(hub.pictures) == 1
+        await until(lambda: hub.offers and not files.waiting())
+    assert (len(hub.offers), hub.files) == (1, [])
+
+
+async def test_a_file_is_sent_again_after_the_line_was_cut_in_its_middle(
+    host: Host, hub: Hub, key: HostKey, store: Store
+) -> None:
+    data = bytes(range(256)) * 20_000
+    files = Files(host.folder / "files" / "line")
+    files.keep(uuid4(), uuid4(), hashlib.sha256(data).hexdigest(), data)
+    parts_seen: list[int] = []
+
+    def cut_once(frame: FilePart) -> bool:
+        parts_seen.append(frame.offset_bytes)
+        return len(parts_seen) == 5
+
+    hub.cuts_at = cut_once
+    async with connected(host, hub, key, store):
+        await until(lambda: hub.files and not files.waiting())
+    assert hub.files[-1][1] == data
+    assert parts_seen.count(0) == 2, "it began anew"
+    assert len(hub.hellos) == 2
+
+
+async def test_a_file_that_was_damaged_or_is_gone_is_told_as_lost(
+    host: Host, hub: Hub, key: HostKey, store: Store
+) -> None:
+    files, action_id = Files(host.folder / "files" / "line"), uuid4()
+    kept = files.keep(action_id, uuid4(), hashlib.sha256(b"xy").hexdigest(), b"xy")
+    kept.write_bytes(b"xz")
+    gone = FileAsked(action_id=uuid4(), device_id=uuid4(), sha256="0" * 64)
+
+    def lost() -> set[object]:
+        return {one.action_id for one in hub.frames if isinstance(one, FileGone)}
+
+    async with connected(host, hub, key, store):
+        await until(lambda: lost() == {action_id})
+        assert (hub.files, files.waiting()) == ([], [])
+        await asyncio.to_thread(hub.send, gone)
+        await until(lambda: lost() == {action_id, gone.action_id})
+
+
+async def test_pictures_of_an_earlier_release_are_taken_over(
+    host: Host, hub: Hub, key: HostKey, store: Store
+) -> None:
+    sha256 = hashlib.sha256(b"p").hexdigest()
+    (host.folder / "pictures").mkdir()
+    (host.folder / "pictures" / f"{uuid4()}.{uuid4()}.{sha256}").write_bytes(b"p")
+    async with connected(host, hub, key, store):
+        await until(lambda: [whole for _, whole in hub.files] == [b"p"])
 
 
 async def test_wishes_go_up_unless_they_are_old_and_words_about_them_come_down(

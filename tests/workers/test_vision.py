@@ -33,9 +33,9 @@ from tests.workers.bench import HOST_ID, Server, installed, plain
 from workers.accept import accept
 from workers.clock import SystemClock
 from workers.executor import Executor
+from workers.files import Files
 from workers.journal import Journal, create_journal
 from workers.line import make_units
-from workers.pictures import Pictures
 from workers.session import arm as arm_host
 from workers.session import open_session
 from workers.store import Store
@@ -56,7 +56,7 @@ class Cell:
     journal: Journal
     server: Server
     devices: dict[UUID, DeviceConfig]
-    pictures: Pictures
+    files: Files
     store: Store
     eyes: dict[UUID, Unit]
     """The camera's line: its sampler and its executor share the devices."""
@@ -98,7 +98,7 @@ class Cell:
         units = own or self.eyes
         executor = Executor(
             self.journal, line, units,
-            store=self.store, clock=SystemClock(), pictures=self.pictures,
+            store=self.store, clock=SystemClock(), files=self.files,
         )  # fmt: skip
         for unit in units.values():
             unit.connect_if_due()
@@ -189,7 +189,7 @@ def cell(
         assert time.monotonic() < deadline_s, "the camera tells nothing"
         time.sleep(0.05)
     devices = {one.id: one for one in made}
-    yield Cell(bench, journal, server, devices, Pictures(tmp_path / "pictures"), store, units)
+    yield Cell(bench, journal, server, devices, Files(tmp_path / "files" / "line"), store, units)
     sampler.stop()
     for unit in units.values():
         unit.close()
@@ -207,7 +207,7 @@ def test_a_carry_that_the_camera_saw_is_sensed_and_its_pictures_are_kept(cell: C
     evidence = ended["post"][0]["evidence"]
     assert evidence["camera_id"] == str(BENCH_EYE)
     assert evidence["confidence"] >= SURE
-    kept = {one.sha256: one for one in cell.pictures.waiting()}
+    kept = {one.sha256: one for one in cell.files.waiting()}
     assert len(kept) == 2, "one before, one after"
     picture = kept[evidence["image_sha256"]]
     assert hashlib.sha256(picture.path.read_bytes()).hexdigest() == evidence["image_sha256"]
@@ -259,7 +259,7 @@ def test_a_look_that_must_pass_ends_there_when_it_does_not(cell: Cell) -> None:
     seen = cell.look([tag])
     assert (seen["kind"], seen["verification"]) == ("complete", "sensed")
     reported = seen["report"]["evidence"]["sighting"]["image_sha256"]
-    assert reported in {one.sha256 for one in cell.pictures.waiting()}
+    assert reported in {one.sha256 for one in cell.files.waiting()}
     other = cell.look([msgspec.structs.replace(tag, equals="VIAL-8")])
     assert (other["kind"], other["code"]) == ("aborted", "camera.tag")
     cell.inflict("eye", "dark", ratio=0.1)

@@ -148,8 +148,12 @@ class Served:
         except LabError:
             self._look()
             raise
-        found: dict[str, Any] = msgspec.to_builtins(report)
-        return found
+        told = [
+            {"name": one.name, "format": one.format, "size_bytes": len(one.data)}
+            for one in report.files
+        ]
+        found: dict[str, Any] = msgspec.to_builtins(msgspec.structs.replace(report, files=()))
+        return found | {"files": told}
 
     def _read(self, wish: Wish) -> dict[str, Any]:
         """Ask for every status; one that is refused does not hide the others.

@@ -37,7 +37,9 @@ export function useIncoming(about: About): UseQueryResult<IncomingFile[]> {
       call<{ incoming: IncomingFile[] }>("GET", `/files/incoming?${query}`, undefined, signal),
     select: (answer: { incoming: IncomingFile[] }) => answer.incoming,
     refetchInterval: ({ state }) =>
-      state.data?.incoming.some((row) => row.state === "pending") ? 1000 : false,
+      state.data?.incoming.some((row) => row.state === "pending" || row.state === "awaited")
+        ? 1000
+        : false,
   });
 }
 

@@ -69,11 +69,11 @@ function Incoming({ rows }: { rows: IncomingFile[] }) {
             <tr key={row.id} data-testid="incoming-row">
               <td className="b">{row.name}</td>
               <td>
-                {row.state === "pending" ? (
-                  words.incoming.pending
+                {row.state === "pending" || row.state === "awaited" ? (
+                  words.incoming[row.state]
                 ) : (
                   <span className="bad reasons">
-                    {words.incoming.refused}{" "}
+                    {row.state === "lost" ? words.incoming.lost : words.incoming.refused}{" "}
                     {row.findings.length === 0
                       ? row.message
                       : row.findings.slice(0, MOST_REASONS).map((finding) => (

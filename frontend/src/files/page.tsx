@@ -7,11 +7,10 @@ import { contentPath, useFile, usePoints } from "@/api/files";
 import { axisLabel, firstDrawn, formatBytes, formatLabel } from "@/model/files";
 import { formatDigest, formatFact, formatNumber } from "@/model/format";
 import type { FileDetail, FileReading } from "@/model/wirefiles";
-import { Card, Empty, Failed, Loaded } from "@/ui/card";
-import { Button, TextField } from "@/ui/controls";
+import { Card, Empty, Failed } from "@/ui/card";
+import { Curve } from "@/ui/curve";
 import { Icon } from "@/ui/icons";
 import { ReadingValue } from "@/ui/number";
-import { SeriesPlot } from "@/ui/seriesplot";
 import { At } from "@/ui/time";
 import { words } from "./words";
 
@@ -52,7 +51,15 @@ function Details({ file }: { file: FileDetail }) {
         </a>
       </div>
       <div className="col">
-        {shown?.series && <Curve key={shown.id} reading={shown} />}
+        {shown?.series && (
+          <Card
+            title={shown.name}
+            note={`${formatNumber(shown.series.points_count, 0)} points`}
+            testId="curve"
+          >
+            <Drawing key={shown.id} reading={shown} />
+          </Card>
+        )}
         <Card title={words.detail.readings} note={String(file.readings_count)}>
           {file.readings.length ? (
             <Readings file={file} picked={picked} onPick={setPicked} />
@@ -69,66 +76,9 @@ function Details({ file }: { file: FileDetail }) {
   );
 }
 
-function Curve({ reading }: { reading: FileReading }) {
+function Drawing({ reading }: { reading: FileReading }) {
   const [scan, setScan] = useState<number | null>(null);
-  const drawn = usePoints(reading.id, scan);
-  return (
-    <Card
-      title={reading.name}
-      note={reading.series ? `${formatNumber(reading.series.points_count, 0)} points` : null}
-      testId="curve"
-    >
-      <div className="pb">
-        <Loaded source={drawn} what="the series">
-          {(points) => (
-            <>
-              <SeriesPlot drawn={points} height={280} />
-              {points.scan && (
-                <ScanField
-                  least={Number(points.scan.least)}
-                  most={Number(points.scan.most)}
-                  value={points.scan.value}
-                  onChange={setScan}
-                />
-              )}
-              {points.is_thinned && <p className="help">{words.detail.thinned}</p>}
-            </>
-          )}
-        </Loaded>
-      </div>
-    </Card>
-  );
-}
-
-function ScanField(props: {
-  least: number;
-  most: number;
-  value: number;
-  onChange: (scan: number) => void;
-}) {
-  const [text, setText] = useState(String(props.value));
-  const number = /^\d{1,9}$/.test(text) ? Number(text) : null;
-  const isFit = number !== null && number >= props.least && number <= props.most;
-  return (
-    <form
-      className="scanfield"
-      onSubmit={(event) => {
-        event.preventDefault();
-        if (isFit && number !== null) props.onChange(number);
-      }}
-    >
-      <TextField
-        label={`${words.detail.scan} ${props.least} to ${props.most}`}
-        value={text}
-        onChange={setText}
-        error={isFit ? null : `A whole number from ${props.least} to ${props.most}.`}
-        testId="scan"
-      />
-      <Button type="submit" disabled={!isFit}>
-        Draw
-      </Button>
-    </form>
-  );
+  return <Curve source={usePoints(reading.id, scan)} height={280} onScan={setScan} />;
 }
 
 function Readings(props: {

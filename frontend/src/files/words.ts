@@ -8,8 +8,10 @@ export const words = {
   bring: "Bring a file…",
   incoming: {
     title: "Not read",
+    awaited: "Measured; not here from its host yet…",
     pending: "Waits to be read…",
     refused: "Refused:",
+    lost: "Lost:",
     more: (count: number) => `and ${count} more`,
   },
   form: {
@@ -34,8 +36,6 @@ export const words = {
     series: "Series",
     about: "About",
     tells: "What the file tells",
-    scan: "Spectrum",
-    thinned: "Each stretch shows its least and its largest value.",
     more: "More readings than are shown here:",
   },
 } as const;

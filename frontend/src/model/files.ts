@@ -1,7 +1,7 @@
 /** Kept files: what they are called, how large they are, and their series as columns to draw. */
 
 import { formatNumber } from "./format";
-import type { Drawn, FileReading } from "./wirefiles";
+import type { Drawn, FileReading, FileState } from "./wirefiles";
 
 export const FORMATS: readonly { value: string; label: string; endings: readonly string[] }[] = [
   { value: "csv", label: "CSV: columns with units", endings: ["csv", "tsv", "txt"] },
@@ -45,6 +45,14 @@ export function whyNotSent(
   if (file.size === 0) return "The file is empty.";
   if (file.size > LARGEST_BYTES) return `A file may have ${formatBytes(LARGEST_BYTES)}.`;
   return hasSubject ? null : "Say what was measured, or which device it came from.";
+}
+
+/** How many files of a run are not here, in words; null: none is missing. */
+export function missingText(files: readonly { state: FileState }[]): string | null {
+  const count = (state: FileState): number => files.filter((file) => file.state === state).length;
+  const [lost, awaited] = [count("lost"), count("awaited")];
+  const parts = [lost && `${lost} lost`, awaited && `${awaited} not here yet`].filter(Boolean);
+  return parts.length ? parts.join(", ") : null;
 }
 
 /** The reading to draw first: the one with the most points. */

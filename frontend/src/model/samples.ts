@@ -174,6 +174,7 @@ export function aRun(jobs: Job[], change: Partial<Run> = {}): Run {
     jobs,
     approval: null,
     waits_for: null,
+    files: [],
     recoveries: [],
     execution: null,
     hosts_away: [],

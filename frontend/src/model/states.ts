@@ -1,5 +1,6 @@
 /** Every state, its word and its look; the same on each page. */
 
+import type { FileState } from "./wirefiles";
 import type { JobState, RunState } from "./wire";
 
 /** Looks of chips, glyphs, bars and tiles. */
@@ -83,6 +84,15 @@ const NEED: Record<string, State> = {
   candidate: { look: "needs", word: "New device" },
 };
 
+/** What an action measured: whether its bytes are here, and were read. */
+const FILE: Record<FileState, State> = {
+  awaited: { look: "needs", word: "Not here yet" },
+  pending: { look: "running", word: "Being read" },
+  parsed: { look: "ok", word: "Kept" },
+  refused: { look: "error", word: "Not readable" },
+  lost: { look: "error", word: "Lost" },
+};
+
 const unknown = (word: string): State => ({ look: "idle", word: capitalise(word) });
 
 export const runState = (state: string): State => RUN[state as RunState] ?? unknown(state);
@@ -90,6 +100,7 @@ export const jobState = (state: string): State => JOB[state as JobState] ?? unkn
 export const transactionState = (state: string): State => TRANSACTION[state] ?? unknown(state);
 export const linkState = (state: string): State => LINK[state] ?? unknown(state);
 export const approvalState = (state: string): State => APPROVAL[state] ?? unknown(state);
+export const fileState = (state: FileState): State => FILE[state];
 export const needState = (kind: string): State => NEED[kind] ?? unknown(kind);
 
 export function hostState(state: string, isSilent: boolean): State {

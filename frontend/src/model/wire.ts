@@ -2,7 +2,10 @@
 
 export type * from "./wirelab";
 export type * from "./wiredrivers";
+export type * from "./wirerecovery";
+import type { RunFile } from "./wirefiles";
 import type { DeviceRow, HostRow } from "./wirelab";
+import type { Recovery, RecoveryCard } from "./wirerecovery";
 
 export type Id = string;
 export type Iso = string;
@@ -271,35 +274,6 @@ export interface RunRow {
   recoveries: Recovery[];
 }
 
-/** What a person chose about a job that ended undone. */
-export interface Recovery {
-  choice: RecoveryName;
-  job_id: Id;
-  by: string;
-  at: Iso;
-  note: string;
-}
-
-export type RecoveryName = "retry" | "change" | "done_by_hand" | "skip";
-
-export interface RecoveryChoice {
-  name: RecoveryName;
-  why_not: string | null;
-  consequence: string;
-}
-
-export interface RecoveryCard {
-  recovery: string;
-  tries: number;
-  choices: RecoveryChoice[];
-  /** Sentences of the jobs that are skipped with it. */
-  skips: string[];
-  /** Sentences of later jobs that use what it was to change. */
-  relying: string[];
-  asked_ul: number | null;
-  params: Record<string, unknown>;
-}
-
 export type RunState =
   | "draft"
   | "awaiting_approval"
@@ -390,8 +364,9 @@ export interface Run extends RunRow {
   document: WorkflowDocument;
   plan: Plan;
   jobs: Job[];
+  files: RunFile[];
   approval: { id: Id; state: string } | null;
-  /** Run in the middle of a step on something that the next action here needs. */
+  /** Run in the middle of a step on what the next action here needs. */
   waits_for: { id: Id; number: number } | null;
   /** What the workflow declares for hosts that cannot hear the server; null: nothing. */
   execution: { on_disconnect: string; max_offline_s: number } | null;

@@ -18,13 +18,28 @@ export interface KeptFile {
   kept_at: Iso;
 }
 
+export type FileState = "awaited" | "pending" | "parsed" | "refused" | "lost";
+
+/** A file that an action of a run has measured, whether its bytes are here or not. */
+export interface RunFile {
+  id: Id;
+  job_id: Id;
+  name: string;
+  format: string;
+  size_bytes: number;
+  state: FileState;
+  file_id: Id | null;
+  code: string;
+  message: string;
+}
+
 /** A file that waits to be read, or what became of it. */
 export interface IncomingFile {
   id: Id;
   name: string;
   format: string;
   size_bytes: number;
-  state: "pending" | "parsed" | "refused";
+  state: FileState;
   file_id: Id | null;
   code: string;
   message: string;

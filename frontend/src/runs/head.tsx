@@ -4,6 +4,7 @@ import { useState } from "react";
 import { Link } from "react-router";
 import { useRunAct } from "@/api/commands";
 import { useStatus } from "@/api/connection";
+import { missingText } from "@/model/files";
 import { formatDuration, toSeconds } from "@/model/format";
 import { executionText } from "@/model/hosts";
 import { currentStep, findProblems, stepNumber, type StepProgress } from "@/model/runs";
@@ -182,6 +183,7 @@ export function Facts({ run, steps }: { run: Run; steps: StepProgress[] }) {
   const isOver = ended !== null;
   const elapsed = started === null ? null : (ended ?? now) - started;
   const left = run.state === "paused" ? null : run.left_s;
+  const missing = missingText(run.files);
   return (
     <dl className="facts">
       <div>
@@ -216,6 +218,14 @@ export function Facts({ run, steps }: { run: Run; steps: StepProgress[] }) {
         <dt>Server away</dt>
         <dd data-testid="run-execution">{executionText(run.execution)}</dd>
       </div>
+      {missing && (
+        <div>
+          <dt>{words.measured.missing}</dt>
+          <dd className="bad" data-testid="files-missing">
+            {missing}
+          </dd>
+        </div>
+      )}
       <div className="wide">
         <dt>Needs you</dt>
         <dd>{needText(run)}</dd>

@@ -11,6 +11,7 @@ import { AsOf, Card, Empty, Failed, Loaded } from "@/ui/card";
 import { EventTable } from "@/ui/events";
 import { TwinChip, TwinFrame } from "@/twin/frame";
 import { Icon } from "@/ui/icons";
+import { RunFiles } from "./files";
 import { Facts, RunHead } from "./head";
 import { JobFacts } from "./job";
 import { RunLog } from "./log";
@@ -161,6 +162,7 @@ function Main(props: {
     <>
       <StepStrip steps={steps} picked={picked} onPick={pickStep} />
       <Timeline run={run} picked={job} onPick={pick} />
+      <RunFiles run={run} />
       <div className="two">
         <RunTelemetry run={run} most={2} />
         <Events run={run} most={8} link={props.link} />

@@ -5,6 +5,13 @@ export const words = {
   none: "No run fits.",
   clear: "Clear filter",
   files: "Files of this action",
+  measured: {
+    title: "Measured",
+    by: (action: number) => `action ${action}`,
+    draw: "Draw",
+    download: "Download",
+    missing: "Files",
+  },
   pause: "Pause",
   pausing: "Pausing – after the actions that are under way",
   resume: "Resume",

@@ -47,6 +47,8 @@ class Read(msgspec.Struct, frozen=True, tag="read", tag_field="op", kw_only=True
 
     device_id: UUID
     statuses: tuple[str, ...] = ()
+    sample_id: UUID | msgspec.UnsetType = msgspec.UNSET
+    """What is measured, where it is another resource than the device: a tube in its bore."""
 
 
 class Update(
@@ -311,6 +313,17 @@ def subjects_of(operation: Operation) -> tuple[tuple[UUID, str], ...]:
             return ((operation.device_id, "subject"),)
         case _:
             return ((operation.resource_id, "subject"),)
+
+
+def sample_of(operation: Operation) -> UUID | None:
+    """Return the resource that an operation measures; None: it does not say."""
+    match operation:
+        case Read():
+            return None if operation.sample_id is msgspec.UNSET else operation.sample_id
+        case Dispose():
+            return operation.resource_id
+        case _:
+            return None
 
 
 def to_json(operation: Operation) -> dict[str, Any]:

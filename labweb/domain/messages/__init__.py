@@ -13,6 +13,7 @@ from uuid import UUID
 import msgspec
 
 from labweb.domain.canonical import canonical as canonical
+from labweb.domain.files import FileAsked, FileGone, FileOffer, FilePart, FileTaken
 from labweb.domain.messages.asking import Ask as Ask
 from labweb.domain.messages.asking import AskTold as AskTold
 from labweb.domain.messages.asking import WithdrawAsk as WithdrawAsk
@@ -50,7 +51,6 @@ from labweb.domain.messages.tryouts import TryoutPart as TryoutPart
 from labweb.domain.messages.tryouts import TryoutTold as TryoutTold
 from labweb.domain.messages.tryouts import WireRecord as WireRecord
 from labweb.domain.messages.version import PROTOCOL_VERSION as PROTOCOL_VERSION
-from labweb.domain.pictures import Picture, PictureTaken
 
 MAX_FRAME_BYTES = 256 * 1024
 MAX_EVENTS_PER_FRAME = 500
@@ -207,7 +207,9 @@ EdgeFrame = (
     | Heartbeat
     | Telemetry
     | StopAcknowledged
-    | Picture
+    | FileOffer
+    | FilePart
+    | FileGone
     | Renew
     | Sightings
     | WantDriver
@@ -225,7 +227,8 @@ ServerFrame = (
     | Resume
     | StopLab
     | Nudge
-    | PictureTaken
+    | FileTaken
+    | FileAsked
     | Renewed
     | Devices
     | DriverPart

@@ -38,6 +38,7 @@ def report_body(report: Report) -> dict[str, Any]:
         "message": report.message,
         "evidence": plain(report.evidence),
         "data": plain(report.data),
+        **({"files": msgspec.to_builtins(report.files)} if report.files else {}),
     }
 
 

@@ -17,6 +17,7 @@ from labweb.domain.crutd.conditions import (
 )
 from labweb.domain.crutd.decide import Outcome, OutcomeKind
 from labweb.domain.errors import Effect, Finding
+from labweb.domain.files import NamedFile
 
 
 class ActionState(StrEnum):
@@ -185,6 +186,9 @@ class Report:
     evidence: dict[str, Any] = field(default_factory=dict)
     data: dict[str, Any] = field(default_factory=dict)
     """Statuses to store with the resource."""
+
+    files: tuple[NamedFile, ...] = ()
+    """What the action hands over; the bytes are on the host's disk before this is written."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

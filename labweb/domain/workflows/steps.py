@@ -280,8 +280,17 @@ STEP_KINDS: Mapping[str, UnitOperation] = {
             parameters=(
                 device("device", [], "Device", "Device that acts."),
                 *_CALLED,
+                optional(
+                    device(
+                        "sample",
+                        list(CARRIED_KINDS),
+                        "Sample",
+                        "What is measured, on the device; readings and files are linked to it. "
+                        "Left empty, the one vessel that stands there.",
+                    )
+                ),
             ),
-            clauses=("Run {action} on {device}",),
+            clauses=("Run {action} on {device}", " with {sample}"),
         ),
     )
 }

@@ -23,6 +23,7 @@ from labweb.common.requests import whole_number
 from labweb.crutd import api as crutd_api
 from labweb.domain.approvals.roles import Permission
 from labweb.domain.errors import DefinitionError, NotFoundError
+from labweb.domain.files import KEPT_ONLY, MEDIA_TYPES
 from labweb.enrollment import selectors as enrollment_selectors
 from labweb.enrollment.selectors import Device
 from labweb.resources import selectors as resource_selectors
@@ -33,13 +34,7 @@ from labweb.runs.models import Job
 from labweb.telemetry import selectors as telemetry_selectors
 from labweb.telemetry import services as telemetry_services
 from labweb.telemetry.selectors import File, Incoming, Reading
-from labweb.telemetry.services.files import (
-    KEPT_ONLY,
-    MEDIA_TYPES,
-    MOST_BYTES,
-    digest_header,
-    opened,
-)
+from labweb.telemetry.services.files import MOST_BYTES, digest_header, opened
 
 _MOST_ROWS = 500
 _MOST_POINTS = 10_000
@@ -132,9 +127,9 @@ class IncomingFiles(APIView):
     """Files that were brought to be read."""
 
     def get(self, request: Request) -> Response:
-        """List those that wait or were refused, newest first; `resource`… narrow it."""
+        """List those that wait, were refused or are lost, newest first; `resource`… narrow it."""
         rows = telemetry_selectors.visible_incoming(resource_selectors.the_lab(), _seen(request))
-        rows = rows.filter(file__isnull=True, **_narrowed(request))
+        rows = rows.exclude(state=Incoming.State.PARSED).filter(**_narrowed(request))
         limit = whole_number(request, "limit", default=50, low=1, high=_MOST_ROWS)
         return Response({"incoming": [_render_incoming(row) for row in rows[:limit]]})
 
@@ -342,7 +337,7 @@ def _render_incoming(row: Incoming) -> dict[str, Any]:
         "resource_id": _text(row.resource_id),
         "device_id": _text(row.device_id),
         "job_id": _text(row.job_id),
-        "brought_by": row.brought_by.printed_name,
+        "brought_by": "" if row.brought_by is None else row.brought_by.printed_name,
         "brought_at": iso(row.brought_at),
         "ended_at": None if row.ended_at is None else iso(row.ended_at),
     }

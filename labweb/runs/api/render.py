@@ -21,6 +21,7 @@ from labweb.resources import selectors as resource_selectors
 from labweb.resources.selectors import Lab
 from labweb.runs import selectors
 from labweb.runs.models import Attempt, Job, Run
+from labweb.telemetry import selectors as telemetry_selectors
 
 _ENDED = {RunState.COMPLETE.value, RunState.ABORTED.value}
 
@@ -134,6 +135,7 @@ def render_run(run: Run, user: User) -> dict[str, Any]:
             }
             for job in jobs
         ],
+        "files": _files(jobs),
         "approval": None if request is None else {"id": str(request.id), "state": request.state},
         "waits_for": _waits_for(run, jobs),
         "execution": run.plan.get("execution"),
@@ -149,6 +151,27 @@ def render_run(run: Run, user: User) -> dict[str, Any]:
             "resolve": Permission.RESOLVE in allowed,
         },
     }
+
+
+def _files(jobs: list[Job]) -> list[dict[str, Any]]:
+    """Return what the jobs have measured as files, whether the bytes are here or not."""
+    named = {job.pk for job in jobs if (job.evidence.get("report") or {}).get("files")}
+    if not named:
+        return []
+    return [
+        {
+            "id": str(row.pk),
+            "job_id": str(row.job_id),
+            "name": row.name,
+            "format": row.format,
+            "size_bytes": row.size_bytes,
+            "state": row.state,
+            "file_id": None if row.file_id is None else str(row.file_id),
+            "code": row.code,
+            "message": row.message,
+        }
+        for row in telemetry_selectors.measured_by(named)
+    ]
 
 
 def _attempts(run: Run) -> Iterable[Attempt]:

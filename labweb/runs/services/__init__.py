@@ -27,9 +27,9 @@ from labweb.runs.services.fencing import (
     note_rival,
     revoke_host,
 )
+from labweb.runs.services.files import files_asked, offer_file, take_file, take_gone
 from labweb.runs.services.ingest import ingest_events
 from labweb.runs.services.isolation import isolate_hosts
-from labweb.runs.services.pictures import take_picture
 from labweb.runs.services.recovery import recover_job
 from labweb.runs.services.reservations import end_reservation, reserve
 from labweb.runs.services.schedule import dispatch_ready
@@ -52,6 +52,7 @@ __all__ = [
     "end_reservation",
     "expire_requests",
     "fence_host",
+    "files_asked",
     "hand_over",
     "ingest_events",
     "isolate_hosts",
@@ -60,6 +61,7 @@ __all__ = [
     "let_ask",
     "note_quarantine",
     "note_rival",
+    "offer_file",
     "pause_run",
     "preview",
     "publish_outbox",
@@ -73,7 +75,8 @@ __all__ = [
     "start_run",
     "stop_lab",
     "take_ask",
-    "take_picture",
+    "take_file",
+    "take_gone",
     "withdraw_ask",
     "withdraw_calibration",
 ]

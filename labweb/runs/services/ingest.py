@@ -34,6 +34,7 @@ from labweb.runs.services.batches import settle_batch
 from labweb.runs.services.carrying import hand_on
 from labweb.runs.services.custody import KINDS, take_custody_event
 from labweb.runs.services.fencing import quarantine
+from labweb.runs.services.files import await_files
 from labweb.runs.services.state import move_job, refresh_run
 
 logger = logging.getLogger(__name__)
@@ -139,6 +140,8 @@ def _settle(attempt: Attempt, event: EdgeEvent, meaning: Meaning) -> None:
     else:
         change = crutd_services.settle(attempt.transaction_id, settlement)
         hand_on(attempt, change)
+    if not meaning.is_resolution:
+        await_files(attempt, event.body.get("report") or {})
 
 
 def _fields(attempt: Attempt, event: EdgeEvent, meaning: Meaning) -> dict[str, Any]:

@@ -62,6 +62,27 @@ def find_incoming(lab: Lab, incoming_id: UUID, seen: Collection[UUID]) -> Incomi
     return row
 
 
+def named_by(action_ids: Iterable[UUID]) -> QuerySet[Incoming]:
+    """Return the files that actions of hosts have named, and what became of each."""
+    return Incoming.objects.filter(action_id__in=list(action_ids))
+
+
+def awaited_files() -> QuerySet[Incoming]:
+    """Return the files that actions have named and whose bytes have not come."""
+    return Incoming.objects.filter(state=Incoming.State.AWAITED).order_by("id")
+
+
+def measured_by(job_ids: Iterable[UUID]) -> QuerySet[Incoming]:
+    """Return the files that jobs have measured, whether they have come or not, oldest first."""
+    rows = Incoming.objects.filter(job_id__in=list(job_ids), action_id__isnull=False)
+    return rows.order_by("id")
+
+
+def has_file(sha256: str, *, device_id: UUID, job_id: UUID) -> bool:
+    """Tell whether a file of a device and a job is kept."""
+    return File.objects.filter(sha256=sha256, device_id=device_id, job_id=job_id).exists()
+
+
 def readings_of_jobs(job_ids: Iterable[UUID]) -> QuerySet[Reading]:
     """Return the readings that belong to jobs, with their files."""
     rows = Reading.objects.filter(job_id__in=list(job_ids))

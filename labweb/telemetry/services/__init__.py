@@ -11,7 +11,15 @@ from labweb.telemetry.services.files import (
     keep_file,
     keep_picture,
 )
-from labweb.telemetry.services.incoming import READ_TASK, bring, read_incoming, ring_incoming
+from labweb.telemetry.services.incoming import (
+    READ_TASK,
+    arrive,
+    await_file,
+    bring,
+    note_lost,
+    read_incoming,
+    ring_incoming,
+)
 from labweb.telemetry.services.rolling import MOST_TRIMMED, roll_up, trim
 from labweb.telemetry.services.samples import SILENT_S, take_in
 
@@ -23,11 +31,14 @@ __all__ = [
     "SILENT_S",
     "Upload",
     "Wanted",
+    "arrive",
+    "await_file",
     "bring",
     "check_links",
     "drawn",
     "keep_file",
     "keep_picture",
+    "note_lost",
     "read_incoming",
     "ring_incoming",
     "roll_up",

@@ -25,6 +25,7 @@ from labweb.accounts.selectors import User
 from labweb.common.clock import now
 from labweb.domain.approvals.roles import Permission
 from labweb.domain.errors import DefinitionError, StateError
+from labweb.domain.files import KEPT_ONLY, MEDIA_TYPES, is_name
 from labweb.enrollment import selectors as enrollment_selectors
 from labweb.enrollment.selectors import Device
 from labweb.resources import selectors as resource_selectors
@@ -36,19 +37,8 @@ from labweb.telemetry.services.reading import Made, read_instrument_file
 MOST_BYTES = 256 * 2**20
 """Largest file that is kept; a larger one belongs in the archive of the instrument."""
 
-MEDIA_TYPES = {
-    "csv": "text/csv",
-    "xml": "application/xml",
-    "mzml": "application/xml",
-    "jcamp": "chemical/x-jcamp-dx",
-    "andi": "application/x-netcdf",
-    "neware": "application/octet-stream",
-}
-"""By format; a file that is only kept has the type that its sender tells."""
-
 PARQUET = "application/vnd.apache.parquet"
 JPEG = "image/jpeg"
-KEPT_ONLY = "none"
 _BLOCK = 2**20
 _STORE_LOCK = 0x6C62_66
 _MEDIA_TYPE = re.compile(r"[a-z0-9][a-z0-9!#$&^_.+-]{0,40}/[a-z0-9][a-z0-9!#$&^_.+-]{0,50}")
@@ -175,7 +165,7 @@ def read_and_keep(
 def _name(told: str) -> str:
     """Return the last part of a name, if it is one that can be shown and saved."""
     name = re.split(r"[/\\]", told)[-1].strip()
-    if not name or name in {".", ".."} or len(name) > 255 or not name.isprintable():
+    if not is_name(name):
         raise DefinitionError("the file needs a name of 1 to 255 printable signs", code="file.name")
     return name
 

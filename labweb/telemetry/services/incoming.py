@@ -1,4 +1,4 @@
-"""Files that wait to be read: brought in a request, read by the server's own worker.
+"""Files that wait: named by an action or brought in a request, read by the server's own worker.
 
 The row is the queue of record, and the message to the worker a doorbell: one that is lost is
 rung again, one that comes twice finds nothing to do.
@@ -14,13 +14,16 @@ from pathlib import Path
 from uuid import UUID
 
 from django.conf import settings
+from django.db.models import QuerySet
 from django.db.transaction import atomic, on_commit
 
 from labweb.accounts.selectors import User
-from labweb.common import queue
+from labweb.common import feed, queue
 from labweb.common.clock import now
 from labweb.domain.errors import DefinitionError, LabError, StateError
-from labweb.resources.selectors import Lab
+from labweb.domain.files import KEPT_ONLY, LOST, NamedFile
+from labweb.enrollment.selectors import Device
+from labweb.resources.selectors import Lab, Resource
 from labweb.telemetry.models import File, Incoming
 from labweb.telemetry.services.files import (
     Upload,
@@ -119,9 +122,14 @@ def read_incoming(incoming_id: UUID) -> None:
             row.state = Incoming.State.PARSED
         except (DefinitionError, StateError) as error:
             _refuse(row, error)
+            if row.action_id is not None:
+                _keep_refused(row, error)
         row.ended_at = now()
         row.save()
         on_commit(partial(_path(row.pk).unlink, missing_ok=True))
+        if row.action_id is not None and row.job is not None:
+            body = {"run_id": str(row.job.run_id), "job_id": str(row.job.pk)}
+            on_commit(partial(feed.publish, f"run:{row.job.run_id}", body))
 
 
 def _held(incoming_id: UUID) -> Incoming | None:
@@ -142,11 +150,33 @@ def _read(row: Incoming) -> File:
             f"the worker ended {MOST_TRIES} times while it read this file",
             code="instrument.unreadable",
         )
+    return _kept(row, row.format)
+
+
+def _keep_refused(row: Incoming, error: LabError) -> None:
+    """Keep what an action measured though nothing of it can be read."""
+    if error.code == "file.damaged":
+        row.state = Incoming.State.LOST
+        return
+    try:
+        if error.code == "file.exists":
+            raise error
+        with atomic():
+            row.file = _kept(row, KEPT_ONLY)
+    except StateError as again:
+        if again.code != "file.exists":
+            raise
+        row.file = File.objects.get(pk=again.context["file_id"])
+        if error.code == "file.exists":
+            row.state, row.code, row.message = Incoming.State.PARSED, "", ""
+
+
+def _kept(row: Incoming, form: str) -> File:
     upload = Upload(
         stream=io.BytesIO(),
         name=row.name,
-        media_type="",
-        format=row.format,
+        media_type=row.media_type,
+        format=form,
         resource=row.resource,
         device=row.device,
         job_id=row.job_id,
@@ -186,3 +216,79 @@ def ring_incoming() -> int:
     for row in rows:
         queue.ask(READ_TASK, str(row.pk))
     return len(rows)
+
+
+def await_file(
+    told: NamedFile,
+    *,
+    device: Device,
+    resource: Resource | None,
+    job_id: UUID,
+    action_id: UUID,
+) -> None:
+    """Write down that an action of a host has measured a file, whose bytes are to come.
+
+    Effect:
+        None on matter. Writes one row; the file counts as missing until its bytes are here.
+    """
+    Incoming.objects.get_or_create(
+        action_id=action_id,
+        sha256=told.sha256,
+        defaults={
+            "lab": device.lab,
+            "size_bytes": told.size_bytes,
+            "name": told.name,
+            "format": told.format,
+            "media_type": told.media_type,
+            "resource": resource,
+            "device": device,
+            "job_id": job_id,
+            "brought_at": now(),
+            "asked_at": now(),
+            "state": Incoming.State.AWAITED,
+        },
+    )
+
+
+def arrive(action_id: UUID, sha256: str, data: bytes) -> bool:
+    """Take the bytes of an awaited file in, and have them read; False: they are not those.
+
+    Effect:
+        None on matter. Writes bytes under the data directory; they are on disk before the
+        row says that they came.
+    """
+    row = _missing().filter(action_id=action_id, sha256=sha256).first()
+    if row is None or len(data) != row.size_bytes:
+        return False
+    with room() as folder:
+        raw = folder / "raw"
+        if received(io.BytesIO(data), raw) != sha256:
+            return False
+        waiting = _path(row.pk)
+        waiting.parent.mkdir(mode=0o700, exist_ok=True)
+        raw.rename(waiting)
+    with atomic():
+        _missing().filter(pk=row.pk).update(
+            state=Incoming.State.PENDING, asked_at=now(), ended_at=None, code="", message=""
+        )
+        on_commit(partial(queue.ask, READ_TASK, str(row.pk)))
+    return True
+
+
+def note_lost(action_id: UUID, sha256: str, message: str) -> Incoming | None:
+    """Write down that a host does not have an awaited file any more; None: it is not awaited."""
+    with atomic():
+        rows = Incoming.objects.filter(
+            action_id=action_id, sha256=sha256, state=Incoming.State.AWAITED
+        )
+        row = rows.select_for_update().first()
+        if row is None:
+            return None
+        row.state, row.code, row.message = Incoming.State.LOST, LOST, message
+        row.ended_at = now()
+        row.save()
+        return row
+
+
+def _missing() -> QuerySet[Incoming]:
+    return Incoming.objects.filter(state__in=[Incoming.State.AWAITED, Incoming.State.LOST])

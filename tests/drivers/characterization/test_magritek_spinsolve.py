@@ -11,11 +11,9 @@ from typing import Any, cast
 import pytest
 
 from drivers.base import DeviceStoppedError
-from drivers.characterization.magritek_spinsolve import (
-    MagritekSpinsolve,
-    decode_messages,
-    encode_message,
-)
+from drivers.characterization import magritek_spinsolve
+from drivers.characterization._spinsolve import decode_messages, encode_message
+from drivers.characterization.magritek_spinsolve import MagritekSpinsolve
 from drivers.transports.base import ByteTransport
 from drivers.transports.urls import make_transport
 from labweb.domain.errors import DeviceError, Effect, FrameError, PreconditionError, RejectedError
@@ -42,6 +40,7 @@ RUNNING = '<State protocol="1D EXTENDED+" status="Running" dataFolder=""/>'
 PROGRESS = '<Progress protocol="1D EXTENDED+" percentage="40" secondsRemaining="9"/>'
 READY = '<State protocol="1D EXTENDED+" status="Ready" dataFolder="/data/a1"/>'
 DONE = '<Completed protocol="1D EXTENDED+" completed="true" successful="true"/>'
+STOPPING = '<State protocol="1D EXTENDED+" status="Stopping" dataFolder=""/>'
 ENDED = '<Completed protocol="1D EXTENDED+" completed="false" successful="false"/>'
 SHIMMED = (
     '<QuickShimResponse error=""><LineWidth>{}</LineWidth><BaseWidth>9.5</BaseWidth>'
@@ -57,6 +56,9 @@ class Peer:
         self.connected = connected
         self.kept: dict[str, str] = {}
         self.takes = True
+        self.ending = b""
+        """What an abort brings."""
+
         self.asked = ""
 
     def __call__(self, request: bytes) -> bytes | None:
@@ -85,7 +87,7 @@ class Peer:
             )
         if body.startswith("<Estimate"):
             return encode_message('<EstimateDurationResponse durationInSeconds="45" error=""/>')
-        return b"" if body == "<Abort/>" else self.start
+        return self.ending if body == "<Abort/>" else self.start
 
 
 Start = Callable[[Peer], MagritekSpinsolve]
@@ -183,16 +185,48 @@ def test_a_measurement_without_a_folder_is_not_taken(start: Start) -> None:
         start(Peer(told(RUNNING, READY.replace("/data/a1", ""), DONE))).measure(**RUN)
 
 
-def test_a_stop_aborts_what_is_measured(start: Start) -> None:
+def test_a_stop_aborts_what_is_measured_and_waits_until_all_is_over(start: Start) -> None:
     peer = Peer(told(RUNNING))
+    peer.ending = told(STOPPING, ENDED)
     device = start(peer)
     timer = threading.Timer(0.15, device.stop)
     timer.start()
-    with pytest.raises(DeviceStoppedError):
+    with pytest.raises(DeviceStoppedError, match="nothing of it is stored") as caught:
         device.measure(**RUN)
     timer.join()
-    device.is_connected()  # asked after the abort, so that it has arrived
+    assert caught.value.effect is Effect.PARTIAL
     assert "<Abort/>" in peer.asked
+
+
+def test_a_stop_whose_end_is_not_told_is_unknown(
+    start: Start, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(magritek_spinsolve, "ENDED_S", 0.2)
+    peer = Peer(told(RUNNING))
+    peer.ending = told(STOPPING)
+    device = start(peer)
+    timer = threading.Timer(0.15, device.stop)
+    timer.start()
+    with pytest.raises(DeviceStoppedError, match="has not said it ended") as caught:
+        device.measure(**RUN)
+    timer.join()
+    assert caught.value.effect is Effect.UNKNOWN
+
+
+def test_ending_what_is_measured_waits_until_all_is_over(
+    start: Start, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(magritek_spinsolve, "STOPPING_S", 0.2)
+    monkeypatch.setattr(magritek_spinsolve, "ENDED_S", 0.2)
+    peer = Peer()
+    device = start(peer)
+    assert device.stop_measuring().evidence == {"was_measuring": False}
+    peer.ending = told(STOPPING, ENDED)
+    assert device.stop_measuring().evidence == {"was_measuring": True}
+    peer.ending = told(STOPPING)
+    with pytest.raises(DeviceError, match="does not say that it has ended") as caught:
+        device.stop_measuring()
+    assert caught.value.effect is Effect.UNKNOWN
 
 
 def test_a_shim_tells_its_lines_and_one_that_does_not_converge_is_told(start: Start) -> None:

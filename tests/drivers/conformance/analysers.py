@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from tests.drivers.conformance.placed_models import Case
+from tests.drivers.conformance.placed_models import Action, Case
 
 CONDUCTIVITY = [
     Case(
@@ -54,6 +54,33 @@ SPECTROMETERS = [
         ),
         status="is_connected",
     )
+]
+
+VIAL = {"vial": "1", "sample": "a1"}
+
+
+def _analyser(model: str, method: str, injection_ul: float, *beyond_ul: float) -> Case:
+    """Return an instrument that injects from its vial 1."""
+
+    def injecting(amount_ul: float) -> Action:
+        return ("measure", {**VIAL, "method": method, "injection_ul": amount_ul})
+
+    return Case(
+        module=f"characterization.{model}",
+        model=model,
+        carrier="tcp",
+        ports=("1", "waste"),
+        act=injecting(injection_ul),
+        verb="inject",
+        beyond=tuple(injecting(amount_ul) for amount_ul in beyond_ul),
+        status="running_state",
+    )
+
+
+ANALYSERS = [
+    _analyser("lab_hplc", "standard", 5.0, 0.05, 101.0),
+    _analyser("lab_gcms", "standard", 1.0, 0.05, 5.5),
+    _analyser("lab_ms", "positive", 10.0, 0.5, 51.0),
 ]
 
 CHROMATOGRAPHS = [

@@ -1,6 +1,7 @@
 """Every driver of stirrers, thermostats, supplies, sensors, movers and cyclers, with its model."""
 
 from tests.drivers.conformance.analysers import (
+    ANALYSERS,
     CHROMATOGRAPHS,
     CONDUCTIVITY,
     CYCLERS,
@@ -334,6 +335,7 @@ EVERY = [
     *SENSORS,
     *CHROMATOGRAPHS,
     *SPECTROMETERS,
+    *ANALYSERS,
     *MOVERS,
     *CYCLERS,
 ]

@@ -64,6 +64,12 @@ class Case:
     also: str = ""
     """Setting with the further port that the driver needs."""
 
+    ports: tuple[str, ...] = ()
+    """Ports that vessels hang at; the first is at its flask, the others at empty ones."""
+
+    side: str = "also"
+    """How its URL names that port."""
+
     address: str = ""
     """What stands in its URL behind place or port: `/0/1`, `?device=9`."""
 
@@ -124,7 +130,7 @@ class Bench:
             "http": "http",
         }.get(sort, "tcp")
         url = f"{scheme}://127.0.0.1:{self._port(case)}{case.address}"
-        return f"{url}?also={self._sides[case.model]}" if case.also else url
+        return f"{url}?{case.side}={self._sides[case.model]}" if case.also else url
 
     def driver(self, case: Case, **config: object) -> Driver[Any, Any]:
         """Load the driver as an edge host does; nothing is opened."""
@@ -185,6 +191,7 @@ def running(cases: list[Case], contents: list[dict[str, Any]] | None = None) -> 
             a_vessel(f"{case.model}_flask", 10_000.0) | ({"contents": contents} if contents else {})
             for case in cases
         ]
+        vessels += [a_vessel(f"{case.model}_{port}") for case in cases for port in case.ports[1:]]
         entries = [
             {
                 "id": case.model,
@@ -193,11 +200,7 @@ def running(cases: list[Case], contents: list[dict[str, Any]] | None = None) -> 
                     f"pty:{folder}/{case.model}" if case.carrier == "pty" else "tcp:127.0.0.1:0"
                 ),
                 "settings": case.settings | ({case.also: sides[case.model]} if case.also else {}),
-                "attached": (
-                    {"vessel": f"{case.model}_flask"}
-                    if MODELS[case.model].ATTACHES == "vessel"
-                    else {}
-                ),
+                "attached": _attached(case),
             }
             for case in cases
         ]
@@ -212,6 +215,14 @@ def running(cases: list[Case], contents: list[dict[str, Any]] | None = None) -> 
                 if case.ends_dark:
                     bench.inflict(case, "power_loss", for_s=1000.0)
             process.stop()
+
+
+def _attached(case: Case) -> dict[str, Any]:
+    flask = {"vessel": f"{case.model}_flask"}
+    if not case.ports:
+        return flask if MODELS[case.model].ATTACHES == "vessel" else {}
+    others = {port: {"vessel": f"{case.model}_{port}"} for port in case.ports[1:]}
+    return {"ports": {case.ports[0]: flask} | others}
 
 
 def a_free_port() -> int:

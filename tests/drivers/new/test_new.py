@@ -130,7 +130,7 @@ def test_a_test_of_a_new_driver_fails_once_the_instrument_speaks_otherwise(check
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (("acme", "--role", "pumper", "--transport", "serial"), "choose one of agv, arm"),
+        (("acme", "--role", "pumper", "--transport", "serial"), "choose one of agv, analyser"),
         (("acme", "--role", "pump", "--transport", "usb"), "choose one of serial, tcp"),
         (("Acme", "--role", "pump", "--transport", "serial"), "cannot be a module"),
         (("acme-pump", "--role", "pump", "--transport", "serial"), "cannot be a module"),

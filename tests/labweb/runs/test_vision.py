@@ -21,11 +21,11 @@ from labweb.crutd import services as crutd_services
 from labweb.crutd.models import Transaction
 from labweb.domain.crutd.conditions import Readings, spread
 from labweb.domain.crutd.operations import Create
-from labweb.domain.pictures import PART_BYTES, UNKNOWN, Picture, PictureParts
+from labweb.domain.files import PART_BYTES, UNKNOWN, FilePart, FileParts
 from labweb.enrollment import services as enrollment_services
 from labweb.runs import services
 from labweb.runs.models import Attempt, Run
-from labweb.runs.services.pictures import REFUSED
+from labweb.runs.services.files import REFUSED
 from labweb.telemetry import selectors as telemetry_selectors
 from labweb.telemetry.models import File
 from labweb.workflows import services as workflow_services
@@ -116,10 +116,10 @@ def carried(cell: Bench, before: Readings, after: Readings) -> Attempt:
     return Attempt.objects.select_related("job", "transaction").get(job__run=run)
 
 
-def parts(cell: Bench, attempt: Attempt, eye: str, data: bytes, **fields: Any) -> list[Picture]:  # noqa: ANN401
+def parts(cell: Bench, attempt: Attempt, eye: str, data: bytes, **fields: Any) -> list[FilePart]:  # noqa: ANN401
     told = {"sha256": hashlib.sha256(data).hexdigest(), "size_bytes": len(data), **fields}
     return [
-        Picture(
+        FilePart(
             epoch=1, action_id=attempt.pk, device_id=cell.device(eye).id,
             offset_bytes=at, data=data[at : at + PART_BYTES], **told,
         )
@@ -141,8 +141,8 @@ def test_a_carry_that_was_seen_is_committed_as_sensed_with_its_picture(cell: Ben
 
     for eye, picture in (("shelf_eye", before), ("table_eye", after)):
         (part,) = parts(cell, attempt, eye, picture)
-        assert services.take_picture(cell.host.id, part, picture) == ""
-        assert services.take_picture(cell.host.id, part, picture) == "", "once is enough"
+        assert services.take_file(cell.host.id, part, picture) == ""
+        assert services.take_file(cell.host.id, part, picture) == "", "once is enough"
     kept = File.objects.get(sha256=confirmed["image_sha256"])
     assert (kept.job_id, kept.device_id) == (attempt.job_id, cell.device("table_eye").id)
     assert kept.media_type == "image/jpeg"
@@ -155,11 +155,11 @@ def test_what_no_event_names_and_what_is_another_picture_is_not_kept(cell: Bench
     attempt = carried(cell, seen(cell, "shelf_eye", after), seen(cell, "table_eye", after))
     other = a_picture()
     (part,) = parts(cell, attempt, "table_eye", other)
-    assert services.take_picture(cell.host.id, part, other) == UNKNOWN
+    assert services.take_file(cell.host.id, part, other) == UNKNOWN
     (forged,) = parts(cell, attempt, "table_eye", other, sha256=hashlib.sha256(after).hexdigest())
-    assert services.take_picture(cell.host.id, forged, other) == REFUSED
+    assert services.take_file(cell.host.id, forged, other) == REFUSED
     (part,) = parts(cell, attempt, "table_eye", after)
-    assert services.take_picture(new_id(), part, after) == REFUSED
+    assert services.take_file(new_id(), part, after) == REFUSED
     assert File.objects.count() == 0
 
 
@@ -175,7 +175,7 @@ def test_a_guard_that_does_not_see_the_vial_refuses(cell: Bench, fields: dict[st
     assert attempt.transaction.state == "rolled_back"
     assert cell.node("vial").parent_id == cell.node("shelf").id
     (part,) = parts(cell, attempt, "shelf_eye", picture)
-    assert services.take_picture(cell.host.id, part, picture) == "", "a refusal has evidence, too"
+    assert services.take_file(cell.host.id, part, picture) == "", "a refusal has evidence, too"
 
 
 def test_a_camera_that_cannot_tell_after_the_carry_leaves_it_quarantined(cell: Bench) -> None:
@@ -187,12 +187,12 @@ def test_a_camera_that_cannot_tell_after_the_carry_leaves_it_quarantined(cell: B
     assert cell.node("vial").parent_id == cell.node("shelf").id, "nothing is claimed"
 
 
-def test_a_picture_comes_together_from_its_parts_in_order_and_from_nothing_else() -> None:
+def test_a_file_comes_together_from_its_parts_in_order_and_from_nothing_else() -> None:
     data = bytes(range(256)) * 2000
 
-    def part(offset: int, length: int = 200_000, **fields: Any) -> Picture:  # noqa: ANN401
+    def part(offset: int, length: int = 200_000, **fields: Any) -> FilePart:  # noqa: ANN401
         known: dict[str, Any] = {"size_bytes": len(data), "sha256": "a"} | fields
-        return Picture(
+        return FilePart(
             epoch=1,
             action_id=UUID(int=1),
             device_id=UUID(int=2),
@@ -201,7 +201,7 @@ def test_a_picture_comes_together_from_its_parts_in_order_and_from_nothing_else(
             **known,
         )
 
-    whole = PictureParts()
+    whole = FileParts()
     assert whole.add(part(0)) is None
     assert whole.add(part(200_000)) is None
     assert whole.add(part(400_000)) == data
@@ -210,6 +210,6 @@ def test_a_picture_comes_together_from_its_parts_in_order_and_from_nothing_else(
     assert whole.add(part(400_000)) is None, "a part is missing"
     whole.add(part(0))
     whole.add(part(200_000, sha256="b"))
-    assert whole.add(part(400_000)) is None, "another picture came between"
+    assert whole.add(part(400_000)) is None, "another file came between"
     assert whole.add(part(0, 200_000, size_bytes=100)) is None
     assert whole.add(part(0, 100, size_bytes=2**40)) is None

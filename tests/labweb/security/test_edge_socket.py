@@ -13,8 +13,8 @@ import pytest
 from asgiref.sync import sync_to_async
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 
+from labweb.domain.files import FileOffer, FilePart
 from labweb.domain.messages import Ask, Events, Heartbeat, Hello, Telemetry, WithdrawAsk
-from labweb.domain.pictures import Picture
 from labweb.runs import services
 from labweb.runs.models import HostEvent, Run
 from labweb.telemetry.models import File, Sample
@@ -148,27 +148,23 @@ async def test_a_connection_without_a_hello_is_closed_within_seconds(bench: Benc
         assert await socket.closed() == 4403
 
 
-async def test_a_picture_of_no_action_is_refused_and_the_connection_goes_on(bench: Bench) -> None:
+async def test_a_file_of_no_action_is_refused_and_the_connection_goes_on(bench: Bench) -> None:
     edge = await made(bench)
     data = b"\xff\xd8\xff no picture"
     action_id = uuid4()
     digest = hashlib.sha256(data).hexdigest()
-    picture = Picture(
-        epoch=1,
-        action_id=action_id,
-        device_id=uuid4(),
-        sha256=digest,
-        offset_bytes=0,
-        size_bytes=len(data),
-        data=data,
-    )
+    about: dict[str, Any] = {"action_id": action_id, "device_id": uuid4(), "sha256": digest}
+    about["epoch"] = 1
+    offer = FileOffer(size_bytes=len(data), **about)
+    part = FilePart(offset_bytes=0, size_bytes=len(data), data=data, **about)
     async with a_socket(PATH, origin=None) as socket:
         await answer_to(socket, edge.hello(await nonce_of(socket)))
         assert (await socket.receive())["t"] == "resume"
-        await send(socket, picture)
-        answer = await socket.receive()
-        assert (answer["t"], answer["code"]) == ("picture_taken", "picture.refused")
-        assert (answer["action_id"], answer["sha256"]) == (str(action_id), digest)
+        for frame in (offer, part):
+            await send(socket, frame)
+            answer = await socket.receive()
+            assert (answer["t"], answer["code"]) == ("file_taken", "file.refused")
+            assert (answer["action_id"], answer["sha256"]) == (str(action_id), digest)
     assert not await File.objects.aexists()
 
 

@@ -191,16 +191,41 @@ def plan_device_action(step: Step, drafting: Drafting) -> DraftStep:
         message = f"{name} of {device.name} moves liquid: use a Transfer, which keeps the record"
         drafting.refuse(step, "plan.moves_liquid", message, "params.action")
         return DraftStep(step=step)
+    is_reading = action.operation == "read"
+    sample_id = _sample(step, drafting, device, is_reading=is_reading)
+    if "sample" in step.params and sample_id is None:
+        return DraftStep(step=step)
     job = drafting.job(
         step,
         device,
         name,
         step.params.get("args", {}),
         sentence=f"{device.name}: {name.replace('_', ' ')}",
+        sample_id=sample_id,
         locks=drafting.view.vessels_on(device),
         estimate_s=min(action.timeout_s or READ_S, READ_S),
     )
     return draft_of(step, [job])
+
+
+def _sample(step: Step, drafting: Drafting, device: Device, *, is_reading: bool) -> UUID | None:
+    """Return what a reading action measures: what the step names, or the one vessel there.
+
+    None: it changes something and measures nothing, or nobody has said which of several it is.
+    """
+    there = drafting.view.vessels_on(device)
+    if "sample" not in step.params:
+        return next(iter(there)) if is_reading and len(there) == 1 else None
+    sample_id = UUID(step.params["sample"])
+    if not is_reading:
+        message = f"{step.params['action']} of {device.name} measures no sample"
+        drafting.refuse(step, "plan.no_sample", message, "params.sample")
+        return None
+    if sample_id not in there:
+        message = f"{drafting.name(sample_id)} does not stand on {device.name}"
+        drafting.refuse(step, "plan.sample_elsewhere", message, "params.sample")
+        return None
+    return sample_id
 
 
 def draft_of(step: Step, jobs: list[DraftJob | None]) -> DraftStep:

@@ -7,6 +7,8 @@ from dataclasses import dataclass, field
 from typing import Any
 from uuid import UUID
 
+from msgspec import UNSET
+
 from labweb.domain.calibration.model import Correction
 from labweb.domain.crutd.conditions import Condition
 from labweb.domain.crutd.operations import Operation, Read, TransferLiquid, Update
@@ -130,6 +132,7 @@ class Drafting:
         locks: Iterable[UUID] = (),
         estimate_s: float = 0.0,
         mass_check: MassCheck | None = None,
+        sample_id: UUID | None = None,
     ) -> DraftJob | None:
         """Make one job, or note why the device cannot do it and return None."""
         spec = device.spec.action(action)
@@ -147,7 +150,11 @@ class Drafting:
             return None
         if operation is None:
             operation = (
-                Read(device_id=node_id, statuses=read_statuses(device, action))
+                Read(
+                    device_id=node_id,
+                    statuses=read_statuses(device, action),
+                    sample_id=UNSET if sample_id is None else sample_id,
+                )
                 if spec.operation == "read"
                 else Update(
                     resource_id=node_id,

@@ -1,0 +1,32 @@
+/** What crosses the border about jobs that ended undone. */
+
+import type { Id, Iso } from "./wire";
+
+/** What a person chose about a job that ended undone. */
+export interface Recovery {
+  choice: RecoveryName;
+  job_id: Id;
+  by: string;
+  at: Iso;
+  note: string;
+}
+
+export type RecoveryName = "retry" | "change" | "done_by_hand" | "skip";
+
+export interface RecoveryChoice {
+  name: RecoveryName;
+  why_not: string | null;
+  consequence: string;
+}
+
+export interface RecoveryCard {
+  recovery: string;
+  tries: number;
+  choices: RecoveryChoice[];
+  /** Sentences of the jobs that are skipped with it. */
+  skips: string[];
+  /** Sentences of later jobs that use what it was to change. */
+  relying: string[];
+  asked_ul: number | null;
+  params: Record<string, unknown>;
+}
