@@ -11,7 +11,7 @@ from labweb.domain.crutd.operations import Operation
 from labweb.domain.enrollment.device import Device
 from labweb.domain.errors import NotFoundError
 from labweb.domain.units import parse
-from labweb.domain.workflows.passes.correcting import ACCURACIES, check_accuracy, in_force
+from labweb.domain.workflows.passes.correcting import ACCURACIES
 from labweb.domain.workflows.passes.draft import Drafting, DraftJob, DraftStep
 from labweb.domain.workflows.passes.roles import (
     HEAT_TOLERANCE_C,
@@ -19,6 +19,12 @@ from labweb.domain.workflows.passes.roles import (
     plays,
     post_conditions,
     setting,
+)
+from labweb.domain.workflows.passes.serving import (
+    carriers,
+    find_carrier,
+    is_accurate,
+    is_within,
 )
 from labweb.domain.workflows.protocol import Step
 
@@ -49,8 +55,8 @@ def plan_heat_chill(step: Step, drafting: Drafting) -> DraftStep:
     name = drafting.name(vessel)
     target_c = parse(step.params["temperature"], "temperature")
     jobs: list[DraftJob | None] = []
-    is_accurate = _is_accurate(step, drafting, heater, Quantity.TEMPERATURE, target_c)
-    if not _is_within(step, drafting, heater, "temperature_c", target_c) or not is_accurate:
+    is_known = is_accurate(step, drafting, heater, Quantity.TEMPERATURE, target_c)
+    if not is_within(step, drafting, heater, "temperature_c", target_c) or not is_known:
         jobs.append(None)
     if stirrer is not None:
         jobs.append(_stir(step, drafting, stirrer, vessel))
@@ -110,7 +116,7 @@ def _off(heater: Device) -> str:
 
 def _find_heater(step: Step, drafting: Drafting, vessel: UUID) -> Device | None:
     """Return the hotplate or the thermostat of a vessel; note when it is not one."""
-    role = "thermostat" if _carriers(drafting, vessel, "thermostat") else "heater"
+    role = "thermostat" if carriers(drafting, vessel, "thermostat") else "heater"
     return find_carrier(step, drafting, vessel, role)
 
 
@@ -151,7 +157,7 @@ def plan_stop(step: Step, drafting: Drafting) -> DraftStep:
     vessel = UUID(step.params["vessel"])
     jobs: list[DraftJob | None] = []
     for role, action in _SWITCHED:
-        found = _carriers(drafting, vessel, role)
+        found = carriers(drafting, vessel, role)
         jobs += [_stop(step, drafting, device, action, vessel) for device in found]
     if not jobs:
         message = f"{drafting.name(vessel)} stands on nothing that heats or stirs"
@@ -234,53 +240,9 @@ def draft_of(step: Step, jobs: list[DraftJob | None]) -> DraftStep:
     return DraftStep(step=step, jobs=made if len(made) == len(jobs) else ())
 
 
-def _carriers(drafting: Drafting, vessel: UUID, role: str) -> list[Device]:
-    """Return the devices of a role that the vessel stands on, or else is coupled to."""
-    view = drafting.view
-    found: dict[UUID, Device] = {}
-    for resource in view.carriers(vessel):
-        device = view.device_by_node.get(resource.id)
-        if device is not None and plays(device, role):
-            found.setdefault(device.id, device)
-    return list(found.values())
-
-
-def find_carrier(step: Step, drafting: Drafting, vessel: UUID, role: str) -> Device | None:
-    """Return the one device of a role that a vessel stands on; note when it is not one."""
-    found = _carriers(drafting, vessel, role)
-    if len(found) == 1:
-        return found[0]
-    name = drafting.name(vessel)
-    if found:
-        names = ", ".join(device.name for device in found)
-        message = f"{name} has more than one {role}: {names}"
-        drafting.refuse(step, "plan.ambiguous_device", message, "params.vessel", role=role)
-    else:
-        message = f"{name} stands on no {role} that a device of this lab drives"
-        drafting.refuse(step, "plan.no_device", message, "params.vessel", role=role)
-    return None
-
-
-def _is_within(step: Step, drafting: Drafting, device: Device, quantity: str, value: float) -> bool:
-    """Check a setpoint against the range that people set on the device's resources."""
-    is_temperature = quantity == "temperature_c"
-    unit, at = ("°C", "params.temperature") if is_temperature else ("rpm", "params.stir_speed")
-    is_inside = True
-    for node_id in dict.fromkeys(device.nodes.values()):
-        resource = drafting.view.tree.by_id.get(node_id)
-        config = resource.config if resource is not None else {}
-        low, high = config.get(f"min_{quantity}"), config.get(f"max_{quantity}")
-        if (low is not None and value < low) or (high is not None and value > high):
-            bounds = f"{'-∞' if low is None else low} to {'∞' if high is None else high}"
-            message = f"{device.name} goes from {bounds} {unit}; asked for {value:g} {unit}"
-            drafting.refuse(step, "plan.out_of_range", message, at, low=low, high=high)
-            is_inside = False
-    return is_inside
-
-
 def _stir(step: Step, drafting: Drafting, stirrer: Device, vessel: UUID) -> DraftJob | None:
     speed_rpm = parse(step.params["stir_speed"], "speed")
-    if not _is_within(step, drafting, stirrer, "speed_rpm", speed_rpm):
+    if not is_within(step, drafting, stirrer, "speed_rpm", speed_rpm):
         return None
     return drafting.job(
         step,
@@ -362,7 +324,7 @@ def _plan_reading(
         message = "no device of this lab reads that instrument"
         drafting.refuse(step, "plan.no_device", message, f"params.{field}", role=role)
         return DraftStep(step=step)
-    if not _is_accurate(step, drafting, device, Quantity.PH):
+    if not is_accurate(step, drafting, device, Quantity.PH):
         return DraftStep(step=step)
     job = drafting.job(
         step,
@@ -374,27 +336,6 @@ def _plan_reading(
         estimate_s=READ_S,
     )
     return draft_of(step, [job])
-
-
-def _is_accurate(
-    step: Step,
-    drafting: Drafting,
-    device: Device,
-    quantity: Quantity,
-    value: float | None = None,
-) -> bool:
-    """Tell whether a device is known to be as accurate as a step needs.
-
-    Without a value: wherever it may read.
-    """
-    if "accuracy" not in step.params:
-        return True
-    wanted, known = parse(step.params["accuracy"], ACCURACIES[quantity]), in_force(device, quantity)
-    levels = () if known is None else tuple(level.value for level in known.levels)
-    found = check_accuracy(device, quantity, levels if value is None else (value,), wanted)
-    for finding in found:
-        drafting.refuse(step, finding.code, finding.message, "params.accuracy")
-    return not found
 
 
 def ramp_s(drafting: Drafting, heater: Device, vessel: UUID, target_c: float) -> float:

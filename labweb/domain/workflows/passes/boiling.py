@@ -14,10 +14,11 @@ from labweb.domain.enrollment.device import Device
 from labweb.domain.graph.topology import Medium
 from labweb.domain.resources.contents import total_nl
 from labweb.domain.units import parse
-from labweb.domain.workflows.passes.acting import draft_of, find_carrier, ramp_s, wait_job
+from labweb.domain.workflows.passes.acting import draft_of, ramp_s, wait_job
 from labweb.domain.workflows.passes.draft import Drafting, DraftJob, DraftStep
 from labweb.domain.workflows.passes.layering import stated_lots
 from labweb.domain.workflows.passes.roles import plays
+from labweb.domain.workflows.passes.serving import find_carrier
 from labweb.domain.workflows.protocol import Step
 
 BATH_TOLERANCE_C = 2.0

@@ -1,0 +1,78 @@
+"""Which device serves a vessel, and whether it reaches what a step asks for."""
+
+from __future__ import annotations
+
+from uuid import UUID
+
+from labweb.domain.calibration.model import Quantity
+from labweb.domain.enrollment.device import Device
+from labweb.domain.units import parse
+from labweb.domain.workflows.passes.correcting import ACCURACIES, check_accuracy, in_force
+from labweb.domain.workflows.passes.draft import Drafting
+from labweb.domain.workflows.passes.roles import plays
+from labweb.domain.workflows.protocol import Step
+
+
+def carriers(drafting: Drafting, vessel: UUID, role: str) -> list[Device]:
+    """Return the devices of a role that the vessel stands on, or else is coupled to."""
+    view = drafting.view
+    found: dict[UUID, Device] = {}
+    for resource in view.carriers(vessel):
+        device = view.device_by_node.get(resource.id)
+        if device is not None and plays(device, role):
+            found.setdefault(device.id, device)
+    return list(found.values())
+
+
+def find_carrier(step: Step, drafting: Drafting, vessel: UUID, role: str) -> Device | None:
+    """Return the one device of a role that a vessel stands on; note when it is not one."""
+    found = carriers(drafting, vessel, role)
+    if len(found) == 1:
+        return found[0]
+    name = drafting.name(vessel)
+    if found:
+        names = ", ".join(device.name for device in found)
+        message = f"{name} has more than one {role}: {names}"
+        drafting.refuse(step, "plan.ambiguous_device", message, "params.vessel", role=role)
+    else:
+        message = f"{name} stands on no {role} that a device of this lab drives"
+        drafting.refuse(step, "plan.no_device", message, "params.vessel", role=role)
+    return None
+
+
+def is_within(step: Step, drafting: Drafting, device: Device, quantity: str, value: float) -> bool:
+    """Check a setpoint against the range that people set on the device's resources."""
+    is_temperature = quantity == "temperature_c"
+    unit, at = ("°C", "params.temperature") if is_temperature else ("rpm", "params.stir_speed")
+    is_inside = True
+    for node_id in dict.fromkeys(device.nodes.values()):
+        resource = drafting.view.tree.by_id.get(node_id)
+        config = resource.config if resource is not None else {}
+        low, high = config.get(f"min_{quantity}"), config.get(f"max_{quantity}")
+        if (low is not None and value < low) or (high is not None and value > high):
+            bounds = f"{'-∞' if low is None else low} to {'∞' if high is None else high}"
+            message = f"{device.name} goes from {bounds} {unit}; asked for {value:g} {unit}"
+            drafting.refuse(step, "plan.out_of_range", message, at, low=low, high=high)
+            is_inside = False
+    return is_inside
+
+
+def is_accurate(
+    step: Step,
+    drafting: Drafting,
+    device: Device,
+    quantity: Quantity,
+    value: float | None = None,
+) -> bool:
+    """Tell whether a device is known to be as accurate as a step needs.
+
+    Without a value: wherever it may read.
+    """
+    if "accuracy" not in step.params:
+        return True
+    wanted, known = parse(step.params["accuracy"], ACCURACIES[quantity]), in_force(device, quantity)
+    levels = () if known is None else tuple(level.value for level in known.levels)
+    found = check_accuracy(device, quantity, levels if value is None else (value,), wanted)
+    for finding in found:
+        drafting.refuse(step, finding.code, finding.message, "params.accuracy")
+    return not found
