@@ -85,6 +85,7 @@ export function anOpening(told: Partial<Opening> = {}): Opening {
         choices: ["flask", "other"],
         alike: [],
         is_by_hand: false,
+        is_stated: false,
       },
     ],
     findings: [],

@@ -78,6 +78,8 @@ export interface RoleBinding {
   /** Vessels whose label only looks like it: never taken by themselves. */
   alike: string[];
   is_by_hand: boolean;
+  /** By the file that is stated beside the recipe. */
+  is_stated: boolean;
 }
 
 /** A value that the recipe leaves to whoever uses it; texts with units, "" for none. */

@@ -80,6 +80,7 @@ function Choose({ row, holds }: { row: RoleBinding; holds: Holds }) {
   const bind = useOpened((state) => state.bind);
   const chosen = useOpened((state) => state.binds[state.rigId]?.[row.role] ?? "");
   const found = row.keys.join(", ");
+  const how = row.is_stated ? words.asStated : words.choose;
   const choices = chosen && !row.choices.includes(chosen) ? [chosen, ...row.choices] : row.choices;
   return (
     <span className="bound">
@@ -91,7 +92,7 @@ function Choose({ row, holds }: { row: RoleBinding; holds: Holds }) {
         onChange={(event) => bind(row.role, event.target.value || null)}
       >
         <option value="">
-          {!chosen && found ? `${found} (${words.choose})` : chosen ? words.choose : words.unbound}
+          {!chosen && found ? `${found} (${how})` : chosen ? words.choose : words.unbound}
         </option>
         {choices.map((key) => (
           <option key={key} value={key}>

@@ -157,7 +157,7 @@ test("a flask whose label looks like the reagent is taken by one press alone", a
 test("what is stated beside the recipe goes with it, is saved with it, and tells what is wrong", async () => {
   const wrong: RecipeFinding = {
     code: "xdl.not_declared",
-    message: "keys states 'brime', which the recipe says nowhere",
+    message: "'brime' is stated among the keys; the recipe says it nowhere",
     subject: "",
     context: { at: "keys" },
     about: "declared",

@@ -47,10 +47,10 @@ export function WishesCard({ opening }: { opening: Opening }) {
       >
         <Parameters opening={opening} draft={draft} onChange={change} />
         <Equivalents opening={opening} draft={draft} onChange={change} />
-        <Contents opening={opening} held={held} onChange={setHeld} />
-        <Rinses opening={opening} draft={draft} onChange={change} />
         <DeclaredFile findings={opening.findings} />
         <BlueprintFiles findings={opening.findings} />
+        <Contents opening={opening} held={held} onChange={setHeld} />
+        <Rinses opening={opening} draft={draft} onChange={change} />
         <div className="acts">
           {!isChanged && <span className="t12 m">{words.applied}</span>}
           <Button look="pri" type="submit" disabled={!isChanged} testId="say-wishes">

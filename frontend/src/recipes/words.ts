@@ -26,6 +26,7 @@ export const words = {
   text: "Recipe",
   bindings: "Bindings",
   choose: "by itself",
+  asStated: "as stated",
   unbound: "not bound",
   role: "In the recipe",
   is: "In the graph",

@@ -158,6 +158,9 @@ def open_recipe(asked: Asked) -> dict[str, Any]:
         answer["is_proved"] = False if error.code == _UNPROVED else None
         _tell(answer, "rig", error)
     answer["bindings"] = _bindings(recipe.synthesis, rig, asked, binding)
+    keys = {} if stated is None else stated.keys
+    for row in answer["bindings"]:
+        row["is_stated"] = row["role"] in keys and not row["is_by_hand"]
     return answer
 
 

@@ -246,6 +246,10 @@ class _Walk:
         for one in expanded:
             making.act += 1
             making.operation = one.act.name
+            if one.unheeded:
+                named = ", ".join(one.unheeded)
+                place = f"{one.act.name} in line {one.act.place.line}"
+                making.note(f"{place}: the recipe says {named}, which no plan does")
             with self._lane(one):
                 for operation in one.operations:
                     self._one(operation)

@@ -52,8 +52,8 @@ def check_same(plan: Mapping[str, Any], document: Mapping[str, Any]) -> None:
     findings = check_agreement(plan, document)
     if findings:
         message = (
-            "the workflow would not do what the plan is proved to do, so it is none: "
-            + findings[0].message
+            "the workflow would not do what the plan is proved to do, so it is none; "
+            f"{len(findings)} of its deeds are others"
         )
         raise ProtocolError(message, code="recipe.differs", findings=findings)
 
@@ -77,5 +77,6 @@ def _differences(proved: Sequence[Deed], meant: Sequence[Deed]) -> Iterator[Find
 
 def _finding(message: str, *deeds: Deed | None) -> Finding:
     context = {name: v for deed in deeds if deed is not None for name, v in deed.place.items()}
-    subject = f"{context['line']}:{context['column']}" if "line" in context else ""
-    return Finding("recipe.differs", message, subject, context)
+    if "line" in context:
+        message = f"line {context['line']}: {message}"
+    return Finding("recipe.differs", message, str(context.get("step", "")), context)

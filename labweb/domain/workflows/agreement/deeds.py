@@ -9,6 +9,8 @@ from typing import Any
 from labweb.domain.units import render_volume
 from labweb.domain.workflows.unit_operations import ALL
 
+_UL_PER_ML = 1000
+
 Place = Mapping[str, Any]
 """Line and column of the recipe, or the step of the workflow."""
 
@@ -108,6 +110,13 @@ def boil(vessel: str, values: Mapping[str, float | None], place: Place) -> Deed:
     said = tuple((name, values.get(name)) for name in ("s", "mbar", "c", "rpm"))
     text = ", ".join(f"{value:g} {name}" for name, value in said if value is not None)
     return Deed(("evaporate", vessel, *said), f"evaporate {vessel}: {text}", place)
+
+
+def rinse(does: Mapping[str, Any], place: Place) -> Deed:
+    """Syringes are rinsed; no step of a workflow says that."""
+    much = f"{does['volume_ul'] / _UL_PER_ML:g} mL of {does['lot']}"
+    text = f"rinse the lines with {much} from {does['from']} into {does['to']}"
+    return Deed(("clean", does["from"], does["to"], does["volume_ul"]), text, place)
 
 
 def end(standing: Standing) -> Deed:

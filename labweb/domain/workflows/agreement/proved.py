@@ -55,6 +55,8 @@ class _Reading:
             return []
         if does["kind"] in _DEEDS:
             return _DEEDS[does["kind"]](self, does, place)
+        if does["kind"] == "clean":
+            return [deeds.rinse(does, place)]
         named = [f"{name} {value}" for name, value in does.items() if name != "kind"]
         return [Deed((does["kind"], *named), f"{does['kind']} {', '.join(named)}", place)]
 

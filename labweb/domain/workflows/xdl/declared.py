@@ -98,8 +98,9 @@ def check_names(declared: Declared, recipe: Recipe) -> list[Finding]:
         names |= set(_texts(procedure.steps))
     parts = {"keys": declared.keys, "receivers": declared.receivers}
     return [
-        Finding(_CODE, f"{part} states {name!r}, which the recipe says nowhere", "", {"at": part})
+        Finding(_CODE, f"{name!r} is stated among the {part}; the recipe says it nowhere", "", at)
         for part, stated in parts.items()
+        for at in ({"at": part},)
         for name in sorted(stated.keys() - names)
     ]
 

@@ -159,7 +159,7 @@ def test_what_a_plan_rinses_and_a_workflow_does_not_is_refused() -> None:
     with pytest.raises(LabError) as refusal:
         workflow(ADD, other, reagent='use_for_cleaning="true"')
     assert {finding.code for finding in refusal.value.findings} == {"recipe.differs"}
-    assert "clean" in refusal.value.findings[0].message
+    assert "rinse the lines with 3 mL of water" in refusal.value.findings[0].message
 
 
 def proved() -> dict[str, Any]:

@@ -195,6 +195,8 @@ def test_what_is_stated_beside_the_recipe_binds() -> None:
     answer = stating(DECLARED.read_bytes())
     assert (answer["findings"], answer["is_proved"]) == ([], True)
     assert binding(answer, "brine")["keys"] == ["bottle_brine"]
+    assert binding(answer, "brine")["is_stated"]
+    assert not binding(answer, "reactor")["is_stated"]
 
 
 @pytest.mark.parametrize(

@@ -365,3 +365,16 @@ def test_dropwise_says_a_rate_or_is_refused(time: str) -> None:
 def test_a_step_that_no_rig_is_told_yet_is_named() -> None:
     step = 'CConnect from_vessel="reactor" to_vessel="filter"'
     assert set(reasons(recipe(ADD, step), bench())) == {"plan.not_compiled"}
+
+
+def test_what_the_recipe_says_and_no_operation_does_is_told_by_its_line() -> None:
+    given = 'volume="5 mL" prime_n_times="2" purpose="dilute" comment="slowly"'
+    text = recipe(
+        f'Add vessel="reactor" reagent="water" {given}',
+        'Transfer from_vessel="reactor" to_vessel="filter" volume="1 mL" flush_tubing="True"',
+    )
+    told = [note for note in compiled(text, bench())["notes"] if "no plan does" in note]
+    assert told == [
+        "Add in line 1: the recipe says prime_n_times, which no plan does",
+        "Transfer in line 1: the recipe says flush_tubing, which no plan does",
+    ]

@@ -40,6 +40,9 @@ class Expansion:
     children: tuple[Expansion, ...] = ()
     """For a blueprint, a loop and an Async."""
 
+    unheeded: tuple[str, ...] = ()
+    """Properties that the recipe gives and none of the operations does."""
+
 
 def expand(acts: tuple[Act, ...]) -> tuple[Expansion, ...]:
     """Expand the acts of a recipe.
@@ -77,7 +80,9 @@ def _expanded(act: Act, told: Findings) -> Expansion:
         told.tell("xdl.not_expanded", message, act.place)
         return Expansion(act=act)
     reading = ActReading(act, told)
-    return Expansion(act=act, operations=tuple(operation.expand(reading)), children=children)
+    operations = tuple(operation.expand(reading))
+    left = reading.unheeded()
+    return Expansion(act=act, operations=operations, children=children, unheeded=left)
 
 
 def _without_idle(one: Expansion, begun: set[tuple[Kind, Field]]) -> Expansion:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from decimal import Decimal
+from typing import Any
 
 from labweb.domain.units import read_quantity
 from labweb.domain.workflows.xdl.acts import Act
@@ -11,9 +13,34 @@ from labweb.domain.workflows.xdl.expansion.basic import BasicOperation, Field, K
 from labweb.domain.workflows.xdl.findings import Findings
 from labweb.domain.workflows.xdl.notation_table import NOTATIONS
 from labweb.domain.workflows.xdl.spec import STEPS
-from labweb.domain.workflows.xdl.values import Quantity
+from labweb.domain.workflows.xdl.values import Quantity, Value
 
 _HALF = Decimal(2)
+
+
+_SILENT = frozenset({"comment", "queue", "purpose", "amount"})
+"""Properties that no operation has to do: a queue says when, an amount is measured out by now."""
+
+
+class _Given(dict[str, Value]):
+    """The values of an act, and which of them anybody has asked for."""
+
+    def __init__(self, values: Mapping[str, Value]) -> None:
+        super().__init__(values)
+        self.asked: set[str] = set()
+
+    def __getitem__(self, name: str) -> Value:
+        self.asked.add(name)
+        return super().__getitem__(name)
+
+    def __contains__(self, name: object) -> bool:
+        self.asked.add(str(name))
+        return super().__contains__(name)
+
+    def get(self, name: str, default: Any = None) -> Any:  # noqa: ANN401 - as a dict has it
+        """Return a value, and remember that it was asked for."""
+        self.asked.add(name)
+        return super().get(name, default)
 
 
 class ActReading:
@@ -21,7 +48,7 @@ class ActReading:
 
     def __init__(self, act: Act, told: Findings) -> None:
         self.act = act
-        self.values = act.values
+        self.values = _Given(act.values)
         self.name = act.name
         self._told = told
         self._assumed: list[str] = []
@@ -37,14 +64,18 @@ class ActReading:
         }
         return BasicOperation(kind=kind, fields=kept, assumed=assumed, place=self.act.place)
 
+    def unheeded(self) -> tuple[str, ...]:
+        """Return what the recipe says of the act and nothing has asked for by now."""
+        return tuple(sorted(self.values.keys() - self.values.asked - _SILENT))
+
     def text(self, name: str, default: str = "") -> str:
         """Return a name or a choice, the default when it is not given."""
-        value = self.act.values.get(name)
+        value = self.values.get(name)
         return value if isinstance(value, str) else default
 
     def flag(self, name: str) -> bool:
         """Return a truth value, XDL's own default when it is not given."""
-        value = self.act.values.get(name)
+        value = self.values.get(name)
         if isinstance(value, bool):
             return value
         spec = STEPS.spec(self.act.name)
@@ -53,7 +84,7 @@ class ActReading:
 
     def count(self, name: str, default: str = "") -> int:
         """Return a whole number; XDL's default, then the table's, when it is not given."""
-        value = self.act.values.get(name)
+        value = self.values.get(name)
         if isinstance(value, int) and not isinstance(value, bool):
             return value
         spec = STEPS.spec(self.act.name)
@@ -71,7 +102,7 @@ class ActReading:
         A word of the notation is looked up in the table of defaults; a range is a finding.
         None when it is not given and there is no default.
         """
-        value = self.act.values.get(name)
+        value = self.values.get(name)
         if isinstance(value, Decimal):
             return value
         if not isinstance(value, Quantity):
@@ -93,7 +124,7 @@ class ActReading:
 
         A range is its own window, and its middle is set: any value in it is what was asked for.
         """
-        value = self.act.values.get(name)
+        value = self.values.get(name)
         if isinstance(value, Quantity) and value.reading.is_range:
             low, high = value.reading.low or Decimal(0), value.reading.high or Decimal(0)
             return (low + high) / _HALF, low, high
@@ -110,7 +141,7 @@ class ActReading:
 
     def is_all(self, name: str) -> bool:
         """Tell whether all that there is was asked for."""
-        value = self.act.values.get(name)
+        value = self.values.get(name)
         return isinstance(value, Quantity) and value.word == "all"
 
     def needs(self, name: str, value: object) -> None:
