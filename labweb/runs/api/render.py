@@ -262,7 +262,7 @@ def render_request(
 
     Args:
         row: The request.
-        run: What it is about.
+        run: What it is about, or what measured it.
         user: Who asks to see it.
         allowed: What they may do anywhere; None looks it up.
     """
@@ -282,6 +282,7 @@ def render_request(
         "id": str(row.id),
         "title": row.title,
         "state": row.state,
+        "about": "run" if row.calibration_id is None else "calibration",
         "run": {"id": str(run.id), "number": run.number},
         "workflow": {
             "id": str(run.version.workflow_id),
