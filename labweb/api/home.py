@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator
 from typing import Any
 from uuid import UUID
 
-from django.db.models import QuerySet
+from django.db.models import Q, QuerySet
 from rest_framework.request import Request
 from rest_framework.response import Response
 from rest_framework.views import APIView
@@ -87,13 +87,15 @@ def _needs(
             "run_id": str(job.run_id),
             "job_id": str(job.id),
         }  # fmt: skip
-    for row in approval_selectors.requests_of(lab).filter(state="open", run_id__in=shown):
+    measured = run_selectors.measured_in(shown).values("pk")
+    about = Q(run_id__in=shown) | Q(calibration_id__in=measured)
+    for row in approval_selectors.requests_of(lab).filter(about, state="open"):
         yield {
             **_need(
                 "approval", row.title, f"Asked by {row.asked_by.printed_name} · {row.policies[0]}",
                 iso(row.asked_at), f"/approvals?id={row.id}", "Review",
             ),
-            "run_id": str(row.run_id),
+            "run_id": None if row.run_id is None else str(row.run_id),
             "request_id": str(row.id),
         }  # fmt: skip
     for row in approval_selectors.open_about_drivers(lab):

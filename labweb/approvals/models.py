@@ -43,10 +43,13 @@ class ApprovalRequest(Base):
     title = models.CharField(max_length=300)
     run_id = models.UUIDField(db_index=True, null=True)
     driver_id = models.UUIDField(db_index=True, null=True)
-    """Driver version that the question is about; else it is about a run."""
+    """Driver version that the question is about."""
+
+    calibration_id = models.UUIDField(db_index=True, null=True)
+    """Result of a calibration that the question is about; else it is about a run."""
 
     plan_digest = models.CharField(max_length=64)
-    """Digest of the plan, or of the driver's source."""
+    """Digest of the plan, of the driver's source, or of the calibration's points and result."""
 
     policies = models.JSONField()
     """Name of each policy that asks."""
@@ -61,7 +64,9 @@ class ApprovalRequest(Base):
         ordering = ["-asked_at"]
         constraints = [
             models.CheckConstraint(
-                condition=models.Q(run_id__isnull=True) ^ models.Q(driver_id__isnull=True),
+                condition=models.Q(run_id__isnull=False, driver_id=None, calibration_id=None)
+                | models.Q(run_id=None, driver_id__isnull=False, calibration_id=None)
+                | models.Q(run_id=None, driver_id=None, calibration_id__isnull=False),
                 name="request_about_one_thing",
             )
         ]

@@ -63,7 +63,7 @@ def run_of(row: ApprovalRequest) -> UUID:
     """Return the run that a request is about.
 
     Raises:
-        NotFoundError: It is about a driver, and answered on its page.
+        NotFoundError: It is about a driver or a calibration.
     """
     if row.run_id is None:
         raise NotFoundError(f"{row.title} is about no run", code="approval.not_found")
@@ -86,6 +86,18 @@ def newest_about_driver(driver_id: UUID) -> ApprovalRequest | None:
     """Return the newest request about a driver version with its decision, if it has one."""
     rows = ApprovalRequest.objects.filter(driver_id=driver_id).select_related("decision")
     return rows.order_by("-asked_at").first()
+
+
+def about_calibration(calibration_id: UUID) -> ApprovalRequest:
+    """Return the request about the result of a calibration.
+
+    Raises:
+        NotFoundError: Nobody was asked about it.
+    """
+    row = ApprovalRequest.objects.filter(calibration_id=calibration_id).first()
+    if row is None:
+        raise NotFoundError(f"nobody was asked about {calibration_id}", code="approval.not_found")
+    return row
 
 
 def open_about_drivers(lab: Lab) -> QuerySet[ApprovalRequest]:

@@ -28,13 +28,9 @@ def choose(visitor: Visitor, name: str, label: str) -> None:
     visitor.page.get_by_role("option", name=label).first.click()
 
 
-def test_a_pump_is_calibrated_on_its_page_and_a_second_person_accepts_it(
-    stack: Stack, visit: Visit
-) -> None:
-    rows = stack.client().get("devices")["devices"]
-    pump = next(row for row in rows if row["key"] == "pump_1")
-    chemist = visit("chemist")
-    chemist.open(f"devices/{pump['id']}")
+def order(chemist: Visitor, pump_id: str) -> None:
+    """Fill in the form of a pump and start its run."""
+    chemist.open(f"devices/{pump_id}")
     card = chemist.at("calibration-volume")
     expect(card).to_contain_text("It was never calibrated")
     expect(card).to_contain_text("Its maker states 1.00\u202f%")
@@ -46,6 +42,15 @@ def test_a_pump_is_calibrated_on_its_page_and_a_second_person_accepts_it(
     for name, text in FIELDS.items():
         chemist.at(f"calibrate-{name}").fill(text)
     chemist.press("calibrate-send")
+
+
+def test_a_pump_is_calibrated_on_its_page_and_a_second_person_accepts_it(
+    stack: Stack, visit: Visit
+) -> None:
+    rows = stack.client().get("devices")["devices"]
+    pump = next(row for row in rows if row["key"] == "pump_1")
+    chemist = visit("chemist")
+    order(chemist, pump["id"])
     result = chemist.at("calibration-result")
     expect(result).to_have_attribute("data-state", "measuring")
     (row,) = stack.client().get(f"devices/{pump['id']}/calibrations")["quantities"][0]["history"]
@@ -53,12 +58,21 @@ def test_a_pump_is_calibrated_on_its_page_and_a_second_person_accepts_it(
     assert run["state"] == "complete"
     expect(result).to_have_attribute("data-state", "awaiting")
     expect(chemist.at("residuals").locator(".dot")).to_have_count(9)
-    expect(chemist.at("calibration-accept")).to_be_disabled()
+    chemist.press("calibration-review")
+    expect(chemist.at("why-not")).to_contain_text("a second person")
+    expect(chemist.at("approve")).to_be_disabled()
 
     approver = visit("approver")
+    approver.open("approvals")
+    approver.press(approver.at("approval-row").filter(has_text="Calibration 1 of volume of Pump 1"))
+    change = approver.at("calibration-change")
+    expect(change).to_contain_text("never calibrated")
+    expect(change).to_contain_text("Balance 1, D-K-15192-2026-11")
+    expect(approver.at("residuals").locator(".dot")).to_have_count(9)
+    approver.at("decision-comment").fill("residuals look at random")
+    approver.press("approve")
+    expect(approver.at("decided")).to_contain_text("approves the calibration")
     approver.open(f"devices/{pump['id']}")
-    approver.at("calibration-comment").fill("residuals look at random")
-    approver.press("calibration-accept")
     newest = approver.at("calibration-newest")
     expect(newest).to_have_attribute("data-standing", "in_force")
     expect(newest).to_contain_text("in 364 days")

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from datetime import UTC, datetime
+from functools import partial
 
 import msgspec
 
@@ -27,14 +29,22 @@ from tests.simulation.lab import ACTION, BATCH, BENCH, id_of
 from tests.simulation.record import Record
 from tests.simulation.rows import Attempt, Host, Job, Row
 
+AT = datetime(2026, 1, 1, tzinfo=UTC)
+"""No calibration has a say in these labs: any moment does."""
+
 
 def _signed(made: Command | relay.BatchDraft, epoch: int) -> tuple[Signed, Command]:
     if isinstance(made, relay.BatchDraft):
-        command: Command = relay.signed_batch(made, epoch, lambda one: _signed(one, epoch)[0])
+        sign = partial(_signed_alone, epoch=epoch)
+        command: Command = relay.signed_batch(made, epoch, sign, at=AT)
     else:
-        command = relay.stamped(made, epoch)
+        command = relay.stamped(made, epoch, at=AT)
     body = msgspec.json.encode(command).decode()
     return Signed(body=body, key_id="k", signature=""), command
+
+
+def _signed_alone(made: Command, *, epoch: int) -> Signed:
+    return _signed(made, epoch)[0]
 
 
 class Dispatching(Record):

@@ -69,15 +69,6 @@ export function useBeginTemperatureCalibration(
   });
 }
 
-export function useDecideCalibration(
-  id: string,
-): UseMutationResult<Calibration, Error, { is_accepted: boolean; comment: string }> {
-  return useMutation({
-    mutationFn: (answer) => call<Calibration>("POST", `/calibrations/${id}/decision`, answer),
-    onSuccess: refresh,
-  });
-}
-
 export function useWithdrawCalibration(id: string): UseMutationResult<Calibration, Error, string> {
   return useMutation({
     mutationFn: (reason) => call<Calibration>("POST", `/calibrations/${id}/withdraw`, { reason }),

@@ -12,6 +12,7 @@ import { Segments } from "@/ui/controls";
 import { Icon } from "@/ui/icons";
 import { StateChip } from "@/ui/state";
 import { At, useNow } from "@/ui/time";
+import { CalibrationReview } from "./calibration";
 import { Review } from "./review";
 import { words } from "./words";
 
@@ -78,6 +79,9 @@ export function ApprovalsPage() {
 
 function Chosen({ id }: { id: string }) {
   const request = useApproval(id);
+  if (request.data?.about === "calibration") {
+    return <CalibrationReview request={request.data} key={id} />;
+  }
   if (request.data) return <Review request={request.data} key={id} />;
   return (
     <section className="rev">

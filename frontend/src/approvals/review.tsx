@@ -1,33 +1,23 @@
 /** One request: what will happen, with what, and the decision. */
 
 import { useState } from "react";
-import { Link, useNavigate } from "react-router";
-import { useDecide } from "@/api/commands";
-import { useStatus } from "@/api/connection";
+import { Link } from "react-router";
 import { useResources, useSession } from "@/api/queries";
-import {
-  formatDigest,
-  formatDuration,
-  formatMl,
-  formatNumber,
-  sentence,
-  toSeconds,
-} from "@/model/format";
+import { formatDuration, formatMl, formatNumber } from "@/model/format";
 import { approvalState } from "@/model/states";
-import type { ApprovalDetail, Plan } from "@/model/wire";
+import type { Plan, RunApproval } from "@/model/wire";
 import { Card, Empty } from "@/ui/card";
-import { Button, Refused, TextField } from "@/ui/controls";
-import { Glyph } from "@/ui/glyph";
 import { Icon } from "@/ui/icons";
 import { FillBar } from "@/ui/number";
 import { useSeen } from "@/ui/seen";
 import { ModeChip, StateChip } from "@/ui/state";
-import { At, useLabTime, useNow } from "@/ui/time";
+import { At } from "@/ui/time";
+import { Decide } from "./decide";
 import { words } from "./words";
 
 type Seen = Record<"actions" | "materials", boolean>;
 
-export function Review({ request }: { request: ApprovalDetail }) {
+export function Review({ request }: { request: RunApproval }) {
   const [seen, setSeen] = useState<Seen>({ actions: false, materials: false });
   const mode = useSession().data?.lab?.mode;
   const devices = new Set(request.plan.jobs.map((job) => job.device.id)).size;
@@ -75,7 +65,14 @@ export function Review({ request }: { request: ApprovalDetail }) {
         <Actions plan={request.plan} onSeen={() => mark("actions")} />
         <Materials request={request} onSeen={() => mark("materials")} />
       </section>
-      <Decide request={request} seen={seen} />
+      <Decide
+        request={request}
+        parts={[
+          { id: "actions", label: "Actions", isSeen: seen.actions },
+          { id: "materials", label: "Materials", isSeen: seen.materials },
+        ]}
+        unsound={null}
+      />
     </>
   );
 }
@@ -149,7 +146,7 @@ function change(before: number, after: number): string {
   return value > 0 ? `+${formatNumber(value, 2)}` : formatNumber(value, 2);
 }
 
-function Materials({ request, onSeen }: { request: ApprovalDetail; onSeen: () => void }) {
+function Materials({ request, onSeen }: { request: RunApproval; onSeen: () => void }) {
   const end = useSeen(onSeen);
   const resources = useResources().data ?? [];
   const capacity = (id: string): number | null =>
@@ -190,176 +187,5 @@ function Materials({ request, onSeen }: { request: ApprovalDetail; onSeen: () =>
       )}
       <div ref={end} />
     </Card>
-  );
-}
-
-function Decide({ request, seen }: { request: ApprovalDetail; seen: Seen }) {
-  const [comment, setComment] = useState("");
-  const decide = useDecide(request.id);
-  const navigate = useNavigate();
-  const offline = useStatus() === "offline" ? "Not connected." : null;
-  const unseen = !seen.actions || !seen.materials;
-  const blocked =
-    offline ?? (request.can_decide ? null : sentence(request.why_not ?? "Not yours to decide."));
-  const whyApprove = blocked ?? (unseen ? "Scroll through actions and materials first." : null);
-  const whyReject = blocked ?? (comment.trim() ? null : words.needComment);
-  const send = (isApproved: boolean): void =>
-    decide.mutate(
-      { is_approved: isApproved, comment: comment.trim() },
-      { onSuccess: () => void navigate(`/approvals?id=${request.id}`, { replace: true }) },
-    );
-  return (
-    <aside className="dec" aria-label="Decision" data-testid="decision">
-      <div>
-        <h2>{words.why}</h2>
-        {request.policies.map((policy) => (
-          <p className="s" key={policy}>
-            {policy}
-          </p>
-        ))}
-      </div>
-      <Terms request={request} />
-      {request.decision ? (
-        <Decided request={request} />
-      ) : (
-        <>
-          <MustSee seen={seen} />
-          <TextField
-            label={words.comment}
-            value={comment}
-            onChange={setComment}
-            lines={3}
-            testId="decision-comment"
-          />
-        </>
-      )}
-      {!request.decision && (
-        <VerdictButtons
-          isPending={decide.isPending}
-          error={decide.error}
-          whyApprove={whyApprove}
-          whyReject={whyReject}
-          send={send}
-        />
-      )}
-    </aside>
-  );
-}
-
-function Terms({ request }: { request: ApprovalDetail }) {
-  const now = useNow(1000);
-  const time = useLabTime();
-  const due = toSeconds(request.expires_at);
-  return (
-    <dl className="kv">
-      <dt>Expires</dt>
-      <dd className="num b">
-        {due === null ? "never" : `${time.near(due, now)}, in ${formatDuration(due - now)}`}
-      </dd>
-      <dt>Then</dt>
-      <dd>rejected</dd>
-      <dt>Plan</dt>
-      <dd className="mono" title={request.plan_digest}>
-        {formatDigest(request.plan_digest)}
-      </dd>
-    </dl>
-  );
-}
-
-interface VerdictProps {
-  isPending: boolean;
-  error: Error | null;
-  whyApprove: string | null;
-  whyReject: string | null;
-  send: (isApproved: boolean) => void;
-}
-
-function VerdictButtons({ isPending, error, whyApprove, whyReject, send }: VerdictProps) {
-  return (
-    <div className="dbtn">
-      <Refused error={error} />
-      <Button
-        look="pri"
-        testId="approve"
-        disabled={isPending}
-        why={whyApprove}
-        onClick={() => send(true)}
-      >
-        {isPending ? "Sending…" : words.approve}
-      </Button>
-      <Button
-        className="rej"
-        testId="reject"
-        disabled={isPending}
-        why={whyReject}
-        onClick={() => send(false)}
-      >
-        {words.reject}
-      </Button>
-      <p className="help" data-testid="why-not">
-        {whyApprove ?? (whyReject === words.needComment ? words.needComment : "")}
-      </p>
-    </div>
-  );
-}
-
-function MustSee({ seen }: { seen: Seen }) {
-  const rows: [part: keyof Seen, label: string][] = [
-    ["actions", "Actions"],
-    ["materials", "Materials"],
-  ];
-  return (
-    <div className="see">
-      <h2>{words.mustSee}</h2>
-      <ul>
-        {rows.map(([part, label]) => (
-          <li key={part}>
-            <span className={seen[part] ? "tone-ok" : "tone-idle"}>
-              <Glyph look={seen[part] ? "ok" : "idle"} />
-            </span>
-            {label}
-            <i className="sp" />
-            {!seen[part] && (
-              <button
-                type="button"
-                className="plain link t12"
-                onClick={() =>
-                  document.getElementById(`review-${part}`)?.scrollIntoView({ block: "end" })
-                }
-              >
-                {words.open}
-              </button>
-            )}
-          </li>
-        ))}
-      </ul>
-    </div>
-  );
-}
-
-function Decided({ request }: { request: ApprovalDetail }) {
-  const time = useLabTime();
-  const { decision } = request;
-  if (!decision) return null;
-  return (
-    <div data-testid="decided" data-state={request.state}>
-      <h2>{decision.is_approved ? "Approved" : "Rejected"}</h2>
-      <dl className="kv">
-        <dt>By</dt>
-        <dd className="b">{decision.printed_name}</dd>
-        <dt>At</dt>
-        <dd>
-          {time.full(decision.at)} {time.zone}
-        </dd>
-        <dt>Meaning</dt>
-        <dd>{decision.meaning}</dd>
-        {decision.comment && (
-          <>
-            <dt>Comment</dt>
-            <dd>{decision.comment}</dd>
-          </>
-        )}
-      </dl>
-    </div>
   );
 }

@@ -11,4 +11,11 @@ export const words = {
   needComment: "A rejection needs a comment that says why.",
   mustSee: "Must be seen",
   open: "Open",
+  change: "What changes",
+  changeNote: "from the next plan on",
+  never: "never calibrated",
+  lasts: (days: number) => `${days} days after it was measured`,
+  points: "Points",
+  limits: (text: string) => `limits ± ${text}`,
+  unsound: "A result with findings is not approved: mend the device, and measure again.",
 } as const;

@@ -2,28 +2,19 @@
 
 import { useState } from "react";
 import { Link } from "react-router";
-import { useCalibrations, useDecideCalibration, useWithdrawCalibration } from "@/api/calibrations";
-import { useSession } from "@/api/queries";
-import {
-  amountText,
-  calibrationState,
-  daysLeft,
-  dueWords,
-  levelRows,
-  signedText,
-  worst,
-} from "@/model/calibration";
-import { formatNumber, sentence, THIN } from "@/model/format";
+import { useCalibrations, useWithdrawCalibration } from "@/api/calibrations";
+import { amountText, calibrationState, daysLeft, dueWords, worst } from "@/model/calibration";
+import { sentence } from "@/model/format";
 import { capitalise } from "@/model/states";
-import type { CalibratedQuantity, Calibration, CalibrationResult } from "@/model/wirecalibration";
+import type { CalibratedQuantity, Calibration } from "@/model/wirecalibration";
 import type { Device } from "@/model/wire";
 import { AskForm } from "@/ui/askform";
+import { Levels, slopeText } from "@/ui/calibrated";
 import { Card, Empty, Loaded } from "@/ui/card";
-import { Button, Dialog, Refused, TextField } from "@/ui/controls";
+import { Button, Dialog, TextField } from "@/ui/controls";
 import { StateChip } from "@/ui/state";
 import { useLabTime, useNow } from "@/ui/time";
 import { Calibrate } from "./calibrate";
-import { Residuals } from "./residuals";
 import { words } from "./words";
 
 const said = words.calibration;
@@ -124,7 +115,17 @@ function Result({ row, kind }: { row: Calibration; kind: CalibratedQuantity }) {
       ))}
       {!isUnderWay && <Facts row={row} kind={kind} />}
       {row.result && <Levels row={row} kind={kind} />}
-      {row.state === "awaiting" && <Answer row={row} />}
+      {row.request_id && (
+        <p className="calanswer">
+          <Link
+            className="btn"
+            to={`/approvals?id=${row.request_id}`}
+            data-testid="calibration-review"
+          >
+            {said.review}
+          </Link>
+        </p>
+      )}
     </section>
   );
 }
@@ -187,95 +188,6 @@ function Facts({ row, kind }: { row: Calibration; kind: CalibratedQuantity }) {
         </>
       )}
     </dl>
-  );
-}
-
-/** Gain of a pump; gain and offset of a probe; slope and offset of an electrode. */
-function slopeText(result: CalibrationResult, kind: CalibratedQuantity): string {
-  if (result.slope_pct === null || result.offset_mv === null) {
-    const gain = formatNumber(result.gain, 5);
-    return kind.is_relative ? gain : `${gain}, offset ${signedText(result.offset, kind)}`;
-  }
-  const slope = `${formatNumber(result.slope_pct, 1)}${THIN}%`;
-  return `${slope} of Nernst, ${formatNumber(result.offset_mv, 1)}${THIN}mV at pH 7`;
-}
-
-function Levels({ row, kind }: { row: Calibration; kind: CalibratedQuantity }) {
-  const rows = levelRows(row, kind);
-  if (!rows.length) return null;
-  return (
-    <div className="callevels">
-      <Residuals row={row} kind={kind} />
-      <table>
-        <thead>
-          <tr>
-            <th className="r">Level</th>
-            <th className="r">As found</th>
-            <th className="r">Left</th>
-            <th className="r">Uncertainty</th>
-          </tr>
-        </thead>
-        <tbody>
-          {rows.map((one) => (
-            <tr key={one.level} className="num">
-              <td className="r">
-                {formatNumber(one.level, kind.is_relative ? 0 : 2)}
-                {THIN}
-                {kind.unit}
-              </td>
-              <td className="r">{signedText(one.found, kind)}</td>
-              <td className="r">{signedText(one.left, kind, 3)}</td>
-              <td className="r">± {amountText(one.expanded, kind)}</td>
-            </tr>
-          ))}
-        </tbody>
-      </table>
-    </div>
-  );
-}
-
-function Answer({ row }: { row: Calibration }) {
-  const [comment, setComment] = useState("");
-  const decide = useDecideCalibration(row.id);
-  const user = useSession().data?.user ?? null;
-  const may = user?.permissions.includes("decide") ?? false;
-  const blocked = row.can.decide ? null : may ? said.own : said.role;
-  const send = (is_accepted: boolean): void =>
-    decide.mutate({ is_accepted, comment: comment.trim() });
-  return (
-    <div className="calanswer sheet">
-      <TextField
-        label={said.comment}
-        value={comment}
-        onChange={setComment}
-        help={said.commentHelp}
-        lines={2}
-        testId="calibration-comment"
-      />
-      <p className="s">{blocked ?? (row.can.accept ? said.accepts : said.unsound)}</p>
-      <Refused error={decide.error} />
-      <div className="acts">
-        <Button
-          large
-          testId="calibration-reject"
-          why={blocked ?? (comment.trim() ? null : said.needComment)}
-          disabled={decide.isPending}
-          onClick={() => send(false)}
-        >
-          {said.reject}
-        </Button>
-        <Button
-          look="pri"
-          large
-          testId="calibration-accept"
-          why={blocked ?? (row.can.accept ? null : said.unsound)}
-          disabled={decide.isPending}
-          onClick={() => send(true)}
-        >
-          {said.accept}
-        </Button>
-      </div>
-    </div>
   );
 }
 

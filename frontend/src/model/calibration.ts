@@ -4,7 +4,7 @@ import { formatNumber, THIN } from "./format";
 import type { State } from "./states";
 import type { CalibratedQuantity, Calibration, VolumeOrder } from "./wirecalibration";
 
-type Kind = Pick<CalibratedQuantity, "is_relative" | "unit">;
+export type Kind = Pick<CalibratedQuantity, "is_relative" | "unit">;
 
 const STANDINGS: Record<string, State> = {
   in_force: { look: "ok", word: "In force" },

@@ -51,7 +51,8 @@ export function calibration(changes: Partial<Calibration> = {}): Calibration {
     withdrawn_by: null,
     withdrawn_at: null,
     withdrawn_because: "",
-    can: { decide: false, accept: true, withdraw: false },
+    request_id: null,
+    can: { withdraw: false },
     ...changes,
   };
 }

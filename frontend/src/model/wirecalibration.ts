@@ -68,7 +68,9 @@ export interface Calibration {
   withdrawn_by: string | null;
   withdrawn_at: string | null;
   withdrawn_because: string;
-  can: { decide: boolean; accept: boolean; withdraw: boolean };
+  /** The request that waits for a second person; null: none does. */
+  request_id: string | null;
+  can: { withdraw: boolean };
 }
 
 export interface CalibratedQuantity {
@@ -82,6 +84,17 @@ export interface CalibratedQuantity {
   /** Id of the newest that was ever accepted. */
   newest: string | null;
   history: Calibration[];
+}
+
+/** What a decision changes: the calibration that holds now, and the one that waits. */
+export interface CalibrationChange {
+  device: { id: string; name: string };
+  quantity: string;
+  unit: string;
+  is_relative: boolean;
+  becomes: Calibration;
+  /** Null: the device was never calibrated. */
+  was: Calibration | null;
 }
 
 export interface PhOrder {

@@ -1,6 +1,7 @@
 /** What crosses the border about approvals, resources, devices and hosts. */
 
 import type { DeviceAction, Id, Iso, JobState, Plan } from "./wire";
+import type { CalibrationChange } from "./wirecalibration";
 import type { DriverUse } from "./wiredrivers";
 
 export interface LabEvent {
@@ -32,6 +33,8 @@ export interface ApprovalRequest {
   id: Id;
   title: string;
   state: string;
+  about: "run" | "calibration";
+  /** The run that waits for it, or that measured. */
   run: { id: Id; number: number };
   workflow: { id: Id; name: string; version: number };
   policies: string[];
@@ -50,7 +53,15 @@ export interface ApprovalRequest {
   } | null;
 }
 
-export interface ApprovalDetail extends ApprovalRequest {
+export interface CalibrationApproval extends ApprovalRequest {
+  about: "calibration";
+  calibration: CalibrationChange;
+}
+
+export type ApprovalDetail = RunApproval | CalibrationApproval;
+
+export interface RunApproval extends ApprovalRequest {
+  about: "run";
   plan: Plan;
   materials: { id: Id; name: string; before_nl: number; after_nl: number }[];
 }

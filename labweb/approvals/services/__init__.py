@@ -57,13 +57,14 @@ def open_request(  # noqa: PLR0913 - one column each
     *,
     lab: Lab,
     title: str,
-    run_id: UUID,
+    run_id: UUID | None = None,
+    calibration_id: UUID | None = None,
     plan_digest: str,
     policies: Sequence[str],
     asked_by: User,
     expires_at: datetime,
 ) -> ApprovalRequest:
-    """Ask a person about the plan with this digest.
+    """Ask a person about the plan, or about the result of a calibration, with this digest.
 
     A policy that is no row is a rule of the server's own: it asks somebody else.
     """
@@ -73,6 +74,7 @@ def open_request(  # noqa: PLR0913 - one column each
         lab=lab,
         title=title,
         run_id=run_id,
+        calibration_id=calibration_id,
         plan_digest=plan_digest,
         policies=list(policies),
         allow_self=all(row.allow_self for row in rows) and not is_own_rule,
@@ -134,7 +136,7 @@ def decide(request_id: UUID, *, actor: User, is_approved: bool, comment: str) ->
 
 
 def _meaning(row: ApprovalRequest, *, is_approved: bool) -> str:
-    what = "the start" if row.driver_id is None else "the driver"
+    what = "the start" if row.run_id else "the driver" if row.driver_id else "the calibration"
     return f"{'approves' if is_approved else 'rejects'} {what}"
 
 
@@ -204,15 +206,17 @@ def _close_requests(row: DriverVersion, state: ApprovalRequest.State) -> None:
 
 
 def expire_one() -> ApprovalRequest | None:
-    """Close one request about a run whose time is over, and return it; None: there is none.
+    """Close one request whose time is over, and return it; None: there is none.
+
+    One about a driver stays as it is: nothing waits for it.
 
     A request that somebody answers at this moment is left to them.
 
     Effect:
-        Nothing is released: the caller ends the run that waits for it in the same block.
+        Nothing is released: the caller ends what waits for it in the same block.
     """
     due = ApprovalRequest.objects.filter(
-        state=ApprovalRequest.State.OPEN, expires_at__lt=now(), run_id__isnull=False
+        state=ApprovalRequest.State.OPEN, expires_at__lt=now(), driver_id__isnull=True
     )
     row = due.order_by("expires_at").select_for_update(skip_locked=True).first()
     if row is None:
@@ -224,7 +228,10 @@ def expire_one() -> ApprovalRequest | None:
         str(row.id),
         actor=None,
         reason="nobody answered in time",
-        detail={"run": str(row.run_id), "expires_at": row.expires_at.isoformat()},
+        detail={
+            "run" if row.run_id else "calibration": str(row.run_id or row.calibration_id),
+            "expires_at": row.expires_at.isoformat(),
+        },
     )
     on_commit(partial(feed.publish, "approvals", {"request_id": str(row.id)}))
     return row

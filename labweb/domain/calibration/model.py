@@ -6,7 +6,8 @@ uncertainty* 2.35 with *coverage factor* 2.38 (here always k = 2, about 95 %).
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
+from datetime import datetime
 from enum import StrEnum
 from itertools import pairwise
 from uuid import UUID
@@ -87,6 +88,9 @@ class Calibration(msgspec.Struct, frozen=True, kw_only=True):
     levels: tuple[Level, ...]
     """Calibrated levels, the lowest first. Nothing is said beyond the first and the last."""
 
+    expires_at: datetime | None = None
+    """Its due date; None: a calibration that never was a row, as in a trial."""
+
     standing: Standing = Standing.IN_FORCE
     reasons: tuple[str, ...] = ()
     """Why it is not in force, in words."""
@@ -158,6 +162,9 @@ class Correction(msgspec.Struct, frozen=True, kw_only=True):
     needs: float | None = None
     """Largest expanded uncertainty that the step allows, of a volume as a share; None: any."""
 
+    expires_at: datetime | None = None
+    """Due date of the calibration: from then on nothing acts with this number."""
+
     def true_of(self, device_value: float) -> float:
         """Return the true value of what the device tells of it; nothing stays nothing."""
         if device_value == 0 and self.quantity is Quantity.VOLUME:
@@ -186,6 +193,31 @@ def correction_of(calibration: Calibration, argument: str, asked: float | None) 
         offset=calibration.offset,
         calibration_id=calibration.id,
         number=calibration.number,
+        expires_at=calibration.expires_at,
         low=None if asked is not None else first.value - first.expanded,
         high=None if asked is not None else last.value + last.expanded,
     )
+
+
+def holds_s(corrections: Iterable[Correction], at: datetime) -> float | None:
+    """Return for how long numbers may still be acted with; None: no calibration made them.
+
+    Only what is sent counts: what is read says itself by which calibration it was corrected.
+
+    Example:
+        >>> from datetime import UTC, timedelta
+        >>> at = datetime(2026, 1, 1, tzinfo=UTC)
+        >>> one = Correction(
+        ...     argument="volume_ul", quantity=Quantity.VOLUME, asked=1.0, sent=1.0, gain=1.0,
+        ...     offset=0.0, calibration_id=UUID(int=1), number=1,
+        ...     expires_at=at + timedelta(minutes=1),
+        ... )
+        >>> holds_s([one], at), holds_s([], at)
+        (60.0, None)
+    """
+    ends = [
+        one.expires_at
+        for one in corrections
+        if one.expires_at is not None and (one.asked is not None or one.needs is not None)
+    ]
+    return max(0.0, (min(ends) - at).total_seconds()) if ends else None

@@ -28,9 +28,9 @@ def check_sending(
 ) -> list[Finding]:
     """List why a job may not go with the numbers that it was planned with; empty means go.
 
-    A calibration that was withdrawn, or that is of the device as it was before, made numbers that
-    are wrong now: nothing goes with them. One that is past its due date, or that a newer one has
-    superseded, keeps what was planned with it, unless the step asks how sure it is.
+    A calibration that is not in force any more made numbers that nobody vouches for: nothing goes
+    with them. One that a newer one has superseded keeps what was planned with it, unless the step
+    asks how sure it is.
 
     Args:
         device: Its name.
@@ -52,8 +52,8 @@ def _check(
     if found is None:
         yield Finding("calibration.missing", f"{what} is not there any more: {_WHAT_TO_DO}")
         return
-    is_wrong = found.standing in {Standing.WITHDRAWN, Standing.CHANGED}
-    if is_wrong or (one.needs is not None and not found.is_in_force):
+    is_only_read = one.asked is None and one.needs is None
+    if not found.is_in_force and not (is_only_read and found.standing is Standing.EXPIRED):
         text = f"{what} does not hold any more ({'; '.join(found.reasons)}): {_WHAT_TO_DO}"
         yield Finding(_CODES[found.standing], text)
         return

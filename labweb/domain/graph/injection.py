@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from labweb.domain.enrollment.spec import DriverSpec
+from labweb.domain.errors import Finding
 from labweb.domain.resources.kinds import KINDS
 
 
@@ -115,6 +116,54 @@ def injected(spec: DriverSpec, config: Mapping[str, Any], *, key: str, name: str
         )
     places = [place for role, part in parts.items() for place in _places(role, part, known)]
     return Injection((*_merged(parts), *places), tuple(_tubes(parts)))
+
+
+def check_parts(old: DriverSpec, new: DriverSpec, config: Mapping[str, Any]) -> list[Finding]:
+    """List every part and inner tube that another version of a driver adds, takes away or changes.
+
+    The tree and the graph have the parts of the version that the device was taken up with. One
+    with others would act on what nobody recorded, or leave behind what nobody drives.
+
+    Args:
+        old: What serves the device now.
+        new: What shall.
+        config: Settings of the device.
+
+    Example:
+        >>> pump = DriverSpec(class_name="P", module="m", digest="", roles=("pump",))
+        >>> both = DriverSpec(class_name="P", module="m", digest="", roles=("pump", "valve"))
+        >>> [one.code for one in check_parts(pump, both, {})], check_parts(pump, pump, {})
+        (['driver.parts_gained', 'driver.parts_gained'], [])
+    """
+    before, after = (
+        {one.key: one for one in made.parts}
+        | {f"{one.source}.{one.source_port}": one for one in made.tubes}
+        for made in (injected(spec, config, key="device", name="device") for spec in (old, new))
+    )
+    changed = [key for key in before if key in after and before[key] != after[key]]
+    return [
+        Finding(
+            code,
+            f"{new.class_name} {verb} {_called(known[key])}, and the parts of a device stay as "
+            "they were taken up: retire it, and take it up anew with this version",
+            key,
+        )
+        for code, verb, known, keys in (
+            ("driver.parts_gained", "brings", after, after.keys() - before.keys()),
+            ("driver.parts_lost", "has no more", before, before.keys() - after.keys()),
+            ("driver.parts_changed", "changes", after, changed),
+        )
+        for key in sorted(keys)
+    ]
+
+
+def _called(what: Part | Tube) -> str:
+    """Return what a person calls a part or a tube, with the settings that make it what it is."""
+    if isinstance(what, Tube):
+        return f"a tube from {what.source_port} to {what.target_port}"
+    settings = ", ".join(f"{name} {value}" for name, value in sorted(what.config.items()))
+    told = KINDS[what.kind].label.lower() + (f" {what.name}" if what.inside else "")
+    return f"a {told} ({settings})" if settings else f"a {told}"
 
 
 def _config(sort: _Sort, known: Mapping[str, Any]) -> dict[str, Any]:

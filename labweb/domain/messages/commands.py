@@ -79,6 +79,10 @@ class Do(msgspec.Struct, frozen=True, tag="do", tag_field="t", kw_only=True):
     """Arguments that a calibration has changed. `args` are as sent: a host corrects nothing; it
     only reads by this what the device says it moved."""
 
+    numbers_hold_s: float | None = None
+    """Not started within this time of its acceptance means given back: the calibration that made
+    its numbers has ended by then. None: no calibration made them."""
+
     v: int = PROTOCOL_VERSION
 
 

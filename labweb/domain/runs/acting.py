@@ -86,6 +86,7 @@ def decide_now(
             max_fence=tx.max_fence(row.device_id),
             age_s=age_s(row, at),
             ttl_s=do.ttl_s,
+            numbers_hold_s=do.numbers_hold_s,
             device_blocked_by=tx.blocked_by(row.device_id),
         ),
         turn=None if turn is None else batch.decide_turn(turn),
@@ -140,7 +141,7 @@ def write_rejection(
         "message": answer.message,
         "pre": results_body(judged),
     }
-    if answer.code in {"edge.predecessor", "edge.rebooted"}:
+    if answer.code in {"edge.predecessor", "edge.rebooted", "calibration.expired"}:
         body["is_given_back"] = True
     tx.append("rejected", row.action_id, body)
 

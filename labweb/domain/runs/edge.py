@@ -114,6 +114,9 @@ class Candidate:
     """Since its acceptance, on the monotonic clock."""
 
     ttl_s: float
+    numbers_hold_s: float | None = None
+    """For how long from its acceptance its calibration holds; None: no calibration has a say."""
+
     device_blocked_by: str | None = None
     """Action in doubt on the same device."""
 
@@ -134,24 +137,33 @@ def decide_start(
     held = _decide_hold(host, candidate.device_blocked_by)
     if held is not None:
         return held
-    age_s, ttl_s = candidate.age_s, candidate.ttl_s
     if candidate.dseq < host.floor:
         return Answer(REJECT, "edge.below_floor", "the server has given it up")
     if candidate.dseq < candidate.max_fence:
         fence = candidate.max_fence
         return Answer(REJECT, "edge.fenced", f"fence {fence} has passed this device")
-    if age_s == NEVER_S:
-        return Answer(REJECT, "edge.rebooted", "the machine was restarted since it was accepted")
-    if age_s > ttl_s:
-        return Answer(REJECT, "edge.expired", f"waited {age_s:.0f} s, may wait {ttl_s:.0f} s")
-    if turn is not None:
-        return turn
+    against = _decide_late(candidate) or turn
+    if against is not None:
+        return against
     if findings:
         return Answer(REJECT, findings[0].code, findings[0].message)
     failed = [result for result in results if result.verdict is not Verdict.PASS]
     if failed:
         return Answer(REJECT, failed[0].name, failed[0].message)
     return Answer(START)
+
+
+def _decide_late(candidate: Candidate) -> Answer | None:
+    """Reject what has waited for too long, be it for itself or for the numbers that it has."""
+    age_s, ttl_s = candidate.age_s, candidate.ttl_s
+    if age_s == NEVER_S:
+        return Answer(REJECT, "edge.rebooted", "the machine was restarted since it was accepted")
+    if age_s > ttl_s:
+        return Answer(REJECT, "edge.expired", f"waited {age_s:.0f} s, may wait {ttl_s:.0f} s")
+    if candidate.numbers_hold_s is not None and age_s >= candidate.numbers_hold_s:
+        text = "the calibration that made its numbers has ended: calibrate the device, then resume"
+        return Answer(REJECT, "calibration.expired", text)
+    return None
 
 
 def _decide_hold(host: HostState, device_blocked_by: str | None) -> Answer | None:

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from datetime import datetime
 from uuid import UUID
 
 import msgspec
 
+from labweb.domain.calibration.model import holds_s
 from labweb.domain.messages import Batch, Command, Do, ResourceView, Signed
 from labweb.domain.runs.session import SessionState
 
@@ -34,7 +36,9 @@ class BatchDraft(msgspec.Struct, frozen=True, kw_only=True):
     issued_by: str = ""
 
 
-def signed_batch(draft: BatchDraft, epoch: int, sign: Callable[[Command], Signed]) -> Batch:
+def signed_batch(
+    draft: BatchDraft, epoch: int, sign: Callable[[Command], Signed], *, at: datetime
+) -> Batch:
     """Stamp and sign each member, and put them together."""
     first = draft.members[0]
     return Batch(
@@ -42,16 +46,20 @@ def signed_batch(draft: BatchDraft, epoch: int, sign: Callable[[Command], Signed
         epoch=epoch,
         dseq=first.dseq,
         batch_id=draft.batch_id,
-        members=[sign(stamped(do, epoch)) for do in draft.members],
+        members=[sign(stamped(do, epoch, at=at)) for do in draft.members],
         resources=draft.resources,
         issued_by=draft.issued_by,
     )
 
 
-def stamped(command: Command, epoch: int) -> Command:
-    """Put the epoch of the present session on a command, right before it is signed.
+def stamped(command: Command, epoch: int, *, at: datetime) -> Command:
+    """Put on a command what is true right before it is signed.
 
-    Written before a reconnect, it is valid after it; a copy of it that was sent before the
-    reconnect is void.
+    The epoch of the present session: written before a reconnect, the command is valid after it; a
+    copy of it that was sent before the reconnect is void. And for how long its numbers hold from
+    here on, since a host has no clock that anybody relies on.
     """
+    if isinstance(command, Do):
+        left_s = holds_s(command.corrections, at)
+        return msgspec.structs.replace(command, epoch=epoch, numbers_hold_s=left_s)
     return msgspec.structs.replace(command, epoch=epoch)

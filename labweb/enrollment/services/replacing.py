@@ -26,6 +26,7 @@ from labweb.domain.approvals.roles import Permission
 from labweb.domain.enrollment.replacement import Waiting, check_replacement
 from labweb.domain.enrollment.spec import DriverSpec
 from labweb.domain.errors import DefinitionError, Finding, PreconditionError, StateError
+from labweb.domain.graph.injection import check_parts
 from labweb.enrollment import selectors
 from labweb.enrollment.models import Device, DriverVersion, EdgeHost
 from labweb.enrollment.services.link import tell_host
@@ -80,14 +81,16 @@ def want_driver(
 
 
 def _findings(device: Device, version: DriverVersion, waiting: Sequence[Waiting]) -> list[Finding]:
-    return check_replacement(
-        selectors.spec_of(device),
-        msgspec.convert(version.spec, DriverSpec),
+    old, new = selectors.spec_of(device), msgspec.convert(version.spec, DriverSpec)
+    found = check_replacement(
+        old,
+        new,
         config=device.config,
         roles=device.nodes,
         admission=device.admission if device.state == Device.State.ENROLLED else None,
         waiting=waiting,
     )
+    return found + check_parts(old, new, device.config)
 
 
 def note_ready(host: EdgeHost, device_id: UUID, digest: str) -> None:

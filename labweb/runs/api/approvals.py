@@ -2,22 +2,26 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, ClassVar
 from uuid import UUID
 
 import msgspec
+from django.db.models import Q
 from rest_framework.request import Request
 from rest_framework.response import Response
 from rest_framework.views import APIView
 
 from labweb.accounts.selectors import user_of
 from labweb.approvals import selectors as approval_selectors
+from labweb.approvals.selectors import ApprovalRequest
 from labweb.common.requests import body
 from labweb.crutd import selectors as crutd_selectors
 from labweb.domain.errors import DefinitionError
 from labweb.resources import selectors as resource_selectors
 from labweb.runs import selectors, services
 from labweb.runs.api import render
+from labweb.runs.api.calibrations import result_of
 from labweb.runs.api.runs import visible, visible_runs
 from labweb.runs.models import Run
 
@@ -37,20 +41,22 @@ class Requests(APIView):
         user = user_of(request)
         lab = resource_selectors.the_lab()
         shown = visible_runs(lab, user).values("pk")
-        rows = approval_selectors.requests_of(lab).filter(run_id__in=shown)
+        measured = selectors.measured_in(shown).values("pk")
+        about = Q(run_id__in=shown) | Q(calibration_id__in=measured)
+        rows = approval_selectors.requests_of(lab).filter(about)
         state = request.query_params.get("state", "open")
         if state not in {"open", "all"}:
             raise DefinitionError("state is open or all", code="http.query")
         if state == "open":
             rows = rows.filter(state="open")
         found = list(rows[:200])
-        runs = selectors.runs_by_id([approval_selectors.run_of(row) for row in found])
+        behind = _runs_behind(found)
+        runs = selectors.runs_by_id(list(behind.values()))
         allowed = resource_selectors.permissions_of(user)
         return Response(
             {
                 "requests": [
-                    render.render_request(row, runs[approval_selectors.run_of(row)], user, allowed)
-                    for row in found
+                    render.render_request(row, runs[behind[row.pk]], user, allowed) for row in found
                 ]
             }
         )
@@ -60,9 +66,14 @@ class RequestDetail(APIView):
     """One approval request."""
 
     def get(self, request: Request, request_id: UUID) -> Response:
-        """Return a request with the exact plan it is about."""
+        """Return a request with the exact plan, or the result, that it is about."""
         user = user_of(request)
         row = approval_selectors.find_request(request_id)
+        if row.calibration_id is not None:
+            calibration = selectors.find_calibration(row.calibration_id)
+            run = visible(calibration.run_id, user)
+            result = result_of(calibration, user)
+            return Response({**render.render_request(row, run, user), "calibration": result})
         run = visible(approval_selectors.run_of(row), user)
         jobs = list(selectors.jobs_of(run))
         return Response(
@@ -104,9 +115,28 @@ class DecideRequest(APIView):
         """Approve or reject."""
         user = user_of(request)
         verdict = body(request, Verdict)
-        services.decide_request(
-            request_id, actor=user, is_approved=verdict.is_approved, comment=verdict.comment
-        )
         row = approval_selectors.find_request(request_id)
-        run = selectors.find_run(approval_selectors.run_of(row))
+        is_approved, comment = verdict.is_approved, verdict.comment
+        if row.calibration_id is None:
+            services.decide_request(
+                request_id, actor=user, is_approved=is_approved, comment=comment
+            )
+        else:
+            services.decide_calibration(
+                row.calibration_id, actor=user, is_accepted=is_approved, comment=comment
+            )
+        row = approval_selectors.find_request(request_id)
+        run = selectors.find_run(_runs_behind([row])[row.pk])
         return Response(render.render_request(row, run, user))
+
+
+def _runs_behind(rows: Sequence[ApprovalRequest]) -> dict[UUID, UUID]:
+    """Return the run of each request: the one that waits for it, or that measured."""
+    about = [row.calibration_id for row in rows if row.calibration_id is not None]
+    measured = selectors.runs_that_measured(about) if about else {}
+    return {
+        row.pk: approval_selectors.run_of(row)
+        if row.calibration_id is None
+        else measured[row.calibration_id]
+        for row in rows
+    }

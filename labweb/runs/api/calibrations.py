@@ -12,6 +12,7 @@ from rest_framework.response import Response
 from rest_framework.views import APIView
 
 from labweb.accounts.selectors import User, user_of
+from labweb.approvals import selectors as approval_selectors
 from labweb.common.clock import now
 from labweb.common.render import iso
 from labweb.common.requests import body
@@ -61,7 +62,7 @@ class DeviceCalibrations(APIView):
         user = user_of(request)
         _visible(calibrated_id, user)
         row = services.begin_calibration(calibrated_id, body(request, VolumeOrder), actor=user)
-        return Response(_render(selectors.find_calibration(row.id), user), status=201)
+        return Response(render_calibration(selectors.find_calibration(row.id), user), status=201)
 
 
 class PhCalibrations(APIView):
@@ -74,7 +75,7 @@ class PhCalibrations(APIView):
         user = user_of(request)
         _visible(probe_id, user)
         row = services.begin_calibration(probe_id, body(request, PhOrder), actor=user)
-        return Response(_render(selectors.find_calibration(row.id), user), status=201)
+        return Response(render_calibration(selectors.find_calibration(row.id), user), status=201)
 
 
 class TemperatureCalibrations(APIView):
@@ -87,7 +88,7 @@ class TemperatureCalibrations(APIView):
         user = user_of(request)
         _visible(heating_id, user)
         row = services.begin_calibration(heating_id, body(request, TemperatureOrder), actor=user)
-        return Response(_render(selectors.find_calibration(row.id), user), status=201)
+        return Response(render_calibration(selectors.find_calibration(row.id), user), status=201)
 
 
 class CalibrationDetail(APIView):
@@ -96,7 +97,7 @@ class CalibrationDetail(APIView):
     def get(self, request: Request, calibration_id: UUID) -> Response:
         """Return it with its points and its result."""
         user = user_of(request)
-        return Response(_render(_find(calibration_id, user), user))
+        return Response(render_calibration(_find(calibration_id, user), user))
 
 
 class DecideCalibration(APIView):
@@ -112,7 +113,7 @@ class DecideCalibration(APIView):
         services.decide_calibration(
             calibration_id, actor=user, is_accepted=wanted.is_accepted, comment=wanted.comment
         )
-        return Response(_render(selectors.find_calibration(calibration_id), user))
+        return Response(render_calibration(selectors.find_calibration(calibration_id), user))
 
 
 class WithdrawCalibration(APIView):
@@ -126,7 +127,7 @@ class WithdrawCalibration(APIView):
         wanted = body(request, Withdrawal)
         _find(calibration_id, user)
         services.withdraw_calibration(calibration_id, actor=user, reason=wanted.reason)
-        return Response(_render(selectors.find_calibration(calibration_id), user))
+        return Response(render_calibration(selectors.find_calibration(calibration_id), user))
 
 
 def _visible(device_id: UUID, user: User) -> Device:
@@ -149,6 +150,23 @@ def _find(calibration_id: UUID, user: User) -> Calibration:
     return row
 
 
+def result_of(row: Calibration, user: User) -> dict[str, Any]:
+    """Render a result as the queue shows it: what it was before, and what it becomes."""
+    quantity = Quantity(row.quantity)
+    before = selectors.accepted_of([row.device]).get(row.device_id, [])
+    was = next((one for one in before if one.quantity == quantity and one.pk != row.pk), None)
+    if was is not None:
+        was.device = row.device
+    return {
+        "device": {"id": str(row.device_id), "name": row.device.name},
+        "quantity": quantity.value,
+        "unit": SYMBOLS[quantity],
+        "is_relative": IS_RELATIVE[quantity],
+        "becomes": render_calibration(row, user),
+        "was": None if was is None else render_calibration(was, user),
+    }
+
+
 def _quantities(device: Device, user: User) -> list[dict[str, Any]]:
     rows: dict[str, list[Calibration]] = {}
     for row in selectors.history_of(device)[:MOST_SHOWN]:
@@ -167,7 +185,7 @@ def _quantities(device: Device, user: User) -> list[dict[str, Any]]:
                 "may_begin": quantity.value in marked,
                 "stated": _stated(marked.get(quantity.value)),
                 "newest": None if newest is None else str(newest.id),
-                "history": [_render(one, user) for one in rows.get(quantity.value, [])],
+                "history": [render_calibration(one, user) for one in rows.get(quantity.value, [])],
             }
         )
     return found
@@ -190,7 +208,8 @@ def _stated(parameter: ParameterSpec | None) -> dict[str, float | None] | None:
     return {"ratio": stated.ratio, "absolute": stated.absolute}
 
 
-def _render(row: Calibration, user: User) -> dict[str, Any]:
+def render_calibration(row: Calibration, user: User) -> dict[str, Any]:
+    """Render one calibration as a page shows it, with what this person may do."""
     reach = resource_selectors.permissions_of(user)
     may_decide = Permission.DECIDE in reach
     standing: Standing | None = None
@@ -222,9 +241,8 @@ def _render(row: Calibration, user: User) -> dict[str, Any]:
         "withdrawn_by": None if row.withdrawn_by is None else row.withdrawn_by.printed_name,
         "withdrawn_at": iso(row.withdrawn_at),
         "withdrawn_because": row.withdrawn_because,
-        "can": {
-            "decide": may_decide and row.state == "awaiting" and row.made_by_id != user.pk,
-            "accept": not row.findings,
-            "withdraw": may_decide and row.state == "accepted",
-        },
+        "request_id": str(approval_selectors.about_calibration(row.id).id)
+        if row.state == Calibration.State.AWAITING
+        else None,
+        "can": {"withdraw": may_decide and row.state == Calibration.State.ACCEPTED},
     }

@@ -285,7 +285,7 @@ def render_request(
 
     Args:
         row: The request.
-        run: What it is about.
+        run: What it is about, or what measured it.
         user: Who asks to see it.
         allowed: What they may do anywhere; None looks it up.
     """
@@ -305,6 +305,7 @@ def render_request(
         "id": str(row.id),
         "title": row.title,
         "state": row.state,
+        "about": "run" if row.calibration_id is None else "calibration",
         "run": {"id": str(run.id), "number": run.number},
         "workflow": {
             "id": str(run.version.workflow_id),

@@ -31,7 +31,9 @@ from labweb.runs.selectors.calibrations import find_calibration as find_calibrat
 from labweb.runs.selectors.calibrations import findings_of_sending as findings_of_sending
 from labweb.runs.selectors.calibrations import fingerprint_of as fingerprint_of
 from labweb.runs.selectors.calibrations import history_of as history_of
+from labweb.runs.selectors.calibrations import measured_in as measured_in
 from labweb.runs.selectors.calibrations import references_of as references_of
+from labweb.runs.selectors.calibrations import runs_that_measured as runs_that_measured
 from labweb.runs.selectors.calibrations import standing_of as standing_of
 from labweb.runs.selectors.custody import hands_between as hands_between
 from labweb.runs.selectors.custody import hosts_between as hosts_between
@@ -214,7 +216,7 @@ def lab_summary(lab: Lab) -> dict[str, Any]:
     alone = paused.exclude(jobs__state=JobState.IN_DOUBT.value).count()
     tickets = crutd_selectors.open_tickets(lab).count()
     unknown = len(crutd_selectors.given_up(lab))
-    waiting = approval_selectors.requests_of(lab).filter(state="open", run_id__isnull=False).count()
+    waiting = approval_selectors.requests_of(lab).filter(state="open", driver_id=None).count()
     brought = approval_selectors.open_about_drivers(lab).count()
     return {
         "id": str(lab.id),

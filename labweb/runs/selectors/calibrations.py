@@ -70,6 +70,16 @@ def calibration_for_update(calibration_id: UUID) -> Calibration:
     return rows.select_related("device__driver").get(pk=calibration_id)
 
 
+def measured_in(run_ids: QuerySet[Any]) -> QuerySet[Calibration]:
+    """Calibrations that were measured in runs."""
+    return Calibration.objects.filter(run__in=run_ids)
+
+
+def runs_that_measured(ids: Collection[UUID]) -> dict[UUID, UUID]:
+    """Return the run of each calibration, by its id."""
+    return dict(Calibration.objects.filter(pk__in=ids).values_list("pk", "run_id"))
+
+
 def ended_calibrations() -> QuerySet[Calibration]:
     """Calibrations under way whose run has ended."""
     ended = [RunState.COMPLETE.value, RunState.ABORTED.value]
@@ -151,6 +161,7 @@ def _to_domain(row: Calibration, device: Device, at: datetime) -> model.Calibrat
         gain=result.gain,
         offset=result.offset,
         levels=result.certified(),
+        expires_at=row.expires_at,
         standing=found,
         reasons=reasons,
     )

@@ -16,7 +16,7 @@ from labweb.crutd.selectors import Transaction
 from labweb.domain.crutd import operations
 from labweb.domain.errors import LockedError, PreconditionError
 from labweb.domain.messages import BatchPart, Do, ResourceView
-from labweb.domain.runs.job import AT_EDGE, JobState, Mover
+from labweb.domain.runs.job import JobState, Mover
 from labweb.domain.runs.relay import BatchDraft
 from labweb.domain.workflows.plan import Execution
 from labweb.enrollment import selectors as enrollment_selectors
@@ -29,6 +29,9 @@ from labweb.runs.services.drivers import switch_before
 from labweb.runs.services.state import move_job, note_sent
 
 logger = logging.getLogger(__name__)
+
+_WAITING = [JobState.DISPATCHED.value, JobState.ACCEPTED.value]
+"""Where a job stands that a host has, or is about to get, and has not begun."""
 
 _WAIT_S = 3600.0
 """Beside what comes before it, for how long a member may wait."""
@@ -170,11 +173,25 @@ def recall_run(run: Run, *, issued_by: str) -> int:
     Effect:
         None on matter. A job that the host gives back is held; one that has begun goes on.
     """
-    count = 0
-    for job in Job.objects.filter(run=run, state__in=[state.value for state in AT_EDGE]):
-        attempt = selectors.last_attempt(job)
-        is_waiting = job.state in {JobState.DISPATCHED.value, JobState.ACCEPTED.value}
-        if attempt is not None and attempt.batch_id is not None and is_waiting:
-            dispatch.send_cancel(attempt, issued_by=issued_by, is_recall=True)
-            count += 1
-    return count
+    tried = [selectors.last_attempt(job) for job in Job.objects.filter(run=run, state__in=_WAITING)]
+    found = [one for one in tried if one is not None and one.batch_id is not None]
+    for attempt in found:
+        dispatch.send_cancel(attempt, issued_by=issued_by, is_recall=True)
+    return len(found)
+
+
+def recall_corrected(calibration_id: UUID, *, issued_by: str) -> int:
+    """Ask the hosts to give back what they have not begun with a calibration's numbers.
+
+    Returns:
+        How many jobs were asked for.
+
+    Effect:
+        As `recall_run`: a job that is given back is held, and does not go again with them.
+    """
+    corrected = [{"calibration_id": str(calibration_id)}]
+    jobs = Job.objects.filter(state__in=_WAITING, corrections__contains=corrected)
+    found = [one for one in map(selectors.last_attempt, jobs) if one is not None]
+    for attempt in found:
+        dispatch.send_cancel(attempt, issued_by=issued_by, is_recall=True)
+    return len(found)

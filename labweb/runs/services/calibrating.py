@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from datetime import timedelta
 from functools import partial
+from hashlib import sha256
 from uuid import UUID
 
 import msgspec
@@ -13,9 +14,10 @@ from django.db.transaction import atomic, on_commit
 
 from labweb.accounts import services as account_services
 from labweb.accounts.selectors import User
+from labweb.approvals import selectors as approval_selectors
+from labweb.approvals import services as approval_services
 from labweb.common import feed
 from labweb.common.clock import now
-from labweb.domain.approvals.policy import check_decision
 from labweb.domain.approvals.roles import Permission
 from labweb.domain.calibration.judge import Result
 from labweb.domain.calibration.model import Quantity
@@ -28,20 +30,22 @@ from labweb.domain.calibration.order import (
 from labweb.domain.errors import (
     DefinitionError,
     Finding,
-    ForbiddenError,
     PreconditionError,
     StateError,
 )
+from labweb.domain.messages import canonical
 from labweb.domain.runs.job import RunState
 from labweb.enrollment import selectors as enrollment_selectors
 from labweb.resources import selectors as resource_selectors
 from labweb.runs import selectors
 from labweb.runs.models import Calibration
-from labweb.runs.services import buffering, thermometry, weighing
+from labweb.runs.services import batches, buffering, thermometry, weighing
 from labweb.runs.services.start import lab_view, start_run
 from labweb.workflows import services as workflow_services
 
 LONGEST_TEXT = 2000
+
+RULE = "A calibration needs a second person"
 
 _JUDGES: dict[str, Callable[[Calibration], tuple[list[Finding], Result | None]]] = {
     Quantity.VOLUME.value: weighing.judged,
@@ -122,6 +126,8 @@ def _judge_one(calibration_id: UUID) -> None:
     row.measured_at = row.run.ended_at or now()
     row.state = Calibration.State.FAILED if result is None else Calibration.State.AWAITING
     row.save(update_fields=["findings", "result", "points", "measured_at", "state"])
+    if result is not None:
+        ask_about(row)
     on_commit(partial(_announce, row.device_id))
 
 
@@ -137,15 +143,32 @@ def _judged(row: Calibration) -> tuple[list[Finding], Result | None]:
     ], result
 
 
+def ask_about(row: Calibration) -> None:
+    """Put a result into the queue of what waits for a second person, until its own due date."""
+    facts = {"order": row.order, "points": row.points, "result": row.result}
+    measured_at = row.measured_at or now()
+    approval_services.open_request(
+        lab=row.device.lab,
+        title=f"Calibration {row.number} of {row.quantity} of {row.device.name}",
+        calibration_id=row.id,
+        plan_digest=sha256(canonical(facts)).hexdigest(),
+        policies=[RULE],
+        asked_by=row.made_by,
+        expires_at=measured_at + timedelta(days=row.valid_days),
+    )
+
+
 @atomic
 def decide_calibration(
     calibration_id: UUID, *, actor: User, is_accepted: bool, comment: str
 ) -> Calibration:
     """Accept or reject a result; what is accepted corrects from the next plan on.
 
+    The decision is one of those about requests: the same rights, a second person, a signed word.
+
     Raises:
         ForbiddenError: The actor measured it, or may not decide here.
-        StateError: It waits for nobody.
+        StateError: It waits for nobody, or for nobody any more.
         PreconditionError: It has findings, which nobody accepts away; or the device is no longer
             what was measured.
 
@@ -153,22 +176,13 @@ def decide_calibration(
         None on matter. Plans that are made before keep the numbers that they were made with.
     """
     row = selectors.calibration_for_update(calibration_id)
-    _require(row, actor)
-    waits = row.state == Calibration.State.AWAITING
-    code, _ = check_decision(
-        asked_by=str(row.made_by_id),
-        actor=str(actor.pk),
-        allow_self=False,
-        state="open" if waits else row.state,
-    )
-    if code == "approval.own_request":
-        raise ForbiddenError("a second person has to look: you measured it", code=code)
-    if code or row.measured_at is None:
+    if row.state != Calibration.State.AWAITING or row.measured_at is None:
         raise StateError(f"this calibration is {row.state}", code="calibration.not_waiting")
-    due_at = row.measured_at + timedelta(days=row.valid_days)
+    request = approval_selectors.about_calibration(row.id)
+    approval_services.decide(request.id, actor=actor, is_approved=is_accepted, comment=comment)
     if is_accepted:
         _refuse_unsound(row)
-        row.expires_at = due_at
+        row.expires_at = row.measured_at + timedelta(days=row.valid_days)
     row.state = Calibration.State.ACCEPTED if is_accepted else Calibration.State.REJECTED
     row.decided_by, row.decided_at, row.comment = actor, now(), _text(comment)
     row.save(update_fields=["state", "decided_by", "decided_at", "comment", "expires_at"])
@@ -198,7 +212,8 @@ def withdraw_calibration(calibration_id: UUID, *, actor: User, reason: str) -> C
         StateError: It was never accepted, or is withdrawn.
 
     Effect:
-        None on matter. From the next plan on nothing is corrected by it.
+        None on matter. From the next plan on nothing is corrected by it, and hosts are asked to
+        give back what they have not begun with its numbers.
     """
     row = selectors.calibration_for_update(calibration_id)
     _require(row, actor)
@@ -210,6 +225,7 @@ def withdraw_calibration(calibration_id: UUID, *, actor: User, reason: str) -> C
     row.withdrawn_by, row.withdrawn_at = actor, now()
     row.withdrawn_because = _text(reason)
     row.save(update_fields=["state", "withdrawn_by", "withdrawn_at", "withdrawn_because"])
+    batches.recall_corrected(row.id, issued_by=str(actor.pk))
     _write(row, "calibration.withdraw", actor, reason)
     return row
 

@@ -306,8 +306,8 @@ def _publish(row: Outbox) -> None:
 def _signed(row: Outbox, epoch: int) -> Signed:
     if row.kind == "batch":
         draft = msgspec.convert(row.body, BatchDraft)
-        return signing.sign(signed_batch(draft, epoch, signing.sign))
-    return signing.sign(stamped(msgspec.convert(row.body, Command), epoch))
+        return signing.sign(signed_batch(draft, epoch, signing.sign, at=now()))
+    return signing.sign(stamped(msgspec.convert(row.body, Command), epoch, at=now()))
 
 
 def void_resets(lab: Lab) -> None:

@@ -1,8 +1,9 @@
-"""End the runs whose approval nobody gave in time."""
+"""End what waits for an approval that nobody gave in time: runs, and results of calibrations."""
 
 from __future__ import annotations
 
 from functools import partial
+from uuid import UUID
 
 from django.db.transaction import atomic, on_commit, set_rollback
 
@@ -11,7 +12,7 @@ from labweb.approvals import services as approval_services
 from labweb.approvals.selectors import run_of
 from labweb.common.clock import now
 from labweb.domain.runs.job import JobState, Mover, RunState
-from labweb.runs.models import Job, Run
+from labweb.runs.models import Calibration, Job, Run
 from labweb.runs.services.state import announce, move_job
 
 _MOST_AT_ONCE = 100
@@ -19,13 +20,14 @@ _REASON = "nobody answered the request for approval in time"
 
 
 def expire_requests() -> int:
-    """Close every request whose time is over, and end the run that waits for it.
+    """Close every request whose time is over, and end what waits for it.
 
     Returns:
         How many were closed; the next call takes what is left.
 
     Effect:
-        Nothing had begun: each such run ends ABORTED, with its jobs STOPPED.
+        Nothing had begun: each such run ends ABORTED, with its jobs STOPPED. A result that nobody
+        accepted is rejected.
     """
     for count in range(_MOST_AT_ONCE):
         if not _expire_one():
@@ -38,6 +40,8 @@ def _expire_one() -> bool:
     request = approval_services.expire_one()
     if request is None:
         return False
+    if request.calibration_id is not None:
+        return _reject_result(request.calibration_id)
     run = Run.objects.filter(pk=run_of(request)).select_for_update(skip_locked=True).first()
     if run is None:
         # Somebody acts on the run and may wait for the request: they go first.
@@ -53,4 +57,17 @@ def _expire_one() -> bool:
     run.save(update_fields=["state", "ended_at", "pause_reasons"])
     account_services.write_audit("run.abort", str(run.id), actor=None, reason=_REASON)
     on_commit(partial(announce, run.id))
+    return True
+
+
+def _reject_result(calibration_id: UUID) -> bool:
+    rows = Calibration.objects.filter(pk=calibration_id).select_for_update(skip_locked=True)
+    row = rows.first()
+    if row is None:
+        # Somebody answers at this moment: they go first.
+        set_rollback(True)
+        return False
+    row.state, row.comment = Calibration.State.REJECTED, _REASON
+    row.save(update_fields=["state", "comment"])
+    account_services.write_audit("calibration.reject", str(row.id), actor=None, reason=_REASON)
     return True

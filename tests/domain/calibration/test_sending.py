@@ -40,16 +40,25 @@ def codes(
     ("standing", "unasked", "asked"),
     [
         (Standing.IN_FORCE, [], []),
-        (Standing.EXPIRED, [], ["calibration.expired"]),
+        (Standing.EXPIRED, ["calibration.expired"], ["calibration.expired"]),
         (Standing.CHANGED, ["calibration.changed"], ["calibration.changed"]),
         (Standing.WITHDRAWN, ["calibration.withdrawn"], ["calibration.withdrawn"]),
     ],
 )
-def test_wrong_numbers_never_go_and_old_ones_only_where_nothing_is_asked(
+def test_a_number_goes_only_while_the_calibration_that_made_it_is_in_force(
     standing: Standing, unasked: list[str], asked: list[str]
 ) -> None:
     assert codes(standing) == unasked
     assert codes(standing, needs=0.01) == asked
+
+
+def test_a_reading_nobody_asks_an_accuracy_of_is_taken_past_the_due_date() -> None:
+    read = correction_of(PUMP, "volume_ul", None)
+    known = msgspec.structs.replace(PUMP, standing=Standing.EXPIRED, reasons=("why",))
+    assert check_sending("Pump", [read], {PUMP.id: known}, {}) == []
+    asked = msgspec.structs.replace(read, needs=0.01)
+    (finding,) = check_sending("Pump", [asked], {PUMP.id: known}, {})
+    assert finding.code == "calibration.expired"
 
 
 def test_a_newer_one_keeps_a_plan_unless_its_step_asks_how_sure_it_is() -> None:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import msgspec
 import pytest
 
 from drivers.load import read_spec
-from labweb.domain.graph.injection import injected
+from labweb.domain.enrollment.spec import DriverSpec
+from labweb.domain.graph.injection import check_parts, injected
 from labweb.domain.graph.lab_file.config import check_config
 
 CONFIGS: dict[str, dict[str, float]] = {
@@ -58,3 +60,42 @@ def test_what_is_brought_is_what_the_tree_allows(module: str) -> None:
 def test_a_driver_of_no_role_in_the_tree_brings_nothing() -> None:
     made = injected(read_spec("drivers.logistics.ur_dashboard"), {}, key="d", name="D")
     assert (made.parts, made.tubes) == ((), ())
+
+
+def with_roles(*roles: str) -> DriverSpec:
+    return DriverSpec(class_name="D", module="m", digest="", roles=roles)
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "found"),
+    [
+        (("pump",), ("pump", "valve"), [("gained", "device.outlet"), ("gained", "device_valve")]),
+        (("pump", "valve"), ("pump",), [("lost", "device.outlet"), ("lost", "device_valve")]),
+        (("heater_stirrer",), ("thermostat",), [("changed", "device")]),
+        (("ph_sensor",), ("ph_sensor", "camera"), []),
+        (("pump", "valve"), ("pump", "valve"), []),
+    ],
+)
+def test_a_version_with_other_parts_is_told_from_one_with_the_same(
+    before: tuple[str, ...], after: tuple[str, ...], found: list[tuple[str, str]]
+) -> None:
+    findings = check_parts(with_roles(*before), with_roles(*after), {})
+    assert [(one.code.removeprefix("driver.parts_"), one.subject) for one in findings] == found
+    assert all("take it up anew" in one.message for one in findings)
+
+
+def test_a_store_with_fewer_places_has_lost_each_of_them() -> None:
+    spec = read_spec("drivers.logistics.cytomat")
+    places = [one for one in spec.config if one.name != "slots_count"]
+    (count,) = [one for one in spec.config if one.name == "slots_count"]
+    fewer, more = (
+        msgspec.structs.replace(
+            spec,
+            config=(*places, msgspec.structs.replace(count, default=n, required=False)),
+        )
+        for n in (2, 3)
+    )
+    (lost,) = check_parts(more, fewer, {})
+    assert (lost.code, lost.subject) == ("driver.parts_lost", "device_slot_3")
+    assert "place 3" in lost.message
+    assert check_parts(more, fewer, {"slots_count": 3}) == []

@@ -6,6 +6,7 @@ run 1:  0 (A) ──▶ 1 (A) ──▶ 2 (B) ──▶ 3 (B)        job 4 (B) s
 from __future__ import annotations
 
 from dataclasses import replace
+from datetime import UTC, datetime
 from uuid import UUID
 
 import pytest
@@ -18,6 +19,7 @@ from labweb.domain.runs.scheduler import JobView
 from labweb.domain.runs.session import SessionState
 
 A, B = UUID(int=1), UUID(int=2)
+AT = datetime(2026, 1, 1, tzinfo=UTC)
 
 
 def jobs(*states: str) -> list[JobView]:
@@ -95,4 +97,4 @@ def test_a_command_is_rung_only_to_a_host_that_is_online(
 
 def test_a_command_is_sent_under_the_epoch_of_the_present_session() -> None:
     command = Cancel(host_id=A, epoch=1, dseq=4, action_id=B)
-    assert stamped(command, 6) == Cancel(host_id=A, epoch=6, dseq=4, action_id=B)
+    assert stamped(command, 6, at=AT) == Cancel(host_id=A, epoch=6, dseq=4, action_id=B)

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from datetime import timedelta
 from typing import Any
 
 import msgspec
 
+from labweb.common.clock import now
 from labweb.crutd.models import ResourceLock
 from labweb.domain.crutd.conditions import Condition, Readings, Result, evaluate
 from labweb.domain.messages import Command, Signed, Welcome
@@ -28,6 +30,7 @@ class Host:
         self.mono_s = 1.0
         self.wall_s = 1_800_000_000.0
         self.told = 0
+        self.late_s = 0.0
         self.reconnect()
 
     def reconnect(self) -> None:
@@ -52,7 +55,7 @@ class Host:
         """Take every command for this host that waits in the outbox."""
         rows = Outbox.objects.filter(host_id=self.edge.host_id, settled_at__isnull=True)
         for row in rows.order_by("id"):
-            signed, command = as_sent(row, self.edge.epoch)
+            signed, command = as_sent(row, self.edge.epoch, late_s=self.late_s)
             with self.write() as tx:
                 taking.take_command(
                     tx, signed, command, at=self.now(), line_of=lambda device_id: "line"
@@ -100,8 +103,9 @@ def judged(
     return [(one, evaluate(one, readings, {})) for one in known]
 
 
-def as_sent(row: Outbox, epoch: int) -> tuple[Signed, Command]:
-    """Return a command of the outbox as it travels."""
+def as_sent(row: Outbox, epoch: int, *, late_s: float = 0.0) -> tuple[Signed, Command]:
+    """Return a command of the outbox as it travels, when it is sent so late."""
+    at = now() + timedelta(seconds=late_s)
 
     def sign(command: Command) -> Signed:
         body = msgspec.json.encode(command).decode()
@@ -109,9 +113,9 @@ def as_sent(row: Outbox, epoch: int) -> tuple[Signed, Command]:
 
     if row.kind == "batch":
         draft = msgspec.convert(row.body, relay.BatchDraft)
-        command: Command = relay.signed_batch(draft, epoch, sign)
+        command: Command = relay.signed_batch(draft, epoch, sign, at=at)
     else:
-        command = relay.stamped(msgspec.convert(row.body, Command), epoch)
+        command = relay.stamped(msgspec.convert(row.body, Command), epoch, at=at)
     return sign(command), command
 
 

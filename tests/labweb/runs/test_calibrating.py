@@ -296,19 +296,23 @@ def test_a_number_that_is_wrong_by_now_is_not_sent(bench: Bench, change: str) ->
     assert Attempt.objects.count() == attempts
 
 
-def test_a_step_that_asks_how_sure_it_is_does_not_go_once_that_is_unknown(bench: Bench) -> None:
+@pytest.mark.parametrize(("accuracy", "needs"), [("", None), ("2 %", 0.02)])
+def test_a_number_does_not_go_past_the_due_date_of_its_calibration(
+    bench: Bench, accuracy: str, needs: float | None
+) -> None:
     row = accepted(bench)
-    run = to_corrected(bench, accuracy="2 %")
-    assert next_job(run).corrections[0]["needs"] == 0.02
+    run = to_corrected(bench, accuracy=accuracy)
+    assert next_job(run).corrections[0]["needs"] == needs
     Calibration.objects.filter(pk=row.pk).update(expires_at=now() - timedelta(seconds=1))
     services.dispatch_ready()
     assert (next_job(run).state, next_job(run).code) == ("held", "calibration.expired")
 
 
-def test_a_step_that_asks_nothing_keeps_its_numbers_past_the_due_date(bench: Bench) -> None:
-    row = accepted(bench)
+def test_a_step_that_asks_nothing_keeps_its_numbers_when_a_newer_one_is_accepted(
+    bench: Bench,
+) -> None:
+    accepted(bench)
     run = to_corrected(bench)
-    Calibration.objects.filter(pk=row.pk).update(expires_at=now() - timedelta(seconds=1))
     accepted(bench, 0.98)
     services.dispatch_ready()
     assert next_job(run).state == "dispatched"

@@ -144,6 +144,16 @@ def test_every_reason_why_a_version_does_not_fit_is_listed(bench: Bench) -> None
     assert bench.device("pump_1").next_driver is None
 
 
+def test_a_version_with_other_parts_than_the_lab_has_is_refused_with_each(bench: Bench) -> None:
+    """A pump that says nothing of its valve any more leaves the valve behind."""
+    version = a_pump(bench, "alone", **{"Config], Pump, Valve)": "Config], Pump)"})
+    with pytest.raises(PreconditionError) as refusal:
+        want(bench, "pump_1", version)
+    lost = {one.subject for one in refusal.value.findings if one.code == "driver.parts_lost"}
+    assert lost == {"device_valve", "device.outlet"}
+    assert bench.device("pump_1").next_driver is None
+
+
 def test_a_version_that_lost_an_action_is_refused_while_a_run_needs_it(bench: Bench) -> None:
     version = a_pump(bench, "smaller", **{"Range(0.001, 100_000.0)": "Range(0.001, 1.0)"})
     a_started_run(bench)

@@ -21,6 +21,7 @@ from labweb.resources.models import Lot, Resource
 from labweb.runs import selectors as run_selectors
 from labweb.runs import services as run_services
 from labweb.runs.models import Calibration, Custody, Run
+from labweb.runs.services.calibrating import ask_about
 from labweb.telemetry.selectors import File, Incoming
 from labweb.telemetry.services import Upload, bring, keep_file
 from labweb.workflows import services as workflow_services
@@ -148,7 +149,7 @@ A_CERTIFICATE = {
 
 def a_result(bench: Bench, run: Run) -> Calibration:
     """Return a calibration by the chemist that waits for a second person."""
-    return Calibration.objects.create(
+    row = Calibration.objects.create(
         device=bench.device("pump_2"),
         quantity="volume",
         number=1,
@@ -162,6 +163,8 @@ def a_result(bench: Bench, run: Run) -> Calibration:
         made_at=now(),
         measured_at=now(),
     )
+    ask_about(row)
+    return row
 
 
 def _calibrated(bench: Bench, calibration: Calibration) -> dict[str, str]:
