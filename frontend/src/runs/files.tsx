@@ -26,7 +26,7 @@ export function RunFiles({ run }: { run: Run }) {
   return (
     <Card
       title={words.measured.title}
-      note={missing ? <span className="bad">{missing}</span> : String(run.files.length)}
+      note={missing ? <span className="tone-error">{missing}</span> : String(run.files.length)}
       testId="run-files"
     >
       <ul className="runfiles">
@@ -64,7 +64,7 @@ function FileLine(props: { run: Run; file: RunFile; isShown: boolean; onShow: ()
           {job && words.measured.by(job.index + 1)}, {formatBytes(file.size_bytes)}
           {file.format !== "none" && `, ${formatLabel(file.format)}`}
         </span>
-        {file.message && <span className="bad why">{sentence(file.message)}</span>}
+        {file.message && <span className="why tone-error">{sentence(file.message)}</span>}
       </span>
       {isDrawable && !isShown && (
         <button type="button" className="link" onClick={onShow} data-testid="show-file">

@@ -219,9 +219,9 @@ export function Facts({ run, steps }: { run: Run; steps: StepProgress[] }) {
         <dd data-testid="run-execution">{executionText(run.execution)}</dd>
       </div>
       {missing && (
-        <div>
+        <div className="missing">
           <dt>{words.measured.missing}</dt>
-          <dd className="bad" data-testid="files-missing">
+          <dd className="tone-error" data-testid="files-missing">
             {missing}
           </dd>
         </div>

@@ -12,6 +12,8 @@ from enum import StrEnum
 from typing import Any
 from uuid import UUID
 
+import msgspec
+
 from labweb.domain.crutd.checks import check as check
 from labweb.domain.crutd.ledger import Account, posted
 from labweb.domain.crutd.ledger import Posting as Posting
@@ -145,6 +147,8 @@ def settle(operation: Operation, snapshot: Snapshot, outcome: Outcome) -> Change
         return _settle_reacted(operation, snapshot, outcome)
     if isinstance(operation, TransferLiquid | TransferMass):
         return _settle_poured(operation, snapshot, outcome)
+    if isinstance(operation, Dispose) and operation.amount_nl is not None:
+        return _settle_drawn(operation, snapshot, outcome)
     if outcome.kind is OutcomeKind.PARTIAL:
         return Change(state=TransactionState.ROLLED_BACK)
     if isinstance(operation, Receive | Correct | Dispose):
@@ -295,6 +299,25 @@ def _settle_booked(operation: Receive | Correct | Dispose, snapshot: Snapshot) -
             gone = _postings(take(state.contents, liquid), Phase.LIQUID, ends)
             gone += _postings(take(state.masses, solid), Phase.SOLID, ends)
             return Change(state=committed, postings=gone)
+
+
+def _settle_drawn(operation: Dispose, snapshot: Snapshot, outcome: Outcome) -> Change:
+    """Post what was drawn out of a vessel for good: what the device tells, else what was asked."""
+    told_nl = outcome.moved_nl
+    if told_nl is None:
+        told_nl = 0 if outcome.kind is OutcomeKind.PARTIAL else operation.amount_nl or 0
+    source = snapshot[operation.resource_id]
+    if not 0 <= told_nl <= total_nl(source.contents):
+        raise StateError(
+            f"{told_nl} nL were drawn out of {source.name}, which held "
+            f"{total_nl(source.contents)} nL",
+            code="crutd.contradiction",
+        )
+    solid_ug = operation.amount_ug if outcome.kind is OutcomeKind.DONE else None
+    if told_nl == 0 and not solid_ug:
+        return Change(state=TransactionState.ROLLED_BACK)
+    drawn = msgspec.structs.replace(operation, amount_nl=told_nl, amount_ug=solid_ug)
+    return _settle_booked(drawn, snapshot)
 
 
 def _differences(

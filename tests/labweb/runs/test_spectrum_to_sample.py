@@ -121,16 +121,16 @@ def brought(edge: Edge, config: HostConfig) -> int:
     waiting = WaitingFiles(config.files_path)
     for kept in waiting.waiting():
         about = {"epoch": edge.epoch, "action_id": kept.action_id, "device_id": kept.device_id}
-        data, parts = kept.path.read_bytes(), FileParts()
+        data, gathered = kept.path.read_bytes(), FileParts()
         told = {**about, "sha256": kept.sha256, "size_bytes": len(data)}
         assert services.offer_file(edge.host_id, msgspec.convert(told, FileOffer)) == WANTED
-        *first, last = (
+        parts = [
             FilePart(**told, offset_bytes=at, data=data[at : at + PART_BYTES])  # type: ignore[arg-type]
             for at in range(0, len(data), PART_BYTES)
-        )
-        assert not any(parts.add(part) for part in first)
-        assert parts.add(last) == data
-        assert services.take_file(edge.host_id, last, data) == ""
+        ]
+        whole = [gathered.add(part) for part in parts][-1]
+        assert whole == data
+        assert services.take_file(edge.host_id, parts[-1], data) == ""
         waiting.drop(kept)
     return len(waiting.waiting())
 

@@ -20,6 +20,7 @@ from labweb.domain.workflows.passes.roles import (
     post_conditions,
     setting,
 )
+from labweb.domain.workflows.passes.sampling import INJECTION, injection_job, sample_in
 from labweb.domain.workflows.passes.serving import (
     carriers,
     find_carrier,
@@ -193,12 +194,14 @@ def plan_device_action(step: Step, drafting: Drafting) -> DraftStep:
     except NotFoundError as error:
         drafting.refuse(step, error.code, error.message, "params.action", **error.context)
         return DraftStep(step=step)
+    if INJECTION in {one.name for one in action.parameters}:
+        return draft_of(step, [injection_job(step, drafting, device, READ_S)])
     if action.operation == "transfer" and name != "initialize":
         message = f"{name} of {device.name} moves liquid: use a Transfer, which keeps the record"
         drafting.refuse(step, "plan.moves_liquid", message, "params.action")
         return DraftStep(step=step)
     is_reading = action.operation == "read"
-    sample_id = _sample(step, drafting, device, is_reading=is_reading)
+    sample_id = sample_in(step, drafting, device, is_reading=is_reading)
     if "sample" in step.params and sample_id is None:
         return DraftStep(step=step)
     job = drafting.job(
@@ -212,26 +215,6 @@ def plan_device_action(step: Step, drafting: Drafting) -> DraftStep:
         estimate_s=min(action.timeout_s or READ_S, READ_S),
     )
     return draft_of(step, [job])
-
-
-def _sample(step: Step, drafting: Drafting, device: Device, *, is_reading: bool) -> UUID | None:
-    """Return what a reading action measures: what the step names, or the one vessel there.
-
-    None: it changes something and measures nothing, or nobody has said which of several it is.
-    """
-    there = drafting.view.vessels_on(device)
-    if "sample" not in step.params:
-        return next(iter(there)) if is_reading and len(there) == 1 else None
-    sample_id = UUID(step.params["sample"])
-    if not is_reading:
-        message = f"{step.params['action']} of {device.name} measures no sample"
-        drafting.refuse(step, "plan.no_sample", message, "params.sample")
-        return None
-    if sample_id not in there:
-        message = f"{drafting.name(sample_id)} does not stand on {device.name}"
-        drafting.refuse(step, "plan.sample_elsewhere", message, "params.sample")
-        return None
-    return sample_id
 
 
 def draft_of(step: Step, jobs: list[DraftJob | None]) -> DraftStep:
