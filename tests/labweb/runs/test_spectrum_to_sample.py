@@ -20,7 +20,7 @@ import pytest
 from pytest_django import Settings
 
 from drivers.transports.urls import line_key
-from labweb.common.clock import new_id
+from labweb.common.clock import new_id, now
 from labweb.crutd import services as crutd_services
 from labweb.domain.crutd.operations import Create
 from labweb.domain.files import PART_BYTES, WANTED, FileOffer, FilePart, FileParts
@@ -109,9 +109,9 @@ def commands(edge: Edge, server: Server) -> list[Signed]:
     for row in Outbox.objects.filter(host_id=edge.host_id, settled_at__isnull=True):
         if row.kind == "batch":
             draft = msgspec.convert(row.body, relay.BatchDraft)
-            command: Command = relay.signed_batch(draft, edge.epoch, server.sign)
+            command: Command = relay.signed_batch(draft, edge.epoch, server.sign, at=now())
         else:
-            command = relay.stamped(msgspec.convert(row.body, Command), edge.epoch)
+            command = relay.stamped(msgspec.convert(row.body, Command), edge.epoch, at=now())
         found.append(server.sign(command))
     return found
 
