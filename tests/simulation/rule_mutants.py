@@ -159,7 +159,7 @@ def resume_before_read(patch: Patch) -> None:
 
 def old_epoch_stays(patch: Patch) -> None:
     """A command is sent again under the epoch it was written in."""
-    patch.setattr(relay, "stamped", lambda command, epoch: command)
+    patch.setattr(relay, "stamped", lambda command, epoch, *, at: command)
 
 
 def refusal_ends_any_job(patch: Patch) -> None:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any
 
 from labweb.domain.enrollment.spec import DriverSpec
@@ -140,21 +141,21 @@ def check_parts(old: DriverSpec, new: DriverSpec, config: Mapping[str, Any]) -> 
         | {f"{one.source}.{one.source_port}": one for one in made.tubes}
         for made in (injected(spec, config, key="device", name="device") for spec in (old, new))
     )
-    changed = [key for key in before if key in after and before[key] != after[key]]
+    gained, lost = sorted(after.keys() - before.keys()), sorted(before.keys() - after.keys())
+    changed = sorted(key for key in before if key in after and before[key] != after[key])
+    told = partial(_told, new.class_name)
     return [
-        Finding(
-            code,
-            f"{new.class_name} {verb} {_called(known[key])}, and the parts of a device stay as "
-            "they were taken up: retire it, and take it up anew with this version",
-            key,
-        )
-        for code, verb, known, keys in (
-            ("driver.parts_gained", "brings", after, after.keys() - before.keys()),
-            ("driver.parts_lost", "has no more", before, before.keys() - after.keys()),
-            ("driver.parts_changed", "changes", after, changed),
-        )
-        for key in sorted(keys)
+        *(Finding("driver.parts_gained", told("brings", after[key]), key) for key in gained),
+        *(Finding("driver.parts_lost", told("has no more", before[key]), key) for key in lost),
+        *(Finding("driver.parts_changed", told("changes", after[key]), key) for key in changed),
     ]
+
+
+def _told(version: str, verb: str, what: Part | Tube) -> str:
+    return (
+        f"{version} {verb} {_called(what)}, and the parts of a device stay as they were taken up: "
+        "retire it, and take it up anew with this version"
+    )
 
 
 def _called(what: Part | Tube) -> str:
