@@ -48,6 +48,16 @@ def boot_id() -> str:
     return os.environ.get("LABWEB_BOOT_ID") or BOOT_ID_FILE.read_text("ascii").strip()
 
 
+def since_boot_s() -> float:
+    """Return seconds since the machine started, those in which it slept among them.
+
+    Source:
+        clock_gettime(2), CLOCK_BOOTTIME: what may start for an hour must not start after a
+        night with the lid closed, for which CLOCK_MONOTONIC stands still.
+    """
+    return time.clock_gettime(time.CLOCK_BOOTTIME)
+
+
 class Journal:
     """One process's hold on the journal. Use each object on one thread only."""
 
@@ -56,7 +66,7 @@ class Journal:
         path: Path,
         *,
         wall_s: Callable[[], float] = time.time,
-        mono_s: Callable[[], float] = time.monotonic,
+        mono_s: Callable[[], float] = since_boot_s,
     ) -> None:
         """Open the journal of a host that `create_journal` has set up.
 

@@ -43,6 +43,7 @@ class Unit:
         self.is_acting = False
         self._clock = clock
         self._retry_s = FIRST_RETRY_S
+        self._owes_halt = False
         self._next_try_s = clock.monotonic_s()
         self._connecting = threading.Lock()
 
@@ -66,6 +67,8 @@ class Unit:
             self.is_online = True
             self._retry_s = FIRST_RETRY_S
             log.info("device %s is online", self.config.key)
+            if self._owes_halt:
+                self.stop()
 
     def lose_link(self) -> None:
         """Note that the device does not answer, and let go of its line."""
@@ -122,15 +125,22 @@ class Unit:
         return spec is not None and any(one.name == action for one in spec.actions)
 
     def stop(self) -> None:
-        """Bring the device to its safe state; a failure to deliver the halt is logged."""
+        """Bring the device to its safe state.
+
+        A halt that cannot be delivered is logged, and delivered once the device is reached
+        again, unless it may act by then.
+        """
+        self._owes_halt = False
         try:
             with _border(self.config.key):
                 self.driver.stop()
         except LabError as error:
+            self._owes_halt = True
             log.warning("device %s could not be halted: %s", self.config.key, error)
 
     def clear_stop(self) -> None:
         """Allow actions again."""
+        self._owes_halt = False
         self.driver.clear_stop()
 
     def _wait_longer(self) -> None:

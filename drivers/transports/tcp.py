@@ -9,12 +9,16 @@ from collections.abc import Sequence
 from drivers.transports.base import (
     MAX_FRAME_BYTES,
     OPEN_TIMEOUT_S,
+    QUIET_S,
     ByteTransport,
     Direction,
     Transport,
 )
 from drivers.transports.beat import Beat
 from labweb.domain.errors import Effect, UnreachableError
+
+RENEW_TIMEOUT_S = 0.5
+"""Longest time to begin another connection while somebody waits for an exchange."""
 
 
 class TcpTransport(ByteTransport):
@@ -80,16 +84,27 @@ class TcpTransport(ByteTransport):
         """Throw away what waits; after an answer that did not come, begin a new connection.
 
         A device that was held up answers when it goes on, and in some protocols nothing tells
-        which request an answer is to. It then goes to the connection that is no more.
+        which request an answer is to. It then goes to the connection that is no more. Where
+        no other one is let in, this one is kept: a word to halt has to go through.
         """
         if self._has_failed and not self.has_session:
-            self._opened().close()
-            self._socket = self._connect()
-            self._has_failed = False
+            self._renew()
         super()._drain()
 
-    def _connect(self) -> socket.socket:
-        opened = socket.create_connection(self._address, timeout=OPEN_TIMEOUT_S)
+    def _renew(self) -> None:
+        try:
+            fresh = self._connect(RENEW_TIMEOUT_S)
+        except OSError:
+            return
+        if _is_closed(fresh):
+            fresh.close()
+            return
+        self._opened().close()
+        self._socket = fresh
+        self._has_failed = False
+
+    def _connect(self, timeout_s: float = OPEN_TIMEOUT_S) -> socket.socket:
+        opened = socket.create_connection(self._address, timeout=timeout_s)
         opened.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         return opened
 
@@ -123,6 +138,15 @@ class _Side(TcpTransport):
     def _observe(self, direction: Direction, data: bytes) -> None:
         if self._owner.observer is not None:
             self._owner.observer(direction, data)
+
+
+def _is_closed(fresh: socket.socket) -> bool:
+    """Tell whether the other side takes no second connection, and hangs up at once."""
+    readable, _, _ = select.select([fresh], [], [], QUIET_S)
+    try:
+        return bool(readable) and not fresh.recv(1, socket.MSG_PEEK)
+    except OSError:
+        return True
 
 
 def tcp_line(host: str, port: int) -> str:

@@ -69,6 +69,30 @@ def test_a_recipe_is_opened_its_route_seen_and_it_becomes_a_workflow(
     assert chemist.complaints == []
 
 
+def test_what_is_stated_beside_a_recipe_binds_it_and_a_name_of_nothing_is_told(
+    visit: Visit, tmp_path: Path
+) -> None:
+    file, stated, wrong = (tmp_path / name for name in ("cold.xdl", "stated.json", "wrong.json"))
+    file.write_text(WARM.replace("Water", "the solvent"), "utf-8")
+    head = '{"schema": "labweb.declared/1", "keys": '
+    wrong.write_text(head + '{"the solvant": "water"}}', "utf-8")
+    stated.write_text(head + '{"the solvent": "water"}}', "utf-8")
+    chemist = visit("chemist")
+    chemist.open("workflows")
+    chemist.at("open-xdl-input").set_input_files(file)
+    wait_for_plan(chemist, "none")
+    chemist.at("add-declared-input").set_input_files(wrong)
+    expect(chemist.at("wish-declared").get_by_role("alert").first).to_contain_text(
+        "the solvant", timeout=COMPILED_MS
+    )
+    chemist.at("add-declared-input").set_input_files(stated)
+    wait_for_plan(chemist)
+    bound = chemist.page.get_by_label("the solvent is")
+    expect(bound.locator("option").first).to_contain_text("as stated")
+    expect(chemist.at("declared-file")).to_contain_text("stated.json")
+    assert chemist.complaints == []
+
+
 def test_what_does_not_fit_the_lab_fits_another_rig_and_two_rigs_are_compared(
     visit: Visit,
 ) -> None:

@@ -119,7 +119,10 @@ def findings_of_sending(jobs: Iterable[Job], *, at: datetime) -> list[Finding]:
 
 
 def _of_sending(job: Job, corrections: list[Correction], at: datetime) -> list[Finding]:
-    rows = Calibration.objects.filter(pk__in=[one.calibration_id for one in corrections])
+    # Locked until the command is on disk: who withdraws one waits, and then recalls the job.
+    rows = Calibration.objects.filter(
+        pk__in=[one.calibration_id for one in corrections]
+    ).select_for_update(no_key=True)
     known = {row.id: _to_domain(row, job.device, at) for row in rows}
     newest = {row.quantity: row.number for row in accepted_of([job.device]).get(job.device_id, [])}
     return check_sending(job.device.name, corrections, known, newest)

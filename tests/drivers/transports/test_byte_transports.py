@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import re
 import signal
+import socket
 import threading
 import time
 import tty
@@ -159,6 +160,40 @@ def test_what_a_device_that_was_held_up_answers_is_not_taken_for_the_next_answer
     assert b"TEST 1.0" in line.exchange(b"/1?23\r", until=b"\x03\r\n", timeout_s=5)
     line.close()
     pump.end()
+
+
+@pytest.mark.parametrize("hangs_up", [False, True])
+def test_a_word_to_halt_goes_through_where_no_second_connection_is_let_in(hangs_up: bool) -> None:
+    heard: list[bytes] = []
+    server = socket.create_server(("127.0.0.1", 0))
+    address = server.getsockname()
+
+    def serve() -> None:
+        first, _ = server.accept()
+        if not hangs_up:
+            server.close()
+        while data := first.recv(100):
+            heard.append(data)
+            if data == b"STOP\n":
+                first.sendall(b"stopped\n")
+            elif hangs_up:
+                threading.Thread(target=turn_away, daemon=True).start()
+        first.close()
+
+    def turn_away() -> None:
+        second, _ = server.accept()
+        second.close()
+
+    thread = threading.Thread(target=serve)
+    thread.start()
+    line = opened(f"tcp://127.0.0.1:{address[1]}")
+    with pytest.raises(DeviceTimeoutError):
+        line.exchange(b"READ\n", until=b"\n", timeout_s=0.1)
+    assert line.exchange(b"STOP\n", until=b"\n", timeout_s=5) == b"stopped\n"
+    line.close()
+    thread.join()
+    server.close()
+    assert heard == [b"READ\n", b"STOP\n"]
 
 
 def test_an_endless_answer_is_cut_at_four_kibibytes() -> None:
