@@ -59,7 +59,7 @@ def test_a_pump_is_calibrated_on_its_page_and_a_second_person_accepts_it(
     expect(result).to_have_attribute("data-state", "awaiting")
     expect(chemist.at("residuals").locator(".dot")).to_have_count(9)
     chemist.press("calibration-review")
-    expect(chemist.at("why-not")).to_contain_text("a second person")
+    expect(chemist.at("why-not")).to_contain_text("A second person has to answer")
     expect(chemist.at("approve")).to_be_disabled()
 
     approver = visit("approver")

@@ -22,6 +22,7 @@ FORMS = [("desk", "light"), ("phone", "dark")]
 if "LABWEB_SOAK" in os.environ:
     FORMS += [("desk", "dark"), ("phone", "light")]
 WITH_SCENE = {"run", "twin"}
+REVIEW = "[data-testid=calibration-change]"
 LIVE_TWIN = "[data-testid=twin][data-state=live]"
 
 
@@ -30,17 +31,19 @@ def addresses(stack: Stack) -> dict[str, tuple[str, str]]:
     client, keys = stack.client(), stack.keys()
     workflows = {row["name"]: row["id"] for row in client.get("workflows")["workflows"]}
     runs = client.get("runs?limit=50")["runs"]
-    requests = client.get("approvals?state=all")["requests"]
-    if not requests:
+    requests = _requests(stack)
+    if "run" not in requests:
         client.start("Heat and stir")
-        requests = client.get("approvals?state=all")["requests"]
+        requests = _requests(stack)
     water = [row for row in runs if row["workflow"]["name"] == WATER and row["state"] == "complete"]
     run = water[0] if water else client.wait_for_run(client.start(WATER)["id"], is_over, 90)
     device = next(row for row in client.get("devices")["devices"] if row["key"] == "heater_1")
     host = client.get("hosts")["hosts"][0]
     driver = next(row for row in client.get("drivers")["drivers"] if row["devices"])
     drawing = workflows["Make a dilution and weigh it"]
-    return {
+    measured = requests.get("calibration")
+    calibration = f"approvals/{measured}?state=all"
+    return ({} if measured is None else {"calibration": (calibration, REVIEW)}) | {
         "home": ("", "[data-testid=device-tile]"),
         "workflows": ("workflows", "[data-testid=workflow-row]"),
         "editor": (f"workflows/{drawing}/edit", "[data-testid=findings-bar][data-state=checked]"),
@@ -53,7 +56,7 @@ def addresses(stack: Stack) -> dict[str, tuple[str, str]]:
         "run-events": (f"runs/{run['id']}?tab=events", "[data-testid=event-row]"),
         "run-report": (f"runs/{run['id']}?tab=report", "[data-testid=report]"),
         "approvals": ("approvals?state=all", "[data-testid=approval-row]"),
-        "approval": (f"approvals/{requests[0]['id']}?state=all", "#review-actions"),
+        "approval": (f"approvals/{requests['run']}?state=all", "#review-actions"),
         "twin": ("twin", LIVE_TWIN),
         "devices": ("devices", "[data-testid=device-row]"),
         "device": (f"devices/{device['id']}", "[data-testid=device]"),
@@ -65,6 +68,12 @@ def addresses(stack: Stack) -> dict[str, tuple[str, str]]:
         "lineage": (f"lineage/{keys['reactor_1']}", "[data-testid=lineage]"),
         "missing": ("no/such/page", "[data-testid=not-found]"),
     }
+
+
+def _requests(stack: Stack) -> dict[str, str]:
+    """Return one request by what it is about."""
+    rows = stack.client().get("approvals?state=all")["requests"]
+    return {row["about"]: row["id"] for row in rows}
 
 
 def picture(visitor: Visitor, name: str) -> None:
