@@ -92,7 +92,7 @@ function Change({ change }: { change: CalibrationChange }) {
   ];
   return (
     <Card title={words.change} note={words.changeNote}>
-      <table className="mt" data-testid="calibration-change">
+      <table className="mt wraps" data-testid="calibration-change">
         <thead>
           <tr>
             <th />

@@ -4,7 +4,7 @@ import { useState } from "react";
 import { useNavigate } from "react-router";
 import { useDecide } from "@/api/commands";
 import { useStatus } from "@/api/connection";
-import { formatDigest, formatDuration, sentence, toSeconds } from "@/model/format";
+import { formatDigest, formatLeft, sentence, toSeconds } from "@/model/format";
 import type { ApprovalRequest } from "@/model/wire";
 import { Button, Refused, TextField } from "@/ui/controls";
 import { Glyph } from "@/ui/glyph";
@@ -87,7 +87,7 @@ function Terms({ request }: { request: ApprovalRequest }) {
     <dl className="kv">
       <dt>Expires</dt>
       <dd className="num b">
-        {due === null ? "never" : `${time.near(due, now)}, in ${formatDuration(due - now)}`}
+        {due === null ? "never" : `${time.near(due, now)}, in ${formatLeft(due - now)}`}
       </dd>
       <dt>Then</dt>
       <dd>rejected</dd>

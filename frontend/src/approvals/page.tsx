@@ -4,7 +4,7 @@ import "./approvals.css";
 import { Link, useParams, useSearchParams } from "react-router";
 import { useTopics } from "@/api/live";
 import { useApproval, useApprovals } from "@/api/queries";
-import { formatDuration, toSeconds } from "@/model/format";
+import { formatLeft, toSeconds } from "@/model/format";
 import { approvalState } from "@/model/states";
 import type { ApprovalRequest } from "@/model/wire";
 import { Empty, Failed, Loaded } from "@/ui/card";
@@ -115,7 +115,7 @@ function QueueItem(props: { row: ApprovalRequest; to: string; isChosen: boolean 
           <i className="sp" />
           <span className="t12 num b">
             {row.state === "open" && due !== null ? (
-              formatDuration(due - now)
+              formatLeft(due - now)
             ) : (
               <At at={row.decision?.at ?? row.asked_at} />
             )}

@@ -60,6 +60,11 @@ export function formatDuration(seconds: number): string {
   return h > 0 ? `${h}:${String(m).padStart(2, "0")}:${s}` : `${m}:${s}`;
 }
 
+/** Time that is left: in days where it is more than two. */
+export function formatLeft(seconds: number): string {
+  return seconds < 172_800 ? formatDuration(seconds) : `${Math.floor(seconds / 86_400)} days`;
+}
+
 /** Age of a value, short: 0.5 s, 12 s, 3 min, 2 h, 4 d. */
 export function formatAge(seconds: number): string {
   const age = Math.max(0, seconds);

@@ -4,6 +4,7 @@ import {
   changeWords,
   formatAge,
   formatDuration,
+  formatLeft,
   formatFact,
   formatNumber,
   formatVolume,
@@ -42,6 +43,7 @@ test("a message begins with a capital, a name and a unit keep theirs", () => {
 
 test("durations and ages are short", () => {
   expect([5, 760, 3750].map(formatDuration)).toEqual(["0:05", "12:40", "1:02:30"]);
+  expect([3750, 31_535_959].map(formatLeft)).toEqual(["1:02:30", "364 days"]);
   expect([0.5, 42, 600].map(formatAge)).toEqual(["0.5\u202fs", "42\u202fs", "10\u202fmin"]);
 });
 
