@@ -10,7 +10,7 @@ import pytest
 
 from labweb.domain.errors import LabError
 from labweb.domain.workflows.agreement.check import check_agreement, check_same
-from labweb.domain.workflows.agreement.contents import check_sources, render_proved
+from labweb.domain.workflows.agreement.contents import check_contents, render_proved
 from labweb.domain.workflows.opening import Asked, workflow_from
 from tests.domain.workflows.station import DECLARED, LAB, recipe_document, station, station_file
 from tests.domain.workflows.xdl.plans import recipe
@@ -172,20 +172,44 @@ def test_what_is_kept_of_a_proof_names_the_material_of_each_flask() -> None:
     keys = {str(one.id): one.key for one in station_file().resources}
     told = {keys[one]: entry for one, entry in sources.items()}
     assert told["bottle_ether"] == {"reagent": "diethyl ether", "materials": ["diethyl_ether"]}
-    assert check_sources(proved(), station()) == []
+    assert check_contents(proved(), station()) == []
 
 
 def test_a_flask_that_holds_something_else_by_then_keeps_a_run_from_starting() -> None:
-    (found,) = check_sources(proved(), station(bottle_ether={"dcm": 1000.0}))
+    (found,) = check_contents(proved(), station(bottle_ether={"dcm": 1000.0}))
     assert found.code == "recipe.other_content"
     assert "diethyl ether" in found.message
     mixed = station(bottle_ether={"ether": 50_000.0, "dcm": 1.0})
-    assert [one.code for one in check_sources(proved(), mixed)] == ["recipe.other_content"]
-    assert check_sources(proved(), station(bottle_ether={})) == []
+    assert [one.code for one in check_contents(proved(), mixed)] == ["recipe.other_content"]
+    assert check_contents(proved(), station(bottle_ether={})) == []
 
 
 def test_a_flask_that_was_empty_may_not_give_what_nobody_compared() -> None:
     told = proved()
     for entry in told["sources"].values():
         entry["materials"] = []
-    assert len(check_sources(told, station())) == len(told["sources"])
+    assert len(check_contents(told, station())) == len(told["sources"])
+
+
+@pytest.mark.parametrize("key", ["reactor", "separator", "rotavap_flask", "crude"])
+def test_a_vessel_that_was_empty_and_has_something_left_in_it_keeps_a_run_from_starting(
+    key: str,
+) -> None:
+    (found,) = check_contents(proved(), station(**{key: {"dcm": 1.0}}))
+    assert found.code == "recipe.other_content"
+    assert "held nothing when that was proved; it holds dichloromethane" in found.message
+    assert check_contents(proved(), station(**{key: {"dcm": 1.0}}), among=set()) == []
+
+
+def test_a_vessel_that_held_something_and_is_empty_keeps_a_run_from_starting() -> None:
+    told = proved()
+    for entry in told["vessels"].values():
+        entry["materials"] = ["dichloromethane"]
+    assert len(check_contents(told, station())) == len(told["vessels"])
+
+
+def test_a_proof_that_kept_its_sources_only_is_checked_by_these() -> None:
+    told = proved()
+    del told["vessels"]
+    assert check_contents(told, station(reactor={"dcm": 1.0})) == []
+    assert len(check_contents(told, station(bottle_ether={"dcm": 1.0}))) == 1
