@@ -83,6 +83,26 @@ def test_whatever_else_it_does_is_a_finding(change: Callable[[dict[str, Any]], o
     assert list(refusal.value.findings) == found
 
 
+@pytest.mark.parametrize("is_reversed", [True, False])
+def test_edges_that_do_not_order_the_steps_as_they_are_listed_are_findings(
+    is_reversed: bool,
+) -> None:
+    other = document()
+    ends = {"source": "target", "target": "source"}
+    turned = [edge | {end: edge[far] for end, far in ends.items()} for edge in other["edges"]]
+    other["edges"] = turned if is_reversed else []
+    found = check_agreement(whole(), other)
+    assert {finding.code for finding in found} == {"recipe.differs"}
+    assert ("s3", "s2") in {(one.subject, one.context["before"]) for one in found}
+
+
+def test_one_edge_that_is_missing_is_a_finding() -> None:
+    other = document()
+    other["edges"] = [edge for edge in other["edges"] if edge["source"] != "s2"]
+    found = check_agreement(whole(), other)
+    assert "step s3 has to follow s2, and no edges say so" in {one.message for one in found}
+
+
 def test_a_difference_says_the_line_of_the_recipe_and_the_step_of_the_workflow() -> None:
     other = document()
     first(other, "transfer").update(volume="41 mL")
