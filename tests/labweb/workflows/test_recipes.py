@@ -21,7 +21,7 @@ from labweb.domain.workflows.opening import Asked
 from labweb.runs.models import Run
 from labweb.runs.services import decide_request, pause_run, resume_run, start_run
 from labweb.workflows.models import Workflow, WorkflowVersion
-from labweb.workflows.services import recipes
+from labweb.workflows.services import recipes, save_draft, save_version
 from tests.builders import Bench, an_edge, to_transfer
 from tests.domain.workflows.xdl.test_opening import RECIPE, ROW, WATER, without
 from tests.labweb.crutd.hand import delivery, done
@@ -309,3 +309,21 @@ def test_what_a_run_has_poured_itself_does_not_keep_it_from_going_on(
         edge.complete(to_transfer(run, edge))
     pause_run(run.id, actor=person)
     assert resume_run(run.id, actor=person).pause_reasons == []
+
+
+def test_a_recipe_that_is_saved_again_as_it_was_proved_keeps_its_proof(
+    bench: Bench, chemist: Client
+) -> None:
+    version, person = kept(chemist), bench.people["chemist"]
+    row = version.workflow
+
+    def saved(document: dict[str, Any]) -> WorkflowVersion:
+        row.refresh_from_db()
+        save_draft(row.id, document=document, revision=row.draft_revision, actor=person)
+        return save_version(row.id, note="", actor=person)
+
+    assert saved(version.document).pk == version.pk
+    other = saved({**version.document, "name": "Warmer"})
+    assert (other.number, other.proved) == (2, None)
+    again = saved(version.document)
+    assert (again.number, again.proved) == (3, version.proved)
