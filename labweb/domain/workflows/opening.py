@@ -16,7 +16,7 @@ from labweb.domain.graph.rig.read import read_rig, unpacked
 from labweb.domain.units import parse_volume_nl
 from labweb.domain.workflows.advise.search import Advice, advise
 from labweb.domain.workflows.agreement.check import check_same
-from labweb.domain.workflows.agreement.proved import sources_of
+from labweb.domain.workflows.agreement.proved import sources_of, vessels_of
 from labweb.domain.workflows.on_rig.binding import Binding, alike, bind, may_be
 from labweb.domain.workflows.on_rig.equipment import Equipment, Sort
 from labweb.domain.workflows.recipe_on_rig import (
@@ -182,8 +182,8 @@ def workflow_from(asked: Asked) -> dict[str, Any]:
     """Return the document of a workflow that does what the plan of a recipe is proved to do.
 
     Returns:
-        `document`, and `proved`: `recipe_sha256`, `graph_sha256`, and `sources`, the vessels that
-        reagents come out of, by key.
+        `document`, and `proved`: `recipe_sha256`, `graph_sha256`, `sources`, the vessels that
+        reagents come out of, by key, and `vessels`, the keys of the others that the plan binds.
 
     Raises:
         LabError: It cannot be read, there is no proved plan, a workflow cannot say all of it, or
@@ -201,6 +201,7 @@ def workflow_from(asked: Asked) -> dict[str, Any]:
         "recipe_sha256": head["recipe"]["sha256"],
         "graph_sha256": head["graph_sha256"],
         "sources": sources_of(plan),
+        "vessels": vessels_of(plan),
     }
     return {"document": document, "proved": proved}
 

@@ -32,6 +32,7 @@ from labweb.runs import selectors
 from labweb.runs.models import Attempt, Job, Outbox, Run
 from labweb.runs.services import dispatch
 from labweb.runs.services.batches import recall_run
+from labweb.runs.services.start import check_proved, lab_view
 from labweb.runs.services.state import announce, move_job, refresh_run
 
 _ENDED = {RunState.COMPLETE.value, RunState.ABORTED.value}
@@ -78,6 +79,8 @@ def resume_run(run_id: UUID, *, actor: User) -> Run:
     Raises:
         StateError: The run has ended, the lab is stopped, a job is in doubt, or a job ended
             undone, which nothing carries out again. Nothing was written.
+        PreconditionError: A vessel that the run has not begun with holds what nobody proved the
+            recipe with. Nothing was written.
     """
     run = selectors.run_for_update(run_id)
     _require(run, actor, Permission.RUN)
@@ -95,6 +98,7 @@ def resume_run(run_id: UUID, *, actor: User) -> Run:
             code="run.cannot_go_on",
             context={"job_id": str(undone.id), "state": undone.state},
         )
+    _check_untouched(run)
     run.pause_reasons = []
     run.save(update_fields=["pause_reasons"])
     for job in Job.objects.filter(run=run, state=JobState.HELD.value):
@@ -104,6 +108,21 @@ def resume_run(run_id: UUID, *, actor: User) -> Run:
     run = refresh_run(run_id)
     on_commit(partial(announce, run_id))
     return run
+
+
+def _check_untouched(run: Run) -> None:
+    """Check the vessels that are still to come, and of which no job was sent or done."""
+    if run.version.proved is None:
+        return
+    touched: set[UUID] = set()
+    to_come: set[UUID] = set()
+    for job in run.jobs.prefetch_related("attempts"):
+        ids = operations.touched_ids(operations.from_json(job.operation))
+        if job.attempts.all() or job.state == JobState.COMPLETE.value:
+            touched.update(ids)
+        elif JobState(job.state) in UNSTARTED:
+            to_come.update(ids)
+    check_proved(run.version, lab_view(run.lab), to_come - touched)
 
 
 @atomic

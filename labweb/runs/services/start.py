@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Container, Iterator
 from dataclasses import dataclass, replace
 from datetime import timedelta
 from functools import partial
@@ -30,7 +30,7 @@ from labweb.domain.errors import Finding, PreconditionError, RevisionError
 from labweb.domain.resources.contents import LotId
 from labweb.domain.runs.job import JobState, Mover, RunState
 from labweb.domain.workflows import plan as plans
-from labweb.domain.workflows.agreement.contents import check_sources
+from labweb.domain.workflows.agreement.contents import check_contents
 from labweb.domain.workflows.compile import LabView, compile_workflow
 from labweb.domain.workflows.plan import Plan
 from labweb.domain.workflows.protocol import parse_workflow
@@ -195,7 +195,7 @@ def start_run(
         RevisionError: The plan is not the one the actor saw; nothing was written.
         ProtocolError, PlanningError: As `preview`; nothing was written.
         ForbiddenError: The actor may not run things on some resource of the plan.
-        PreconditionError: The lab is stopped, or a flask holds what nobody proved the recipe with.
+        PreconditionError: The lab is stopped, or a vessel holds what nobody proved the recipe with.
         LockedError: Somebody else has reserved a resource of the plan.
 
     Effect:
@@ -208,7 +208,7 @@ def start_run(
     reach = resource_selectors.reach_of(actor, Permission.RUN)
     view = lab_view(lab)
     found = preview(lab, version.document, view=view, reach=reach)
-    _check_proved(version, view)
+    check_proved(version, view)
     crutd_services.refuse_reserved_by_others(touched(found.plan), actor_id=actor.pk)
     plan_digest = plans.digest(found.plan)
     _check_seen(plan_digest, seen_digest)
@@ -241,8 +241,15 @@ def start_run(
     return run
 
 
-def _check_proved(version: WorkflowVersion, view: LabView) -> None:
-    findings = [] if version.proved is None else check_sources(version.proved, view)
+def check_proved(
+    version: WorkflowVersion, view: LabView, among: Container[UUID] | None = None
+) -> None:
+    """Refuse a recipe whose vessels hold something else than when it was proved.
+
+    Raises:
+        PreconditionError: `recipe.other_content`; `findings` list each vessel.
+    """
+    findings = [] if version.proved is None else check_contents(version.proved, view, among)
     if findings:
         first = findings[0]
         raise PreconditionError(first.message, code=first.code, findings=findings)
@@ -306,6 +313,8 @@ def decide_request(
     Raises:
         StateError: Somebody answered before, or it expired.
         ForbiddenError: The actor asked it, or lacks the permission.
+        PreconditionError: It is approved, and meanwhile a vessel holds what nobody proved the
+            recipe with. The request stays open.
 
     Effect:
         Approved: the run is queued. Rejected: it ends without having begun.
@@ -316,6 +325,8 @@ def decide_request(
     request = approval_services.decide(
         request_id, actor=actor, is_approved=is_approved, comment=comment
     )
+    if is_approved and run.version.proved is not None:
+        check_proved(run.version, lab_view(run.lab))
     target = JobState.QUEUED if is_approved else JobState.STOPPED
     for job in Job.objects.filter(run=run, state=JobState.AWAITING_APPROVAL.value):
         move_job(job, target, Mover.SERVER)

@@ -126,7 +126,7 @@ def save_version(
     """Freeze the draft as the next version; the same draft twice is one version.
 
     `revision` is of the draft that the author saw; None freezes whichever is there. `proved` is
-    what a proof takes for granted; None: nobody proved anything of it.
+    what a proof takes for granted; None: that of the last version with the same document, if any.
 
     Raises:
         RevisionError: Somebody saved in between; `context` carries the newer draft.
@@ -139,8 +139,11 @@ def save_version(
         _check_revision(row, revision)
     parse_workflow(row.draft)
     digest = hashlib.sha256(canonical(row.draft)).hexdigest()
+    if proved is None:
+        same = row.versions.filter(digest=digest, proved__isnull=False).order_by("-number").first()
+        proved = None if same is None else same.proved
     last = row.versions.order_by("-number").first()
-    if last is not None and last.digest == digest:
+    if last is not None and last.digest == digest and last.proved == proved:
         return last
     number = (row.versions.aggregate(Max("number"))["number__max"] or 0) + 1
     return WorkflowVersion.objects.create(

@@ -14,14 +14,17 @@ from django.db import connection
 from django.http import HttpResponse
 from django.test import Client
 
+from labweb.approvals.models import ApprovalRequest, Decision
 from labweb.common.recipes import __main__ as process
 from labweb.domain.errors import PreconditionError
 from labweb.domain.workflows.opening import Asked
-from labweb.runs.services import start_run
+from labweb.runs.models import Run
+from labweb.runs.services import decide_request, pause_run, resume_run, start_run
 from labweb.workflows.models import Workflow, WorkflowVersion
-from labweb.workflows.services import recipes
-from tests.builders import Bench
+from labweb.workflows.services import recipes, save_draft, save_version
+from tests.builders import Bench, an_edge, to_transfer
 from tests.domain.workflows.xdl.test_opening import RECIPE, ROW, WATER, without
+from tests.labweb.crutd.hand import delivery, done
 from tests.labweb.web import call, code_of, signed_in
 
 API = "/api/v1/recipes"
@@ -196,9 +199,9 @@ def test_the_process_has_less_of_the_processor_than_the_server_waits() -> None:
     assert recipes.MOST_S > process.MAX_CPU_S
 
 
-def kept(chemist: Client) -> WorkflowVersion:
+def kept(chemist: Client, recipe: bytes = WATER) -> WorkflowVersion:
     keys = {"Water": "water", "reactor": "reactor_1"}
-    answer = post(chemist, "keep", name="Warm", recipe=packed(WATER), bind=keys)
+    answer = post(chemist, "keep", name="Warm", recipe=packed(recipe), bind=keys)
     return WorkflowVersion.objects.get(pk=json.loads(answer.content)["version"]["id"])
 
 
@@ -245,3 +248,82 @@ def test_what_the_run_would_do_otherwise_than_is_proved_is_not_kept(
     answer = post(chemist, "keep", name="Warm", recipe=packed(recipe), bind=keys)
     assert (answer.status_code, code_of(answer)) == (422, "recipe.differs")
     assert Workflow.objects.count() == before
+
+
+@pytest.mark.parametrize("key", ["water", "reactor_1"])
+def test_a_recipe_does_not_start_once_something_was_put_into_one_of_its_vessels(
+    bench: Bench, chemist: Client, key: str
+) -> None:
+    version = kept(chemist)
+    done(bench, delivery(bench, to=key))
+    with pytest.raises(PreconditionError) as refusal:
+        start_run(version, actor=bench.people["chemist"])
+    (found,) = refusal.value.findings
+    assert (found.code, found.context["resource_id"]) == (
+        "recipe.other_content",
+        str(bench.node(key).id),
+    )
+    assert not Run.objects.exists()
+
+
+def test_an_approval_is_refused_once_a_vessel_of_the_recipe_holds_something_else(
+    bench: Bench, chemist: Client
+) -> None:
+    version = kept(chemist, WATER.replace(b'temp="40', b'temp="60'))
+    run = start_run(version, actor=bench.people["chemist"])
+    done(bench, delivery(bench, to="water"))
+    request, approver = ApprovalRequest.objects.get(), bench.people["approver"]
+    with pytest.raises(PreconditionError) as refusal:
+        decide_request(request.id, actor=approver, is_approved=True, comment="")
+    assert [one.code for one in refusal.value.findings] == ["recipe.other_content"]
+    request.refresh_from_db()
+    run.refresh_from_db()
+    assert (request.state, run.state) == ("open", "awaiting_approval")
+    assert not Decision.objects.exists()
+    assert set(run.jobs.values_list("state", flat=True)) == {"awaiting_approval"}
+    decide_request(request.id, actor=approver, is_approved=False, comment="")
+    run.refresh_from_db()
+    assert run.state == "aborted"
+
+
+def test_a_run_does_not_go_on_with_a_vessel_that_was_changed_before_its_turn(
+    bench: Bench, chemist: Client
+) -> None:
+    person = bench.people["chemist"]
+    run = start_run(kept(chemist), actor=person)
+    pause_run(run.id, actor=person)
+    done(bench, delivery(bench, to="reactor_1"))
+    with pytest.raises(PreconditionError) as refusal:
+        resume_run(run.id, actor=person)
+    assert refusal.value.code == "recipe.other_content"
+    run.refresh_from_db()
+    assert run.pause_reasons
+
+
+def test_what_a_run_has_poured_itself_does_not_keep_it_from_going_on(
+    bench: Bench, chemist: Client
+) -> None:
+    person, edge = bench.people["chemist"], an_edge(bench)
+    run = start_run(kept(chemist), actor=person)
+    while not bench.node("reactor_1").holdings.filter(amount_nl__gt=0).exists():
+        edge.complete(to_transfer(run, edge))
+    pause_run(run.id, actor=person)
+    assert resume_run(run.id, actor=person).pause_reasons == []
+
+
+def test_a_recipe_that_is_saved_again_as_it_was_proved_keeps_its_proof(
+    bench: Bench, chemist: Client
+) -> None:
+    version, person = kept(chemist), bench.people["chemist"]
+    row = version.workflow
+
+    def saved(document: dict[str, Any]) -> WorkflowVersion:
+        row.refresh_from_db()
+        save_draft(row.id, document=document, revision=row.draft_revision, actor=person)
+        return save_version(row.id, note="", actor=person)
+
+    assert saved(version.document).pk == version.pk
+    other = saved({**version.document, "name": "Warmer"})
+    assert (other.number, other.proved) == (2, None)
+    again = saved(version.document)
+    assert (again.number, again.proved) == (3, version.proved)

@@ -17,6 +17,7 @@ from labweb.domain.errors import Finding, ProtocolError
 from labweb.domain.workflows.agreement.deeds import Deed
 from labweb.domain.workflows.agreement.meant import deeds_of_workflow
 from labweb.domain.workflows.agreement.proved import deeds_of_plan
+from labweb.domain.workflows.edges import check_edges, find_earlier
 
 _RATE_RATIO = 1e-3
 """How near two rates are to be the same, of the larger."""
@@ -27,7 +28,8 @@ def check_agreement(plan: Mapping[str, Any], document: Mapping[str, Any]) -> lis
 
     Compared are, in their order: which vessel gives how much to which, by which cartridges and
     how fast; layers, evaporations, evacuations and waits; and how the vessels are stirred and
-    heated meanwhile.
+    heated meanwhile. The edges of the workflow have to order its steps as they are listed, where
+    two have a vessel in common or one of them is a wait, which goes for all vessels.
 
     Args:
         plan: As `docs/plan.md` says it, proved.
@@ -40,7 +42,7 @@ def check_agreement(plan: Mapping[str, Any], document: Mapping[str, Any]) -> lis
     for kind, start, end, other, other_end in matcher.get_opcodes():
         pairs = proved[start:end], meant[other:other_end]
         findings += _rates(*pairs) if kind == "equal" else _differences(*pairs)
-    return findings
+    return [*findings, *_unordered(document)]
 
 
 def check_same(plan: Mapping[str, Any], document: Mapping[str, Any]) -> None:
@@ -73,6 +75,26 @@ def _differences(proved: Sequence[Deed], meant: Sequence[Deed]) -> Iterator[Find
         known = "nothing of it" if one is None else one.text
         said = "nothing of it" if other is None else other.text
         yield _finding(f"proved is: {known}; the workflow would do: {said}", one, other)
+
+
+def _unordered(document: Mapping[str, Any]) -> Iterator[Finding]:
+    """Find the steps that do not wait for one before them with which they share a vessel."""
+    steps = document["steps"]
+    earlier = find_earlier([step["id"] for step in steps], check_edges(document["edges"], steps)[0])
+    for place, later in enumerate(steps):
+        for step in steps[:place]:
+            if step["id"] not in earlier[later["id"]] and _share(step, later):
+                text = f"step {later['id']} has to follow {step['id']}, and no edges say so"
+                context = {"step": later["id"], "before": step["id"]}
+                yield Finding("recipe.differs", text, later["id"], context)
+
+
+def _share(*steps: Mapping[str, Any]) -> bool:
+    one, other = (
+        {v for v in step["params"].values() if isinstance(v, str) and v.startswith("@")}
+        for step in steps
+    )
+    return any(step["kind"] == "wait" for step in steps) or not one.isdisjoint(other)
 
 
 def _finding(message: str, *deeds: Deed | None) -> Finding:

@@ -36,6 +36,11 @@ def sources_of(plan: Mapping[str, Any]) -> dict[str, str]:
     return {does["from"]: does["lot"] for does in claims if "lot" in does and "from" in does}
 
 
+def vessels_of(plan: Mapping[str, Any]) -> list[str]:
+    """Return the other vessels that a plan binds: what it works in and pours into."""
+    return sorted(set(plan["bindings"]["vessels"].values()) - sources_of(plan).keys())
+
+
 class _Reading:
     """Follows what is stirred, heated and turned."""
 

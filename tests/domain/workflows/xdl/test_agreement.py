@@ -10,7 +10,7 @@ import pytest
 
 from labweb.domain.errors import LabError
 from labweb.domain.workflows.agreement.check import check_agreement, check_same
-from labweb.domain.workflows.agreement.contents import check_sources, render_proved
+from labweb.domain.workflows.agreement.contents import check_contents, render_proved
 from labweb.domain.workflows.opening import Asked, workflow_from
 from tests.domain.workflows.station import DECLARED, LAB, recipe_document, station, station_file
 from tests.domain.workflows.xdl.plans import recipe
@@ -81,6 +81,26 @@ def test_whatever_else_it_does_is_a_finding(change: Callable[[dict[str, Any]], o
     with pytest.raises(LabError) as refusal:
         check_same(whole(), other)
     assert list(refusal.value.findings) == found
+
+
+@pytest.mark.parametrize("is_reversed", [True, False])
+def test_edges_that_do_not_order_the_steps_as_they_are_listed_are_findings(
+    is_reversed: bool,
+) -> None:
+    other = document()
+    ends = {"source": "target", "target": "source"}
+    turned = [edge | {end: edge[far] for end, far in ends.items()} for edge in other["edges"]]
+    other["edges"] = turned if is_reversed else []
+    found = check_agreement(whole(), other)
+    assert {finding.code for finding in found} == {"recipe.differs"}
+    assert ("s3", "s2") in {(one.subject, one.context["before"]) for one in found}
+
+
+def test_one_edge_that_is_missing_is_a_finding() -> None:
+    other = document()
+    other["edges"] = [edge for edge in other["edges"] if edge["source"] != "s2"]
+    found = check_agreement(whole(), other)
+    assert "step s3 has to follow s2, and no edges say so" in {one.message for one in found}
 
 
 def test_a_difference_says_the_line_of_the_recipe_and_the_step_of_the_workflow() -> None:
@@ -172,20 +192,44 @@ def test_what_is_kept_of_a_proof_names_the_material_of_each_flask() -> None:
     keys = {str(one.id): one.key for one in station_file().resources}
     told = {keys[one]: entry for one, entry in sources.items()}
     assert told["bottle_ether"] == {"reagent": "diethyl ether", "materials": ["diethyl_ether"]}
-    assert check_sources(proved(), station()) == []
+    assert check_contents(proved(), station()) == []
 
 
 def test_a_flask_that_holds_something_else_by_then_keeps_a_run_from_starting() -> None:
-    (found,) = check_sources(proved(), station(bottle_ether={"dcm": 1000.0}))
+    (found,) = check_contents(proved(), station(bottle_ether={"dcm": 1000.0}))
     assert found.code == "recipe.other_content"
     assert "diethyl ether" in found.message
     mixed = station(bottle_ether={"ether": 50_000.0, "dcm": 1.0})
-    assert [one.code for one in check_sources(proved(), mixed)] == ["recipe.other_content"]
-    assert check_sources(proved(), station(bottle_ether={})) == []
+    assert [one.code for one in check_contents(proved(), mixed)] == ["recipe.other_content"]
+    assert check_contents(proved(), station(bottle_ether={})) == []
 
 
 def test_a_flask_that_was_empty_may_not_give_what_nobody_compared() -> None:
     told = proved()
     for entry in told["sources"].values():
         entry["materials"] = []
-    assert len(check_sources(told, station())) == len(told["sources"])
+    assert len(check_contents(told, station())) == len(told["sources"])
+
+
+@pytest.mark.parametrize("key", ["reactor", "separator", "rotavap_flask", "crude"])
+def test_a_vessel_that_was_empty_and_has_something_left_in_it_keeps_a_run_from_starting(
+    key: str,
+) -> None:
+    (found,) = check_contents(proved(), station(**{key: {"dcm": 1.0}}))
+    assert found.code == "recipe.other_content"
+    assert "held nothing when that was proved; it holds dichloromethane" in found.message
+    assert check_contents(proved(), station(**{key: {"dcm": 1.0}}), among=set()) == []
+
+
+def test_a_vessel_that_held_something_and_is_empty_keeps_a_run_from_starting() -> None:
+    told = proved()
+    for entry in told["vessels"].values():
+        entry["materials"] = ["dichloromethane"]
+    assert len(check_contents(told, station())) == len(told["vessels"])
+
+
+def test_a_proof_that_kept_its_sources_only_is_checked_by_these() -> None:
+    told = proved()
+    del told["vessels"]
+    assert check_contents(told, station(reactor={"dcm": 1.0})) == []
+    assert len(check_contents(told, station(bottle_ether={"dcm": 1.0}))) == 1
