@@ -11,13 +11,14 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
+from types import SimpleNamespace
+from typing import Any, cast
 from uuid import UUID, uuid4
 
 import msgspec
 import pytest
 
-from drivers.base import DataFile
+from drivers.base import DataFile, Report
 from drivers.load import read_spec
 from drivers.transports.urls import line_key
 from labweb.domain import files as handed
@@ -33,6 +34,7 @@ from workers import files as files_module
 from workers.accept import accept
 from workers.clock import SystemClock
 from workers.config import line_queue
+from workers.execute import to_report
 from workers.executor import Executor
 from workers.files import Files, WaitingFiles
 from workers.journal import Journal, create_journal
@@ -233,19 +235,41 @@ def test_what_a_crash_left_half_written_is_cleared_and_what_is_whole_stays(tmp_p
 
 
 def test_files_that_cannot_be_are_found(cell: Cell) -> None:
-    def named(name: str = "a", form: str = "none", size: int = 1, sha: str = "") -> Any:  # noqa: ANN401
+    def named(
+        name: str = "a", form: str = "none", size: int = 1, sha: str = "", kind: str = "text/csv"
+    ) -> Any:  # noqa: ANN401
         return handed.NamedFile(
-            name=name, format=form, media_type="", size_bytes=size, sha256=sha or uuid4().hex
+            name=name, format=form, media_type=kind, size_bytes=size, sha256=sha or uuid4().hex * 2
         )
 
     wrong = [named(form="pdf"), named(""), named("a/b"), named("b", size=0)]
-    wrong += [named("c", size=handed.MOST_BYTES + 1), named("d", sha="1"), named("e", sha="1")]
+    wrong += [named("c", size=handed.MOST_BYTES + 1)]
+    wrong += [named("d", sha="1" * 64), named("e", sha="1" * 64)]
+    wrong += [named("f", kind=""), named("g", kind="text/" + "c" * 100), named("h", size=-1)]
+    wrong += [named("i", sha="1"), named("j", sha="A" * 64)]
     found = [one.code for one in handed.check_files(wrong)]
     assert sorted(found) == sorted(
-        ["file.twice", "file.format", "file.name", "file.name", "file.empty", "file.too_large"]
-    )
+        [
+            "file.twice", "file.format", "file.name", "file.name", "file.empty", "file.too_large",
+            "file.media_type", "file.media_type", "file.empty", "file.digest", "file.digest",
+        ]
+    )  # fmt: skip
     assert handed.check_files([named("a"), named("b")]) == []
     assert DataFile(name="a", format="none", data=b"x").sha256 == hashlib.sha256(b"x").hexdigest()
+
+
+def test_a_file_whose_device_tells_an_odd_media_type_is_named_all_the_same(cell: Cell) -> None:
+    do = SimpleNamespace(operation=READ, corrections=())
+    told = ["text/" + "c" * 200, "what it measured", "Chemical/X-JCAMP-DX; version=4", "text/csv"]
+    made = tuple(
+        DataFile(name=f"{place}", format="none", data=kind.encode(), media_type=kind)
+        for place, kind in enumerate(told)
+    )
+    units = make_units([cell.device], SystemClock(), installed())
+    named = to_report(cast("Do", do), units[NMR], Report(files=made)).files
+    assert [one.media_type for one in named] == [
+        "application/octet-stream", "application/octet-stream", "chemical/x-jcamp-dx", "text/csv",
+    ]  # fmt: skip
 
 
 @confining
