@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import hashlib
 import json
 import os
@@ -17,6 +18,7 @@ from uuid import UUID, uuid4
 
 import msgspec
 import pytest
+from websockets.asyncio.client import ClientConnection
 
 from drivers.base import DataFile, Report
 from drivers.load import read_spec
@@ -31,12 +33,14 @@ from tests.fixtures.running import Process
 from tests.workers.bench import HOST_ID, Server, environment, installed
 from tests.workers.test_confine import a_config, confining
 from workers import files as files_module
+from workers import handing
 from workers.accept import accept
 from workers.clock import SystemClock
 from workers.config import line_queue
 from workers.execute import to_report
 from workers.executor import Executor
 from workers.files import Files, WaitingFiles
+from workers.handing import FileTeller
 from workers.journal import Journal, create_journal
 from workers.keys import create_key
 from workers.line import make_units
@@ -186,6 +190,7 @@ def test_a_damaged_file_is_no_spectrum_and_nothing_of_it_is_kept(cell: Cell) -> 
         ((handed, "MOST_FILES"), 2, "file.too_many"),
         ((files_module, "MOST_WAITING"), 2, "file.no_room"),
         ((files_module, "MOST_WAITING_BYTES"), 5000, "file.no_room"),
+        ((files_module, "RESERVE_BYTES"), 2**60, "file.no_room"),
     ],
 )
 def test_what_is_too_much_is_refused_whole(
@@ -232,6 +237,45 @@ def test_what_a_crash_left_half_written_is_cleared_and_what_is_whole_stays(tmp_p
     assert [one.path.read_bytes() for one in again.waiting()] == [data]
     assert [path.name for path in folder.iterdir() if path.name.startswith(".")] == []
     assert len(WaitingFiles(tmp_path / "files").waiting()) == 1
+
+
+def test_a_stray_name_does_not_hide_the_files_that_wait(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    data, folder = b"whole", tmp_path / "files" / "line"
+    files = Files(folder)
+    (folder / "a.b.c").write_bytes(b"x")
+    (folder / "README").write_bytes(b"x")
+    files.keep(uuid4(), NMR, hashlib.sha256(data).hexdigest(), data)
+    for _ in range(2):
+        assert [one.path.read_bytes() for one in files.waiting()] == [data]
+        assert len(WaitingFiles(folder.parent).waiting()) == 1
+    assert len(caplog.records) == 2, "each is told once"
+
+
+class Heard:
+    """The server's end of a socket: what a host sends there."""
+
+    def __init__(self) -> None:
+        self.frames: list[dict[str, Any]] = []
+
+    async def send(self, text: str | bytes) -> None:
+        self.frames.append(json.loads(text))
+
+
+def test_a_file_that_is_larger_than_any_is_told_as_gone_and_never_read(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A folder that a confined line writes to may hold anything."""
+    data, folder = b"larger", tmp_path / "files" / "line"
+    Files(folder).keep(uuid4(), NMR, hashlib.sha256(data).hexdigest(), data)
+    waiting = WaitingFiles(folder.parent)
+    (kept,) = waiting.waiting()
+    monkeypatch.setattr(handing, "MOST_BYTES", len(data) - 1)
+    heard, teller = Heard(), FileTeller(waiting, 1.0)
+    assert not asyncio.run(teller._send(cast("ClientConnection", heard), kept, 1))
+    assert [one["t"] for one in heard.frames] == ["file_gone"]
+    assert waiting.waiting() == []
 
 
 def test_files_that_cannot_be_are_found(cell: Cell) -> None:
