@@ -14,7 +14,7 @@ from drivers.base import Report as DriverReport
 from labweb.domain.calibration.model import Quantity
 from labweb.domain.crutd.decide import confirmed_nl
 from labweb.domain.errors import DeviceError, Effect, LabError
-from labweb.domain.files import MEDIA_TYPES, NamedFile, check_files
+from labweb.domain.files import MEDIA_TYPES, NamedFile, check_files, plain_media_type
 from labweb.domain.messages import Do
 from labweb.domain.ports import Clock
 from labweb.domain.runs.bodies import plain
@@ -191,7 +191,7 @@ def _named(do: Do, report: DriverReport) -> tuple[NamedFile, ...]:
         NamedFile(
             name=file.name,
             format=file.format,
-            media_type=MEDIA_TYPES.get(file.format, file.media_type),
+            media_type=MEDIA_TYPES.get(file.format, plain_media_type(file.media_type)),
             size_bytes=len(file.data),
             sha256=file.sha256,
         )

@@ -8,9 +8,12 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
+import logging
 import os
+import shutil
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 from uuid import UUID
@@ -23,11 +26,16 @@ from labweb.domain.errors import LabError, StateError
 from workers.store import Store
 from workers.unit import Unit
 
+log = logging.getLogger(__name__)
+
 MOST_WAITING = 2000
 """Files of one line that wait for the server; more are not taken."""
 
 MOST_WAITING_BYTES = 2 * 2**30
 """What they may take of the disk."""
+
+RESERVE_BYTES = 2**30
+"""What files leave free of the disk, on which the journal lies too."""
 
 Judged = Sequence[tuple[Condition, Result]]
 
@@ -100,10 +108,22 @@ class Files:
         waiting = self.waiting()
         total_bytes = size_bytes + sum(one.size_bytes for one in waiting)
         if len(waiting) < MOST_WAITING and total_bytes <= MOST_WAITING_BYTES:
+            self._refuse_reserve(size_bytes)
             return
         raise StateError(
             f"{len(waiting)} files wait for the server, with this one {total_bytes} bytes; at most "
             f"{MOST_WAITING} files and {MOST_WAITING_BYTES} bytes may: bring the server back",
+            code="file.no_room",
+        )
+
+    def _refuse_reserve(self, size_bytes: int) -> None:
+        """Leave the journal its room: without it the host cannot write down what it does."""
+        free_bytes = shutil.disk_usage(self._folder).free
+        if free_bytes - size_bytes >= RESERVE_BYTES:
+            return
+        raise StateError(
+            f"the disk has {free_bytes} bytes free; after a file of {size_bytes} bytes "
+            f"{RESERVE_BYTES} have to be left: make room on the host",
             code="file.no_room",
         )
 
@@ -135,9 +155,19 @@ class WaitingFiles:
 
 def _kept_in(folder: Path) -> Iterator[Kept]:
     for path in folder.glob("[!.]*"):
-        parts = path.name.split(".")
-        if len(parts) == 3:
-            yield Kept(path, UUID(parts[0]), UUID(parts[1]), parts[2])
+        try:
+            action_id, device_id, sha256 = path.name.split(".")
+            kept = Kept(path, UUID(action_id), UUID(device_id), sha256)
+        except ValueError:
+            _note_stray(path)
+        else:
+            yield kept
+
+
+@lru_cache(maxsize=1000)
+def _note_stray(path: Path) -> None:
+    """Say once that something lies where only files that wait may lie."""
+    log.error("%s is no file that waits for the server; it is left alone", path)
 
 
 def _sync(folder: Path) -> None:

@@ -11,6 +11,7 @@ from collections.abc import Callable
 from websockets.asyncio.client import ClientConnection
 
 from labweb.domain.files import (
+    MOST_BYTES,
     PART_BYTES,
     UNKNOWN,
     WANTED,
@@ -96,7 +97,8 @@ class FileTeller:
 
     async def _send(self, socket: ClientConnection, kept: Kept, epoch: int) -> bool:
         """Send a file part by part; False: its bytes are not those any more, which is told."""
-        data = await asyncio.to_thread(kept.path.read_bytes)
+        is_whole = kept.size_bytes <= MOST_BYTES
+        data = await asyncio.to_thread(kept.path.read_bytes) if is_whole else b""
         if hashlib.sha256(data).hexdigest() != kept.sha256:
             log.error("file %s is damaged on this host's disk", kept.path.name)
             text = "the file was damaged on the host's disk before the server had it"

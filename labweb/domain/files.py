@@ -6,6 +6,7 @@ A host offers it, sends it when the server wants it, and forgets it once the ser
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 from uuid import UUID
@@ -21,6 +22,12 @@ MOST_FILES = 16
 """Files that one action may hand over."""
 
 MOST_NAME_SIGNS = 255
+
+OTHER_MEDIA_TYPE = "application/octet-stream"
+"""Of bytes of which nothing better is told."""
+
+_MEDIA_TYPE = re.compile(r"[a-z0-9][a-z0-9!#$&^_.+-]{0,40}/[a-z0-9][a-z0-9!#$&^_.+-]{0,50}")
+_SHA256 = re.compile(r"[0-9a-f]{64}")
 
 PART_BYTES = 128 * 1024
 """So much of it goes into one frame."""
@@ -156,12 +163,29 @@ def check_files(files: Sequence[NamedFile]) -> list[Finding]:
             known = ", ".join([*MEDIA_TYPES, KEPT_ONLY])
             text = f"{file.name[:80]}: format {file.format[:40]!r}; it is one of {known}"
             findings.append(Finding("file.format", text, file.name[:80]))
-        if not file.size_bytes:
+        if not _MEDIA_TYPE.fullmatch(file.media_type):
+            text = f"{file.name[:80]}: {file.media_type[:40]!r} is no media type"
+            findings.append(Finding("file.media_type", text, file.name[:80]))
+        if not _SHA256.fullmatch(file.sha256):
+            text = f"{file.name[:80]}: {file.sha256[:40]!r} is no SHA-256 in 64 hexadecimal digits"
+            findings.append(Finding("file.digest", text, file.name[:80]))
+        if file.size_bytes < 1:
             findings.append(Finding("file.empty", f"{file.name[:80]} is empty", file.name[:80]))
         if file.size_bytes > MOST_BYTES:
             text = f"{file.name[:80]} has {file.size_bytes} bytes; {MOST_BYTES} are handed over"
             findings.append(Finding("file.too_large", text, file.name[:80]))
     return findings
+
+
+def plain_media_type(told: str) -> str:
+    """Return a media type without its parameters, and that of plain bytes for what is none.
+
+    Example:
+        >>> plain_media_type("Text/CSV; charset=utf-8"), plain_media_type("a spectrum")
+        ('text/csv', 'application/octet-stream')
+    """
+    plain = told.split(";")[0].strip().lower()
+    return plain if _MEDIA_TYPE.fullmatch(plain) else OTHER_MEDIA_TYPE
 
 
 def is_name(name: str) -> bool:

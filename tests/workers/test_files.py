@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import hashlib
 import json
 import os
@@ -11,13 +12,15 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
+from types import SimpleNamespace
+from typing import Any, cast
 from uuid import UUID, uuid4
 
 import msgspec
 import pytest
+from websockets.asyncio.client import ClientConnection
 
-from drivers.base import DataFile
+from drivers.base import DataFile, Report
 from drivers.load import read_spec
 from drivers.transports.urls import line_key
 from labweb.domain import files as handed
@@ -30,11 +33,14 @@ from tests.fixtures.running import Process
 from tests.workers.bench import HOST_ID, Server, environment, installed
 from tests.workers.test_confine import a_config, confining
 from workers import files as files_module
+from workers import handing
 from workers.accept import accept
 from workers.clock import SystemClock
 from workers.config import line_queue
+from workers.execute import to_report
 from workers.executor import Executor
 from workers.files import Files, WaitingFiles
+from workers.handing import FileTeller
 from workers.journal import Journal, create_journal
 from workers.keys import create_key
 from workers.line import make_units
@@ -184,6 +190,7 @@ def test_a_damaged_file_is_no_spectrum_and_nothing_of_it_is_kept(cell: Cell) -> 
         ((handed, "MOST_FILES"), 2, "file.too_many"),
         ((files_module, "MOST_WAITING"), 2, "file.no_room"),
         ((files_module, "MOST_WAITING_BYTES"), 5000, "file.no_room"),
+        ((files_module, "RESERVE_BYTES"), 2**60, "file.no_room"),
     ],
 )
 def test_what_is_too_much_is_refused_whole(
@@ -232,20 +239,81 @@ def test_what_a_crash_left_half_written_is_cleared_and_what_is_whole_stays(tmp_p
     assert len(WaitingFiles(tmp_path / "files").waiting()) == 1
 
 
+def test_a_stray_name_does_not_hide_the_files_that_wait(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    data, folder = b"whole", tmp_path / "files" / "line"
+    files = Files(folder)
+    (folder / "a.b.c").write_bytes(b"x")
+    (folder / "README").write_bytes(b"x")
+    files.keep(uuid4(), NMR, hashlib.sha256(data).hexdigest(), data)
+    for _ in range(2):
+        assert [one.path.read_bytes() for one in files.waiting()] == [data]
+        assert len(WaitingFiles(folder.parent).waiting()) == 1
+    assert len(caplog.records) == 2, "each is told once"
+
+
+class Heard:
+    """The server's end of a socket: what a host sends there."""
+
+    def __init__(self) -> None:
+        self.frames: list[dict[str, Any]] = []
+
+    async def send(self, text: str | bytes) -> None:
+        self.frames.append(json.loads(text))
+
+
+def test_a_file_that_is_larger_than_any_is_told_as_gone_and_never_read(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A folder that a confined line writes to may hold anything."""
+    data, folder = b"larger", tmp_path / "files" / "line"
+    Files(folder).keep(uuid4(), NMR, hashlib.sha256(data).hexdigest(), data)
+    waiting = WaitingFiles(folder.parent)
+    (kept,) = waiting.waiting()
+    monkeypatch.setattr(handing, "MOST_BYTES", len(data) - 1)
+    heard, teller = Heard(), FileTeller(waiting, 1.0)
+    assert not asyncio.run(teller._send(cast("ClientConnection", heard), kept, 1))
+    assert [one["t"] for one in heard.frames] == ["file_gone"]
+    assert waiting.waiting() == []
+
+
 def test_files_that_cannot_be_are_found(cell: Cell) -> None:
-    def named(name: str = "a", form: str = "none", size: int = 1, sha: str = "") -> Any:  # noqa: ANN401
+    def named(
+        name: str = "a", form: str = "none", size: int = 1, sha: str = "", kind: str = "text/csv"
+    ) -> Any:  # noqa: ANN401
         return handed.NamedFile(
-            name=name, format=form, media_type="", size_bytes=size, sha256=sha or uuid4().hex
+            name=name, format=form, media_type=kind, size_bytes=size, sha256=sha or uuid4().hex * 2
         )
 
     wrong = [named(form="pdf"), named(""), named("a/b"), named("b", size=0)]
-    wrong += [named("c", size=handed.MOST_BYTES + 1), named("d", sha="1"), named("e", sha="1")]
+    wrong += [named("c", size=handed.MOST_BYTES + 1)]
+    wrong += [named("d", sha="1" * 64), named("e", sha="1" * 64)]
+    wrong += [named("f", kind=""), named("g", kind="text/" + "c" * 100), named("h", size=-1)]
+    wrong += [named("i", sha="1"), named("j", sha="A" * 64)]
     found = [one.code for one in handed.check_files(wrong)]
     assert sorted(found) == sorted(
-        ["file.twice", "file.format", "file.name", "file.name", "file.empty", "file.too_large"]
-    )
+        [
+            "file.twice", "file.format", "file.name", "file.name", "file.empty", "file.too_large",
+            "file.media_type", "file.media_type", "file.empty", "file.digest", "file.digest",
+        ]
+    )  # fmt: skip
     assert handed.check_files([named("a"), named("b")]) == []
     assert DataFile(name="a", format="none", data=b"x").sha256 == hashlib.sha256(b"x").hexdigest()
+
+
+def test_a_file_whose_device_tells_an_odd_media_type_is_named_all_the_same(cell: Cell) -> None:
+    do = SimpleNamespace(operation=READ, corrections=())
+    told = ["text/" + "c" * 200, "what it measured", "Chemical/X-JCAMP-DX; version=4", "text/csv"]
+    made = tuple(
+        DataFile(name=f"{place}", format="none", data=kind.encode(), media_type=kind)
+        for place, kind in enumerate(told)
+    )
+    units = make_units([cell.device], SystemClock(), installed())
+    named = to_report(cast("Do", do), units[NMR], Report(files=made)).files
+    assert [one.media_type for one in named] == [
+        "application/octet-stream", "application/octet-stream", "chemical/x-jcamp-dx", "text/csv",
+    ]  # fmt: skip
 
 
 @confining

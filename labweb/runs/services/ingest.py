@@ -9,6 +9,7 @@ from typing import Any
 from uuid import UUID
 
 import msgspec
+from django.db import DataError
 from django.db.transaction import atomic
 
 from labweb.accounts import selectors as account_selectors
@@ -63,7 +64,7 @@ def ingest_events(host_id: UUID, epoch: int, events: Sequence[EdgeEvent]) -> int
                 _keep(host, event)
                 _apply(host, event)
             drivers.switch_idle(host)
-    except (LabError, ValueError, KeyError, TypeError, AttributeError) as error:
+    except (LabError, DataError, ValueError, KeyError, TypeError, AttributeError) as error:
         quarantine(host, "host.bad_event", f"an event makes no sense: {error}")
         return None
     if intake.fresh:

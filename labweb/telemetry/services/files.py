@@ -25,7 +25,7 @@ from labweb.accounts.selectors import User
 from labweb.common.clock import now
 from labweb.domain.approvals.roles import Permission
 from labweb.domain.errors import DefinitionError, StateError
-from labweb.domain.files import KEPT_ONLY, MEDIA_TYPES, is_name
+from labweb.domain.files import KEPT_ONLY, MEDIA_TYPES, is_name, plain_media_type
 from labweb.enrollment import selectors as enrollment_selectors
 from labweb.enrollment.selectors import Device
 from labweb.resources import selectors as resource_selectors
@@ -41,7 +41,6 @@ PARQUET = "application/vnd.apache.parquet"
 JPEG = "image/jpeg"
 _BLOCK = 2**20
 _STORE_LOCK = 0x6C62_66
-_MEDIA_TYPE = re.compile(r"[a-z0-9][a-z0-9!#$&^_.+-]{0,40}/[a-z0-9][a-z0-9!#$&^_.+-]{0,50}")
 
 
 @dataclass(frozen=True, slots=True)
@@ -242,7 +241,7 @@ def _recorded(
         sha256=sha256,
         size_bytes=selectors.path_of(sha256).stat().st_size,
         name=name,
-        media_type=MEDIA_TYPES.get(upload.format, _media_type(upload.media_type)),
+        media_type=MEDIA_TYPES.get(upload.format, plain_media_type(upload.media_type)),
         format=upload.format,
         facts=made.facts,
         kept_by=actor,
@@ -309,11 +308,6 @@ def _reading(
         facts=found["facts"],
         measured_at=None if at is None else datetime.fromisoformat(at),
     )
-
-
-def _media_type(told: str) -> str:
-    plain = told.split(";")[0].strip().lower()
-    return plain if _MEDIA_TYPE.fullmatch(plain) else "application/octet-stream"
 
 
 def opened(row: File) -> IO[bytes]:

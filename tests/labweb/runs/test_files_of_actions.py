@@ -6,6 +6,7 @@ import hashlib
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import pytest
 from pytest_django import Settings
 
@@ -199,8 +200,18 @@ def test_the_same_bytes_of_another_action_are_another_file(lab: Bench) -> None:
     assert File.objects.filter(made_from=None).count() == 2
 
 
-def test_files_that_cannot_be_quarantine_the_host_that_names_them(lab: Bench) -> None:
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"name": "../x.csv"},
+        {"media_type": "text/" + "c" * 100},
+        {"sha256": "0" * 65},
+    ],
+)
+def test_files_that_cannot_be_quarantine_the_host_that_names_them(
+    lab: Bench, wrong: dict[str, str]
+) -> None:
     with pytest.raises(AssertionError):
-        measured(lab, named(TABLE, "../x.csv"))
+        measured(lab, msgspec.structs.replace(named(TABLE), **wrong))
     assert Incoming.objects.count() == 0
     assert enrollment_services.record_of(lab.host).quarantine == "host.bad_event"

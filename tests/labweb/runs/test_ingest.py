@@ -121,6 +121,15 @@ def test_an_event_that_skips_a_state_quarantines_the_host_and_settles_nothing(
     assert locks_of(attempt) > 0
 
 
+def test_an_event_that_cannot_be_stored_quarantines_the_host(bench: Bench) -> None:
+    run = a_started_run(bench)
+    edge = an_edge(bench)
+    attempt = to_transfer(run, edge)
+    assert edge.report("started", attempt.id, pid=2**80) is None
+    assert Ticket.objects.get().code == "host.bad_event"
+    assert not HostEvent.objects.filter(kind="started", action_id=attempt.id).exists()
+
+
 def test_events_of_an_older_session_are_not_taken(bench: Bench) -> None:
     edge = an_edge(bench)
     attempt = dispatched(a_started_run(bench))
