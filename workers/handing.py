@@ -36,8 +36,12 @@ LOOK_S = 1.0
 class FileTeller:
     """Hands over the files of a host, one after the other."""
 
-    def __init__(self, files: WaitingFiles, retention_s: float) -> None:
+    def __init__(
+        self, files: WaitingFiles, retention_s: float, is_caught_up: Callable[[], bool]
+    ) -> None:
         self._files = files
+        self._is_caught_up = is_caught_up
+        self._unknown_since_s: dict[str, float] = {}
         self._retention_s = retention_s
         self._taken: asyncio.Queue[FileTaken] = asyncio.Queue()
 
@@ -74,14 +78,22 @@ class FileTeller:
         )
         while not self._taken.empty():
             self._taken.get_nowait()
+        is_caught_up = self._is_caught_up()
         await send(socket, offer)
         code = await self._answer_to(kept)
+        if code != UNKNOWN:
+            self._unknown_since_s.pop(kept.path.name, None)
         if code == WANTED:
             if not await self._send(socket, kept, epoch):
                 return
             code = await self._answer_to(kept)
-        if code is None or code == WANTED or (code == UNKNOWN and not self._is_old(kept)):
+        if (
+            code is None
+            or code == WANTED
+            or (code == UNKNOWN and not (is_caught_up and self._is_old(kept)))
+        ):
             return
+        self._unknown_since_s.pop(kept.path.name, None)
         await asyncio.to_thread(self._files.drop, kept)
 
     async def _answer_to(self, kept: Kept) -> str | None:
@@ -119,8 +131,12 @@ class FileTeller:
         return True
 
     def _is_old(self, kept: Kept) -> bool:
-        """Say whether a file has waited so long that nothing will name it any more."""
-        return time.time() - kept.path.stat().st_mtime > self._retention_s
+        """Say whether nothing has named a file for so long that nothing will.
+
+        The time runs while every event is with the server, and by a clock that nobody sets.
+        """
+        now_s = time.monotonic()
+        return now_s - self._unknown_since_s.setdefault(kept.path.name, now_s) > self._retention_s
 
 
 def _gone(file: FileAsked | Kept, epoch: int, message: str) -> FileGone:

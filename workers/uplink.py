@@ -131,7 +131,11 @@ class Uplink:
         self._sent_seq = 0
         self._acked = asyncio.Event()
         self._acked_seq = 0
-        self._files = FileTeller(WaitingFiles(config.files_path), config.retention_s)
+        self._files = FileTeller(
+            WaitingFiles(config.files_path),
+            config.retention_s,
+            lambda: self._journal.head()[0] <= self._acked_seq,
+        )
         self._samples = SampleTeller(store)
         self._looker = Looker(journal)
         self._serving = Serving(journal)

@@ -272,10 +272,43 @@ def test_a_file_that_is_larger_than_any_is_told_as_gone_and_never_read(
     waiting = WaitingFiles(folder.parent)
     (kept,) = waiting.waiting()
     monkeypatch.setattr(handing, "MOST_BYTES", len(data) - 1)
-    heard, teller = Heard(), FileTeller(waiting, 1.0)
+    heard, teller = Heard(), FileTeller(waiting, 1.0, lambda: True)
     assert not asyncio.run(teller._send(cast("ClientConnection", heard), kept, 1))
     assert [one["t"] for one in heard.frames] == ["file_gone"]
     assert waiting.waiting() == []
+
+
+def test_a_file_that_nothing_names_is_dropped_only_once_every_event_is_told(
+    tmp_path: Path,
+) -> None:
+    data, folder = b"named later", tmp_path / "files" / "line"
+    path = Files(folder).keep(uuid4(), NMR, hashlib.sha256(data).hexdigest(), data)
+    os.utime(path, (0, 0))
+    waiting, is_told = WaitingFiles(folder.parent), [False]
+    teller = FileTeller(waiting, 0.05, lambda: is_told[0])
+
+    async def offer() -> None:
+        (kept,) = waiting.waiting()
+        socket = cast("ClientConnection", Heard())
+        task = asyncio.create_task(teller._hand(socket, kept, 1))
+        await asyncio.sleep(0.05)
+        unknown = handed.FileTaken(
+            action_id=kept.action_id, sha256=kept.sha256, code=handed.UNKNOWN
+        )
+        await teller.hear(socket, unknown, 1)
+        await task
+
+    async def offers() -> None:
+        await offer()
+        await offer()
+        assert path.exists(), "an event that names it may not have been told"
+        is_told[0] = True
+        await offer()
+        assert path.exists(), "whatever the clock on the wall says"
+        await offer()
+
+    asyncio.run(offers())
+    assert not path.exists()
 
 
 def test_files_that_cannot_be_are_found(cell: Cell) -> None:
