@@ -288,7 +288,12 @@ class EdgeConsumer(AsyncWebsocketConsumer):
             data = self.file_parts.add(frame)
             if data is None:
                 return
-            code = await database_sync_to_async(services.take_file)(host_id, frame, data)
+            try:
+                code = await database_sync_to_async(services.take_file)(host_id, frame, data)
+            except OSError:
+                # Without an answer the host keeps the file, and offers it again.
+                logger.exception("the server's disk takes no file of host %s", host_id)
+                return
         answer = FileTaken(action_id=frame.action_id, sha256=frame.sha256, code=code)
         await self._send(answer)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import errno
 import hashlib
 import time
 from typing import Any
@@ -166,6 +167,28 @@ async def test_a_file_of_no_action_is_refused_and_the_connection_goes_on(bench: 
             assert (answer["t"], answer["code"]) == ("file_taken", "file.refused")
             assert (answer["action_id"], answer["sha256"]) == (str(action_id), digest)
     assert not await File.objects.aexists()
+
+
+async def test_a_disk_that_takes_no_file_is_no_reason_to_hang_up(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    edge = await made(bench)
+    about: dict[str, Any] = {"epoch": 1, "action_id": uuid4(), "device_id": uuid4()}
+    about["sha256"] = hashlib.sha256(b"a curve").hexdigest()
+    part = FilePart(offset_bytes=0, size_bytes=7, data=b"a curve", **about)
+
+    def refuse(*_: object) -> str:
+        raise OSError(errno.ENOSPC, "no space left on the disk")
+
+    async with a_socket(PATH, origin=None) as socket:
+        await answer_to(socket, edge.hello(await nonce_of(socket)))
+        assert (await socket.receive())["t"] == "resume"
+        with monkeypatch.context() as full:
+            full.setattr("labweb.runs.services.take_file", refuse)
+            await send(socket, part)
+            answer = await answer_to(socket, FileOffer(size_bytes=7, **about))
+        assert (answer["t"], answer["code"]) == ("file_taken", "file.refused"), "that of the offer"
+        assert (await answer_to(socket, part))["code"] == "file.refused"
 
 
 async def test_a_wish_is_told_to_its_end_and_counts_only_in_its_session(bench: Bench) -> None:
