@@ -190,6 +190,18 @@ def received(stream: IO[bytes], target: Path) -> str:
     return digest.hexdigest()
 
 
+def move(path: Path, target: Path) -> None:
+    """Give a file its place, which a power cut does not take once this has returned."""
+    target.parent.mkdir(mode=0o700, exist_ok=True)
+    path.rename(target)
+    for folder in (target.parent, target.parent.parent):
+        handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
+        try:
+            os.fsync(handle)
+        finally:
+            os.close(handle)
+
+
 def digest_of(path: Path) -> str:
     """Return the SHA-256 of a file."""
     with path.open("rb") as file:
@@ -207,9 +219,8 @@ def _placed(paths: list[Path]) -> Iterator[None]:
                 target = selectors.path_of(digest_of(path))
                 # Bytes that were damaged since are put right by whoever brings them again.
                 if not target.exists() or digest_of(target) != target.name:
-                    target.parent.mkdir(mode=0o700, exist_ok=True)
                     path.chmod(0o400)
-                    path.rename(target)
+                    move(path, target)
                     placed.append(target)
             yield
     except BaseException:

@@ -30,6 +30,7 @@ from labweb.telemetry.services.files import (
     check_new,
     check_upload,
     digest_of,
+    move,
     read_and_keep,
     received,
     room,
@@ -72,8 +73,7 @@ def bring(upload: Upload, *, lab: Lab, actor: User) -> Incoming:
             asked_at=now(),
         )
         waiting = _path(row.pk)
-        waiting.parent.mkdir(mode=0o700, exist_ok=True)
-        raw.rename(waiting)
+        move(raw, waiting)
     try:
         with atomic():
             row.save(force_insert=True)
@@ -264,9 +264,7 @@ def arrive(action_id: UUID, sha256: str, data: bytes) -> bool:
         raw = folder / "raw"
         if received(io.BytesIO(data), raw) != sha256:
             return False
-        waiting = _path(row.pk)
-        waiting.parent.mkdir(mode=0o700, exist_ok=True)
-        raw.rename(waiting)
+        move(raw, _path(row.pk))
     with atomic():
         _missing().filter(pk=row.pk).update(
             state=Incoming.State.PENDING, asked_at=now(), ended_at=None, code="", message=""

@@ -6,6 +6,7 @@ import base64
 import hashlib
 import io
 import json
+import os
 from pathlib import Path
 from typing import Any
 from uuid import UUID
@@ -333,3 +334,18 @@ def test_names_are_told_of_what_one_may_know(bench: Bench, chemist: Client) -> N
     guest = signed_in(a_user("observer", on=flask, name="guest"))
     row = read(guest, f"{API}/files")["files"][0]
     assert (row["resource"]["name"], row["device"], row["job"]) == (flask.name, None, None)
+
+
+def test_a_file_has_its_place_on_the_disk_before_anybody_is_told(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    told: list[str] = []
+
+    def keep(handle: int) -> None:
+        told.append(str(Path(f"/proc/self/fd/{handle}").readlink()))
+
+    monkeypatch.setattr(os, "fsync", keep)
+    (tmp_path / "raw").write_bytes(b"a curve")
+    files.move(tmp_path / "raw", tmp_path / "ab/whole")
+    assert (tmp_path / "ab/whole").read_bytes() == b"a curve"
+    assert told == [str(tmp_path / "ab"), str(tmp_path)]
