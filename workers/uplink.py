@@ -332,20 +332,16 @@ class Uplink:
     async def _renew(self, socket: ClientConnection) -> None:
         """Ask for the next certificate when it is due; what acts meanwhile is not touched."""
         while True:
-            due_s = self._identity.renew_due_s
-            if due_s is not None and time.time() >= due_s:
+            if (due_s := self._identity.renew_due_s) is not None and time.time() >= due_s:
                 csr = signing_request(next_key(self._identity.key_file))
                 await send(socket, Renew(epoch=self._epoch, csr=csr))
                 await asyncio.sleep(RENEW_AGAIN_S)
             await asyncio.sleep(RENEW_LOOK_S)
 
     async def _tell_events(self, socket: ClientConnection) -> None:
-        bell = Bell(self._journal.bell_path)
-        try:
+        with contextlib.closing(Bell(self._journal.bell_path)) as bell:
             while True:
                 await self._tell_frame(socket, bell)
-        finally:
-            bell.close()
 
     async def _tell_frame(self, socket: ClientConnection, bell: Bell) -> None:
         """Tell the next events and wait for their acknowledgement; without any, for the bell."""
