@@ -258,8 +258,9 @@ def test_a_stop_on_the_way_says_where_it_stands(bench: Bench) -> None:
 
 def test_a_blocked_way_ends_the_order(bench: Bench) -> None:
     with bench.connected(CASE) as device:
+        do(device, BACK)
         before = len(bench.acts(CASE, "drive"))
-        doing = Doing(device, BACK)
+        doing = Doing(device, THERE)
         until(lambda: len(bench.acts(CASE, "drive")) > before)
         bench.inflict(CASE, "stall")
         error = doing.failure()
