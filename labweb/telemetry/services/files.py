@@ -220,8 +220,8 @@ def _placed(paths: list[Path]) -> Iterator[None]:
                 # Bytes that were damaged since are put right by whoever brings them again.
                 if not target.exists() or digest_of(target) != target.name:
                     path.chmod(0o400)
+                    placed.append(target)  # first: what cannot be made durable is taken back
                     move(path, target)
-                    placed.append(target)
             yield
     except BaseException:
         with atomic():
