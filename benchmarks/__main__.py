@@ -34,6 +34,7 @@ WITHOUT = {
     "inspection": ("drivers read as text beside ast.parse alone", inspection.main),
     "routes": ("compiled transfers beside a bare shortest path", transfers.speed),
 }
+FIGURES = Path(__file__).parents[1] / "docs" / "figures"
 NAMES = (*WITHOUT, *WITH_DATABASE)
 
 
@@ -49,16 +50,23 @@ def main() -> int:
     )
     parser.add_argument("name", nargs="?", choices=NAMES, help="which; all without it")
     parser.add_argument("--size", type=_count, help="how many, in place of the limit's number")
+    parser.add_argument(
+        "--record", action="store_true", help="keep what comes out in docs/figures/NAME.txt"
+    )
     parser.add_argument("--graph", type=Path, help="for import: a graph of Uni-Lab-OS")
     options = parser.parse_args()
-    if options.name is None:
+    if options.name is None and not options.record:
         return max([_alone(name, options.graph) for name in NAMES])
+    if options.record and options.name not in WITH_DATABASE:
+        parser.error(f"--record goes with one of {', '.join(WITH_DATABASE)}")
     if options.name in WITHOUT:
         return WITHOUT[options.name][1]()
     with an_empty_database():
         # What it imports is there only after Django has been set up.
         module = import_module(f"benchmarks.{options.name}_")
-        return report(options.name, module.figures(Options(size=options.size, graph=options.graph)))
+        wanted = Options(size=options.size, graph=options.graph)
+        record = FIGURES / f"{options.name}.txt" if options.record else None
+        return report(options.name, module.figures(wanted), record)
 
 
 def _count(text: str) -> int:

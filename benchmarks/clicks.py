@@ -23,7 +23,8 @@ from typing import Any
 from benchmarks.figures import Figure, fsync_ms, p95_ms, report
 from tests.system.stack import Stack, is_over, running
 
-CLICKS_COUNT = 20
+CLICKS_COUNT = 60
+"""Of twenty, the slowest but one would be the 95th of a hundred: a cold start counts as one."""
 LIMIT_MS = 40.0
 PAGE_WAITS_S = 0.12
 """How soon the page asks for the run again: a burst of announcements is one question."""

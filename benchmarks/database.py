@@ -15,16 +15,18 @@ from django.core.management import call_command
 from django.db import connections
 
 from deploy import embedded
+from tests import tables
 
 
 @contextmanager
 def an_empty_database() -> Iterator[None]:
-    """Start servers of its own, whatever the environment names, and make the tables.
+    """Start servers of its own, whatever the environment names, with all tables.
 
     Nothing of a lab that runs on this machine is touched.
     """
     folder = Path(tempfile.mkdtemp(prefix="lw-", dir="/tmp"))
     try:
+        tables.lay_out(folder / "lab")
         with embedded.services(folder / "lab") as urls:
             for name in ("AMQP_URL", "DATABASE_URL", "REDIS_URL"):
                 os.environ.pop(name, None)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import platform
+import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterable, Sequence
@@ -57,16 +58,36 @@ def _short(value: float) -> str:
     return f"{value:.2f}" if value < 100 else f"{value:.0f}"
 
 
-def report(name: str, figures: Iterable[Figure]) -> int:
-    """Print figures as they come; return 1 when a limit is broken."""
-    sys.stdout.write(f"{name}   {machine()}\n")
-    broken = 0
+def report(name: str, figures: Iterable[Figure], record: Path | None = None) -> int:
+    """Print figures as they come, and keep them in a file; return 1 when a limit is broken."""
+    lines, broken = [f"{name}   {machine()}"], 0
+    sys.stdout.write(f"{lines[0]}\n")
     for figure in figures:
-        sys.stdout.write(f"{figure.render()}\n")
+        lines.append(figure.render())
+        sys.stdout.write(f"{lines[-1]}\n")
         sys.stdout.flush()
         broken += not figure.is_kept
-    sys.stdout.write(f"  load of the machine at the end: {os.getloadavg()[0]:.1f}\n")
+    lines.append(f"  load of the machine at the end: {os.getloadavg()[0]:.1f}")
+    sys.stdout.write(f"{lines[-1]}\n")
+    if record is not None:
+        record.parent.mkdir(parents=True, exist_ok=True)
+        record.write_text("\n".join([*_origin(), "", *lines, ""]), encoding="utf-8")
     return 1 if broken else 0
+
+
+def _origin() -> list[str]:
+    """Say of which commit a record is, when it was taken, and how to take it again."""
+    root = Path(__file__).parents[1]
+    commit = _git(root, "rev-parse", "HEAD") or "unknown"
+    changed = " with uncommitted changes" if _git(root, "status", "--porcelain") else ""
+    command = " ".join(["python -m benchmarks", *sys.argv[1:]])
+    at = time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime())
+    return [f"commit   {commit}{changed}", f"date     {at}", f"command  {command}"]
+
+
+def _git(root: Path, *words: str) -> str:
+    done = subprocess.run(["git", *words], cwd=root, capture_output=True, text=True, check=False)
+    return done.stdout.strip()
 
 
 def machine() -> str:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import os
 from collections import Counter
+from collections.abc import Mapping
 from pathlib import Path
 
 TICK_S = 1 / os.sysconf("SC_CLK_TCK")
@@ -16,6 +17,21 @@ ROLES = ("accept", "uplink", "line", "valkey-server")
 
 def processor_s(root_pid: int) -> Counter[str]:
     """Return seconds of processor time used so far by a process and all below it, by role."""
+    parents, used_s = _processes()
+    found: Counter[str] = Counter()
+    for pid, time_s in used_s.items():
+        if is_below(pid, root_pid, parents):
+            found[_role(pid)] += time_s  # type: ignore[assignment]
+    return found
+
+
+def parents_of_processes() -> dict[int, int]:
+    """Return the parent of each process of this machine."""
+    return _processes()[0]
+
+
+def _processes() -> tuple[dict[int, int], dict[int, float]]:
+    """Return parent and processor time of each process."""
     parents: dict[int, int] = {}
     used_s: dict[int, float] = {}
     for entry in Path("/proc").iterdir():
@@ -26,14 +42,11 @@ def processor_s(root_pid: int) -> Counter[str]:
                 continue
             parents[int(entry.name)] = int(fields[1])
             used_s[int(entry.name)] = (int(fields[11]) + int(fields[12])) * TICK_S
-    found: Counter[str] = Counter()
-    for pid, time_s in used_s.items():
-        if _is_below(pid, root_pid, parents):
-            found[_role(pid)] += time_s  # type: ignore[assignment]
-    return found
+    return parents, used_s
 
 
-def _is_below(pid: int, root_pid: int, parents: dict[int, int]) -> bool:
+def is_below(pid: int, root_pid: int, parents: Mapping[int, int]) -> bool:
+    """Say whether a process is another one, or was started by it."""
     while pid and pid != root_pid:
         pid = parents.get(pid, 0)
     return pid == root_pid

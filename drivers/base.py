@@ -23,7 +23,7 @@ from typing import (
 import msgspec
 
 from drivers.transports.base import Transport
-from labweb.domain.errors import DefinitionError, DeviceError, Effect
+from labweb.domain.errors import DefinitionError, DeviceError, Effect, LabError
 
 if TYPE_CHECKING:
     from labweb.domain.enrollment.spec import DriverSpec
@@ -189,6 +189,9 @@ class Driver(ABC, Generic[TransportT, ConfigT]):
             )
         self.transport: TransportT = transport
         self.config: ConfigT = parse_config(self.config_type, config)  # type: ignore[assignment]
+        self.action_id = ""
+        """Id of the action that is carried out; "": nobody has told one."""
+
         self._stopping = threading.Event()
 
     def connect(self) -> None:
@@ -288,11 +291,12 @@ def before_acting() -> Iterator[None]:
 def after_acting() -> Iterator[None]:
     """Mark exchanges after the acting command: whatever fails, it cannot have had no effect.
 
-    This holds for refusals, too: a question that is refused says nothing about what was begun.
+    This holds for refusals, too, of the device and of the driver itself: a question that is
+    refused says nothing about what was begun.
     """
     try:
         yield
-    except DeviceError as error:
+    except LabError as error:
         if error.effect is Effect.NONE:
             error.effect = Effect.UNKNOWN
         raise

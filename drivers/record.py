@@ -7,7 +7,9 @@ python -m drivers.record drivers.sensors.mettler_sics tcp://192.168.1.20:8001 \
 ```
 
 The driver is connected, then each call is made in its turn: the name of a status, or of an action
-with its arguments as JSON. What the calls returned stands in the comments of the transcript.
+with its arguments as JSON. What the calls returned stands in the comments of the transcript, where
+`python -m drivers.replay` finds them. Bytes are kept as they crossed the line; what a library
+carries (registers, HTTP, OPC UA, S7, SiLA 2) as words.
 """
 
 from __future__ import annotations
@@ -22,11 +24,15 @@ import msgspec
 
 from drivers.base import Driver
 from drivers.load import call_action, load_driver, read_spec, read_status
-from drivers.transports.base import ByteTransport
+from drivers.transports.base import ByteTransport, Transport
 from drivers.transports.replay import Recording, render_transcript
+from drivers.transports.tapes import RecordingTape, has_words, taped
 from drivers.transports.urls import make_transport
 from labweb.domain.enrollment.spec import DriverSpec, check_arguments, check_config
 from labweb.domain.errors import DefinitionError, Finding, LabError
+
+ACTION_ID = "00000000-0000-7000-8000-000000000000"
+"""What a driver takes for the action's number, where it tells it to its device."""
 
 
 class Call(NamedTuple):
@@ -66,7 +72,7 @@ def read_calls(spec: DriverSpec, texts: Sequence[str]) -> list[Call]:
 
 
 def record(
-    spec: DriverSpec, transport: ByteTransport, config: dict[str, Any], calls: Sequence[Call]
+    spec: DriverSpec, transport: Transport, config: dict[str, Any], calls: Sequence[Call]
 ) -> tuple[str, LabError | None]:
     """Connect a driver, make the calls, and return the transcript.
 
@@ -82,26 +88,37 @@ def record(
         What the actions do to matter. After an error with the effect UNKNOWN, look at the
         instrument before anything else is sent to it.
     """
-    recording = Recording()
-    transport.observer = recording
-    head = [f"{spec.module} {spec.digest[:12]}"]
+    recording, tape = Recording(), RecordingTape()
+    if isinstance(transport, ByteTransport):
+        transport.observer = recording
+    else:
+        transport = taped(tape, transport.sort, transport)
+    settings = msgspec.json.encode(config).decode()
+    head = [f"{spec.module} {spec.digest[:12]}", f"config {settings}"]
     driver = load_driver(spec.module, spec.class_name, spec.digest, transport, config)
+    driver.action_id = ACTION_ID
     ended_by: LabError | None = None
     try:
         driver.connect()
-        head += [_made(driver, call) for call in calls]
+        head += [make_call(driver, call) for call in calls]
     except LabError as error:
         ended_by = error
         head.append(f"ended by {error.code}, effect {error.effect}: {error.message}")
     finally:
+        exchanges = [*recording.exchanges, *tape.exchanges]
         driver.close()
     if recording.unasked:
         text = f"the instrument sent {bytes(recording.unasked)!r} before it was asked"
         raise DefinitionError(text, code="transport.unasked")
-    return render_transcript(recording.exchanges, head), ended_by
+    return render_transcript(exchanges, head), ended_by
 
 
-def _made(driver: Driver[Any, Any], call: Call) -> str:
+def make_call(driver: Driver[Any, Any], call: Call) -> str:
+    """Make a call, and return the line that says what came of it.
+
+    Raises:
+        LabError: As the driver raises it.
+    """
     if call.arguments is None:
         found = read_status(driver, call.name)
     else:
@@ -136,7 +153,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _prepare(
     options: argparse.Namespace,
-) -> tuple[DriverSpec, ByteTransport, dict[str, Any], list[Call]]:
+) -> tuple[DriverSpec, Transport, dict[str, Any], list[Call]]:
     """Check all that was given; nothing is opened and nothing is written."""
     if options.out.exists() or not options.out.parent.is_dir():
         raise DefinitionError(f"{options.out} exists, or its folder does not")
@@ -149,8 +166,8 @@ def _prepare(
         messages = "; ".join(finding.message for finding in findings)
         raise DefinitionError(messages, code="driver.config", findings=findings)
     transport = make_transport(options.url)
-    if not isinstance(transport, ByteTransport):
-        raise DefinitionError(f"{options.url} carries no bytes that a transcript could hold")
+    if not (isinstance(transport, ByteTransport) or has_words(transport.sort)):
+        raise DefinitionError(f"{options.url} carries nothing that a transcript could hold")
     return spec, transport, config, read_calls(spec, options.calls)
 
 

@@ -26,4 +26,4 @@ app.conf.update(
     worker_cancel_long_running_tasks_on_connection_loss=False,
     worker_prefetch_multiplier=1,
 )
-app.autodiscover_tasks(["labweb.telemetry"])
+app.autodiscover_tasks(["labweb.runs"])

@@ -8,6 +8,8 @@ from drf_spectacular.views import SpectacularAPIView
 
 from labweb.api import errors, pages, twin_proxy
 
+admin.autodiscover()
+
 urlpatterns = [
     path("healthz", pages.health),
     path("api/schema/", SpectacularAPIView.as_view(), name="schema"),

@@ -32,6 +32,7 @@ from labweb.runs import services as run_services
 from labweb.runs.models import Attempt, Job, Outbox, Run
 from labweb.runs.services import seed
 from labweb.workflows.models import WorkflowVersion
+from tests.again import again
 
 STARTER = Path(__file__).parents[1] / "fixtures" / "labs" / "starter"
 PASSWORD = "a-long-enough-passphrase"
@@ -96,11 +97,22 @@ class Bench:
 
 
 def a_lab(*, discovered: Sequence[str] = ()) -> Bench:
-    """Import the starter lab, with everybody in it, templates, policy and devices."""
+    """Give the starter lab, with everybody in it, templates, policy and devices.
+
+    It is built once per process (see `tests.again`).
+    """
+    again(("lab", *discovered), lambda: _build_lab(discovered))
+    lab_file = starter()
+    people = {row.username: row for row in User.objects.filter(username__in=ROLES)}
+    return Bench(Lab.objects.get(pk=lab_file.id), lab_file, {role: people[role] for role in ROLES})
+
+
+def _build_lab(discovered: Sequence[str]) -> None:
     lab_file = starter()
     lab = crutd_services.import_lab(lab_file, actor=None, source={"file": "lab.json"})
     root = Resource.objects.get(lab=lab, parent__isnull=True)
-    people = {role: a_user(role, on=root) for role in ROLES}
+    for role in ROLES:
+        a_user(role, on=root)
     for host in lab_file.hosts:
         enrollment_services.add_host(
             lab, key=host.key, name=host.name, host_id=host.id, public_key=public_half(host_key())
@@ -120,7 +132,6 @@ def a_lab(*, discovered: Sequence[str] = ()) -> Bench:
         )
     seed.seed_policy(lab.id)
     seed.seed_templates(lab.id, lab_file, STARTER / "workflows")
-    return Bench(lab, lab_file, people)
 
 
 def a_user(role: str, *, on: Resource, name: str = "") -> User:

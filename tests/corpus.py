@@ -30,6 +30,9 @@ INSTRUMENTS = _DATA / "5_instruments"
 NO_INSTRUMENTS = "the recorded answers of instruments lie beside the repository, not in it"
 """Why tests skip without them."""
 
+TIMING = _DATA / "7_groundtruth/chemputer_timing.json"
+"""How long strokes and turns took in all published logs of real Chemputers."""
+
 XDL = _DATA / "1_xdl"
 """Recipes, Chemputer rigs, and what the published compiler makes of them."""
 

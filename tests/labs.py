@@ -186,3 +186,76 @@ class _Generator:
             "transport": None,
             "simulator": {"model": "timer"},
         }
+
+
+def lab_of_pumps(count: int, *, lines_count: int) -> bytes:
+    """Return the lab.json of so many syringe pumps, each with a bottle, a flask and a valve.
+
+    ```text
+    bottle ── valve ── flask      no pump can reach what another has
+                │
+              pump                dealt out over the RS-485 lines, one address each
+    ```
+    """
+    places = [("lab", None), ("bench", "lab"), ("archive", "lab")]
+    resources: list[dict[str, Any]] = [
+        {"key": key, "name": key.title(), "kind": key, "parent": parent, "config": {}}
+        for key, parent in places
+    ]
+    lab: dict[str, Any] = {
+        "schema": "labweb.lab/1",
+        "name": f"{count} pumps",
+        "time_zone": "UTC",
+        "mode": "sim",
+        "materials": [{"key": "water", "name": "Water", "density_mg_ul": 0.9978, "ph": 7.0}],
+        "lots": [{"key": "water_lot", "material": "water"}],
+        "resources": resources,
+        "connections": [],
+        "hosts": [{"key": "host", "name": "Host"}],
+        "devices": [],
+    }
+    for number in range(count):
+        _add_station(lab, number, f"line {number % lines_count}", str(number // lines_count + 1))
+    return json.dumps(lab).encode()
+
+
+def _add_station(lab: dict[str, Any], number: int, line: str, address: str) -> None:
+    water = [{"lot": "water_lot", "amount_ul": 200_000}]
+    glass = {"capacity_ul": 250_000, "tare_mg": 100_000}
+    rows: dict[str, tuple[str, dict[str, Any], list[dict[str, Any]]]] = {
+        "pump": ("syringe_pump", {"capacity_ul": 1000}, []),
+        "valve": ("rotary_valve", {"ports_count": 9, "common_port": "common"}, []),
+        "bottle": ("bottle", glass, water),
+        "flask": ("flask", glass, []),
+    }
+    for name, (kind, config, contents) in rows.items():
+        resource: dict[str, Any] = {
+            "key": f"{name}_{number}",
+            "name": f"{name.title()} {number}",
+            "kind": kind,
+        }
+        resource |= {"parent": "bench", "config": config}
+        lab["resources"].append(resource | ({"contents": contents} if contents else {}))
+    ends = [("pump", "outlet", "common"), ("bottle", "neck", "2"), ("flask", "neck", "5")]
+    for name, port, of_valve in ends:
+        source = {"resource": f"{name}_{number}", "port": port}
+        target = {"resource": f"valve_{number}", "port": of_valve}
+        tube = {"source": source, "target": target, "medium": "liquid", "is_two_way": True}
+        lab["connections"].append({"key": f"{name}_{number}_tube", **tube, "dead_volume_ul": 10})
+    shared = {"address": address, "syringe_ul": 1000}
+    lab["devices"].append(
+        {
+            "key": f"pump_{number}",
+            "name": f"Pump {number}",
+            "host": "host",
+            "driver": "drivers.connectors.tricontinent_c3000:TricontinentC3000",
+            "config": {**shared, "ports_count": 9},
+            "nodes": {"pump": f"pump_{number}", "valve": f"valve_{number}"},
+            "transport": None,
+            "simulator": {
+                "model": "tricontinent_c3000",
+                "settings": {**shared, "ports": 9},
+                "line": line,
+            },
+        }
+    )

@@ -19,14 +19,16 @@ from secrets import token_hex
 import pytest
 
 from deploy import embedded
-from deploy.embedded import external
+from deploy.embedded import external, postgres
 from deploy.embedded.layout import Layout
 from deploy.embedded.stack import Stack
+from tests import tables
 from tests.rooms import with_database
 
 _LONGEST_FOLDER = 40
 _FOLDER = "LABWEB_TEST_FOLDER"
 _GIVEN = "LABWEB_TEST_GIVEN"
+_TEMPLATE = "LABWEB_TEST_TEMPLATE"
 
 
 class Services:
@@ -55,6 +57,8 @@ class Services:
             layout = Layout(self.folder / "d")
             stack = Stack(layout, layout.run / "s", durable=False)
             os.environ.update(stack.urls | external.urls_for_children(self.given))
+            if external.DATABASE not in self.given:
+                os.environ[_TEMPLATE] = postgres.NAME
         if external.DATABASE in self.given:
             # Django makes a test database beside it and removes it: test_labweb_….
             url = with_database(self.given[external.DATABASE], f"labweb_{token_hex(6)}")
@@ -73,6 +77,8 @@ class Services:
         if self._is_running or not self._is_owner or not self._is_embedded:
             return
         self._is_running = True
+        if external.DATABASE not in self.given:
+            tables.lay_out(self.folder / "d")
         self._stack.enter_context(embedded.services(self.folder / "d", durable=False))
 
     def stop(self) -> None:

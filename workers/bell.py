@@ -1,4 +1,4 @@
-"""A bell between the processes of one host: something is in the journal that wants to be told.
+"""A bell between the processes of one host: there is something for another of them to look at.
 
 It carries nothing and may be lost; who hears it looks into the journal, and looks now and
 then without it.
@@ -12,7 +12,10 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import errno
 import os
+import select
+import stat
 from pathlib import Path
 
 MOST_RINGS = 4096
@@ -32,10 +35,36 @@ def hang(path: Path) -> None:
     """Hang the bell up, unless it hangs.
 
     Raises:
-        OSError: The folder takes no FIFO.
+        OSError: The folder takes no FIFO, or something else lies there: a file would ring for ever.
     """
     with contextlib.suppress(FileExistsError):
         os.mkfifo(path, 0o600)
+    if not stat.S_ISFIFO(path.stat().st_mode):
+        raise FileExistsError(errno.EEXIST, "this is no FIFO: take it away", str(path))
+
+
+class PlainBell:
+    """The waiting end, in a process that does one thing after the other."""
+
+    def __init__(self, path: Path) -> None:
+        """Hang the bell up.
+
+        Raises:
+            OSError: The folder takes no FIFO.
+        """
+        hang(path)
+        self._handle = os.open(path, os.O_RDWR | os.O_NONBLOCK)
+
+    def wait(self, longest_s: float) -> bool:
+        """Wait for a ring since the last wait, or for so long; say whether somebody rang."""
+        is_rung = bool(select.select([self._handle], [], [], longest_s)[0])
+        if is_rung:
+            os.read(self._handle, MOST_RINGS)
+        return is_rung
+
+    def close(self) -> None:
+        """Take the bell down."""
+        os.close(self._handle)
 
 
 class Bell:

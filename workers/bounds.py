@@ -9,12 +9,16 @@ from urllib.parse import urlsplit
 
 from cryptography import x509
 
-from drivers.transports.urls import file_of, line_key, ports_of
+from drivers.transports.http import TOKEN
+from drivers.transports.urls import addresses_of, beat_of, file_of, line_key, ros2_of
 from labweb.domain.messages import DeviceConfig
 from workers import faults
 from workers.config import HostConfig, line_queue
 from workers.confine import Bounds, confine, describe, existing, is_possible
+from workers.datagrams import Segment
 from workers.drivers import DriverStore
+from workers.guard import Address
+from workers.usb import BUS, places_of
 
 log = logging.getLogger(__name__)
 
@@ -43,17 +47,26 @@ def bounds_of(config: HostConfig, line: str, devices: Sequence[DeviceConfig]) ->
     own += [journal.with_suffix(".seal"), journal.with_suffix(".bell")]
     own += [config.folder / f"{line_queue(line)}.lock"]
     store = DriverStore(config.drivers_folder)
-    has_ros2 = any(device.transport.startswith("ros2:") for device in devices)
-    ports = [port for device in devices for port in ports_of(device.transport)]
+    segments = segments_of([device.transport for device in devices])
+    addresses = [one for device in devices for one in addresses_of(device.transport)]
     if config.valkey.url is not None:
-        ports.append(urlsplit(config.valkey.url).port or 6379)
+        place = urlsplit(config.valkey.url)
+        addresses.append((place.hostname or "127.0.0.1", place.port or 6379))
     return Bounds(
-        readable=existing([*(store.path(device.digest) for device in devices), *_read(devices)]),
+        readable=existing(
+            [
+                *(store.path(device.digest) for device in devices),
+                *_read(devices),
+                *_usb_buses([device.transport for device in devices]),
+            ]
+        ),
         writable=existing([*own, *device_files(devices)]),
         folders=existing([config.files_of(line)]),
-        ports=tuple(sorted(set(ports))),
-        has_datagrams=any("beat=" in device.transport for device in devices) or has_ros2,
-        has_interfaces=has_ros2,
+        addresses=tuple(sorted(set(addresses))),
+        datagrams=_beats([device.transport for device in devices]),
+        segments=segments,
+        # The library behind USB asks the kernel what is plugged in, over the same sort of socket.
+        has_interfaces=bool(segments) or bool(_on_usb([device.transport for device in devices])),
     )
 
 
@@ -62,15 +75,27 @@ def bounds_of_address(url: str) -> Bounds:
     return Bounds(
         readable=existing(_public_files([url])),
         writable=existing(_files([url])),
-        ports=tuple(sorted(set(ports_of(url)))),
+        addresses=tuple(sorted(set(addresses_of(url)))),
         has_local=False,
         has_processes=False,
-        has_datagrams="beat=" in url,
+        datagrams=_beats([url]),
     )
 
 
+def _beats(urls: Sequence[str]) -> tuple[Address, ...]:
+    """Return where datagrams go that keep the watchdogs of devices quiet."""
+    found = (beat_of(url) for url in urls)
+    return tuple(sorted({one for one in found if one is not None}))
+
+
+def segments_of(urls: Sequence[str]) -> tuple[Segment, ...]:
+    """Return where the datagrams of devices on ROS 2 go."""
+    links = [ros2_of(url)[0] for url in urls if url.startswith("ros2:")]
+    return tuple(Segment(one.address, one.group, frozenset(one.peers)) for one in links)
+
+
 def _read(devices: Sequence[DeviceConfig]) -> list[Path]:
-    """Return the certificates of devices; a file that holds anything else is not theirs to read."""
+    """Return certificates and tokens of devices; a file with anything else is not for them."""
     return _public_files([device.transport for device in devices])
 
 
@@ -80,12 +105,16 @@ def _public_files(urls: Sequence[str]) -> list[Path]:
 
 
 def _is_public(path: Path) -> bool:
-    """Tell whether a file holds certificates and no key."""
+    """Tell whether a file holds certificates and no key, or one token that is for a device."""
     try:
         content = path.read_bytes()
+        if path.suffix == ".token":
+            if not TOKEN.fullmatch(content.decode("ascii").strip()):
+                raise ValueError("no JSON web token")
+            return True
         x509.load_pem_x509_certificates(content)
     except (OSError, ValueError) as error:
-        log.warning("%s is no certificate, so that no driver may read it: %s", path, error)
+        log.warning("%s is not what its name says, so that no driver may read it: %s", path, error)
         return False
     if b"PRIVATE KEY" in content:
         log.warning("%s holds a private key, so that no driver may read it", path)
@@ -94,14 +123,26 @@ def _is_public(path: Path) -> bool:
 
 
 def device_files(devices: Sequence[DeviceConfig]) -> list[Path]:
-    """Return the serial ports and GPIB boards of devices."""
+    """Return the serial ports, GPIB boards and USB device files of devices."""
     return _files([device.transport for device in devices])
 
 
 def _files(urls: Sequence[str]) -> list[Path]:
     lines = [line_key(url).partition(":") for url in urls]
     folder = {"serial": "", "gpib": "/dev/gpib"}
-    return [Path(f"{folder[sort]}{place}") for sort, _, place in lines if sort in folder]
+    found = [Path(f"{folder[sort]}{place}") for sort, _, place in lines if sort in folder]
+    return [*found, *(one.node for place in _on_usb(urls) for one in places_of(place))]
+
+
+def _usb_buses(urls: Sequence[str]) -> list[Path]:
+    """Return what the kernel tells of the buses of USB instruments, and the list of them."""
+    places = _on_usb(urls)
+    return [BUS] * bool(places) + [one.bus for place in places for one in places_of(place)]
+
+
+def _on_usb(urls: Sequence[str]) -> list[str]:
+    lines = [line_key(url).partition(":") for url in urls]
+    return [place for sort, _, place in lines if sort == "usb"]
 
 
 def marks_of(devices: Sequence[DeviceConfig]) -> str:

@@ -38,10 +38,24 @@ class BeaconConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
     """Address of the network card towards the instruments."""
 
 
+class DdsConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Where announcements of devices are heard over DDS."""
+
+    domain: int = 0
+    """Of DDS, `ROS_DOMAIN_ID` of ROS 2 nodes."""
+
+    address: str = "127.0.0.1"
+    """Of the network card towards the instruments; the loopback address: this machine alone."""
+
+    peers: list[str] = msgspec.field(default_factory=list)
+    """Machines that multicast does not reach."""
+
+
 class DiscoveryConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """What the host looks for. Nothing is looked for unless it stands here."""
 
     beacon: BeaconConfig | None = None
+    dds: DdsConfig | None = None
     serial: list[str] = msgspec.field(default_factory=list)
     """Patterns of paths, `/dev/ttyUSB*`; ports are listed and not opened."""
 
@@ -131,6 +145,11 @@ class HostConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
     def journal_path(self) -> Path:
         """Return where the journal lies."""
         return self.folder / "journal.sqlite3"
+
+    @property
+    def supervisor_bell(self) -> Path:
+        """Return where the bell hangs that tells the supervisor of other devices and drivers."""
+        return self.folder / "supervisor.bell"
 
     @property
     def files_path(self) -> Path:

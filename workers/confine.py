@@ -1,8 +1,8 @@
 """Confine the process of one line before any driver runs in it. Linux, without root.
 
-Landlock bounds files and TCP, seccomp bounds sockets of other kinds, new programs and other
-processes. What is left: the code of this release, the journal, the bundles and the port of
-the line's own devices. Landlock knows TCP ports and not addresses.
+Landlock bounds files and TCP ports, seccomp bounds sockets of other kinds, new programs and other
+processes, and has a guard beside the line make each connection (`workers.guard`). What is left:
+the code of this release, the journal, the bundles and the addresses of the line's own devices.
 
 Source:
     Linux, Documentation/userspace-api/landlock.rst and seccomp_filter.rst; numbers from
@@ -25,6 +25,10 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from labweb.domain.errors import StateError
+from workers import guard
+from workers.calls import NUMBERS, OTHERS, PAIR, STARTS, WIRES
+from workers.datagrams import Segment
+from workers.guard import Address, Guard, Reach
 
 _CREATE, _ADD, _RESTRICT = 444, 445, 446
 _VERSION = 1
@@ -66,8 +70,8 @@ class Bounds:
     folders: tuple[Path, ...] = ()
     """Folders in which files may be made, read, written and removed."""
 
-    ports: tuple[int, ...] = ()
-    """TCP ports that may be connected to; none: no socket of the internet's at all."""
+    addresses: tuple[Address, ...] = ()
+    """Hosts and TCP ports that may be connected to; none: no TCP socket at all."""
 
     has_local: bool = True
     """Whether it may open local sockets, such as that of the host's Valkey."""
@@ -75,9 +79,29 @@ class Bounds:
     has_processes: bool = True
     """Whether it may start processes of its own program; other programs it never may."""
 
-    has_datagrams: bool = False
+    datagrams: tuple[Address, ...] = ()
+    """Hosts and UDP ports that may be told something."""
+
+    segments: tuple[Segment, ...] = ()
+    """Networks of DDS; with neither of the two there is no such socket at all."""
+
     has_interfaces: bool = False
     """Whether it may ask the kernel which network cards there are."""
+
+    @property
+    def ports(self) -> tuple[int, ...]:
+        """Return the TCP ports of its addresses."""
+        return tuple(sorted({port for _, port in self.addresses}))
+
+    @property
+    def has_datagrams(self) -> bool:
+        """Say whether there are datagrams at all."""
+        return bool(self.datagrams or self.segments)
+
+    @property
+    def has_guard(self) -> bool:
+        """Say whether a guard connects and sends: there is something that may be reached."""
+        return bool(self.addresses) or self.has_datagrams
 
 
 @cache
@@ -90,16 +114,28 @@ def landlock_abi() -> int:
 def describe() -> str:
     """Say in words how this machine confines the processes of its lines."""
     abi = landlock_abi()
-    if abi == 0 or platform.machine() not in _NUMBERS:
+    if abi == 0 or platform.machine() not in NUMBERS:
         return "unconfined: the kernel has no Landlock, or the machine is not known"
     if abi < _NET_ABI:
         return f"files by Landlock {abi}; a line on TCP may reach any address"
-    return f"files and TCP ports by Landlock {abi}, sockets and programs by seccomp"
+    if not has_guards():
+        return (
+            f"files and TCP ports by Landlock {abi}; a line on TCP may reach any address, "
+            "one of ROS 2 any port besides"
+        )
+    return f"files and TCP ports by Landlock {abi}, addresses, sockets and programs by seccomp"
 
 
 def is_possible() -> bool:
     """Say whether this machine can confine at all."""
-    return landlock_abi() > 0 and platform.machine() in _NUMBERS
+    return landlock_abi() > 0 and platform.machine() in NUMBERS
+
+
+def has_guards() -> bool:
+    """Say whether this machine bounds the addresses of a line on TCP, beside its ports."""
+    if landlock_abi() < _NET_ABI or platform.machine() not in NUMBERS:
+        return False
+    return guard.is_possible(NUMBERS[platform.machine()][1])
 
 
 def confine(bounds: Bounds) -> None:
@@ -112,9 +148,15 @@ def confine(bounds: Bounds) -> None:
     """
     try:
         libc = ctypes.CDLL(None, use_errno=True)
+        beside = None
+        if bounds.has_guard and has_guards():
+            far = frozenset(bounds.datagrams), frozenset(bounds.segments)
+            beside = Guard.start(Reach(frozenset(bounds.addresses), *far))
         _check(libc.prctl(_NO_NEW_PRIVILEGES, 1, 0, 0, 0))
         _landlock(libc, bounds)
-        _seccomp(libc, bounds)
+        listener = _seccomp(libc, bounds, is_guarded=beside is not None)
+        if beside is not None:
+            beside.watch(listener)
     except OSError as error:
         text = f"the line cannot be confined: {error}"
         raise StateError(text, code="host.unconfined") from error
@@ -182,36 +224,6 @@ def _allow(libc: ctypes.CDLL, ruleset: int, path: Path, rights: int) -> None:
 
 # --- sockets, programs, other processes ---
 
-_NUMBERS: dict[str, tuple[int, int, dict[str, int]]] = {
-    "x86_64": (
-        0xC000003E,
-        317,
-        {"socket": 41, "execve": 59, "execveat": 322, "ptrace": 101, "process_vm_readv": 310}
-        | {"process_vm_writev": 311, "mount": 165, "umount2": 166, "pivot_root": 155}
-        | {"chroot": 161, "unshare": 272, "setns": 308, "bpf": 321, "perf_event_open": 298}
-        | {"init_module": 175, "finit_module": 313, "kexec_load": 246, "keyctl": 250}
-        | {"add_key": 248, "request_key": 249, "userfaultfd": 323, "open_by_handle_at": 304}
-        | {"io_uring_setup": 425, "pidfd_getfd": 438},
-    ),
-    "aarch64": (
-        0xC00000B7,
-        277,
-        {"socket": 198, "execve": 221, "execveat": 281, "ptrace": 117, "process_vm_readv": 270}
-        | {"process_vm_writev": 271, "mount": 40, "umount2": 39, "pivot_root": 41}
-        | {"chroot": 51, "unshare": 97, "setns": 268, "bpf": 280, "perf_event_open": 241}
-        | {"init_module": 105, "finit_module": 273, "kexec_load": 104, "keyctl": 219}
-        | {"add_key": 217, "request_key": 218, "userfaultfd": 282, "open_by_handle_at": 265}
-        | {"io_uring_setup": 425, "pidfd_getfd": 438},
-    ),
-}
-"""By machine: its name for the kernel, the number of seccomp, and what is refused."""
-
-_STARTS: dict[str, tuple[int, int, tuple[int, ...]]] = {
-    "x86_64": (56, 435, (57, 58)),
-    "aarch64": (220, 435, ()),
-}
-"""By machine: clone, clone3, and what else starts a process (fork, vfork)."""
-
 _LOAD, _AND, _EQUAL, _AT_LEAST, _RETURN = 0x20, 0x54, 0x15, 0x35, 0x06
 _PASS, _KILL, _FAIL = 0x7FFF0000, 0x80000000, 0x00050000 | errno.EPERM
 _AT_NUMBER, _AT_MACHINE, _AT_FIRST, _AT_SECOND = 0, 4, 16, 24
@@ -219,6 +231,12 @@ _FOREIGN_NUMBERS = 0x40000000
 _SOCKET_KIND = 0xF
 _UNIX, _INTERNET, _INTERNET_6, _NETLINK, _STREAM, _DATAGRAM = 1, 2, 10, 16, 1, 2
 _SET_FILTER, _ALL_THREADS = 1, 1
+_LISTENER, _OR_FAIL, _UNDISTURBED = 1 << 3, 1 << 4, 1 << 5
+_ASK_GUARD = 0x7FC00000
+_FAST_OPEN = 0x20000000
+_AT_THIRD, _AT_FIFTH = 32, 48
+_PROTOCOLS = {_STREAM: 6, _DATAGRAM: 17}
+"""TCP and UDP: others of these kinds connect by ways of their own, or are not bounded at all."""
 _UNKNOWN_CALL = 0x00050000 | errno.ENOSYS
 _CLONE_THREAD = 0x10000
 
@@ -227,8 +245,9 @@ class _Program(ctypes.Structure):
     _fields_ = (("length", ctypes.c_ushort), ("filter", ctypes.c_char_p))
 
 
-def _seccomp(libc: ctypes.CDLL, bounds: Bounds) -> None:
-    machine, number, calls = _NUMBERS[platform.machine()]
+def _seccomp(libc: ctypes.CDLL, bounds: Bounds, *, is_guarded: bool) -> int:
+    """Install the filter; return the handle of the kernel's questions where a guard is asked."""
+    machine, number, calls = NUMBERS[platform.machine()]
     kinds = [_STREAM] * bool(bounds.ports) + [_DATAGRAM] * bounds.has_datagrams
     steps = [
         _step(_LOAD, _AT_MACHINE),
@@ -241,13 +260,68 @@ def _seccomp(libc: ctypes.CDLL, bounds: Bounds) -> None:
     for name, call in calls.items():
         if name != "socket":
             steps += [_step(_EQUAL, call, 0, 1), _step(_RETURN, _FAIL)]
+    refused, own = OTHERS[platform.machine()]
+    for call in refused.values():
+        steps += [_step(_EQUAL, call, 0, 1), _step(_RETURN, _FAIL)]
+    for call in own.values():
+        steps += _argument_steps(call, _AT_FIRST, 0)
+    if not bounds.has_local:
+        steps += _argument_steps(PAIR[platform.machine()], _AT_SECOND, _STREAM, _SOCKET_KIND)
     if not bounds.has_processes:
-        steps += _thread_steps(*_STARTS[platform.machine()])
+        steps += _thread_steps(*STARTS[platform.machine()])
+    if is_guarded:
+        verdict = _ASK_GUARD if bounds.segments else _FAIL
+        sent = verdict if bounds.has_datagrams else None
+        steps += _guard_steps(*WIRES[platform.machine()], sent)
     steps += [_step(_EQUAL, calls["socket"], 1, 0), _step(_RETURN, _PASS)]
     families = [_UNIX] * bounds.has_local + [_NETLINK] * bounds.has_interfaces
     steps += _socket_steps(families, kinds)
     program = _Program(len(steps), b"".join(steps))
-    _check(libc.syscall(number, _SET_FILTER, _ALL_THREADS, ctypes.byref(program)))
+    flags = _ALL_THREADS
+    if is_guarded:
+        flags |= _LISTENER | _OR_FAIL | _UNDISTURBED
+    return _check(libc.syscall(number, _SET_FILTER, flags, ctypes.byref(program)))
+
+
+def _guard_steps(
+    connect: int, sending: dict[str, tuple[int, int]], sent: int | None
+) -> list[bytes]:
+    """Have the guard connect; what is sent carries no address that it has not seen.
+
+    Args:
+        connect: Number of that system call.
+        sending: Number of what sends, and the place of its flags.
+        sent: What becomes of a datagram with an address: refused, or sent by the guard; None:
+            there are no datagrams.
+    """
+    steps = [_step(_EQUAL, connect, 0, 1), _step(_RETURN, _ASK_GUARD)]
+    for name, (call, flags) in sending.items():
+        if sent is not None and name != "sendto":
+            verdict = sent if name == "sendmsg" else _FAIL
+            steps += [_step(_EQUAL, call, 0, 1), _step(_RETURN, verdict)]
+            continue
+        checks = [_step(_LOAD, flags), _step(_AND, _FAST_OPEN), *_unless_zero(_FAIL)]
+        if sent is not None:
+            for half in (_AT_FIFTH, _AT_FIFTH + 4):
+                checks += [_step(_LOAD, half), *_unless_zero(sent)]
+        steps += [_step(_EQUAL, call, 0, len(checks) + 1), *checks, _step(_LOAD, _AT_NUMBER)]
+    return steps
+
+
+def _argument_steps(call: int, place: int, value: int, mask: int = 0xFFFFFFFF) -> list[bytes]:
+    """Refuse a call whose argument of 32 bits is not the one value."""
+    return [
+        _step(_EQUAL, call, 0, 5),
+        _step(_LOAD, place),
+        _step(_AND, mask),
+        _step(_EQUAL, value, 1, 0),
+        _step(_RETURN, _FAIL),
+        _step(_LOAD, _AT_NUMBER),
+    ]
+
+
+def _unless_zero(verdict: int) -> list[bytes]:
+    return [_step(_EQUAL, 0, 1, 0), _step(_RETURN, verdict)]
 
 
 def _thread_steps(clone: int, clone3: int, forks: Iterable[int]) -> list[bytes]:
@@ -282,7 +356,11 @@ def _socket_steps(families: list[int], kinds: list[int]) -> list[bytes]:
         _step(_AND, _SOCKET_KIND),
     ]
     for kind in kinds:
-        steps += [_step(_EQUAL, kind, 0, 1), _step(_RETURN, _PASS)]
+        steps += [
+            *(_step(_EQUAL, kind, 0, 5), _step(_LOAD, _AT_THIRD), _step(_EQUAL, 0, 1, 0)),
+            *(_step(_EQUAL, _PROTOCOLS[kind], 0, 1), _step(_RETURN, _PASS)),
+            _step(_RETURN, _FAIL),
+        ]
     return [*steps, _step(_RETURN, _FAIL)]
 
 

@@ -10,8 +10,9 @@ import logging
 import socket
 import struct
 import threading
-import time
 from collections.abc import Callable
+from importlib import import_module
+from typing import Any
 
 import msgspec
 
@@ -19,86 +20,27 @@ from drivers.transports.scan import is_listening, serial_ports
 from drivers.transports.urls import line_key
 from labweb.domain.enrollment.sighting import (
     LONGEST_BEACON_BYTES,
+    Beacon,
+    DdsBeacon,
     beacon_bytes,
     expand_addresses,
-    mark_of,
+    legible,
     parse_beacon,
+    parse_dds_beacon,
     sighting_of,
 )
-from labweb.domain.errors import DefinitionError
-from labweb.domain.messages import Sighting
-from workers.config import BeaconConfig, DiscoveryConfig, HostConfig
+from labweb.domain.errors import DefinitionError, LabError
+from labweb.domain.messages import DeviceConfig, Sighting
+from workers.config import BeaconConfig, DdsConfig, DiscoveryConfig, HostConfig
 from workers.journal import Journal
 from workers.keys import is_signature
+from workers.sieve import Sieve
 from workers.store import Store
 
 log = logging.getLogger(__name__)
 
-PACKETS_PER_S = 20.0
-"""More are dropped unread."""
 
-SENDER_PACKETS_PER_S = 2.0
-MOST_SENDERS = 256
-SAME_AGAIN_S = 15.0
-"""How long the same thing is not told again."""
-
-MOST_REMEMBERED = 1000
-
-
-class Allowance:
-    """So many a second, with a burst of twice that; what is beyond is dropped."""
-
-    def __init__(self, per_s: float, now_s: float) -> None:
-        self._per_s = per_s
-        self._left = 2 * per_s
-        self._at_s = now_s
-
-    def take(self, now_s: float) -> bool:
-        """Use one, if there is one left."""
-        self._left = min(2 * self._per_s, self._left + (now_s - self._at_s) * self._per_s)
-        self._at_s = now_s
-        if self._left < 1:
-            return False
-        self._left -= 1
-        return True
-
-
-class Sieve:
-    """Lets through as much as a person could look at."""
-
-    def __init__(self, mono_s: Callable[[], float] = time.monotonic) -> None:
-        self._mono_s = mono_s
-        self._all = Allowance(PACKETS_PER_S, mono_s())
-        self._senders: dict[str, Allowance] = {}
-        self._told_s: dict[tuple[str, str], float] = {}
-        self.dropped_count = 0
-
-    def admits(self, sender: str) -> bool:
-        """Say whether a datagram of this sender is read at all."""
-        now_s = self._mono_s()
-        if not self._all.take(now_s):
-            self.dropped_count += 1
-            return False
-        if sender not in self._senders and len(self._senders) >= MOST_SENDERS:
-            self._senders.clear()
-        own = self._senders.setdefault(sender, Allowance(SENDER_PACKETS_PER_S, now_s))
-        is_admitted = own.take(now_s)
-        self.dropped_count += not is_admitted
-        return is_admitted
-
-    def is_news(self, one: Sighting) -> bool:
-        """Say whether this was not told just now."""
-        now_s = self._mono_s()
-        key = (mark_of(one), one.address)
-        if now_s - self._told_s.get(key, -SAME_AGAIN_S) < SAME_AGAIN_S:
-            return False
-        if len(self._told_s) >= MOST_REMEMBERED:
-            self._told_s.clear()
-        self._told_s[key] = now_s
-        return True
-
-
-def read_packet(packet: bytes, sender: str) -> Sighting | None:
+def read_packet(packet: bytes) -> Beacon | None:
     """Return what an announcement says; None: it is none, or its signature does not hold."""
     try:
         beacon = parse_beacon(packet)
@@ -106,7 +48,18 @@ def read_packet(packet: bytes, sender: str) -> Sighting | None:
         return None
     if beacon.key and not is_signature(beacon.key, beacon_bytes(beacon), beacon.signature):
         return None
-    return sighting_of(beacon, sender)
+    return beacon
+
+
+def read_announcement(text: bytes) -> DdsBeacon | None:
+    """Return what an announcement over DDS says; None: it is none, or its signature fails."""
+    try:
+        beacon = parse_dds_beacon(text)
+    except DefinitionError:
+        return None
+    if not is_signature(beacon.key, beacon_bytes(beacon), beacon.signature):
+        return None
+    return beacon
 
 
 def scan(wanted: DiscoveryConfig, used: set[str]) -> list[Sighting]:
@@ -115,9 +68,9 @@ def scan(wanted: DiscoveryConfig, used: set[str]) -> list[Sighting]:
         Sighting(
             source="serial",
             address=f"serial://{port.path}",
-            name=port.name,
-            model=port.model,
-            serial=port.serial,
+            name=legible(port.name),
+            model=legible(port.model),
+            serial=legible(port.serial),
         )
         for port in serial_ports(wanted.serial)
         if f"serial:{port.path}" not in used
@@ -132,41 +85,101 @@ def scan(wanted: DiscoveryConfig, used: set[str]) -> list[Sighting]:
 class Discovery:
     """Listens and looks, and hands on what is new."""
 
-    def __init__(self, config: HostConfig, wanted: DiscoveryConfig) -> None:
+    def __init__(
+        self, config: HostConfig, wanted: DiscoveryConfig, store: Store | None = None
+    ) -> None:
         self._wanted = wanted
-        self._store = Store(config.valkey_url)
+        self._store = Store(config.valkey_url) if store is None else store
         self._config = config
         self._sieve = Sieve()
         self._lock = threading.Lock()
+        self._announcements: Any = None
 
     def run(self) -> None:
         """Go on until the process is told to end."""
+        self.serve()
+        self.listen()
+        while True:
+            self.look()
+            threading.Event().wait(self._wanted.every_s)
+
+    def listen(self) -> None:
+        """Hear announcements from now on."""
         if self._wanted.beacon is not None:
             listening = threading.Thread(
                 target=self._listen, args=(self._wanted.beacon,), daemon=True
             )
             listening.start()
-        while True:
-            self._look()
-            threading.Event().wait(self._wanted.every_s)
+        if self._wanted.dds is not None:
+            self._listen_over_dds(self._wanted.dds)
 
-    def _look(self) -> None:
+    def close(self) -> None:
+        """Hear nothing over DDS any more."""
+        if self._announcements is not None:
+            self._announcements.close()
+
+    def serve(self) -> list[DeviceConfig]:
+        """Return the devices that this host serves; what they announce is always heard."""
         journal = Journal(self._config.journal_path)
         try:
-            used = {_line(device.transport) for device in journal.devices()}
+            served = journal.devices()
         finally:
             journal.close()
-        for one in scan(self._wanted, used):
+        with self._lock:
+            self._sieve.serve({device.public_key for device in served})
+        return served
+
+    def look(self) -> None:
+        """Look once at ports and addresses, and say what was too much to listen to."""
+        for one in scan(self._wanted, {_line(device.transport) for device in self.serve()}):
             self._tell(one)
+        with self._lock:
+            complaint = self._sieve.complaint()
+        if complaint:
+            log.warning("%s", complaint)
 
     def _listen(self, wanted: BeaconConfig) -> None:
         with open_socket(wanted) as listening:
             while True:
                 packet, sender = listening.recvfrom(LONGEST_BEACON_BYTES + 1)
-                if self._sieve.admits(sender[0]):
-                    one = read_packet(packet, sender[0])
-                    if one is not None:
-                        self._tell(one)
+                self._hear(packet, sender[0])
+
+    def _hear(self, packet: bytes, sender: str) -> None:
+        beacon = self._read(packet, sender, read_packet)
+        if beacon is not None and not isinstance(beacon, DdsBeacon):
+            self._tell(sighting_of(beacon, sender))
+
+    def _read(
+        self, packet: bytes, sender: str, read: Callable[[bytes], Beacon | None]
+    ) -> Beacon | None:
+        """Return what is said; what a served device said before needs neither share nor check."""
+        with self._lock:
+            beacon = self._sieve.known(packet)
+            is_admitted = beacon is None and self._sieve.admits(sender)
+        if not is_admitted:
+            return beacon
+        beacon = read(packet)
+        if beacon is not None:
+            with self._lock:
+                self._sieve.learn(packet, beacon)
+        return beacon
+
+    def _listen_over_dds(self, wanted: DdsConfig) -> None:
+        """Hear announcements on threads of the library; what is wrong here ends nothing else."""
+        try:
+            # Hosts that hear none over DDS need not have its library.
+            link = import_module("drivers.transports.ros2.link")
+            announcing = import_module("drivers.transports.ros2.announcing")
+            settings = link.LinkSettings(wanted.domain, wanted.address, tuple(wanted.peers))
+            self._announcements = announcing.Announcements(settings, LONGEST_BEACON_BYTES)
+            self._announcements.listen(self._hear_over_dds)
+        except (ImportError, LabError) as error:
+            log.error("no announcements are heard over DDS: %s", error)
+
+    def _hear_over_dds(self, text: bytes, sender: str) -> None:
+        beacon = self._read(text, f"dds {sender}", read_announcement)
+        if isinstance(beacon, DdsBeacon):
+            self._tell(sighting_of(beacon, beacon.address))
 
     def _tell(self, one: Sighting) -> None:
         with self._lock:

@@ -13,6 +13,7 @@ from drivers.base import DataFile
 from drivers.base import Report as DriverReport
 from labweb.domain.calibration.model import Quantity
 from labweb.domain.crutd.decide import confirmed_nl
+from labweb.domain.enrollment.guards import watchdog_s
 from labweb.domain.errors import DeviceError, Effect, LabError
 from labweb.domain.files import MEDIA_TYPES, NamedFile, check_files, plain_media_type
 from labweb.domain.messages import Do
@@ -45,7 +46,7 @@ class Acted:
 
 def outer_limit_s(do: Do) -> float:
     """Return after how long the watchdog stops a device whose driver has not."""
-    return do.timeout_s * 1.5 + 5.0
+    return watchdog_s(do.timeout_s)
 
 
 class Actor:
@@ -161,7 +162,8 @@ class _Task:
         if is_plain_read(self._do, self._unit):
             statuses = [str(name) for name in self._do.operation.get("statuses", ())]
             return DriverReport(evidence={name: self._unit.read(name) for name in statuses})
-        return self._unit.act(self._do.action, dict(self._do.args))
+        do = self._do
+        return self._unit.act(do.action, dict(do.args), str(do.action_id))
 
 
 def is_plain_read(do: Do, unit: Unit) -> bool:

@@ -29,6 +29,9 @@ log = logging.getLogger(__name__)
 ANSWER_S = 30.0
 """How long the server may take to say what it makes of a file."""
 
+UNREADABLE_AGAIN_S = 60.0
+"""How long a file that the disk does not give is left alone; the server knows it as lost then."""
+
 LOOK_S = 1.0
 """How often it is looked for files that wait; one that came too early is offered again."""
 
@@ -42,6 +45,7 @@ class FileTeller:
         self._files = files
         self._is_caught_up = is_caught_up
         self._unknown_since_s: dict[str, float] = {}
+        self._unreadable_until_s: dict[str, float] = {}
         self._retention_s = retention_s
         self._taken: asyncio.Queue[FileTaken] = asyncio.Queue()
 
@@ -62,10 +66,12 @@ class FileTeller:
         """Offer each file that waits, until the server has it or does not want it."""
         while True:
             for kept in await asyncio.to_thread(self._files.waiting):
+                if time.monotonic() < self._unreadable_until_s.get(kept.path.name, 0.0):
+                    continue
                 try:
                     await self._hand(socket, kept, epoch())
                 except OSError as error:
-                    log.error("file %s cannot be read: %s", kept.path.name, error)
+                    log.error("file %s cannot be handed over: %s", kept.path.name, error)
             await asyncio.sleep(LOOK_S)
 
     async def _hand(self, socket: ClientConnection, kept: Kept, epoch: int) -> None:
@@ -110,7 +116,16 @@ class FileTeller:
     async def _send(self, socket: ClientConnection, kept: Kept, epoch: int) -> bool:
         """Send a file part by part; False: its bytes are not those any more, which is told."""
         is_whole = kept.size_bytes <= MOST_BYTES
-        data = await asyncio.to_thread(kept.path.read_bytes) if is_whole else b""
+        try:
+            data = await asyncio.to_thread(kept.path.read_bytes) if is_whole else b""
+        except OSError as error:
+            # It stays where it is: a disk that gives it later hands it over all the same.
+            log.error("file %s cannot be read: %s", kept.path.name, error)
+            self._unreadable_until_s[kept.path.name] = time.monotonic() + UNREADABLE_AGAIN_S
+            text = f"the host's disk does not give the file: {error.strerror or error}"
+            await send(socket, _gone(kept, epoch, text))
+            return False
+        self._unreadable_until_s.pop(kept.path.name, None)
         if hashlib.sha256(data).hexdigest() != kept.sha256:
             log.error("file %s is damaged on this host's disk", kept.path.name)
             text = "the file was damaged on the host's disk before the server had it"

@@ -13,13 +13,14 @@ import time
 from collections.abc import Sequence
 from importlib.util import find_spec
 from pathlib import Path
-from signal import SIGINT, SIGKILL, SIGTERM, signal
+from signal import SIGCHLD, SIGINT, SIGKILL, SIGTERM, signal
 
 from redis.exceptions import RedisError
 
 from labweb.domain.errors import DefinitionError, LabError, StateError
 from labweb.domain.runs.edge import ActionState
 from workers.app import make_host_app
+from workers.bell import PlainBell, ring
 from workers.bounds import marks_of
 from workers.config import HostConfig, line_queue, load_config
 from workers.confine import describe, is_possible
@@ -36,6 +37,8 @@ from workers.waking import waker
 log = logging.getLogger(__name__)
 
 TICK_S = 0.1
+"""How long what the bell would have told may wait, should it be lost."""
+
 LINES_EVERY_S = 0.2
 RING_EVERY_S = 1.0
 PRUNE_EVERY_S = 3600.0
@@ -61,6 +64,7 @@ class Supervisor:
         create_journal(config.journal_path, config.host_id)
         check_journal(config.journal_path)
         self._journal = Journal(config.journal_path)
+        self._do(self._journal.lengthen_log)
         record_boot(self._journal)
         if not is_possible() and not config.accepts_unconfined:
             text = f"{describe()}; to run drivers all the same, set unconfined to accept"
@@ -76,6 +80,7 @@ class Supervisor:
         self._lines: dict[str, Child] = {}
         self._trials = Trials(config, path, self._environment)
         self._valkey: Child | None = _valkey_child(config)
+        self._bell = PlainBell(config.supervisor_bell)
         self._stopping = threading.Event()
         self._signals_count = 0
 
@@ -83,6 +88,7 @@ class Supervisor:
         """Run until told to end, then end everything in good order."""
         for number in (SIGTERM, SIGINT):
             signal(number, self._on_signal)
+        signal(SIGCHLD, self._on_child)
         try:
             self._start_valkey()
             self._watch()
@@ -105,7 +111,8 @@ class Supervisor:
                 if time.monotonic() >= due_s:
                     due[task] = time.monotonic() + every_s[task]
                     self._do(task)
-            self._stopping.wait(TICK_S)
+            if self._bell.wait(TICK_S):
+                due |= {self._try: 0.0, self._keep_lines: 0.0}
 
     def _try(self) -> None:
         """Build staged versions of drivers once, and tell how it went."""
@@ -193,6 +200,11 @@ class Supervisor:
     def _on_signal(self, *_: object) -> None:
         self._signals_count += 1
         self._stopping.set()
+        ring(self._config.supervisor_bell)
+
+    def _on_child(self, *_: object) -> None:
+        """Look at once when a process ends: what it tried is told, and another takes its place."""
+        ring(self._config.supervisor_bell)
 
     def _end(self) -> None:
         """End lines and accept first, so that the uplink can still tell of what they did."""
@@ -205,6 +217,7 @@ class Supervisor:
         if self._valkey is not None:
             self._end_all([self._valkey], 2.0)
         self._journal.close()
+        self._bell.close()
         os.close(self._lock)
 
     def _end_all(self, children: list[Child], patience_s: float) -> None:

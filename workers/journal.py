@@ -33,7 +33,7 @@ from labweb.domain.runs.moment import Moment
 from labweb.domain.runs.standing import state_of
 from workers import faults
 from workers.bell import ring
-from workers.journal_file import begin_write, open_file, readable
+from workers.journal_file import begin_write, lengthen_log, open_file, readable
 from workers.journal_schema import FROM_UNFINISHED, SELECT_NEXT, SELECT_STATE, migrate, to_action
 from workers.seal import create_seal, raise_seal, read_seal
 from workers.transaction import Transaction
@@ -286,6 +286,15 @@ class Journal:
         seq, digest = self.head()
         seal = Seal(journal_id=self.journal_id, seq=seq, hash=digest)
         raise_seal(self._seal_path, seal, self._hash_at)
+
+    def lengthen_log(self) -> None:
+        """Have the disk keep room for what is written next, so that each write takes less time.
+
+        Raises:
+            JournalError: The disk refused; the journal is as it was.
+        """
+        with readable:
+            lengthen_log(self._connection, self.path)
 
     def prune(self, older_than_s: float) -> int:
         """Delete events that are acknowledged and older than that; return how many."""

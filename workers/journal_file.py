@@ -1,7 +1,8 @@
 """The journal's file: a commit reaches the disk, and one process writes at a time.
 
 Source:
-    SQLite documentation, "Write-Ahead Logging", "PRAGMA synchronous" and "PRAGMA busy_timeout".
+    SQLite documentation, "Write-Ahead Logging", "PRAGMA synchronous", "PRAGMA busy_timeout" and
+    "PRAGMA cache_spill"; fdatasync(2).
 """
 
 from __future__ import annotations
@@ -16,6 +17,9 @@ from labweb.domain.runs.journal import JournalError
 BUSY_TIMEOUT_S = 5.0
 BUSY_LOOK_S = 0.0002
 """How soon a write that waits for another one looks again; SQLite's own waits begin at 1 ms."""
+
+LOG_PAGES = 1000
+"""SQLite copies its log into the file when it holds so many pages, and begins it anew."""
 
 
 class _Readable:
@@ -52,6 +56,32 @@ def open_file(path: Path) -> sqlite3.Connection:
         connection.close()
         raise JournalError(f"the journal {path} cannot be opened: {exc}") from exc
     return connection
+
+
+def lengthen_log(connection: sqlite3.Connection, path: Path) -> None:
+    """Give the log the length at once that it comes to anyway, and leave nothing else behind.
+
+    A commit that makes its file longer has to bring the file's new length to the disk too, and
+    takes twice as long. Pages that do not fit into memory go to the log before their commit, and
+    those of a write that is taken back are written over.
+
+    Raises:
+        sqlite3.Error: The disk holds no more, say; the journal is as it was.
+    """
+    page_bytes: int = connection.execute("PRAGMA page_size").fetchone()[0]
+    log = path.with_name(f"{path.name}-wal")
+    if log.is_file() and log.stat().st_size >= LOG_PAGES * page_bytes:
+        return
+    pages_count: int = connection.execute("PRAGMA cache_size").fetchone()[0]
+    begin_write(connection)
+    try:
+        connection.execute("PRAGMA cache_size = 10")
+        connection.execute("CREATE TABLE filling (pages BLOB)")
+        connection.execute("INSERT INTO filling VALUES (zeroblob(?))", (LOG_PAGES * page_bytes,))
+    finally:
+        if connection.in_transaction:  # SQLite itself takes back what found no room
+            connection.execute("ROLLBACK")
+        connection.execute(f"PRAGMA cache_size = {pages_count}")
 
 
 def begin_write(connection: sqlite3.Connection) -> None:

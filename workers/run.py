@@ -13,12 +13,13 @@ import threading
 from collections.abc import Callable, Sequence
 from importlib import import_module
 from pathlib import Path
-from signal import SIGUSR2, signal
+from signal import SIGCHLD, SIGUSR2, signal
 
 from celery import Celery
 from celery.signals import worker_ready, worker_shutting_down
 
 from labweb.domain.messages import Signed
+from workers import guard
 from workers.accept import accept
 from workers.app import WORKER_OPTIONS, make_accept_app, make_host_app
 from workers.bell import hang
@@ -120,7 +121,16 @@ def run_line(config: HostConfig, name: str) -> None:
             os._exit(0)
 
     worker_shutting_down.connect(close, weak=False)
+
+    def leave_unguarded(*_: object) -> None:
+        if not guard.has_ended():
+            return
+        logging.getLogger(__name__).warning("the guard of line %s has ended: it starts anew", name)
+        leave()
+
     signal(SIGUSR2, leave)
+    signal(SIGCHLD, leave_unguarded)
+    leave_unguarded()
     line.start()
     try:
         _work(app, line_queue(name), f"{line_queue(name)}@{config.host_id}")

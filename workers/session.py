@@ -8,6 +8,7 @@ import msgspec
 
 from labweb.domain.messages import Devices, Hello, StopLab, Welcome
 from labweb.domain.runs import standing
+from labweb.domain.runs.moment import Moment
 from workers.journal import Journal
 from workers.keys import HostKey
 
@@ -35,10 +36,18 @@ def make_hello(journal: Journal, key: HostKey, nonce: str, instance_id: str = ""
     return msgspec.structs.replace(hello, signature=key.sign_hello(hello, nonce))
 
 
-def open_session(journal: Journal, welcome: Welcome) -> None:
-    """Remember the session before anything is sent in it."""
+def open_session(journal: Journal, welcome: Welcome, asked_at: Moment | None = None) -> None:
+    """Remember the session before anything is sent in it.
+
+    Args:
+        journal: The host's.
+        welcome: The server's answer.
+        asked_at: Before HELLO was sent; None: what the answer says of clocks counts for nothing.
+    """
     with journal.write() as tx:
         standing.write_welcome(tx, welcome)
+        if asked_at is not None:
+            standing.write_server_clock(tx, welcome.tick, asked_at)
 
 
 def take_devices(journal: Journal, told: Devices) -> None:

@@ -9,6 +9,7 @@ from uuid import UUID
 
 import msgspec
 
+from labweb.domain.canonical import without_null
 from labweb.domain.messages import EdgeEvent, ResourceView, canonical, event_hash
 from labweb.domain.runs.edge import ActionState, HostState
 from labweb.domain.runs.journal import ActionRow, HeldResource, JournalError
@@ -54,6 +55,9 @@ class Transaction:
         """Append an event to the hash chain."""
         seq, prev = self.head
         text = canonical(body)
+        if b"\\u0000" in text:  # what a device said, perhaps: the server could not keep it
+            body = without_null(body)
+            text = canonical(body)
         event = EdgeEvent(
             seq=seq + 1,
             prev_hash=prev,

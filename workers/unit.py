@@ -111,12 +111,15 @@ class Unit:
         with _border(self.config.key):
             return self.driver.picture(sha256)
 
-    def act(self, action: str, args: dict[str, Any]) -> Report:
+    def act(self, action: str, args: dict[str, Any], action_id: str = "") -> Report:
         """Carry out one action. The only place where a device is made to move.
+
+        Its id is told to the driver, which may give it on: a cluster names its job by it.
 
         Raises:
             LabError: It failed; the effect says what may have happened to matter.
         """
+        self.driver.action_id = action_id
         return call_action(self.driver, action, args)
 
     def has_action(self, action: str) -> bool:

@@ -9,7 +9,6 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import logging
-import random
 import shutil
 import signal
 import time
@@ -46,11 +45,12 @@ from labweb.domain.messages import (
     TryoutPart,
     WantDriver,
     Welcome,
+    version_refusal,
 )
 from workers import faults
 from workers.accept import accept
 from workers.app import make_host_app
-from workers.bell import Bell
+from workers.bell import Bell, ring
 from workers.config import HostConfig
 from workers.confine import describe
 from workers.devices import lines_of
@@ -67,6 +67,7 @@ from workers.identity import (
 )
 from workers.journal import Journal
 from workers.looking import Looker
+from workers.patience import Patience, RefusedError
 from workers.samples import SampleTeller
 from workers.session import (
     arm,
@@ -90,8 +91,6 @@ from workers.waking import waker
 
 log = logging.getLogger(__name__)
 
-FIRST_RETRY_S = 0.5
-LONGEST_RETRY_S = 8.0
 HANDSHAKE_S = 10.0
 HEARTBEAT_S = 1.0
 EVENTS_POLL_S = 0.03
@@ -102,12 +101,6 @@ KEEP_ACK_S = 0.2
 SILENCE_S = 20.0
 RENEW_LOOK_S = 1.0
 RENEW_AGAIN_S = 60.0
-
-
-class RefusedError(LabError):
-    """The server will not open a session."""
-
-    default_code = "host.refused"
 
 
 class Uplink:
@@ -142,26 +135,18 @@ class Uplink:
         self._fetching = Fetching(journal, DriverStore(config.drivers_folder))
 
     async def run(self) -> None:
-        """Stay connected; after each break, wait longer up to 8 s, with jitter."""
-        pause_s = FIRST_RETRY_S
+        """Stay connected; after each break, wait longer, with jitter."""
+        patience = Patience()
         self._lose_link()
         while True:
-            began_s = time.monotonic()
+            began_s, failure = time.monotonic(), None
             try:
                 await self._connect_once()
-            except RefusedError as error:
-                log.error("%s", error)
-                # The connection of a process that died may close a moment later.
-                pause_s = pause_s if error.code == "host.rival" else LONGEST_RETRY_S
-            except (OSError, TimeoutError, WebSocketException, msgspec.MsgspecError) as error:
-                log.warning("uplink to %s: %s", self._config.uplink_url, error)
-            except LabError as error:
-                log.error("uplink stops until the cause is gone: %s", error)
+            except (OSError, WebSocketException, msgspec.MsgspecError, LabError) as error:
+                failure = error
             self._lose_link()
-            if time.monotonic() - began_s > LONGEST_RETRY_S:
-                pause_s = FIRST_RETRY_S
-            await asyncio.sleep(pause_s * random.uniform(0.5, 1.0))  # noqa: S311 - spreads load
-            pause_s = min(pause_s * 2, LONGEST_RETRY_S)
+            lasted_s = time.monotonic() - began_s
+            await asyncio.sleep(patience.pause_s(failure, self._config.uplink_url, lasted_s))
 
     def _lose_link(self) -> None:
         try:
@@ -190,15 +175,18 @@ class Uplink:
         if not isinstance(challenge, Challenge):
             raise RefusedError(f"the server began with {type(challenge).__name__}")
         faults.point("uplink.before_hello")
+        asked_at = self._journal.moment()
         hello = make_hello(self._journal, self._identity.key, challenge.nonce, self._instance_id)
         await send(socket, hello)
+        if text := version_refusal(host=hello.v, server=challenge.v):
+            raise RefusedError(text, code="host.version")
         answer = await receive(socket)
         if isinstance(answer, Refuse):
             text = f"the server refuses this host: {answer.code}: {answer.message}"
             raise RefusedError(text, code=answer.code)
         if not isinstance(answer, Welcome):
             raise RefusedError(f"the server answered with {type(answer).__name__}")
-        open_session(self._journal, answer)
+        open_session(self._journal, answer, asked_at)
         record_ack(self._journal, answer.acked_seq)
         faults.point("uplink.after_welcome")
         self._epoch = answer.epoch
@@ -265,6 +253,7 @@ class Uplink:
                 await self._take_devices(socket, frame)
             case DriverPart():
                 self._fetching.take(frame)
+                ring(self._config.supervisor_bell)
             case LookPart():
                 self._looker.take(frame)
             case TryoutPart() | TryoutAsk():
@@ -290,6 +279,7 @@ class Uplink:
     async def _take_devices(self, socket: ClientConnection, told: Devices) -> None:
         if told.epoch == self._epoch:
             take_devices(self._journal, told)
+            ring(self._config.supervisor_bell)
             await self._fetch(socket)
 
     async def _fetch(self, socket: ClientConnection) -> None:
@@ -394,7 +384,6 @@ def run_uplink(config: HostConfig) -> None:
 
 
 async def _until_told(uplink: Uplink) -> None:
-    task = asyncio.current_task()
-    if task is not None:
+    if (task := asyncio.current_task()) is not None:
         asyncio.get_running_loop().add_signal_handler(signal.SIGTERM, task.cancel)
     await uplink.run()

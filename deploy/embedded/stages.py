@@ -40,7 +40,7 @@ def table(site: Site) -> list[Stage]:
         seed = (*seed, "--bind", str(site.bind))
     schema = _schema_fingerprint()
     return [
-        Stage("Database tables", (*manage, "migrate", "--noinput"), schema),
+        Stage("Database tables", (*manage, "migrate", "--noinput", "--skip-checks"), schema),
         Stage(
             "Lab and users",
             seed,

@@ -4,6 +4,7 @@ r"""Ask a server what a device offers, and write it down as a `DriverSpec`.
 python -m drivers.browse opc.tcp://192.168.1.20:4840 DeviceSet/Controller
 python -m drivers.browse sila://192.168.1.60:50052?ca=/etc/labweb/server.pem \
     org.silastandard/examples/TemperatureController/v1
+python -m drivers.browse http://192.168.1.20/openapi.json /api/v1/Process
 python -m drivers.browse openapi.json /api/v1/Process
 ```
 
@@ -24,7 +25,7 @@ import msgspec
 
 from drivers.browse.browsed import Browsed
 from drivers.browse.opcua import browse
-from drivers.browse.openapi import browse_document
+from drivers.browse.openapi import browse_document, fetch_document, parse_document
 from drivers.browse.sila import browse_feature
 from drivers.transports.opcua.transport import OpcUaTransport
 from drivers.transports.sila.transport import SilaTransport
@@ -33,18 +34,20 @@ from labweb.domain.errors import DefinitionError, LabError
 
 
 def browse_any(where: str, what: str) -> Browsed:
-    """Browse an OPC UA or a SiLA 2 server by its URL, or an OpenAPI document by its file.
+    """Browse an OPC UA or a SiLA 2 server by its URL, or an OpenAPI document by URL or file.
 
     Raises:
         LabError: It cannot be reached or read, or has no such part.
     """
     parts = tuple(part for part in what.split("/") if part)
+    if where.startswith(("http://", "https://")):
+        return browse_document(fetch_document(where), what)
     if where.endswith(".json"):
         return browse_document(_read(Path(where)), what)
     transport = make_transport(where)
     if not isinstance(transport, OpcUaTransport | SilaTransport):
         raise DefinitionError(
-            f"{where} is no opc.tcp:// or sila:// URL, and no OpenAPI document in a .json file",
+            f"{where} is no opc.tcp://, sila://, http:// or https:// URL, and no .json file",
             code="transport.url",
         )
     transport.open()
@@ -58,9 +61,10 @@ def browse_any(where: str, what: str) -> Browsed:
 
 def _read(path: Path) -> dict[str, Any]:
     try:
-        return msgspec.json.decode(path.read_bytes(), type=dict[str, Any])
-    except (OSError, msgspec.MsgspecError) as error:
-        raise DefinitionError(f"{path} is no JSON document: {error}", code="browse.file") from error
+        data = path.read_bytes()
+    except OSError as error:
+        raise DefinitionError(f"{path} cannot be read: {error}", code="browse.file") from error
+    return parse_document(data, str(path))
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -68,7 +72,9 @@ def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(
         prog="python -m drivers.browse", description="Write down what a device says it offers."
     )
-    parser.add_argument("where", help="opc.tcp://host:port/path, sila://host:port or openapi.json")
+    parser.add_argument(
+        "where", help="opc.tcp://host:port/path, sila://host:port, http://host/doc.json, doc.json"
+    )
     parser.add_argument(
         "what", help="DeviceSet/Controller, a feature of SiLA 2, or a path of the document"
     )

@@ -6,17 +6,79 @@ Source:
 
 from __future__ import annotations
 
+import ssl
 from collections.abc import Mapping
 from dataclasses import dataclass
+from http import HTTPStatus
 from typing import Any
+from urllib.parse import urlsplit
+
+import msgspec
 
 from drivers.browse.browsed import Binding, Browsed, Collected, snake
+from drivers.transports.http import HttpTransport
 from labweb.domain.enrollment.spec import ActionSpec, ParameterSpec, StatusSpec
-from labweb.domain.errors import NotFoundError
+from labweb.domain.errors import DefinitionError, NotFoundError
 
+FETCH_S = 10.0
+MOST_BYTES = 8 * 1024 * 1024
+PORTS = {"http": 80, "https": 443}
 MOST_LEVELS = 8
 GOOD = "200"
 Json = Mapping[str, Any]
+
+
+def fetch_document(url: str) -> dict[str, Any]:
+    """Read a document from the server that it describes.
+
+    Only the address that is named is asked: no redirect is followed and no proxy asked, and a
+    certificate has to be one that this machine trusts.
+
+    Raises:
+        DefinitionError: The address is none, or what it gives is no JSON object.
+        DeviceError: Nobody answers in 10 s, or with more than 8 MiB, or with no HTTP.
+    """
+    host, port, target = _address(url)
+    encryption = ssl.create_default_context() if url.startswith("https:") else None
+    transport = HttpTransport(url, host, port, encryption=encryption)
+    transport.open()
+    try:
+        reply = transport.get(target, timeout_s=FETCH_S, longest_bytes=MOST_BYTES)
+    finally:
+        transport.close()
+    if reply.status != HTTPStatus.OK:
+        leads = reply.headers.get("location", "")
+        text = f"{url} answers {reply.status}" + (f" and leads to {leads:.300}" if leads else "")
+        raise DefinitionError(
+            f"{text}; name the address that has the document", code="browse.address"
+        )
+    return parse_document(reply.body, url)
+
+
+def parse_document(data: bytes, place: str) -> dict[str, Any]:
+    """Read a document from bytes.
+
+    Raises:
+        DefinitionError: They are no JSON object.
+    """
+    try:
+        return msgspec.json.decode(data, type=dict[str, Any])
+    except (msgspec.MsgspecError, RecursionError) as error:
+        text = f"{place} is no JSON document: {error}"
+        raise DefinitionError(text, code="browse.file") from error
+
+
+def _address(url: str) -> tuple[str, int, str]:
+    """Return host, port, and what is asked for there."""
+    try:
+        parts = urlsplit(url)
+        port = parts.port or PORTS[parts.scheme]
+    except (ValueError, KeyError) as error:
+        raise DefinitionError(f"{url!r}: {error}", code="browse.address") from error
+    if not parts.hostname or "@" in parts.netloc or parts.fragment:
+        text = f"{url!r} is no address of a document: https://192.168.1.20/openapi.json"
+        raise DefinitionError(text, code="browse.address")
+    return parts.hostname, port, (parts.path or "/") + (f"?{parts.query}" if parts.query else "")
 
 
 def browse_document(document: Json, path: str) -> Browsed:

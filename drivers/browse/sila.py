@@ -51,6 +51,11 @@ def browse_feature(transport: SilaTransport, feature_id: str) -> Browsed:
     feature = transport.feature(feature_id)
     core = transport.feature(CORE)
     names = [str(transport.read(core, name)) for name in ("ServerType", "ServerName")]
+    return describe_feature(feature, doc=" ".join(names))
+
+
+def describe_feature(feature: Feature, *, doc: str) -> Browsed:
+    """Write down what a definition offers; what no spec can say is among the findings."""
     found = Collected()
     for one in feature.properties.values():
         _add_status(found, feature, one.value)
@@ -58,8 +63,8 @@ def browse_feature(transport: SilaTransport, feature_id: str) -> Browsed:
         _add_action(found, feature, command)
     return found.browsed(
         name=feature.name,
-        transport=transport.sort,
-        doc=" ".join(names),
+        transport=SilaTransport.sort,
+        doc=doc,
         protocol=f"SiLA 2, browsed {feature.id}",
     )
 

@@ -17,7 +17,13 @@ import msgspec
 from drivers.catalog.inspect import PACKAGE
 from drivers.catalog.scan import Catalog, scan, scan_text
 from drivers.catalog.source import MAX_SOURCE_BYTES
-from labweb.domain.enrollment.spec import ActionSpec, StatusSpec
+from labweb.domain.enrollment.spec import (
+    AccuracySpec,
+    ActionSpec,
+    DriverSpec,
+    ParameterSpec,
+    StatusSpec,
+)
 from labweb.domain.errors import Finding
 
 _HEAD = (
@@ -75,11 +81,33 @@ def _names(members: Iterable[ActionSpec | StatusSpec]) -> str:
     return ", ".join(f"`{member.name}`" for member in members) or "-"
 
 
+def _action_cell(action: ActionSpec) -> str:
+    return f"`{action.name}` {action.recovery}{' async' if action.is_async else ''}"
+
+
+def _accuracies(spec: DriverSpec) -> list[str]:
+    """Tell each number that can be calibrated, and what its maker states of it, if anything."""
+    taken = [one for action in spec.actions for one in action.parameters]
+    numbers = {one.name: one for one in (*taken, *(status.value for status in spec.statuses))}
+    return [
+        f"`{name}` {_accuracy_text(one, one.accuracy)}"
+        for name, one in numbers.items()
+        if one.accuracy is not None
+    ]
+
+
+def _accuracy_text(number: ParameterSpec, stated: AccuracySpec) -> str:
+    ratio = "" if stated.ratio is None else f"±{stated.ratio * 100:g} %"
+    absolute = "" if stated.absolute is None else f"±{stated.absolute:g} {number.symbol}"
+    return " and ".join(text for text in (ratio, absolute) if text) or "not stated"
+
+
 def _render_page(catalog: Catalog) -> str:
-    """Render one row per driver; an action has its way of recovery behind it."""
+    """Render one row per driver; behind an action its way of recovery, and whether it is async."""
     rows = [
-        "| driver | class | roles | transport | quality | actions | statuses | safe state |\n",
-        "|---|---|---|---|---|---|---|---|\n",
+        "| driver | class | roles | transport | quality | actions | statuses | accuracy "
+        "| safe state |\n",
+        "|---|---|---|---|---|---|---|---|---|\n",
     ]
     for spec in sorted(catalog.drivers, key=lambda spec: spec.module):
         folder, _, model = spec.module.removeprefix(f"{PACKAGE.name}.").partition(".")
@@ -89,8 +117,9 @@ def _render_page(catalog: Catalog) -> str:
             ", ".join(spec.roles),
             spec.transport,
             spec.quality,
-            ", ".join(f"`{action.name}` {action.recovery}" for action in spec.actions),
+            ", ".join(map(_action_cell, spec.actions)),
             ", ".join(f"`{status.name}`" for status in spec.statuses),
+            ", ".join(_accuracies(spec)),
             spec.safe_state.replace("|", "/").rstrip("."),
         )
         rows.append(f"| {' | '.join(cell or '–' for cell in cells)} |\n")

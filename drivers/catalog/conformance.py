@@ -1,4 +1,4 @@
-"""The rules DRV001 to DRV011 that driver source must keep, each finding with file and line."""
+"""The rules DRV001 to DRV012 that driver source must keep, each finding with file and line."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ from drivers.catalog.inspect import (
     Interface,
     arguments_of,
     device_classes,
-    mark_of,
     module_lines,
 )
+from drivers.catalog.marks import marks, timeouts
 from drivers.catalog.source import Source
 from labweb.domain.enrollment.spec import UNITS, unit_suffix
 from labweb.domain.errors import Finding
@@ -92,7 +92,17 @@ def _is_bound(node: ast.expr) -> bool:
 
 def check_driver(driver: DriverClass) -> list[Finding]:
     """List what one driver class breaks."""
-    rules = (_annotated, _units, _timeouts, _docstrings, _toggles, _interface, _base)
+    rules = (
+        _annotated,
+        _units,
+        timeouts,
+        marks,
+        _docstrings,
+        _toggles,
+        _interface,
+        _base,
+        _awaited,
+    )
     return [finding for rule in rules for finding in rule(driver)]
 
 
@@ -117,6 +127,21 @@ def _base(driver: DriverClass) -> Iterator[Finding]:
             f"{driver.node.name} is not a Driver",
             f"class {driver.node.name}(Driver[ByteTransport, Config], …)",
         )
+
+
+def _awaited(driver: DriverClass) -> Iterator[Finding]:
+    """A line calls its driver on plain threads: of an `async def` it would get a coroutine.
+
+    The action would not have run, and a halt would not have stopped anything.
+    """
+    for member in driver.node.body:
+        if isinstance(member, ast.AsyncFunctionDef):
+            yield driver.source.finding(
+                "drv012",
+                member.lineno,
+                f"{member.name} is async: nobody awaits it, so it would never run",
+                f"def {member.name}(…): wait with self.pause() and transport.exchange()",
+            )
 
 
 def _annotated(driver: DriverClass) -> Iterator[Finding]:
@@ -177,29 +202,6 @@ def _named_values(driver: DriverClass) -> Iterator[tuple[str, int, Annotation | 
     for field in driver.config_fields:
         annotation = parse_annotation(field.annotation, driver.names)
         yield last_name(field.target), field.lineno, annotation
-
-
-def _timeouts(driver: DriverClass) -> Iterator[Finding]:
-    for method in driver.actions.values():
-        if not _is_positive((mark_of(method, "action") or {}).get("timeout_s")):
-            yield driver.source.finding(
-                "drv004",
-                method.lineno,
-                f"action {method.name} has no timeout_s, written as a positive number",
-                "@action(timeout_s=60.0)",
-            )
-    for method in driver.statuses.values():
-        if not _is_positive((mark_of(method, "status") or {}).get("every_s")):
-            yield driver.source.finding(
-                "drv004",
-                method.lineno,
-                f"status {method.name} does not say how often to ask",
-                "@status(every_s=1.0)",
-            )
-
-
-def _is_positive(value: object) -> bool:
-    return (as_number(value) or 0.0) > 0.0
 
 
 def _module_docstring(source: Source) -> Iterator[Finding]:

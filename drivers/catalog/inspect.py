@@ -271,6 +271,7 @@ def _action(driver: DriverClass, method: Function) -> ActionSpec:
         recovery=_one_of(mark.get("recovery"), ("R0", "R1", "R2", "R3"), "R3"),
         hazards=tuple(map(str, hazards)) if isinstance(hazards, list | tuple) else (),
         operation=_one_of(mark.get("operation"), ("read", "update", "transfer"), "update"),
+        is_async=isinstance(method, ast.AsyncFunctionDef),
         role=_role_of(driver, method.name),
     )
 

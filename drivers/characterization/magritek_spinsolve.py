@@ -33,7 +33,7 @@ from drivers.characterization._spinsolve import (
 )
 from drivers.interfaces.spectrometer import Spectrometer
 from drivers.transports.base import ByteTransport
-from drivers.transports.http import HttpTransport
+from drivers.transports.share import Share
 from labweb.domain.errors import (
     DeviceError,
     DeviceTimeoutError,
@@ -162,6 +162,8 @@ class MagritekSpinsolve(Driver[ByteTransport, Config], Spectrometer):
         inner = f'protocol="{PROTOCOL}">{options}'
         with before_acting():
             self._refuse_unconnected()
+            if isinstance(share, Share):
+                share.reach()
             self._set("Sample", sample)
             self._set("Solvent", solvent)
             lasts_s = self._estimate(inner)
@@ -178,7 +180,7 @@ class MagritekSpinsolve(Driver[ByteTransport, Config], Spectrometer):
                 "scan_count": scan_count,
             },
             files=fetch_files(share, self.config.data_root, folders[-1], sample)
-            if isinstance(share, HttpTransport)
+            if isinstance(share, Share)
             else (),
         )
 

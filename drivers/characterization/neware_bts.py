@@ -7,6 +7,9 @@ Safe state: channel stopped; on a lost link the cycler goes on with its protocol
 Several channels share one connection. A start is refused unless the channel is at rest, and
 is never sent twice: after a lost answer a person looks which test runs.
 
+No accuracy is stated: Neware gives it of the full scale, for each model another one (±0.1 % for the
+BTS4000-50V100A), and the interface does not tell which model answers.
+
 Source:
     Neware, BTS application interface, as the public driver aurora-neware has it.
 """
@@ -21,6 +24,7 @@ import msgspec
 
 from drivers.base import Driver, Range, Report, action, before_acting, status
 from drivers.interfaces.battery_tester import BatteryTester
+from drivers.interfaces.showing import Showing
 from drivers.transports.base import ByteTransport
 from drivers.waiting import await_true, once_started
 from labweb.domain.errors import DeviceError, FrameError, PreconditionError, RejectedError
@@ -108,7 +112,7 @@ def decode_number(attributes: dict[str, str], name: str) -> float:
     return float(text)
 
 
-class NewareBts(Driver[ByteTransport, Config], BatteryTester):
+class NewareBts(Driver[ByteTransport, Config], BatteryTester, Showing):
     """One channel."""
 
     transport_type: ClassVar[type] = ByteTransport
@@ -229,6 +233,29 @@ class NewareBts(Driver[ByteTransport, Config], BatteryTester):
         with once_started(self.halt, self._evidence):
             self.halt()
             return Report(evidence=self._evidence())
+
+    @action(timeout_s=70.0, recovery="R1", operation="read")
+    def show_itself(self, text: str, shown_s: Annotated[float, Range(1.0, 60.0)]) -> Report:
+        """Light the lamp of the channel for a while; it has no display for a text.
+
+        Args:
+            text: Not shown.
+            shown_s: For how long.
+
+        Raises:
+            DeviceError: It failed, was refused or stopped; the lamp may burn on (NONE).
+
+        Effect:
+            None: a test on the channel goes on.
+        """
+        self.refuse_if_stopped()
+        with before_acting():
+            self._act("light", "true", "")
+            try:
+                self.pause(shown_s)
+            finally:
+                self._act("light", "false", "")
+        return Report(evidence={"lit_s": shown_s, "text_left_out": text})
 
     def _has_finished(self) -> bool:
         state = self.channel_state()

@@ -99,6 +99,7 @@ def _run(driver: Driver[Any, Any], until_s: float, is_running: Callable[[], bool
     while (left_s := until_s - time.monotonic()) > 0:
         driver.pause(min(POLL_S, left_s))
         if time.monotonic() < until_s and not is_running():
+            driver.pause(0)  # a stop stands the pump still before its own wait hears of it
             raise DeviceError("the pump stood before the volume was through")
 
 

@@ -10,11 +10,11 @@ Source:
 
 from __future__ import annotations
 
-from typing import ClassVar, Literal
+from typing import Annotated, ClassVar, Literal
 
 import msgspec
 
-from drivers.base import Driver, Report, action, status
+from drivers.base import Driver, Range, Report, action, status
 from drivers.connectors._knauer_valve import KnauerDrive
 from drivers.connectors._motion import turn_valve
 from drivers.interfaces.injection_valve import InjectionValve
@@ -25,7 +25,10 @@ LOAD, INJECT = "L", "I"
 
 
 class Config(msgspec.Struct, frozen=True, kw_only=True):
-    """One valve at its address; there is nothing to set."""
+    """One valve at its address."""
+
+    loop_ul: Annotated[float, Range(0.01, 1_000_000.0)] | None = None
+    """Volume of the sample loop that is fitted; None: nobody says, and nothing may fill it."""
 
 
 class KnauerInjectionValve(Driver[ByteTransport, Config], InjectionValve):

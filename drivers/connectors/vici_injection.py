@@ -12,11 +12,11 @@ Source:
 
 from __future__ import annotations
 
-from typing import ClassVar, Literal
+from typing import Annotated, ClassVar, Literal
 
 import msgspec
 
-from drivers.base import Driver, Report, action, status
+from drivers.base import Driver, Range, Report, action, status
 from drivers.connectors._motion import turn_valve
 from drivers.connectors._vici import Actuator
 from drivers.interfaces.injection_valve import InjectionValve
@@ -32,6 +32,9 @@ class Config(msgspec.Struct, frozen=True, kw_only=True):
 
     address: Literal["", "0", "1", "2", "3", "4", "5", "6", "7", "8", "9"] = ""
     """Id of the actuator; "" when it has none."""
+
+    loop_ul: Annotated[float, Range(0.01, 1_000_000.0)] | None = None
+    """Volume of the sample loop that is fitted; None: nobody says, and nothing may fill it."""
 
 
 class ViciInjection(Driver[ByteTransport, Config], InjectionValve):

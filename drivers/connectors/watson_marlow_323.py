@@ -7,6 +7,9 @@ Safe state: the pump stands; on a lost link it goes on, no watchdog is known.
 
 Setters have no answer, so each is proved by the answer to RS that follows it.
 
+No accuracy of a flow is stated: the pump is told a speed in whole rpm, and tube and head make
+a flow of it.
+
 Source:
     Watson-Marlow, 323Du user manual, section "RS232 commands".
 """
@@ -176,6 +179,7 @@ class WatsonMarlow323(Driver[ByteTransport, Config], ContinuousPump):
         self._send("GO")
         with after_acting():
             if not self._status().is_running:
+                self.pause(0)  # a stop stands the pump still before anybody else hears of it
                 raise DeviceError("the pump was told to run, and stands", effect=Effect.UNKNOWN)
 
     def _speed_rpm(self, rate_ul_s: float) -> float:

@@ -8,6 +8,8 @@ One move is sent at a time and watched to its end: the queue of the controller i
 Places are machine coordinates, and only a controller that locks itself until it was homed ($22) is
 driven, because nobody else can tell whether they are true. Lines have no checksum.
 
+No accuracy is stated: Grbl counts steps, and what a step is worth is the mechanics' doing.
+
 Source:
     Grbl v1.1 wiki: "Interface" (real-time commands, homing) and "Configuration" ($13, $22, $130 to
     $132); frames in `_grbl`.

@@ -9,6 +9,8 @@ The address names the port of statuses, and behind `also` that of navigation:
 while it is sure where it is. Frames have no checksum: a byte that TCP let through changed is
 noticed only where it breaks header or JSON.
 
+No accuracy is stated: the protocol serves vehicles of many makers, and none is in it.
+
 Source:
     SEER Robotics, Robokit network protocol: header 5A 01, number, length, type, six zeros; 1004
     robot_status_loc_req, 1020 robot_status_task_req, 3003 robot_task_cancel_req, 3051

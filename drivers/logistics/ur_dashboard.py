@@ -21,13 +21,14 @@ import msgspec
 
 from drivers.base import Driver, Range, Report, action, before_acting, status
 from drivers.interfaces.arm import Arm
+from drivers.interfaces.showing import Showing
 from drivers.transports.base import ByteTransport
 from drivers.waiting import await_true, once_started
 from labweb.domain.errors import DeviceError, FrameError, PreconditionError, RejectedError
 
 END = b"\n"
 GREETING = b"Connected: "
-RUNNING_MODE, NORMAL = "RUNNING", "NORMAL"
+RUNNING_MODE, NORMAL, STOPPED = "RUNNING", "NORMAL", "STOPPED"
 ANSWER_S = 2.0
 
 
@@ -81,7 +82,7 @@ def decode_answer(frame: bytes) -> str:
     return line.decode("ascii").strip()
 
 
-class UrDashboard(Driver[ByteTransport, Config], Arm):
+class UrDashboard(Driver[ByteTransport, Config], Arm, Showing):
     """One arm."""
 
     transport_type: ClassVar[type] = ByteTransport
@@ -165,6 +166,40 @@ class UrDashboard(Driver[ByteTransport, Config], Arm):
             self.halt()
             return Report(evidence={"is_running": self.is_running()})
 
+    @action(timeout_s=70.0, recovery="R1", operation="read")
+    def show_itself(self, text: str, shown_s: Annotated[float, Range(1.0, 60.0)]) -> Report:
+        """Show a text as a popup on the pendant for a while, then close it.
+
+        Args:
+            text: At most 40 printable ASCII signs.
+            shown_s: For how long.
+
+        Raises:
+            PreconditionError: The text is none that is shown (NONE).
+            RejectedError: A program is under way: a popup of its own would be closed with this
+                one, and it might go on (NONE).
+            DeviceError: It failed or was stopped; the popup may stand there still (NONE).
+
+        Effect:
+            None.
+        """
+        self.refuse_if_stopped()
+        if not re.fullmatch(r"[ -~]{1,40}", text) or not text.strip():
+            raise PreconditionError(f"{text[:40]!r} is no text of 1 to 40 plain signs")
+        with before_acting():
+            if self.is_running() or self._program_state() != STOPPED:
+                raise RejectedError("a program is under way: its own popups would be closed")
+            self._show(f"popup {text}", "showing popup")
+            try:
+                self.pause(shown_s)
+            finally:
+                self._show("close popup", "closing popup")
+        return Report(evidence={"text": text})
+
+    def _show(self, command: str, wanted: str) -> None:
+        if (answer := self._ask(command)) != wanted:
+            raise FrameError(f"{command.partition(' ')[0]} was answered with {answer!r}")
+
     def _refuse_unless_ready(self) -> None:
         if (mode := self.robot_mode()) != RUNNING_MODE:
             raise RejectedError(
@@ -188,10 +223,13 @@ class UrDashboard(Driver[ByteTransport, Config], Arm):
             )
         if self.is_running():
             return False
-        state = self._ask("programState").partition(" ")[0]
+        state = self._program_state()
         if state == "PAUSED":
             raise DeviceError("the program was paused", code="device.alarm")
-        return state == "STOPPED"
+        return state == STOPPED
+
+    def _program_state(self) -> str:
+        return self._ask("programState").partition(" ")[0]
 
     def _after(self, command: str, start: str) -> str:
         answer = self._ask(command)

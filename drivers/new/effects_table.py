@@ -26,6 +26,10 @@ EFFECTS: dict[str, dict[str, dict[str, Effect]]] = {
         "select_position": {"position": ("take", "position")},
         "collect": {"collects_to": ("take", "target")},
     },
+    "compute": {
+        "run_job": {"job_state": ("become", "COMPLETED"), "is_running": ("become", False)},
+        "cancel_job": {"is_running": ("become", False)},
+    },
     "continuous_pump": {
         "start_flow": {
             "rate_setpoint_ul_s": ("take", "rate_ul_s"),
@@ -83,6 +87,37 @@ EFFECTS: dict[str, dict[str, dict[str, Effect]]] = {
         "withdraw": {"withdrawn_ul": ("count", "volume_ul")},
     },
     "injection_valve": {"select_position": {"position": ("take", "position")}},
+    "liquid_handler": {
+        "initialize": {
+            "is_initialized": ("become", True),
+            "has_tip": ("become", False),
+            "tip_volume_ul": ("become", 0.0),
+        },
+        "pick_up_tip": {"has_tip": ("become", True), "tip_volume_ul": ("become", 0.0)},
+        "drop_tip": {"has_tip": ("become", False), "tip_volume_ul": ("become", 0.0)},
+        "aspirate": {"tip_volume_ul": ("add", "volume_ul")},
+        "dispense": {"tip_volume_ul": ("subtract", "volume_ul")},
+    },
+    "plate_reader": {
+        "open_drawer": {"is_drawer_open": ("become", True)},
+        "close_drawer": {"is_drawer_open": ("become", False)},
+    },
+    "potentiostat": {
+        "measure_open_circuit": {"progress_ratio": ("become", 1.0)},
+        "hold_potential": {
+            "potential_v": ("take", "potential_v"),
+            "progress_ratio": ("become", 1.0),
+        },
+        "sweep_linear": {
+            "potential_v": ("take", "last_v"),
+            "progress_ratio": ("become", 1.0),
+        },
+        "sweep_cyclic": {
+            "potential_v": ("take", "first_v"),
+            "progress_ratio": ("become", 1.0),
+        },
+        "stop_measuring": {"is_measuring": ("become", False)},
+    },
     "powder_dispenser": {
         "dose": {"is_door_open": ("become", False), "mass_mg": ("add", "target_mg")},
         "open_door": {"is_door_open": ("become", True)},
@@ -112,6 +147,11 @@ EFFECTS: dict[str, dict[str, dict[str, Effect]]] = {
             "speed_setpoint_rpm": ("take", "speed_rpm"),
         },
         "stop_rotating": {"speed_rpm": ("become", 0.0)},
+    },
+    "separator": {
+        "stir": {"speed_rpm": ("become", 0.0)},
+        "drain_lower_phase": {"is_drain_closed": ("become", True)},
+        "close_drain": {"is_drain_closed": ("become", True)},
     },
     "shaker": {
         "shake": {"speed_rpm": ("take", "speed_rpm")},

@@ -82,7 +82,7 @@ class Role:
     """Dotted name of its interface."""
 
     folders: tuple[str, ...]
-    """Folders of the package that hold drivers of it."""
+    """Folders of the package that hold drivers of it; chiefly of it, where there are any."""
 
     acts: tuple[Act, ...]
     tells: tuple[Tell, ...]
@@ -116,13 +116,14 @@ def read_role(name: str) -> Role:
             code="driver.new",
         )
     peers = [spec for spec in _drivers() if name in spec.roles]
+    chiefly = [spec for spec in peers if spec.roles[0] == name] or peers
     acts = [one for one in face.methods.values() if last_name(one.returns) == "Report"]
     tells = [one for one in face.methods.values() if one not in acts]
     return Role(
         name=name,
         class_name=face.name,
         module=_module_of(face.name),
-        folders=tuple(sorted({spec.module.split(".")[1] for spec in peers})),
+        folders=tuple(sorted({spec.module.split(".")[1] for spec in chiefly})),
         acts=tuple(_act(face, method, peers) for method in acts),
         tells=tuple(_tell(face, method) for method in tells),
     )

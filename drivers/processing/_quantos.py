@@ -132,6 +132,23 @@ def decode_mass(frame: bytes, name: str) -> float:
     return float(text)
 
 
+def decode_document(frame: bytes, name: str) -> bytes:
+    r"""Return the XML of an answer as it came, without the lines that frame it.
+
+    Raises:
+        FrameError: There is none.
+
+    Example:
+        >>> decode_document(b"QRD 2 4 12 B\r\n<Data>\r\n</Data>\r\nQRD 2 4 12 A\r\n", "QRD 2 4 12")
+        b'<Data>\r\n</Data>\r\n'
+    """
+    framed = re.escape(name.encode("ascii"))
+    found = re.search(rb"%b B\r\n(<.+>\r\n)%b A\r\n" % (framed, framed), frame, re.DOTALL)
+    if found is None:
+        raise FrameError(f"answer to {name} has no document", context={"frame": frame[:200].hex()})
+    return found[1]
+
+
 def refusal(what: str, told: Refused, *, has_begun: bool = False) -> RejectedError:
     """Say why the dispenser did not do it; UNKNOWN once it had begun."""
     reason = REASONS.get(told.number, "the argument is wrong")

@@ -20,11 +20,21 @@ from typing import Annotated, Any, ClassVar
 
 import msgspec
 
-from drivers.base import DeviceStoppedError, Driver, Range, Report, action, before_acting, status
+from drivers.base import (
+    DataFile,
+    DeviceStoppedError,
+    Driver,
+    Range,
+    Report,
+    action,
+    before_acting,
+    status,
+)
 from drivers.interfaces.powder_dispenser import PowderDispenser
 from drivers.processing._quantos import (
     NOT_ALLOWED,
     Refused,
+    decode_document,
     decode_element,
     decode_line,
     decode_mass,
@@ -49,6 +59,8 @@ LONGEST_BYTES = 65_536
 NO_HEAD, STOPPED = 1, 8
 DOOR = {"2": False, "3": True, "8": None, "9": None}
 _NAME = re.compile(r"[A-Za-z0-9._-]{1,20}")
+DOSING = "QRD 2 4 12"
+"""Asks for the data of the last dosing."""
 
 
 class Config(msgspec.Struct, frozen=True, kw_only=True):
@@ -150,7 +162,8 @@ class MettlerQuantos(Driver[ByteTransport, Config], PowderDispenser):
                 (PARTIAL), or nobody can tell (UNKNOWN).
 
         Effect:
-            The mass of evidence `dosed_mg` has gone from the head into the vial.
+            The mass of evidence `dosed_mg` has gone from the head into the vial. What the
+            dispenser wrote down of it is handed over as the file `SAMPLE.xml`, as it came.
         """
         self.refuse_if_stopped()
         refuse_beyond("target_mg", target_mg, 0.1, self.config.max_dose_mg)
@@ -168,7 +181,7 @@ class MettlerQuantos(Driver[ByteTransport, Config], PowderDispenser):
             self.pause(0)
         try:
             self._begin_and_wait()
-            return Report(evidence=self._confirm(before_mg, sample_id, target_mg))
+            return self._confirm(before_mg, sample_id, target_mg)
         except DeviceError as error:
             if error.effect is not Effect.NONE:
                 self._tell_what_fell(error, before_mg)
@@ -264,12 +277,13 @@ class MettlerQuantos(Driver[ByteTransport, Config], PowderDispenser):
             error.context["not_turned_off"] = second.message
             raise error from second
 
-    def _confirm(self, before_mg: float, sample_id: str, target_mg: float) -> dict[str, Any]:
+    def _confirm(self, before_mg: float, sample_id: str, target_mg: float) -> Report:
         """Hold what the dispenser says of the dosing against what the balance reads."""
-        frame = self._ask_lines("QRD 2 4 12")
+        frame = self._ask_lines(DOSING)
         if isinstance(frame, Refused):
             raise refusal("tell of the dosing", frame, has_begun=True)
         said_mg = decode_mass(frame, "Content")
+        document = decode_document(frame, DOSING)
         after_mg = self._await_stable()
         dosed_mg = round(after_mg - before_mg, 6)
         evidence: dict[str, Any] = {
@@ -289,7 +303,9 @@ class MettlerQuantos(Driver[ByteTransport, Config], PowderDispenser):
                 code="device.not_confirmed",
                 context=evidence,
             )
-        return evidence
+        name = f"{sample_id}.xml"
+        file = DataFile(name=name, format="none", data=document, media_type="application/xml")
+        return Report(evidence=evidence, files=(file,))
 
     def _tell_what_fell(self, error: DeviceError, before_mg: float) -> None:
         """Add the weighed mass; PARTIAL only after an end that the dispenser itself told."""

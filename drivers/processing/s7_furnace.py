@@ -8,6 +8,9 @@ Each start has an order number, which the controller gives back once it has take
 start was taken is read and not assumed. While the line is open the life counter goes up, so that
 the watchdog, which every start sets, sees that somebody is there.
 
+No accuracy is stated: the table is that of a controller's program; thermocouple and input module
+decide.
+
 Source:
     Table of the data block "remote", version 1, that the controller's program has: byte, type, name
     and access of each field, status bits and error numbers.

@@ -7,6 +7,8 @@ Safe state: output off; on a lost link it goes on.
 Both models know the same commands but for the register that tells whether the voltage or
 the current is kept. Setters are silent: the error queue is read after them.
 
+No accuracy is stated: supplies of several makers speak this, each with figures of its own.
+
 Source:
     Agilent, E3633A and E3634A user's guide, chapter "Remote interface reference"; ITECH,
     IT6300 programming guide.

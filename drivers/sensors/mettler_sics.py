@@ -7,6 +7,9 @@ Safe state: idle; a balance moves nothing.
 A steady weight is awaited by asking again and again instead of by the waiting command `S`,
 so that a stop is heard and the line stays free for others.
 
+No accuracy is stated: MT-SICS is spoken by balances of every class, and the balance's own data
+sheet has its figures.
+
 Source:
     Mettler-Toledo, MT-SICS reference manual, levels 0 and 1.
 """
@@ -28,11 +31,13 @@ from drivers.base import (
     status,
 )
 from drivers.interfaces.balance import Balance
+from drivers.interfaces.showing import Showing
 from drivers.transports.base import ByteTransport
 from labweb.domain.errors import (
     DeviceError,
     DeviceTimeoutError,
     FrameError,
+    PreconditionError,
     RejectedError,
 )
 
@@ -133,7 +138,7 @@ def refuse(text: str, command: str) -> None:
         raise DeviceError(f"balance reports {rest.strip()}", context={"answer": rest.strip()})
 
 
-class MettlerSics(Driver[ByteTransport, Config], Balance):
+class MettlerSics(Driver[ByteTransport, Config], Balance, Showing):
     """One balance."""
 
     transport_type: ClassVar[type] = ByteTransport
@@ -190,6 +195,39 @@ class MettlerSics(Driver[ByteTransport, Config], Balance):
         with before_acting():
             return Report(evidence={"mass_mg": self._await_stable().mass_mg})
 
+    @action(timeout_s=70.0, recovery="R1", operation="read")
+    def show_itself(self, text: str, shown_s: Annotated[float, Range(1.0, 60.0)]) -> Report:
+        """Show a text on the display for a while, then the weight again.
+
+        Args:
+            text: At most 20 printable ASCII signs without quotation marks; a small display cuts it.
+            shown_s: For how long.
+
+        Raises:
+            PreconditionError: No display shows this text (NONE).
+            RejectedError: It is busy, or has no display (NONE).
+            DeviceError: It failed or was stopped; the text may stand there still (NONE).
+
+        Effect:
+            None.
+        """
+        self.refuse_if_stopped()
+        if not re.fullmatch(r"[ !#-~]{1,20}", text):
+            raise PreconditionError(f'{text[:40]!r} is no text of 1 to 20 plain signs without "')
+        with before_acting():
+            self._show(f'D "{text}"', "D")
+            try:
+                self.pause(shown_s)
+            finally:
+                self._show("DW", "DW")
+        return Report(evidence={"text": text})
+
+    def _show(self, command: str, name: str) -> None:
+        answer = _text(self._exchange(command))
+        refuse(answer, name)
+        if answer != f"{name} A":
+            raise FrameError(f"answer to {name} is {answer!r}")
+
     def _await_stable(self) -> Weight:
         deadline_s = time.monotonic() + self.config.stable_limit_s
         while not (weight := self._weight()).is_stable:
@@ -203,8 +241,8 @@ class MettlerSics(Driver[ByteTransport, Config], Balance):
 
     def _weight(self) -> Weight:
         # By the manual SI is answered as S is; some models repeat SI itself.
-        answer = self._exchange("SI").removeprefix(b"SI ")
-        return decode_weight(answer if answer.startswith((b"S ", b"E")) else b"S " + answer, "S")
+        answer = self._exchange("SI")
+        return decode_weight(b"S" + answer[2:] if answer.startswith(b"SI ") else answer, "S")
 
     def _exchange(self, command: str) -> bytes:
         return self.transport.exchange(encode_line(command), until=END, timeout_s=ANSWER_S)

@@ -5,16 +5,19 @@ Quality: bronze, simulated instrument; the register map is not checked on hardwa
 Safe state: idle; a sensor moves nothing.
 
 Source:
-    Seeed Technology, S-EC/TDS-01 RS485 sensor user manual, Modbus communication protocol.
+    Seeed Technology, S-EC/TDS-01 RS485 sensor user manual, Modbus communication protocol. Seeed
+    Technology, Liquid EC & TDS Sensor user manual 1.1, specifications: conductivity ±3 % up to
+    10 000 µS/cm and ±5 % up to 20 000 µS/cm, of which the larger holds wherever it reads. Of the
+    dissolved solids, which are inferred, nothing is stated.
 """
 
 from __future__ import annotations
 
-from typing import ClassVar, Literal, NamedTuple
+from typing import Annotated, ClassVar, Literal, NamedTuple
 
 import msgspec
 
-from drivers.base import Driver, Report, action, before_acting, status
+from drivers.base import Accuracy, Driver, Report, action, before_acting, status
 from drivers.interfaces.conductivity_sensor import ConductivitySensor
 from drivers.interfaces.tds_sensor import TdsSensor
 from drivers.transports.modbus import RegisterTransport
@@ -81,7 +84,7 @@ class SeeedTds(Driver[RegisterTransport, Config], ConductivitySensor, TdsSensor)
         """Nothing to send: a sensor moves nothing."""
 
     @status(every_s=2.0)
-    def conductivity_us_cm(self) -> float:
+    def conductivity_us_cm(self) -> Annotated[float, Accuracy(ratio=0.05)]:
         """Tell the conductivity."""
         return self._read().conductivity_us_cm
 

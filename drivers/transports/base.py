@@ -160,7 +160,8 @@ class ByteTransport(Transport):
         """What is set up counts for one connection alone: it is never exchanged for another."""
 
         self.share: Transport | None = None
-        """Where the files of the same device are read; it opens and closes with this one."""
+        """Where the files of the same device are read. It opens at the first file that is asked
+        for, so that a device can be halted while the computer with its files is off."""
 
         self._may_owe_bytes = False
         self._has_failed = False

@@ -33,6 +33,13 @@ class Beat:
     def _run(self) -> None:
         while True:
             with suppress(OSError):
-                self._socket.sendto(self._payload, self._address)
+                self._send()
             if self._is_over.wait(self._every_s):
                 return
+
+    def _send(self) -> None:
+        """Send once. The socket is connected, for only so is it known where a line sends."""
+        self._socket.connect(self._address)
+        # What became of the datagram before is no reason to leave this one out.
+        self._socket.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR)
+        self._socket.send(self._payload)

@@ -10,11 +10,14 @@ import base64
 import hashlib
 import re
 import socket
+import ssl
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from email.utils import parsedate_to_datetime
-from http.client import HTTPConnection, HTTPException, HTTPResponse
+from http.client import HTTPConnection, HTTPException, HTTPResponse, HTTPSConnection
+from pathlib import Path
+from types import MappingProxyType
 from typing import ClassVar
 
 from drivers.transports.base import OPEN_TIMEOUT_S, Transport
@@ -23,8 +26,26 @@ from labweb.domain.errors import DeviceTimeoutError, Effect, FrameError, Unreach
 
 BLOCK_BYTES = 65_536
 
+TOKEN = re.compile(r"[A-Za-z0-9_-]{1,4000}\.[A-Za-z0-9_-]{1,4000}\.[A-Za-z0-9_-]{0,4000}")
+"""A signed JSON web token, RFC 7519: what a token file may hold, and nothing else."""
+
 Enough = Callable[[str, bytearray], bool]
 """From the content type and what has come of the body: whether the rest is not wanted."""
+
+Headers = Mapping[str, str]
+"""Sent beside those of HTTP itself. No observer sees them: they may hold a secret."""
+
+NO_HEADERS: Headers = MappingProxyType({})
+
+
+@dataclass(frozen=True, slots=True)
+class Asked:
+    """A request; what is sent is JSON."""
+
+    method: str
+    path: str
+    headers: Headers
+    body: bytes | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,15 +113,41 @@ class HttpTransport(Transport):
 
     sort: ClassVar[str] = "http"
 
-    def __init__(self, url: str, host: str, port: int) -> None:
+    def __init__(
+        self,
+        url: str,
+        host: str,
+        port: int,
+        *,
+        token_file: str | None = None,
+        encryption: ssl.SSLContext | None = None,
+    ) -> None:
         super().__init__(url, tcp_line(host, port))
         self._address = (host, port)
+        self._token_file = token_file
+        self._encryption = encryption
         self._is_open = False
 
     @property
     def is_open(self) -> bool:
         """Tell whether somebody uses the address."""
         return self._is_open
+
+    def token(self) -> str:
+        """Read the token that the address names, anew each time: a token is replaced in its file.
+
+        Raises:
+            UnreachableError: The address names none, or it cannot be read (NONE).
+        """
+        try:
+            if self._token_file is None:
+                raise OSError("the address names none: …?token=/etc/labweb/cluster.token")
+            found = Path(self._token_file).read_text("ascii").strip()
+            if not TOKEN.fullmatch(found):
+                raise OSError(f"{self._token_file} holds no JSON web token")
+        except (OSError, UnicodeDecodeError) as error:
+            raise UnreachableError(f"no token: {error}", effect=Effect.NONE) from error
+        return found
 
     def _open(self) -> None:
         """Make sure that somebody listens there."""
@@ -122,6 +169,7 @@ class HttpTransport(Transport):
         timeout_s: float,
         longest_bytes: int,
         enough: Enough = lambda _type, _body: False,
+        headers: Headers = NO_HEADERS,
     ) -> HttpReply:
         """Ask for a path and return the reply.
 
@@ -130,59 +178,90 @@ class HttpTransport(Transport):
             timeout_s: Longest time for all of it, however it trickles in.
             longest_bytes: A longer body is refused, told or not.
             enough: Ends the reading of a body that has no end, such as a stream.
+            headers: Sent beside those of HTTP itself.
 
         Raises:
             UnreachableError: No connection (NONE), or it broke (UNKNOWN).
             DeviceTimeoutError: No whole reply in time; UNKNOWN.
             FrameError: No HTTP, a body that is too long, or one that ends early; UNKNOWN.
         """
-        return self._request("GET", path, None, timeout_s, longest_bytes, enough)
+        return self.request(Asked("GET", path, headers), timeout_s, longest_bytes, enough)
 
-    def put(self, path: str, body: bytes, *, timeout_s: float, longest_bytes: int) -> HttpReply:
+    def put(
+        self,
+        path: str,
+        body: bytes,
+        *,
+        timeout_s: float,
+        longest_bytes: int,
+        headers: Headers = NO_HEADERS,
+    ) -> HttpReply:
         """Send JSON to a path, once, and return the reply.
 
         Raises:
             DeviceError: As `get`; whatever the status of the reply, it is returned.
         """
-        return self._request(
-            "PUT", path, body, timeout_s, longest_bytes, lambda _type, _body: False
-        )
+        return self.request(Asked("PUT", path, headers, body), timeout_s, longest_bytes)
 
-    def post(self, path: str, body: bytes, *, timeout_s: float, longest_bytes: int) -> HttpReply:
+    def post(
+        self,
+        path: str,
+        body: bytes,
+        *,
+        timeout_s: float,
+        longest_bytes: int,
+        headers: Headers = NO_HEADERS,
+    ) -> HttpReply:
         """Send JSON to a path, once, and return the reply; what it begins is never begun again.
 
         Raises:
             DeviceError: As `get`; whatever the status of the reply, it is returned.
         """
-        return self._request(
-            "POST", path, body, timeout_s, longest_bytes, lambda _type, _body: False
-        )
+        return self.request(Asked("POST", path, headers, body), timeout_s, longest_bytes)
 
-    def _request(
+    def delete(
+        self, path: str, *, timeout_s: float, longest_bytes: int, headers: Headers = NO_HEADERS
+    ) -> HttpReply:
+        """Ask for the end of what a path names, once, and return the reply.
+
+        Raises:
+            DeviceError: As `get`; whatever the status of the reply, it is returned.
+        """
+        return self.request(Asked("DELETE", path, headers), timeout_s, longest_bytes)
+
+    def request(
         self,
-        method: str,
-        path: str,
-        body: bytes | None,
+        asked: Asked,
         timeout_s: float,
         longest_bytes: int,
-        enough: Enough,
+        enough: Enough = lambda _type, _body: False,
     ) -> HttpReply:
+        """Make one request: `get`, `put`, `post` and `delete` in one.
+
+        Raises:
+            DeviceError: As `get`.
+        """
         with self.lock:
             self._require_open()
-            connection = HTTPConnection(*self._address, timeout=timeout_s)
+            connection = self._connection(timeout_s)
             self._connect(connection)
             overdue = threading.Event()
             timer = threading.Timer(timeout_s, _hang_up, (connection.sock, overdue))
             timer.daemon = True
             timer.start()
             try:
-                self._send(connection, method, path, body)
+                self._send(connection, asked)
                 return self._answer(connection, longest_bytes, enough)
             except (HTTPException, OSError, ValueError, FrameError) as error:
                 raise self._failure(error, is_overdue=overdue.is_set()) from error
             finally:
                 timer.cancel()
                 connection.close()
+
+    def _connection(self, timeout_s: float) -> HTTPConnection:
+        if self._encryption is None:
+            return HTTPConnection(*self._address, timeout=timeout_s)
+        return HTTPSConnection(*self._address, timeout=timeout_s, context=self._encryption)
 
     def _connect(self, connection: HTTPConnection) -> None:
         try:
@@ -194,18 +273,19 @@ class HttpTransport(Transport):
                 context={"line": self.line},
             ) from error
 
-    def _send(self, connection: HTTPConnection, method: str, path: str, body: bytes | None) -> None:
-        self._observe("out", f"{method} {path}".encode() + (b"" if body is None else b" " + body))
-        headers = {"Connection": "close"}
-        if body is not None:
+    def _send(self, connection: HTTPConnection, asked: Asked) -> None:
+        body = b"" if asked.body is None else b" " + asked.body
+        self._observe("out", f"{asked.method} {asked.path}".encode() + body)
+        headers = {**asked.headers, "Connection": "close"}
+        if asked.body is not None:
             headers["Content-Type"] = "application/json"
-        connection.request(method, path, body, headers)
+        connection.request(asked.method, asked.path, asked.body, headers)
 
     def _answer(self, connection: HTTPConnection, longest_bytes: int, enough: Enough) -> HttpReply:
-        response = connection.getresponse()
-        headers = {name.lower(): value for name, value in response.getheaders()}
-        body = self._body(response, headers.get("content-type", ""), longest_bytes, enough)
-        return HttpReply(response.status, headers, body)
+        with connection.getresponse() as response:
+            headers = {name.lower(): value for name, value in response.getheaders()}
+            body = self._body(response, headers.get("content-type", ""), longest_bytes, enough)
+            return HttpReply(response.status, headers, body)
 
     def _body(
         self, response: HTTPResponse, content_type: str, longest_bytes: int, enough: Enough

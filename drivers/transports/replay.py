@@ -8,19 +8,25 @@ A transcript is a text file. Bytes are written as in a Python bytes literal, wit
     >* /1Q\r            this request may come here any number of times, or not at all
     >? /1TR\r           this request may come at any moment, any number of times
 
-A request without an answer line is met with silence.
+A request without an answer line is met with silence. What carries no bytes of its own, such as
+registers, is written as words (`drivers.transports.tapes`); there an error stands for an answer::
+
+    >  read holding 0 2
+    !  RejectedError none: illegal register address
 """
 
 from __future__ import annotations
 
 import ast
+import re
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from drivers.transports.base import ByteTransport, Direction, Ending, whole_length
 
 _ONCE, _REPEATED, _ANYTIME = ">", ">*", ">?"
+_UUID = re.compile(rb"[0-9a-f]{8}(?:-[0-9a-f]{4}){3}-[0-9a-f]{12}")
 
 
 class TranscriptMismatchError(AssertionError):
@@ -36,15 +42,74 @@ class Exchange:
     reply: bytes
     """b"": silence."""
 
+    failure: str = ""
+    """The error that came instead: its class, its effect, a colon and what it said."""
+
+
+class Script:
+    """The instrument's part of a transcript; it insists on the driver's."""
+
+    def __init__(self, exchanges: Sequence[Exchange]) -> None:
+        self.steps = [one for one in exchanges if one.mark != _ANYTIME]
+        """What comes in its turn."""
+
+        self.anytime = {one.request: one for one in exchanges if one.mark == _ANYTIME}
+        """By request: what may come at any moment."""
+
+        self._next = 0
+        self._names: dict[bytes, bytes] = {}
+        """By the random name that was recorded: the one that the driver has made now."""
+
+    @property
+    def remaining(self) -> list[bytes]:
+        """Requests that were expected and have not come."""
+        return [one.request for one in self.steps[self._next :] if one.mark == _ONCE]
+
+    def answer(self, request: bytes) -> Exchange:
+        """Return the exchange that holds the answer to a request.
+
+        Random names (UUIDs) that a driver makes stand for those that it had made when it was
+        recorded, in requests and in answers.
+
+        Raises:
+            TranscriptMismatchError: It is not expected here.
+        """
+        for one in self.anytime.values():
+            if self._is_same(one.request, request):
+                return self._named(one)
+        for position in range(self._next, len(self.steps)):
+            one = self.steps[position]
+            if self._is_same(one.request, request):
+                self._next = position if one.mark == _REPEATED else position + 1
+                return self._named(one)
+            if one.mark == _ONCE:
+                raise TranscriptMismatchError(
+                    f"sent {request!r}, the transcript expects {one.request!r}"
+                )
+        raise TranscriptMismatchError(f"sent {request!r} after the transcript's end")
+
+    def _is_same(self, recorded: bytes, request: bytes) -> bool:
+        if recorded == request:
+            return True
+        if _UUID.sub(b"", recorded) != _UUID.sub(b"", request):
+            return False
+        pairs = list(zip(_UUID.findall(recorded), _UUID.findall(request), strict=True))
+        if any(self._names.get(old, new) != new for old, new in pairs):
+            return False
+        self._names.update(pairs)
+        return True
+
+    def _named(self, one: Exchange) -> Exchange:
+        reply = _UUID.sub(lambda found: self._names.get(found[0], found[0]), one.reply)
+        return replace(one, reply=reply)
+
 
 class ReplayTransport(ByteTransport):
     """Plays the instrument's part of a transcript, and insists on the driver's."""
 
     def __init__(self, exchanges: Sequence[Exchange], *, line: str = "replay:transcript") -> None:
         super().__init__(line, line)
-        self._script = [one for one in exchanges if one.mark != _ANYTIME]
-        self._anytime = {one.request: one.reply for one in exchanges if one.mark == _ANYTIME}
-        self._next = 0
+        self.script = Script(exchanges)
         self._pending = b""
         self._is_open = False
         self.sent: list[bytes] = []
@@ -67,7 +132,7 @@ class ReplayTransport(ByteTransport):
     @property
     def remaining(self) -> list[bytes]:
         """Requests that were expected and have not come."""
-        return [one.request for one in self._script[self._next :] if one.mark == _ONCE]
+        return self.script.remaining
 
     def _open(self) -> None:
         self._is_open = True
@@ -77,7 +142,7 @@ class ReplayTransport(ByteTransport):
 
     def _put(self, data: bytes) -> None:
         self.sent.append(data)
-        self._pending = self._answer(data)
+        self._pending = self.script.answer(data).reply
 
     def _take(self, timeout_s: float) -> bytes:  # noqa: ARG002 - nothing here takes time
         reply, self._pending = self._pending, b""
@@ -93,20 +158,6 @@ class ReplayTransport(ByteTransport):
         length = whole_length(self._pending, until)
         is_whole = length is not None and length <= len(self._pending)
         return super()._read(until, deadline_s if is_whole else 0.0, longest_bytes, unless)
-
-    def _answer(self, request: bytes) -> bytes:
-        if request in self._anytime:
-            return self._anytime[request]
-        for position in range(self._next, len(self._script)):
-            exchange = self._script[position]
-            if exchange.request == request:
-                self._next = position if exchange.mark == _REPEATED else position + 1
-                return exchange.reply
-            if exchange.mark == _ONCE:
-                raise TranscriptMismatchError(
-                    f"sent {request!r}, the transcript expects {exchange.request!r}"
-                )
-        raise TranscriptMismatchError(f"sent {request!r} after the transcript's end")
 
 
 def parse_transcript(text: str) -> list[Exchange]:
@@ -124,7 +175,9 @@ def parse_transcript(text: str) -> list[Exchange]:
             exchanges.append(Exchange(mark, _bytes(rest, number), b""))
         elif mark == "<" and exchanges:
             last = exchanges[-1]
-            exchanges[-1] = Exchange(last.mark, last.request, last.reply + _bytes(rest, number))
+            exchanges[-1] = replace(last, reply=last.reply + _bytes(rest, number))
+        elif mark == "!" and exchanges:
+            exchanges[-1] = replace(exchanges[-1], failure=rest.strip())
         else:
             raise ValueError(f"transcript line {number} is neither request, answer nor comment")
     return exchanges
@@ -138,10 +191,11 @@ def render_transcript(exchanges: Iterable[Exchange], head: Iterable[str] = ()) -
         > SI\r\n
         < S S 1.0 g\r\n
     """
-    lines = [f"# {' '.join(text.split())}" for text in head]
+    lines = [f"# {' '.join(text.splitlines())}" for text in head]
     for one in exchanges:
         lines.append(f"{one.mark} {_text(one.request)}")
         lines += [f"< {_text(one.reply)}"] if one.reply else []
+        lines += [f"! {' '.join(one.failure.split())}"] if one.failure else []
     return "".join(f"{line}\n" for line in lines)
 
 

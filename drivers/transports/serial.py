@@ -22,8 +22,8 @@ class SerialSettings:
     data_bits: int = 8
     parity: str = "N"
     stop_bits: int = 1
-    has_flow_control: bool = False
-    """Hardware handshake, RTS/CTS."""
+    flow: str = "none"
+    """Handshake: `none`, `rtscts` by lines of the cable, `xonxoff` by signs among the bytes."""
 
 
 class SerialTransport(ByteTransport):
@@ -49,7 +49,8 @@ class SerialTransport(ByteTransport):
                 bytesize=settings.data_bits if has_framing else 8,
                 parity=settings.parity if has_framing else "N",
                 stopbits=settings.stop_bits,
-                rtscts=settings.has_flow_control,
+                rtscts=settings.flow == "rtscts",
+                xonxoff=settings.flow == "xonxoff",
                 timeout=0,
                 write_timeout=OPEN_TIMEOUT_S,
                 exclusive=True,

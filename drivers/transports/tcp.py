@@ -12,7 +12,6 @@ from drivers.transports.base import (
     QUIET_S,
     ByteTransport,
     Direction,
-    Transport,
 )
 from drivers.transports.beat import Beat
 from labweb.domain.errors import Effect, UnreachableError
@@ -43,17 +42,14 @@ class TcpTransport(ByteTransport):
     @property
     def is_open(self) -> bool:
         """Tell whether the connection stands, and those to further ports."""
-        return self._socket is not None and all(one.is_open for one in self._sides())
-
-    def _sides(self) -> tuple[Transport, ...]:
-        return self.also if self.share is None else (*self.also, self.share)
+        return self._socket is not None and all(one.is_open for one in self.also)
 
     def _open(self) -> None:
         self._close()
         self._has_failed = False
         try:
             self._socket = self._connect()
-            for one in self._sides():
+            for one in self.also:
                 one.open()
         except OSError as error:
             self._close()
@@ -77,8 +73,10 @@ class TcpTransport(ByteTransport):
         opened, self._socket = self._socket, None
         if opened is not None:
             opened.close()
-        for one in self._sides():
+        for one in self.also:
             one.close()
+        if self.share is not None:
+            self.share.close()
 
     def _drain(self) -> None:
         """Throw away what waits; after an answer that did not come, begin a new connection.

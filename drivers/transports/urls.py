@@ -32,11 +32,13 @@ FORMS = (
     "modbus+tcp://127.0.0.1:502?device=1",
     "modbus+serial:///dev/ttyUSB0?baud=9600&format=8N1&device=1",
     "http://192.168.1.20:80",
+    "http://192.168.1.21:6820?token=/etc/labweb/cluster.token",
     "opc.tcp://192.168.1.20:4840/path",
     "s7://192.168.1.40:102/0/1",
     "sila://192.168.1.60:50052?ca=/etc/labweb/server.pem",
     "sila+local://127.0.0.1:50052",
     "visa://GPIB0::8::INSTR",
+    "visa://USB0::0x2A8D::0x1301::MY1::INSTR",
     "visa://TCPIP0::192.168.1.50::hislip0::INSTR",
     "ros2://192.168.1.7/arm_1?domain=0",
     "virtual:timer",
@@ -45,6 +47,12 @@ FORMS = (
 """Every accepted form, by example."""
 
 _FORMAT = re.compile(r"([78])([NEO])([12])")
+_FILES = {
+    "sila": ("ca", Path("/etc/labweb/server.pem")),
+    "http": ("token", Path("/etc/labweb/cluster.token")),
+}
+"""Which word of an address names a file, and how."""
+
 _VIRTUAL = re.compile(r"(virtual:[a-z0-9_-]{1,64})(?:\?pace=([0-9]{1,4}(?:\.[0-9]{1,6})?))?")
 _SERIAL_KEYS = frozenset({"baud", "format", "flow"})
 _THIS_HOST = ("127.0.0.1", "localhost")
@@ -89,21 +97,22 @@ def line_key(url: str) -> str:
     return key(url)
 
 
-def ports_of(url: str) -> tuple[int, ...]:
-    """List the TCP ports that a line has to reach.
+def addresses_of(url: str) -> tuple[tuple[str, int], ...]:
+    """List hosts and TCP ports that a line has to reach.
 
     Raises:
-        DefinitionError: The URL is none of the accepted forms.
+        DefinitionError: As `line_key`.
 
     Example:
-        >>> ports_of("tcp://10.0.0.7:19204?also=19206"), ports_of("virtual:timer")
-        ((19204, 19206), ())
+        >>> addresses_of("tcp://10.0.0.7:19204?also=19206")
+        (('10.0.0.7', 19204), ('10.0.0.7', 19206))
     """
     kind, _, address = line_key(url).partition(":")
     if kind != "tcp":
         return ()
-    own = int(address.rpartition(":")[2])
-    return own, *((*_further(url, own), *_shared(url, own)) if url.startswith("tcp:") else ())
+    host, own = address.rpartition(":")[0], int(address.rpartition(":")[2])
+    more = (*_further(url, own), *_shared(url, own)) if url.startswith("tcp:") else ()
+    return tuple((host, port) for port in (own, *more))
 
 
 def _scheme(url: str) -> tuple[Callable[[str], Transport], Callable[[str], str]]:
@@ -119,7 +128,7 @@ def _make_serial(url: str) -> Transport:
 
 def _make_tcp(url: str) -> Transport:
     host, port = _address(url, frozenset({"beat", "also", "share"}))
-    made = TcpTransport(url, host, port, beat=_beat(url), also=_further(url, port))
+    made = TcpTransport(url, host, port, beat=beat_of(url), also=_further(url, port))
     for one in _shared(url, port):
         made.share = Share(made, host, one)
     return made
@@ -132,18 +141,16 @@ def _make_modbus_tcp(url: str) -> Transport:
 
 def _make_modbus_serial(url: str) -> Transport:
     settings = _serial_settings(url, _SERIAL_KEYS | {"device"})
-    line = serial_line(settings.path)
-    return ModbusTransport(url, line, _device(url), serial_client(settings))
+    return ModbusTransport(url, serial_line(settings.path), _device(url), serial_client(settings))
 
 
 def _make_http(url: str) -> Transport:
-    host, port = _address(url, frozenset())
-    return HttpTransport(url, host, port)
+    host, port = _address(url, frozenset({"token"}))
+    return HttpTransport(url, host, port, token_file=file_of(url))
 
 
 def _make_opcua(url: str) -> Transport:
-    host, port = _opcua(url)
-    return OpcUaTransport(url, host, port)
+    return OpcUaTransport(url, *_opcua(url))
 
 
 def _opcua_line(url: str) -> str:
@@ -211,11 +218,12 @@ def file_of(url: str) -> str | None:
         '/etc/labweb/server.pem'
     """
     parts = _split(url)
-    if parts.scheme != "sila":
+    if parts.scheme not in _FILES:
         return None
-    file = _query(url, parts, frozenset({"ca"})).get("ca")
-    if file is not None and not re.fullmatch(r"/.+\.pem", file):
-        raise _bad(url, "ca is the absolute path of a certificate: /etc/labweb/server.pem")
+    name, example = _FILES[parts.scheme]
+    file = _query(url, parts, frozenset({name})).get(name)
+    if file is not None and not (file.startswith("/") and Path(file).suffix == example.suffix):
+        raise _bad(url, f"{name} is an absolute path like {example}")
     return file
 
 
@@ -244,17 +252,17 @@ def _make_virtual(url: str) -> Transport:
 
 
 def _make_ros2(url: str) -> Transport:
-    settings, namespace = _ros2(url)
+    settings, namespace = ros2_of(url)
     return Ros2Transport(url, settings, namespace)
 
 
 def _ros2_line(url: str) -> str:
-    settings, namespace = _ros2(url)
+    settings, namespace = ros2_of(url)
     return f"ros2:{settings.address}:{settings.domain}{namespace}"
 
 
-def _ros2(url: str) -> tuple[LinkSettings, str]:
-    """Return domain and network card, and the namespace of the nodes."""
+def ros2_of(url: str) -> tuple[LinkSettings, str]:
+    """Return domain, network card and named peers, and the namespace of the nodes."""
     parts = _split(url)
     query = _query(url, parts, frozenset({"domain", "peers"}))
     if parts.netloc != parts.hostname or not parts.hostname:
@@ -274,7 +282,7 @@ def _serial_line(url: str) -> str:
 
 
 def _tcp_line(url: str) -> str:
-    return tcp_line(*_address(url, frozenset({"device", "beat", "also", "share"})))
+    return tcp_line(*_address(url, frozenset({"device", "beat", "also", "share", "token"})))
 
 
 def _virtual_line(url: str) -> str:
@@ -292,13 +300,10 @@ def _serial_settings(url: str, keys: frozenset[str]) -> SerialSettings:
     form = _FORMAT.fullmatch(query.get("format", "8N1"))
     if form is None:
         raise _bad(url, "format is data bits, parity, stop bits: 8N1, 7E1")
-    flow = query.get("flow", "none")
-    if flow not in {"none", "rtscts"}:
-        raise _bad(url, "flow is none or rtscts")
+    if (flow := query.get("flow", "none")) not in {"none", "rtscts", "xonxoff"}:
+        raise _bad(url, "flow is none, rtscts or xonxoff")
     baud = _number(url, query.get("baud", "9600"), 50, 4_000_000)
-    return SerialSettings(
-        parts.path, baud, int(form[1]), form[2], int(form[3]), has_flow_control=flow == "rtscts"
-    )
+    return SerialSettings(parts.path, baud, int(form[1]), form[2], int(form[3]), flow)
 
 
 def _address(url: str, keys: frozenset[str]) -> tuple[str, int]:
@@ -310,7 +315,7 @@ def _address(url: str, keys: frozenset[str]) -> tuple[str, int]:
     return parts.hostname, _number(url, port, 1, _HIGHEST_PORT)
 
 
-def _beat(url: str) -> tuple[str, int] | None:
+def beat_of(url: str) -> tuple[str, int] | None:
     """Return where datagrams go that keep the device's watchdog quiet, None without them."""
     text = dict(parse_qsl(_split(url).query)).get("beat")
     if text is None:

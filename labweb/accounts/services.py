@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 from uuid import UUID
 
@@ -11,7 +11,7 @@ from django.db.transaction import atomic
 
 from labweb.accounts.models import AuditEntry, Grant, User
 from labweb.common.clock import now
-from labweb.common.prepared import insert_rows, prepared_cursor
+from labweb.common.prepared import Question, insert_rows, together
 from labweb.domain.messages import canonical
 
 _AUDIT_LOCK = 0x6C61_6261
@@ -43,6 +43,18 @@ def ensure_user(
     return user, created
 
 
+def end_of_audit() -> tuple[Question[Any], Question[Any]]:
+    """Return what locks the audit trail and reads the hash of its last row, to be asked so."""
+    return (
+        Question("SELECT pg_advisory_xact_lock(%s)", [_AUDIT_LOCK], tuple),
+        Question("SELECT hash FROM accounts_auditentry ORDER BY id DESC LIMIT 1", [], _first),
+    )
+
+
+def _first(row: Sequence[Any]) -> str:
+    return str(row[0])
+
+
 @atomic(savepoint=False)
 def write_audit(
     action: str,
@@ -51,12 +63,19 @@ def write_audit(
     actor: User | None,
     reason: str = "",
     detail: Mapping[str, Any] | None = None,
+    after: Sequence[str] | None = None,
 ) -> AuditEntry:
-    """Append who did what to which object, bound to the row before."""
-    with prepared_cursor() as cursor:
-        cursor.execute("SELECT pg_advisory_xact_lock(%s)", [_AUDIT_LOCK])
-        cursor.execute("SELECT hash FROM accounts_auditentry ORDER BY id DESC LIMIT 1")
-        last = cursor.fetchone()
+    """Append who did what to which object, bound to the row before.
+
+    Args:
+        action: What was done.
+        subject: To which object.
+        actor: By whom; None: by the server.
+        reason: Why.
+        detail: What else there is to tell.
+        after: What `end_of_audit` told in this transaction; None asks it.
+    """
+    last = together(*end_of_audit())[-1] if after is None else after
     prev = last[0] if last else ""
     at = now()
     fields = {

@@ -15,6 +15,7 @@ from labweb.api.driver_use import driver_of
 from labweb.common.clock import now
 from labweb.common.render import iso
 from labweb.domain.approvals.roles import Permission
+from labweb.domain.enrollment.admission import shows_itself
 from labweb.domain.enrollment.spec import UNITS, DriverSpec, StatusSpec
 from labweb.domain.errors import NotFoundError
 from labweb.enrollment import selectors as enrollment_selectors
@@ -22,8 +23,10 @@ from labweb.enrollment.selectors import Device, EdgeHost
 from labweb.resources import selectors as resource_selectors
 from labweb.resources.selectors import Lab
 from labweb.runs import selectors as run_selectors
+from labweb.runs import services as run_services
 from labweb.runs.selectors import Job
 from labweb.telemetry import selectors as telemetry_selectors
+from labweb.telemetry.api import photo_told
 from labweb.workflows.api.drawing import render_actions
 
 _STALE_AFTER_S = 5.0
@@ -36,7 +39,7 @@ class Devices(APIView):
         """List devices with their latest readings."""
         seen = resource_selectors.allowed_ids(user_of(request), Permission.VIEW)
         lab = resource_selectors.the_lab()
-        rows = enrollment_selectors.visible_devices(lab, seen)
+        rows = enrollment_selectors.visible_present(lab, seen)
         return Response({"devices": device_rows(rows)})
 
 
@@ -63,6 +66,7 @@ class DeviceDetail(APIView):
                     **driver_of(row),
                 },
                 "actions": render_actions(spec),
+                "shows_itself": shows_itself(spec) and bool(row.nodes),
                 "statuses": [_status(status) for status in spec.statuses],
                 "config": row.config,
                 "nodes": [
@@ -71,8 +75,18 @@ class DeviceDetail(APIView):
                     if UUID(node) in seen
                 ],
                 "transport": row.transport,
+                "photo": photo_told(telemetry_selectors.newest_photo(row)),
             }
         )
+
+
+class ShowDevice(APIView):
+    """The name of a device, on the device itself."""
+
+    def post(self, request: Request, showing_id: UUID) -> Response:
+        """Start the run in which a device shows its name."""
+        run = run_services.show_device(showing_id, actor=user_of(request))
+        return Response({"run_id": str(run.id), "number": run.number}, status=201)
 
 
 class Hosts(APIView):
@@ -138,7 +152,8 @@ def _device(row: Device, latest: dict[str, tuple[float, Any]], job: Job | None) 
 
 
 def _kind_label(spec: DriverSpec) -> str:
-    label = " and ".join(role.replace("_", " ") for role in spec.roles).capitalize()
+    roles = [role for role in spec.roles if role != "showing"] or spec.roles
+    label = " and ".join(role.replace("_", " ") for role in roles).capitalize()
     return label.replace("Ph ", "pH ")
 
 

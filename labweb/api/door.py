@@ -10,6 +10,7 @@ Source:
 
 from __future__ import annotations
 
+import asyncio
 from collections.abc import Awaitable, Callable
 from typing import Any, cast
 
@@ -47,8 +48,19 @@ def _route(pattern: str, consumer: Any) -> Any:  # noqa: ANN401 - Django's types
     return re_path(pattern, consumer)
 
 
+LONGEST_STRANGER_BYTES = 64 * 1024
+"""Of a message from a machine without a certificate; a longer one is not even kept."""
+
+
 class WithCertificate(WebSocketsSansIOProtocol):
     """A websocket that tells the application with which certificate it was opened."""
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        """Bound what a machine may send that has shown no certificate."""
+        super().connection_made(transport)
+        shown = transport.get_extra_info("ssl_object")
+        if shown is None or shown.getpeercert(binary_form=True) is None:
+            self.conn.max_message_size = LONGEST_STRANGER_BYTES
 
     async def run_asgi(self) -> None:
         """Put the DER form of the verified certificate into the scope; None: there is none."""

@@ -22,12 +22,16 @@ from labweb.common.requests import body
 from labweb.domain.approvals.roles import Permission
 from labweb.domain.enrollment.changes import compare
 from labweb.domain.enrollment.spec import DriverSpec
+from labweb.domain.errors import ForbiddenError
 from labweb.enrollment import selectors
 from labweb.enrollment import services as enrollment_services
 from labweb.enrollment.selectors import DriverVersion
 from labweb.resources import selectors as resource_selectors
 from labweb.runs import services as run_services
 from labweb.workflows.api.drawing import render_actions
+
+READS_SOURCE = frozenset({Permission.SUBMIT, Permission.DECIDE, Permission.ADMIT})
+"""Who brings, approves or gives drivers reads their source; it may hold what a maker told."""
 
 
 class Submission(msgspec.Struct, forbid_unknown_fields=True):
@@ -65,6 +69,8 @@ class Choice(msgspec.Struct, forbid_unknown_fields=True):
 
     version_id: UUID
     reason: str
+    parts: str = ""
+    """The decision about parts that come and go, as they were shown."""
 
 
 class Drivers(APIView):
@@ -76,7 +82,7 @@ class Drivers(APIView):
         """List every version by module, the newest first, with the devices that use it."""
         user = user_of(request)
         users = users_of(user)
-        allowed = resource_selectors.permissions_of(user)
+        allowed = resource_selectors.permissions_on_all(user)
         rows = selectors.drivers().defer("sources")
         return Response({"drivers": [_render(row, user, users, allowed) for row in rows]})
 
@@ -118,11 +124,12 @@ class DriverDetail(APIView):
         """Return a version with its texts, actions, statuses, settings, request and devices."""
         user = user_of(request)
         row = selectors.find_driver(driver_id)
+        allowed = resource_selectors.permissions_on_all(user)
         asked = approval_selectors.newest_about_driver(row.id)
         return Response(
             {
-                **_render(row, user, users_of(user)),
-                "sources": row.sources,
+                **_render(row, user, users_of(user), allowed),
+                "sources": row.sources if READS_SOURCE & allowed else {},
                 **_interface(msgspec.convert(row.spec, DriverSpec)),
                 "request": None if asked is None else _request(asked),
                 "places": places_of(row, user),
@@ -134,8 +141,15 @@ class DriverDetail(APIView):
 class DriverChanges(APIView):
     """What differs between two versions."""
 
-    def get(self, _request: Request, driver_id: UUID, since_id: UUID) -> Response:
-        """Compare the texts of a version with those of another, line by line."""
+    def get(self, request: Request, driver_id: UUID, since_id: UUID) -> Response:
+        """Compare the texts of a version with those of another, line by line.
+
+        Raises:
+            ForbiddenError: The caller may not read source.
+        """
+        user = user_of(request)
+        if not READS_SOURCE & resource_selectors.permissions_on_all(user):
+            raise ForbiddenError(f"{user.username} may not read the source of drivers")
         after, before = (selectors.find_driver(one) for one in (driver_id, since_id))
         found = compare(before.sources, after.sources)
         return Response({"modules": [msgspec.to_builtins(one) for one in found]})
@@ -176,9 +190,31 @@ class DeviceDriver(APIView):
         """Give a device another version; an earlier one rolls back."""
         user, choice = user_of(request), body(request, Choice)
         device = run_services.replace_driver(
-            device_id, choice.version_id, actor=user, reason=choice.reason
+            device_id,
+            choice.version_id,
+            actor=user,
+            reason=choice.reason,
+            parts=choice.parts,
         )
         return Response(driver_of(device))
+
+
+class DeviceDriverParts(APIView):
+    """What another version of its driver makes of a device's parts."""
+
+    def get(self, request: Request, device_id: UUID, approved_id: UUID) -> Response:
+        """List the parts that come, go and change, and what speaks against it; for a decision."""
+        row = selectors.find_device(device_id)
+        user = user_of(request)
+        resource_selectors.require(user, Permission.ADMIT, selectors.node_ids(row))
+        seen = run_services.look_at_parts(device_id, approved_id)
+        return Response(
+            {
+                "decision": seen.decision,
+                "changes": [msgspec.to_builtins(one) for one in seen.changes],
+                "findings": [msgspec.to_builtins(one) for one in seen.findings],
+            }
+        )
 
 
 def _interface(spec: DriverSpec) -> dict[str, Any]:
@@ -230,7 +266,7 @@ def _render(
     allowed: frozenset[Permission] | None = None,
 ) -> dict[str, Any]:
     if allowed is None:
-        allowed = resource_selectors.permissions_of(user)
+        allowed = resource_selectors.permissions_on_all(user)
     is_open = row.state == DriverVersion.State.PROPOSED
     return {
         "id": str(row.id),
@@ -250,6 +286,7 @@ def _render(
         "read_at": iso(row.read_at),
         "devices": users.get(row.id, []),
         "can": {
+            "read": bool(READS_SOURCE & allowed),
             "decide": is_open and Permission.DECIDE in allowed and row.proposed_by_id != user.pk,
             "withdraw": Permission.ADMIT in allowed
             and row.state in {DriverVersion.State.PROPOSED, DriverVersion.State.APPROVED},

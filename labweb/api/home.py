@@ -132,9 +132,11 @@ def _newcomers(lab: Lab) -> Iterator[dict[str, Any]]:
         )  # fmt: skip
         return
     for one in found:
+        meant = None if one.key_changed_from is None else one.key_changed_from.device
         yield _need(
             "candidate", f"{one.name or one.address} was found by {one.host.name}",
-            "It may do nothing until an admin has reviewed it", iso(one.first_seen_at),
+            "It may do nothing until an admin has reviewed it" if meant is None
+            else f"It says that it is {meant.name}, and has not its key", iso(one.first_seen_at),
             f"/admin/enrollment/candidate/{one.id}/review/", "Review",
         )  # fmt: skip
 

@@ -42,7 +42,7 @@ def _render(row: EdgeHost, user: User) -> dict[str, Any]:
     seen = resource_selectors.allowed_ids(user, Permission.VIEW)
     devices = [
         device
-        for device in enrollment_selectors.visible_devices(row.lab, seen)
+        for device in enrollment_selectors.visible_present(row.lab, seen)
         if device.host_id == row.id
     ]
     fence = enrollment_selectors.open_fence(row)

@@ -63,8 +63,8 @@ class LabSchema(AutoSchema):
         return {"required": True, "content": {"application/json": {"schema": shape}}}
 
     def _answer(self) -> dict[str, Any]:
-        """Return what a view answers with: JSON, or a file of the view's `answer_type`."""
-        kind = getattr(self.view, "answer_type", None)
+        """Return what a view answers with: JSON, or to GET a file of its `answer_type`."""
+        kind = getattr(self.view, "answer_type", None) if self.method == "GET" else None
         if kind is None:
             return {"application/json": {"schema": _ANSWER}}
         return {kind: {"schema": {"type": "string", "format": "binary"}}}

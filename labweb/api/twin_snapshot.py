@@ -37,7 +37,7 @@ def snapshot() -> Body:
         NotFoundError: No lab was imported yet.
     """
     lab = resource_selectors.the_lab()
-    devices = list(enrollment_selectors.devices_of(lab))
+    devices = enrollment_selectors.present_devices(lab)
     jobs = run_selectors.jobs_at_devices(row.id for row in devices)
     latest = telemetry_selectors.latest(row.id for row in devices)
     return {

@@ -21,7 +21,12 @@ urlpatterns = [
     path("search", home.Search.as_view()),
     path("devices", devices.Devices.as_view()),
     path("devices/<uuid:device_id>", devices.DeviceDetail.as_view()),
+    path("devices/<uuid:showing_id>/show", devices.ShowDevice.as_view()),
     path("devices/<uuid:device_id>/driver", drivers.DeviceDriver.as_view()),
+    path(
+        "devices/<uuid:device_id>/driver/<uuid:approved_id>/parts",
+        drivers.DeviceDriverParts.as_view(),
+    ),
     path("drivers", drivers.Drivers.as_view()),
     path("drivers/reading", drivers.DriverReading.as_view()),
     path("drivers/<uuid:driver_id>", drivers.DriverDetail.as_view()),

@@ -9,7 +9,8 @@ import msgspec
 from django.db.models import QuerySet, UUIDField
 
 from labweb.approvals.models import ApprovalRequest as ApprovalRequest
-from labweb.approvals.models import Policy, SimulatorOffer
+from labweb.approvals.models import Policy as Policy
+from labweb.approvals.models import SimulatorOffer
 from labweb.approvals.models import Tryout as Tryout
 from labweb.approvals.models import TryoutAct as TryoutAct
 from labweb.common.clock import now
@@ -28,14 +29,10 @@ def active_policies(lab: Lab) -> QuerySet[Policy]:
     return Policy.objects.filter(lab=lab, is_active=True).order_by("name")
 
 
-def rules_of(lab: Lab) -> list[Policy]:
-    """Return the policies that are in force."""
-    return _RULES.rows(lab=lab.pk)
-
-
-_RULES = Prepared(
+RULES = Prepared(
     lambda: Policy.objects.filter(lab_id=Given("lab", UUIDField()), is_active=True).order_by("name")
 )
+"""The policies of a lab that are in force."""
 
 
 def requests_of(lab: Lab) -> QuerySet[ApprovalRequest]:
@@ -107,16 +104,12 @@ def open_about_drivers(lab: Lab) -> QuerySet[ApprovalRequest]:
     return rows.select_related("asked_by").order_by("asked_at")
 
 
-def request_of(run_id: UUID) -> ApprovalRequest | None:
-    """Return the newest request of a run, if it has one."""
-    return _OF_RUN.first(run=run_id)
-
-
-_OF_RUN = Prepared(
+OF_RUN = Prepared(
     lambda: ApprovalRequest.objects.filter(run_id=Given("run", UUIDField())).order_by("-asked_at")[
         :1
     ]
 )
+"""The newest request of a run."""
 
 
 # --- drivers on trial ---
@@ -179,7 +172,9 @@ def tryout_for_update(tryout_id: UUID) -> Tryout:
     """
     find_tryout(tryout_id)
     return (
-        Tryout.objects.select_for_update(of=("self",)).select_related("version").get(pk=tryout_id)
+        Tryout.objects.select_for_update(of=("self",), no_key=True)
+        .select_related("version")
+        .get(pk=tryout_id)
     )
 
 

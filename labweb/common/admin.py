@@ -58,6 +58,14 @@ class ReadOnly(admin.ModelAdmin[Any]):
     list_per_page = 50
     show_full_result_count = False
 
+    def changelist_view(
+        self, request: HttpRequest, extra_context: dict[str, Any] | None = None
+    ) -> HttpResponse:
+        """Show the list under what it lists: nothing is selected there."""
+        title = str(self.opts.verbose_name_plural)
+        context = {"title": f"{title[:1].upper()}{title[1:]}", **(extra_context or {})}
+        return super().changelist_view(request, context)
+
     def has_add_permission(self, request: HttpRequest, *_: object) -> bool:
         """Refuse: rows come from services."""
         del request

@@ -6,7 +6,11 @@ import os
 import threading
 import time
 from datetime import UTC, datetime
+from functools import cache
+from pathlib import Path
 from uuid import UUID
+
+from labweb.domain.messages import Tick
 
 
 class SystemClock:
@@ -23,6 +27,20 @@ class SystemClock:
     def wait(self, duration_s: float) -> None:
         """Block for the duration."""
         threading.Event().wait(duration_s)
+
+
+def tick() -> Tick:
+    """Return this moment by a clock that nobody sets, the same in all processes of this machine.
+
+    Source:
+        clock_gettime(2), CLOCK_BOOTTIME; random(4), `boot_id`.
+    """
+    return Tick(clock=_boot_id(), at_s=time.clock_gettime(time.CLOCK_BOOTTIME))
+
+
+@cache
+def _boot_id() -> str:
+    return Path("/proc/sys/kernel/random/boot_id").read_text("ascii").strip()
 
 
 def now() -> datetime:

@@ -14,7 +14,7 @@ Source:
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache
@@ -108,40 +108,63 @@ class _Statement(Generic[Row]):
 
 @dataclass(frozen=True, slots=True)
 class Question(Generic[Row]):
-    """A statement with its values, and how each row it returns is read."""
+    """A statement with its values, and how each row it returns is read.
+
+    One that writes may be asked like any other; in a transaction, so that all of a set is
+    written or nothing.
+    """
 
     sql: str
-    values: Sequence[Any]
+    values: Sequence[Any] | Mapping[str, Any]
     read: Callable[[Sequence[Any]], Row]
+    is_repeated: bool = False
+    """The statement runs for each of the values, which are those of a row each; it returns
+    nothing."""
+
+    of: Model | None = None
+    """The row that has to be there, where one is written."""
 
 
 def together(*questions: Question[Any]) -> list[list[Any]]:
     """Ask one after the other, in order, without waiting for the answers in between.
 
     Returns:
-        The rows of each.
+        The rows of each; of a statement that returns none, the empty list.
 
     Raises:
         django.db.Error: One failed; those after it were not asked.
+        ObjectDoesNotExist: A row that was to be written is gone; the others were written.
     """
     if len(questions) == 1 or connection.queries_logged:
-        found = []
+        answers = []
         for question in questions:
             with prepared_cursor() as cursor:
-                cursor.execute(question.sql, question.values)
-                found.append([question.read(row) for row in cursor.fetchall()])
-        return found
-    connection.ensure_connection()
-    connection.validate_no_broken_transaction()
-    link: psycopg.Connection[Any] = connection.connection
-    with connection.wrap_database_errors:
-        with link.pipeline():
-            cursors = [psycopg.Cursor(link).execute(one.sql, one.values) for one in questions]
-        answers = [cursor.fetchall() for cursor in cursors]
+                _ask(cursor, question)
+                answers.append(cursor.fetchall() if cursor.description else [])
+    else:
+        connection.ensure_connection()
+        connection.validate_no_broken_transaction()
+        link: psycopg.Connection[Any] = connection.connection
+        with connection.wrap_database_errors:
+            cursors = [psycopg.Cursor(link) for _ in questions]
+            with link.pipeline():
+                for asked, question in zip(cursors, questions, strict=True):
+                    _ask(asked, question)
+            answers = [asked.fetchall() if asked.description else [] for asked in cursors]
+    for question, rows in zip(questions, answers, strict=True):
+        if question.of is not None and not rows:
+            raise ObjectDoesNotExist(f"{question.of!r} is not there any more")
     return [
         [question.read(row) for row in rows]
         for question, rows in zip(questions, answers, strict=True)
     ]
+
+
+def _ask(cursor: Any, question: Question[Any]) -> None:  # noqa: ANN401 - Django's or psycopg's
+    if question.is_repeated:
+        cursor.executemany(question.sql, question.values)
+    else:
+        cursor.execute(question.sql, question.values)
 
 
 class Prepared(Generic[Row]):
@@ -199,15 +222,21 @@ class Written(Generic[Kept]):
 
     def rows(self, values: Sequence[Any]) -> list[tuple[Kept, tuple[Any, ...]]]:
         """Run it with these values."""
-        statement = self._statement
-        if statement is None:
+        (found,) = together(self.asking(values))
+        return found
+
+    def asking(self, values: Sequence[Any]) -> Question[tuple[Kept, tuple[Any, ...]]]:
+        """Return the statement with these values, to be asked `together` with others."""
+        built = self._statement
+        if built is None:
             rows: QuerySet[Any, Kept] = self._model._default_manager.order_by()  # noqa: SLF001
-            statement = self._statement = _Statement(rows)
-        count = len(statement.columns)
-        with prepared_cursor() as cursor:
-            cursor.execute(self._sql.format(columns=", ".join(statement.columns)), values)
-            found = cursor.fetchall()
-        return [(statement.read(row[:count]), row[count:]) for row in found]
+            built = self._statement = _Statement(rows)
+        statement, count = built, len(built.columns)
+        return Question(
+            self._sql.format(columns=", ".join(statement.columns)),
+            values,
+            lambda row: (statement.read(row[:count]), tuple(row[count:])),
+        )
 
 
 def insert_rows(rows: Sequence[Model]) -> None:
@@ -222,14 +251,20 @@ def insert_rows(rows: Sequence[Model]) -> None:
         return
     fields, sql = _insert(type(rows[0]))
     key = type(rows[0])._meta.pk  # noqa: SLF001 - as Django documents it
-    values = [_values(row, fields, is_new=True) for row in rows]
+    if key in fields:
+        together(inserting(rows))
+        return
     with prepared_cursor() as cursor:
-        if key in fields:
-            cursor.executemany(sql, values)
-            return
-        for row, columns in zip(rows, values, strict=True):
-            cursor.execute(sql, columns)
+        for row in rows:
+            cursor.execute(sql, _values(row, fields, is_new=True))
             (row.pk,) = cursor.fetchone()
+
+
+def inserting(rows: Sequence[Model]) -> Question[Any]:
+    """Return what writes new rows of a model whose keys are known, to be asked with others."""
+    fields, sql = _insert(type(rows[0]))
+    values = [_values(row, fields, is_new=True) for row in rows]
+    return Question(sql, values, tuple, is_repeated=True)
 
 
 def update_row(row: Model, *names: str) -> None:
@@ -238,11 +273,13 @@ def update_row(row: Model, *names: str) -> None:
     Raises:
         ObjectDoesNotExist: Its row is gone.
     """
+    together(updating(row, *names))
+
+
+def updating(row: Model, *names: str) -> Question[Any]:
+    """Return what writes these fields of a row, to be asked with others."""
     fields, sql = _update(type(row), names)
-    with prepared_cursor() as cursor:
-        cursor.execute(sql, [*_values(row, fields, is_new=False), row.pk])
-        if cursor.rowcount != 1:
-            raise ObjectDoesNotExist(f"{row!r} is not there any more")
+    return Question(sql, [*_values(row, fields, is_new=False), row.pk], tuple, of=row)
 
 
 def _values(row: Model, fields: Sequence[Field[Any, Any]], *, is_new: bool) -> list[Any]:
@@ -267,4 +304,5 @@ def _update(model: type[Model], names: Sequence[str]) -> tuple[Sequence[Field[An
     fields: list[Any] = [options.get_field(name) for name in names]
     columns = ", ".join(f'"{field.column}" = %s' for field in fields)
     key = options.pk.column
-    return fields, f'UPDATE "{options.db_table}" SET {columns} WHERE "{key}" = %s'  # noqa: S608
+    sql = f'UPDATE "{options.db_table}" SET {columns} WHERE "{key}" = %s RETURNING true'  # noqa: S608
+    return fields, sql

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from uuid import UUID
 
 import msgspec
@@ -11,6 +12,8 @@ from kombu.exceptions import OperationalError
 from labweb.celery import app
 from labweb.domain.messages import Signed
 
+logger = logging.getLogger(__name__)
+
 ACCEPT_TASK = "edge.accept"
 SERVER_QUEUE = "server"
 """Of the worker that touches no device."""
@@ -19,6 +22,19 @@ SERVER_QUEUE = "server"
 def queue_of(host_id: UUID) -> str:
     """Return the name of a host's command queue."""
     return f"edge.{host_id}.cmd"
+
+
+def connect() -> None:
+    """Open the connection to the broker before there is anything to send, if it is there."""
+    try:
+        with app.producer_or_acquire() as producer:
+            broker = producer.connection
+            try:
+                broker.connect()
+            except (*broker.connection_errors, *broker.channel_errors) as error:
+                logger.info("the broker is away: %s", error)
+    except (OperationalError, OSError) as error:
+        logger.info("the broker is away: %s", error)
 
 
 def ring(host_id: UUID, signed: Signed) -> bool:

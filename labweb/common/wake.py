@@ -17,7 +17,7 @@ from typing import Any
 import psycopg
 from django.db import connection
 
-from labweb.common.prepared import prepared_cursor
+from labweb.common.prepared import Question, together
 
 logger = logging.getLogger(__name__)
 
@@ -26,8 +26,12 @@ CHANNEL = "labweb_work"
 
 def wake_dispatcher() -> None:
     """Say that there will be work once this transaction has committed."""
-    with prepared_cursor() as cursor:
-        cursor.execute(f"NOTIFY {CHANNEL}")
+    together(waking())
+
+
+def waking() -> Question[Any]:
+    """Return what says so, to be asked with others."""
+    return Question(f"NOTIFY {CHANNEL}", [], tuple)
 
 
 class Listener:

@@ -30,3 +30,18 @@ def _kept(found: re.Match[bytes]) -> bytes:
     if token.startswith(b'"'):
         return token
     return b"0.0" if token == b"-0.0" else str(int(Decimal(token.decode()))).encode()
+
+
+def without_null(value: Any) -> Any:  # noqa: ANN401 - any plain data
+    """Return plain data with each null character shown as ␀: `jsonb` keeps none.
+
+    Source:
+        PostgreSQL 18, 8.14 JSON Types: jsonb rejects U+0000, which its type text cannot hold.
+    """
+    if isinstance(value, str):
+        return value.replace("\0", "␀")
+    if isinstance(value, dict):
+        return {without_null(key): without_null(one) for key, one in value.items()}
+    if isinstance(value, list | tuple):
+        return [without_null(one) for one in value]
+    return value

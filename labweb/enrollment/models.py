@@ -183,6 +183,9 @@ class Device(Base):
     is_next_ready = models.BooleanField(default=False)
     """The host has the next version on its disk, and has built it once."""
 
+    next_parts = models.JSONField(default=dict)
+    """What was decided of parts that the next version changes: digest, actor_id, reason."""
+
     driver_problem = models.JSONField(default=dict)
     """Why the host did not take the last version that was wanted: digest, code, message."""
 
@@ -194,6 +197,9 @@ class Device(Base):
     nodes = models.JSONField(default=dict)
     """Role in the driver → resource id."""
 
+    past_nodes = models.JSONField(default=dict)
+    """The same of roles that it lost with a version; one that has them brings these back."""
+
     state = models.CharField(max_length=16, choices=State.choices, default=State.CANDIDATE)
     admitted_by = models.ForeignKey(
         "accounts.User", null=True, on_delete=models.PROTECT, related_name="+"
@@ -201,6 +207,12 @@ class Device(Base):
     admitted_at = models.DateTimeField(null=True)
     admission = models.JSONField(null=True)
     """Admitted actions with their limits; null: all that the driver declares."""
+
+    admitted_as = models.JSONField(default=dict)
+    """What it was when it was admitted last, an `Admitted`; empty: it never was, or not noted."""
+
+    kept_review = models.JSONField(default=dict)
+    """What a person has filled in since the last decision, a `KeptReview`; empty: nothing."""
 
     suspended_for = models.TextField(blank=True)
     """Why labweb itself suspended it: another key spoke in its name."""
@@ -337,7 +349,7 @@ class Candidate(Base):
         QUARANTINED = "quarantined"
         IGNORED = "ignored"
         REJECTED = "rejected"
-        TAKEN_UP = "taken_up", "taken up"
+        TAKEN_UP = "taken_up", "Taken up"
 
     lab = models.ForeignKey("resources.Lab", on_delete=models.PROTECT, related_name="+")
     host = models.ForeignKey(EdgeHost, on_delete=models.PROTECT, related_name="candidates")
@@ -346,6 +358,9 @@ class Candidate(Base):
 
     source = models.CharField(max_length=16)
     address = models.CharField(max_length=200)
+    also_at = models.CharField(max_length=200, blank=True)
+    """Another address from which the same is announced: repeated by a stranger, or it has moved."""
+
     name = models.CharField(max_length=200, blank=True)
     model = models.CharField(max_length=200, blank=True)
     serial = models.CharField(max_length=200, blank=True)
@@ -360,9 +375,10 @@ class Candidate(Base):
     )
     """It says it is this one, and has another key."""
 
-    device = models.ForeignKey(
-        Device, null=True, on_delete=models.PROTECT, related_name="candidates"
-    )
+    alone_since_at = models.DateTimeField(null=True)
+    """Since when it is heard from where that device is, and that device's own key is not."""
+
+    device = models.ForeignKey(Device, models.PROTECT, null=True, related_name="candidates")
     label = models.CharField(max_length=200, blank=True)
     """What a person read on the thing itself."""
 

@@ -7,12 +7,13 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from typing import Any
 from uuid import UUID
 
+import msgspec
 from django.db import connection
 from django.db.models import CharField, Value
 from django.db.models.functions import Cast, Concat
 
 from labweb.common.clock import now
-from labweb.domain.crutd.operations import Create, Operation, React, Receive
+from labweb.domain.crutd.operations import Create, Operation, React, Receive, Refit
 from labweb.domain.errors import StateError
 from labweb.domain.resources.kinds import KINDS
 from labweb.domain.resources.node import Resource as ResourceData
@@ -150,8 +151,12 @@ def rewrite(
     connections: Sequence[Connection],
     materials: Sequence[Material],
     lots: Sequence[Lot],
+    parted: Collection[UUID] = (),
 ) -> None:
-    """Write resources as they are told, parents first, and what is gone of the rest."""
+    """Write resources as they are told, parents first, and what is gone of the rest.
+
+    Connections that were parted since are taken off.
+    """
     missing = {row.pk for row in nodes} - set(
         Resource.objects.filter(lab=lab).values_list("pk", flat=True)
     )
@@ -162,7 +167,9 @@ def rewrite(
     Resource.objects.bulk_update([row for row in nodes if row.pk not in missing], _REPLAYED)
     Material.objects.bulk_create(materials, ignore_conflicts=True)
     Lot.objects.bulk_create(lots, ignore_conflicts=True)
-    Connection.objects.bulk_create(connections, ignore_conflicts=True)
+    part(parted)
+    left = [row for row in connections if row.pk not in parted]
+    Connection.objects.bulk_create(left, ignore_conflicts=True)
 
 
 def rewrite_lots(operation: Operation, lab: Lab) -> None:
@@ -197,6 +204,38 @@ def update_data(resource_id: UUID, data: Mapping[str, Any]) -> None:
     """Merge fields into `data`."""
     with connection.cursor() as cursor:
         cursor.execute(_MERGE, [json.dumps(dict(data)), resource_id])
+
+
+def set_config(resource_id: UUID, config: Mapping[str, Any]) -> None:
+    """Give a part of a device the configuration that its driver has for it now."""
+    Resource.objects.filter(pk=resource_id).update(config=dict(config))
+
+
+def part(ids: Collection[UUID]) -> None:
+    """Take connections off."""
+    Connection.objects.filter(pk__in=ids).delete()
+
+
+def connection_of(lab: Lab, link: Mapping[str, Any]) -> Connection:
+    """Return the row of a connection as its event tells it; not written yet."""
+    return Connection(
+        id=UUID(link["id"]),
+        lab=lab,
+        key=link["key"],
+        source_id=UUID(link["source_id"]),
+        source_port=link["source_port"],
+        target_id=UUID(link["target_id"]),
+        target_port=link["target_port"],
+        medium=link["medium"],
+        is_two_way=True,
+    )
+
+
+def rejoin(refit: Refit, lab: Lab) -> None:
+    """Take off the tubes of the parts that went, and write those of the parts that came."""
+    part(refit.parted)
+    tubes = [connection_of(lab, msgspec.to_builtins(joint)) for joint in refit.joined]
+    Connection.objects.bulk_create(tubes)
 
 
 def move(resource_id: UUID, parent_id: UUID) -> None:

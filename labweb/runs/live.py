@@ -19,7 +19,9 @@ from labweb.common.clock import now
 from labweb.domain.errors import LabError
 from labweb.domain.files import FileGone, FileOffer, FilePart, FileParts, FileTaken
 from labweb.domain.messages import (
+    CLOSE_BAD_FRAME,
     MAX_FRAME_BYTES,
+    NOT_KNOWN,
     Ack,
     Ask,
     AskTold,
@@ -45,6 +47,7 @@ from labweb.domain.messages import (
     TryoutTold,
     WantDriver,
     WithdrawAsk,
+    unknown_frame,
 )
 from labweb.domain.runs.session import is_caught_up
 from labweb.enrollment import selectors as enrollment_selectors
@@ -54,10 +57,7 @@ from labweb.telemetry import services as telemetry_services
 
 logger = logging.getLogger(__name__)
 
-CLOSE_REFUSED = 4403
-CLOSE_BAD_FRAME = 4400
-CLOSE_SESSION_OVER = 4409
-CLOSE_TOO_BIG = 1009
+CLOSE_REFUSED, CLOSE_SESSION_OVER, CLOSE_TOO_BIG = 4403, 4409, 1009
 
 HELLO_WITHIN_S = 5.0
 """A connection that has not proved a key by then is closed."""
@@ -132,7 +132,7 @@ class EdgeConsumer(AsyncWebsocketConsumer):
         try:
             frame = _decoder.decode(raw)
         except (msgspec.DecodeError, RecursionError):
-            await self.close(code=CLOSE_BAD_FRAME)
+            await self._not_known(raw)
             return
         if isinstance(frame, Hello) and self.host_id is None:
             await self._hello(frame)
@@ -140,6 +140,13 @@ class EdgeConsumer(AsyncWebsocketConsumer):
             await self.close(code=CLOSE_BAD_FRAME)
         else:
             await self._take(self.host_id, frame)
+
+    async def _not_known(self, raw: bytes) -> None:
+        """End the connection and say why; of a host that proved its key, a person hears once."""
+        why = unknown_frame(raw)
+        if self.host_id is not None:
+            await database_sync_to_async(services.note_version)(self.host_id, NOT_KNOWN + why)
+        await self.close(code=CLOSE_BAD_FRAME, reason=why)
 
     async def _hello(self, hello: Hello) -> None:
         try:
@@ -151,6 +158,8 @@ class EdgeConsumer(AsyncWebsocketConsumer):
                 # Whether the first one really lives, its own next signs of life tell.
                 group = enrollment_services.host_group(hello.host_id)
                 await self.channel_layer.group_send(group, {"type": "edge.rival"})
+            if error.code == "host.version":
+                await database_sync_to_async(services.note_version)(hello.host_id, error.message)
             await self._send(Refuse(code=error.code, message=error.message))
             await self.close(code=CLOSE_REFUSED)
             return

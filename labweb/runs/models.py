@@ -36,7 +36,12 @@ class Run(Base):
 
     recoveries = models.JSONField(default=list)
     """What people did about jobs that ended undone: `{"choice", "job_id", "by", "by_id", "at",
-    "note"}`, and what else the choice says."""
+    "note"}`, what else the choice says, and of a recipe `departs`: how it leaves what was
+    proved, empty when it does not."""
+
+    unproved = models.JSONField(null=True)
+    """Who let it go on though it does something else than was proved: `{"by", "by_id", "at",
+    "departures": [{"place", "text"}]}`; None: nobody."""
 
     pause_reasons = models.JSONField(default=list)
     """Stacked: `{"kind", "by", "at"}`; it goes on when the list is empty."""

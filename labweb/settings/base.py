@@ -132,6 +132,8 @@ CACHES = {
 }
 
 LANGUAGE_CODE = "en"
+# Times in the admin as everywhere else: the day by its number, the clock with 24 hours, UTC.
+FORMAT_MODULE_PATH = ["labweb.common.formats"]
 TIME_ZONE = "UTC"
 USE_TZ = True
 STATIC_URL = "/static/"
@@ -150,6 +152,8 @@ SILENCED_SYSTEM_CHECKS = ["security.W019"]
 SECURE_CONTENT_TYPE_NOSNIFF = True
 SECURE_REFERRER_POLICY = "same-origin"
 DATA_UPLOAD_MAX_MEMORY_SIZE = 2 * 1024 * 1024
+# A form is read before anybody knows who sends it: it has an end whatever it is for.
+FILE_UPLOAD_HANDLERS = ["labweb.common.uploads.Bounded"]
 
 REST_FRAMEWORK = {
     "DEFAULT_AUTHENTICATION_CLASSES": ["rest_framework.authentication.SessionAuthentication"],

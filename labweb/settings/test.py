@@ -13,6 +13,11 @@ PASSWORD_HASHERS = ["django.contrib.auth.hashers.MD5PasswordHasher"]
 SESSION_COOKIE_SECURE = False
 CSRF_COOKIE_SECURE = False
 ALLOWED_HOSTS = ["*"]
+# As `make run` has it. Each client would else look through every file that can be served.
+WHITENOISE_AUTOREFRESH = True
+
+# Each worker of a run copies the tables; what is missing in a server of others, it makes.
+DATABASES["default"]["TEST"] = {"TEMPLATE": os.environ.get("LABWEB_TEST_TEMPLATE")}
 
 # One prefix per run and xdist worker: they share one server.
 _RUN = Path(os.environ.get("LABWEB_TEST_FOLDER", "alone")).name

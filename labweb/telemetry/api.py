@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 import time
-from typing import Any
+from typing import Any, ClassVar
 from uuid import UUID
 
-from django.http import StreamingHttpResponse
+from django.http import HttpRequest, StreamingHttpResponse
 from drf_spectacular.utils import OpenApiParameter, extend_schema
+from rest_framework.parsers import MultiPartParser
 from rest_framework.request import Request
 from rest_framework.response import Response
 from rest_framework.views import APIView
 
 from labweb.accounts.selectors import user_of
-from labweb.common.download import sent
+from labweb.common.download import Blocks, sent
+from labweb.common.render import iso
 from labweb.common.requests import seconds, whole_number
+from labweb.common.uploads import Bounded, one_file
 from labweb.domain.approvals.roles import Permission
 from labweb.domain.enrollment.spec import UNITS, StatusSpec
 from labweb.domain.errors import DefinitionError, NotFoundError
@@ -23,6 +26,8 @@ from labweb.enrollment import selectors as enrollment_selectors
 from labweb.enrollment.selectors import Device
 from labweb.resources import selectors as resource_selectors
 from labweb.telemetry import selectors, services
+from labweb.telemetry.selectors import DevicePhoto
+from labweb.telemetry.services.files import digest_header, opened
 
 _DEFAULT_WINDOW_S = 600.0
 _POINTS = 1000
@@ -127,6 +132,59 @@ class Export(APIView):
         return sent(services.write_parquet(wanted), services.PARQUET, name)
 
 
+class Photo(APIView):
+    """What a device looks like."""
+
+    parser_classes = [MultiPartParser]
+    answer_type = "image/jpeg"
+    forms: ClassVar[dict[str, dict[str, Any]]] = {
+        "post": {
+            "type": "object",
+            "required": ["file"],
+            "additionalProperties": False,
+            "properties": {"file": {"type": "string", "format": "binary"}},
+        }
+    }
+
+    def initialize_request(
+        self,
+        request: HttpRequest,
+        *args: Any,  # noqa: ANN401 - DRF's own shape
+        **kwargs: Any,  # noqa: ANN401
+    ) -> Request:
+        """Bound the upload before the check of the session's token reads the form."""
+        request.upload_handlers = [Bounded(request, services.MOST_PHOTO_BYTES)]
+        return super().initialize_request(request, *args, **kwargs)
+
+    def get(self, request: Request, device_id: UUID) -> StreamingHttpResponse:
+        """Return the newest photo, as JPEG."""
+        row = selectors.find_photo(_device(request, device_id)).file
+        answer = StreamingHttpResponse(Blocks(opened(row)), content_type=row.media_type)
+        answer["Content-Length"] = str(row.size_bytes)
+        answer["Repr-Digest"] = digest_header(row)
+        answer["ETag"] = f'"{row.sha256}"'
+        answer["Cache-Control"] = "private, max-age=86400"
+        answer["Content-Security-Policy"] = "sandbox; default-src 'none'"
+        return answer
+
+    def post(self, request: Request, device_id: UUID) -> Response:
+        """Keep a photo: a form with one `file`, a JPEG, PNG or WebP of at most 16 MiB."""
+        _, file = one_file(request, (), services.MOST_PHOTO_BYTES)
+        row = services.keep_photo(device_id, file, actor=user_of(request))
+        return Response(photo_told(row), status=201)
+
+
+def photo_told(row: DevicePhoto | None) -> dict[str, Any] | None:
+    """Render where a photo is, and who brought it when; its address names its bytes."""
+    if row is None:
+        return None
+    return {
+        "url": f"/api/v1/devices/{row.device_id}/photo?of={row.file.sha256[:12]}",
+        "brought_at": iso(row.brought_at),
+        "brought_by": row.brought_by.printed_name,
+    }
+
+
 def _device(request: Request, device_id: UUID) -> Device:
     """Return a device that the caller may see.
 
@@ -173,6 +231,8 @@ def _statuses(request: Request, device: Device, specs: dict[str, StatusSpec]) ->
 def _words(name: str, spec: StatusSpec | None) -> dict[str, Any]:
     """Return how a status is called; of one that the driver has no more, only its name."""
     if spec is None:
-        return {"label": name, "unit": "", "every_s": None}
+        return {"label": name, "unit": "", "every_s": None, "is_share": False}
     unit = UNITS[spec.value.unit][1] if spec.value.unit in UNITS else ""
-    return {"label": spec.value.label or name, "unit": unit, "every_s": spec.every_s}
+    is_share = spec.value.type == "boolean"
+    label = spec.value.label or name
+    return {"label": label, "unit": unit, "every_s": spec.every_s, "is_share": is_share}

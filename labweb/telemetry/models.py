@@ -37,7 +37,8 @@ class Sample(models.Model):
 class Rollup(models.Model):
     """The numbers of one status within one bucket: how many, from where to where, around what.
 
-    A bucket without a sample has no row.
+    Of yes-or-no, yes is 1 and no is 0: the mean is the share of yes. Text has no bucket, and a
+    bucket without a sample has no row.
     """
 
     pk = models.CompositePrimaryKey("device", "status", "level_s", "at")
@@ -169,6 +170,24 @@ class File(Base):
 
     def __str__(self) -> str:
         return self.name
+
+
+class DevicePhoto(models.Model):
+    """What a device looks like, for whoever has to find it. The newest of them is shown."""
+
+    id = models.BigAutoField(primary_key=True)
+    device = models.ForeignKey("enrollment.Device", on_delete=models.PROTECT, related_name="photos")
+    file = models.ForeignKey(File, on_delete=models.PROTECT, related_name="+")
+    """The photo as it was written anew; the bytes that were brought are not kept."""
+
+    brought_by = models.ForeignKey("accounts.User", on_delete=models.PROTECT, related_name="+")
+    brought_at = models.DateTimeField()
+
+    class Meta:
+        ordering = ["-id"]
+
+    def __str__(self) -> str:
+        return f"photo of {self.device_id}"
 
 
 class Incoming(Base):

@@ -7,6 +7,7 @@ from django.urls import path
 from labweb.telemetry import api
 
 urlpatterns = [
+    path("devices/<uuid:device_id>/photo", api.Photo.as_view()),
     path("devices/<uuid:device_id>/telemetry", api.Telemetry.as_view()),
     path("devices/<uuid:device_id>/telemetry/curves", api.Curves.as_view()),
     path("devices/<uuid:device_id>/telemetry/export", api.Export.as_view()),

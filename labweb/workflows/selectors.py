@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
 from uuid import UUID
 
 from django.db.models import Prefetch, QuerySet, UUIDField
 
 from labweb.accounts.selectors import User
 from labweb.common.prepared import Given, Prepared
-from labweb.domain.errors import NotFoundError
+from labweb.domain.errors import Finding, NotFoundError
+from labweb.domain.workflows.agreement.keeping import changes_since
+from labweb.resources import selectors as resource_selectors
 from labweb.resources.selectors import Lab
 from labweb.workflows.models import Workflow as Workflow
 from labweb.workflows.models import WorkflowVersion as WorkflowVersion
@@ -64,6 +69,12 @@ _VERSION = Prepared(
 )
 
 
+def newest_versions(count: int) -> list[WorkflowVersion]:
+    """Return so many versions of any workflow, the newest first."""
+    rows = WorkflowVersion.objects.select_related("workflow__lab")
+    return list(rows.order_by("-pk")[:count])
+
+
 def find_numbered(workflow_id: UUID, number: int) -> WorkflowVersion:
     """Return version `number` of a workflow.
 
@@ -78,3 +89,40 @@ def find_numbered(workflow_id: UUID, number: int) -> WorkflowVersion:
     if row is None:
         raise NotFoundError(f"no version {number}", code="workflow.no_version")
     return row
+
+
+@dataclass(frozen=True, slots=True)
+class Proof:
+    """How a document stands to the proof of a recipe that one of its versions carries."""
+
+    version: WorkflowVersion
+    """The newest that carries the proof."""
+
+    changes: tuple[Finding, ...]
+    """What takes it away; none: the document has it."""
+
+
+def proof_of(workflow: Workflow, document: Mapping[str, Any]) -> Proof | None:
+    """Return how a document stands to the proofs of a workflow; None: it has none.
+
+    Args:
+        workflow: Which.
+        document: A draft of it, perhaps unfinished.
+    """
+    newest: Proof | None = None
+    rows = workflow.versions.filter(proved__isnull=False).order_by("-number")
+    for row in rows.iterator():
+        names = resource_selectors.names_in(_values(row.document), _values(document))
+        found = Proof(row, tuple(changes_since(row.document, document, names)))
+        if not found.changes:
+            return found
+        newest = newest or found
+    return newest
+
+
+def _values(document: Mapping[str, Any]) -> Iterator[object]:
+    """Yield the values of the steps of a document, perhaps a malformed one."""
+    steps = document.get("steps")
+    for step in steps if isinstance(steps, list) else []:
+        params = step.get("params") if isinstance(step, dict) else None
+        yield from params.values() if isinstance(params, dict) else ()

@@ -7,9 +7,10 @@ import threading
 from pathlib import Path
 
 import pytest
+from django.core.management import load_command_class
 from django.db.utils import OperationalError
 
-from deploy.embedded import children
+from deploy.embedded import children, stages
 from deploy.embedded.console import welcome
 from deploy.embedded.errors import EmbeddedError
 from deploy.embedded.layout import (
@@ -157,6 +158,19 @@ def test_a_stage_is_repeated_when_a_given_server_has_another_address(tmp_path: P
     assert not Ledger(path, "cluster", two).is_done(stage)
     assert not Ledger(path, "cluster").is_done(stage)
     assert secret not in path.read_text(encoding="utf-8")
+
+
+def test_a_lab_starts_without_checks_of_our_own_code_which_are_a_gate(tmp_path: Path) -> None:
+    (tmp_path / "lab.json").touch()
+    site = _a_site(tmp_path)
+    tables, lab = stages.table(site)
+    assert "--skip-checks" in tables.argv
+    for name in (lab.argv[2], "dispatcher"):
+        assert not load_command_class("labweb.runs", name).requires_system_checks
+    assert environment(site, {}, "t")["CELERY_SKIP_CHECKS"]
+    gate = (CHECKOUT / "deploy/setup/check").read_text("utf-8")
+    assert "makemigrations --check" in gate
+    assert load_command_class("django.core", "makemigrations").requires_system_checks == "__all__"
 
 
 def test_the_table_binds_web_to_loopback_and_names_every_process_once(tmp_path: Path) -> None:

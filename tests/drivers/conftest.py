@@ -22,7 +22,7 @@ def play() -> Iterator[Play]:
     def start(name: str = "", *, text: str = "") -> ReplayTransport:
         path = TRANSCRIPTS / f"{name}.txt"
         exchanges = parse_transcript(path.read_text(encoding="utf-8") if name else text)
-        transport = ReplayTransport(exchanges, line=f"replay:{name or id(exchanges)}")
+        transport = ReplayTransport(exchanges, line=f"replay:{name}{len(opened)}")
         transport.open()
         opened.append(transport)
         return transport

@@ -1,14 +1,22 @@
 """What SiLA 2 servers and OpenAPI documents say of themselves, as specs."""
 
 import json
+import ssl
+import threading
 from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from typing import Any
+from uuid import uuid4
 
+import msgspec
 import pytest
+from sila2.server.encryption import generate_self_signed_certificate
 
+from drivers.browse import openapi
 from drivers.browse.__main__ import main
-from drivers.browse.openapi import browse_document
+from drivers.browse.openapi import MOST_BYTES, browse_document
 from drivers.browse.sila import scale_of
 from drivers.transports.sila.features import Unit
 from labweb.domain.enrollment.spec import check_arguments, encode, parse
@@ -113,6 +121,117 @@ def test_a_file_that_is_no_document_is_told(
     path.write_text(text)
     assert main([str(path), "/pump"]) == 2
     assert "browse.file" in capsys.readouterr().err
+
+
+@contextmanager
+def serving(
+    status: int,
+    body: bytes,
+    headers: dict[str, str] | None = None,
+    encryption: ssl.SSLContext | None = None,
+    until: threading.Event | None = None,
+) -> Iterator[tuple[str, list[str]]]:
+    """Answer every request in one way; yields the address and what was asked for."""
+    asked: list[str] = []
+
+    class Handler(BaseHTTPRequestHandler):
+        def do_GET(self) -> None:
+            asked.append(self.path)
+            self.send_response(status)
+            for name, value in {"Content-Length": str(len(body)), **(headers or {})}.items():
+                self.send_header(name, value)
+            self.end_headers()
+            with suppress(OSError):
+                self.wfile.write(body)
+            if until is not None:
+                until.wait(20)
+
+        def log_message(self, *_: object) -> None:
+            pass
+
+    with ThreadingHTTPServer(("127.0.0.1", 0), Handler) as server:
+        if encryption is not None:
+            server.socket = encryption.wrap_socket(server.socket, server_side=True)
+        thread = threading.Thread(target=server.serve_forever, args=(0.02,))
+        thread.start()
+        scheme = "http" if encryption is None else "https"
+        yield f"{scheme}://127.0.0.1:{server.server_port}/openapi.json?v=3", asked
+        server.shutdown()
+        thread.join()
+
+
+def test_a_document_is_read_from_the_device_itself(capsys: pytest.CaptureFixture[str]) -> None:
+    with serving(200, json.dumps(DOCUMENT).encode()) as (url, asked):
+        assert main([url, "/pump"]) == 1
+    assert asked == ["/openapi.json?v=3"]
+    found = msgspec.json.encode(browse_document(DOCUMENT, "/pump"))
+    assert json.loads(capsys.readouterr().out) == json.loads(found)
+
+
+def test_a_redirect_is_told_and_not_followed(capsys: pytest.CaptureFixture[str]) -> None:
+    with (
+        serving(200, json.dumps(DOCUMENT).encode()) as (there, asked),
+        serving(302, b"", {"Location": there}) as (url, _),
+    ):
+        assert main([url, "/pump"]) == 2
+    assert asked == []
+    told = capsys.readouterr().err
+    assert "browse.address" in told
+    assert f"leads to {there}" in told
+
+
+@pytest.mark.parametrize(
+    ("status", "body", "code"),
+    [
+        (404, b"{}", "browse.address"),
+        (200, b"<html>", "browse.file"),
+        (200, b"[" * 100_000, "browse.file"),
+        (200, b" " * (MOST_BYTES + 1), "device.frame"),
+    ],
+)
+def test_what_a_server_gives_is_no_document_until_it_is_read(
+    status: int, body: bytes, code: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with serving(status, body) as (url, _):
+        assert main([url, "/pump"]) == 2
+    assert capsys.readouterr().err.startswith(f"{code}: ")
+
+
+def test_a_server_that_stops_in_mid_answer_is_given_up_in_time(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(openapi, "FETCH_S", 0.2)
+    given_up = threading.Event()
+    with serving(200, b"{", {"Content-Length": "100"}, until=given_up) as (url, _):
+        assert main([url, "/pump"]) == 2
+        given_up.set()
+    assert "no whole answer in time" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    "url",
+    ["http://", "http://user@127.0.0.1/a.json", "http://127.0.0.1:99999/a.json", "https://[/a"],
+)
+def test_an_address_that_is_none_is_refused(url: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main([url, "/pump"]) == 2
+    assert "browse.address" in capsys.readouterr().err
+
+
+def test_a_certificate_that_nobody_trusts_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    key, chain = generate_self_signed_certificate(uuid4(), "127.0.0.1")
+    (tmp_path / "both.pem").write_bytes(key + chain)
+    (tmp_path / "known.pem").write_bytes(chain)
+    own = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
+    own.load_cert_chain(tmp_path / "both.pem")
+    with serving(200, json.dumps(DOCUMENT).encode(), encryption=own) as (url, asked):
+        assert main([url, "/pump"]) == 2
+        assert "certificate" in capsys.readouterr().err
+        assert asked == []
+        monkeypatch.setenv("SSL_CERT_FILE", str(tmp_path / "known.pem"))
+        assert main([url, "/pump"]) == 1
+    assert asked == ["/openapi.json?v=3"]
 
 
 @pytest.mark.parametrize(

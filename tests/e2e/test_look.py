@@ -61,7 +61,7 @@ def addresses(stack: Stack) -> dict[str, tuple[str, str]]:
         "devices": ("devices", "[data-testid=device-row]"),
         "device": (f"devices/{device['id']}", "[data-testid=device]"),
         "drivers": ("drivers", "[data-testid=driver-row]"),
-        "driver": (f"drivers/{driver['id']}", "[data-testid=driver-source]"),
+        "driver": (f"drivers/{driver['id']}", "[data-testid=driver-hidden]"),
         "files": ("files", "[data-testid=files]"),
         "host": (f"hosts/{host['id']}", "[data-testid=host]"),
         "lab": (f"lab?sel={keys['reactor_1']}", "[data-testid=resource]"),
@@ -91,6 +91,13 @@ def test_every_page_fits_its_screen_and_asks_nobody_else(
         guest.at("sign-in").wait_for()
         picture(guest, f"login-{size}-{scheme}")
         assert is_within(guest)
+    with visiting(chromium, stack, "approver", size=SIZES[size], scheme=scheme) as approver:
+        show_scene(approver, is_wanted=False)
+        approver.open("drivers")
+        approver.press(approver.at("driver-row").get_by_role("link").first)
+        settle(approver, "[data-testid=driver-source]")
+        picture(approver, f"driver-source-{size}-{scheme}")
+        assert is_within(approver), f"the source of a driver is wider than the {size}"
     with visiting(chromium, stack, "chemist", size=SIZES[size], scheme=scheme) as chemist:
         for name, (path, shown) in addresses(stack).items():
             show_scene(chemist, is_wanted=name in WITH_SCENE)

@@ -8,6 +8,7 @@ import pytest
 from playwright.sync_api import expect
 
 from tests.e2e.conftest import Visit
+from tests.e2e.pictures import shoot
 from tests.e2e.visitor import Visitor
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(240)]
@@ -141,6 +142,13 @@ def test_what_a_recipe_leaves_open_is_asked_for_and_checked(visit: Visit, tmp_pa
     wait_for_plan(chemist)
     moved = chemist.at("planned-step").filter(has_text="2.5").filter(has_text="from water")
     expect(moved.first).to_be_visible()
+    primed = chemist.at("planned-step").filter(has_text="Prime")
+    expect(primed).to_have_count(0)
+    chemist.at("wish-primes").check()
+    chemist.press("say-wishes")
+    expect(primed.first).to_be_visible(timeout=COMPILED_MS)
+    wait_for_plan(chemist)
+    shoot(chemist, "recipe-primed")
     chemist.press("save-recipe")
     chemist.press("save-confirm")
     expect(chemist.at("findings-bar")).to_have_attribute("data-state", "checked")

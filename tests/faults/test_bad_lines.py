@@ -20,7 +20,7 @@ from tests.faults.lines import Line, a_line_to
 from tests.faults.pump import CountingPump
 from tests.workers.bench import BOOT_ID, HOST_ID, SYRINGE_ID, Host, a_do, until
 from tests.workers.hub import Hub
-from workers import faults, uplink
+from workers import faults, patience, uplink
 from workers.config import HostConfig, ValkeyConfig
 from workers.identity import Identity
 from workers.journal import Journal
@@ -149,8 +149,9 @@ TOXICS: list[dict[str, Any]] = [
 async def test_the_server_gets_every_event_once_over_a_bad_line(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, toxic: dict[str, Any]
 ) -> None:
-    for name, value in (("ACK_TIMEOUT_S", 0.7), ("HANDSHAKE_S", 1.5), ("LONGEST_RETRY_S", 0.6)):
+    for name, value in (("ACK_TIMEOUT_S", 0.7), ("HANDSHAKE_S", 1.5)):
         monkeypatch.setattr(uplink, name, value)
+    monkeypatch.setattr(patience, "LONGEST_RETRY_S", 0.6)
     with a_bench(tmp_path) as bench:
         store = Store("unix:///nowhere")
         made = uplink.Uplink(
@@ -221,7 +222,7 @@ def connect(config: HostConfig, variables: dict[str, str]) -> None:
     if faults.are_wanted():
         faults.arm()
     uplink.ACK_TIMEOUT_S = uplink.HANDSHAKE_S = 0.6
-    uplink.LONGEST_RETRY_S = 0.5
+    patience.LONGEST_RETRY_S = 0.5
     journal = Journal(config.journal_path)
     key = load_key(Path(config.key_file))
     made = uplink.Uplink(

@@ -67,9 +67,14 @@ class Socket:
 
     async def closed(self) -> int:
         """Wait for the other side to close, and return its code."""
+        code, _ = await self.closing()
+        return code
+
+    async def closing(self) -> tuple[int, str]:
+        """Wait for the other side to close, and return its code and its reason."""
         frame = await self._end.receive_output(PATIENCE_S)
         assert frame["type"] == "websocket.close", frame
-        return int(frame["code"])
+        return int(frame["code"]), str(frame.get("reason") or "")
 
     async def is_silent(self, for_s: float) -> bool:
         """Tell whether nothing comes for a while."""

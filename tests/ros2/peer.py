@@ -171,6 +171,16 @@ class Peer:
         done.set()
         return {"found": found}
 
+    def do_say(self, *, topic, type, value, count):
+        # What is destroyed while the executor waits on it ends the executor: it stays.
+        telling = self.clients.setdefault(
+            topic, self.node.create_publisher(type_of(type), topic, 10)
+        )
+        for _ in range(count):
+            telling.publish(fill(type_of(type)(), value))
+            time.sleep(BEAT_S)
+        return {"told": count}
+
     def do_graph(self):
         return {
             "nodes": [list(one) for one in self.node.get_node_names_and_namespaces()],

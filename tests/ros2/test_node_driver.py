@@ -141,14 +141,16 @@ def test_a_confined_line_speaks_ros(peer: Peer, domain: int) -> None:
 import sys
 from drivers.transports.urls import make_transport
 from drivers.virtual.ros2_node import Ros2Node
+from workers.bounds import segments_of
 from workers.confine import Bounds, confine, is_possible
 if not is_possible():
     print("UNCONFINED")
     sys.exit()
 import importlib
 importlib.import_module("drivers.transports.ros2.bus")
-confine(Bounds(has_datagrams=True, has_interfaces=True))
-node = Ros2Node(make_transport("ros2://127.0.0.1?domain={domain}"), {config()!r})
+url = "ros2://127.0.0.1?domain={domain}"
+confine(Bounds(segments=segments_of([url]), has_interfaces=True))
+node = Ros2Node(make_transport(url), {config()!r})
 node.connect()
 print(node.run_goal("count", {{"order": 5}}).evidence["result"]["sequence"])
 try:

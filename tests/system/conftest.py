@@ -41,7 +41,7 @@ def _starter_lab(*, embedded: bool) -> Iterator[Stack]:
     logging.getLogger("httpx").setLevel(logging.WARNING)
     folder = Path(tempfile.mkdtemp(prefix="lw-", dir="/tmp"))
     try:
-        with running(folder / "lab", embedded=embedded) as lab:
+        with running(folder / "lab", embedded=embedded, from_nothing=True) as lab:
             yield lab
     finally:
         shutil.rmtree(folder, ignore_errors=True)

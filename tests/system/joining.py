@@ -279,10 +279,12 @@ def _own_certificate(path: Path) -> str:
 class Announcer:
     """A device with a key of its own that announces itself to a host."""
 
-    def __init__(self, port: int, *, serial: str, name: str = "pH 2") -> None:
+    def __init__(
+        self, port: int, *, serial: str, name: str = "pH 2", driver: str = "SeeedPh"
+    ) -> None:
         self.key = HostKey(Ed25519PrivateKey.generate())
         fields = {"labweb": 1, "name": name, "model": "PH-1", "serial": serial}
-        fields |= {"scheme": "modbus+tcp", "driver": "SeeedPh", "port": port}
+        fields |= {"scheme": "modbus+tcp", "driver": driver, "port": port}
         plain = Beacon(**fields, key=self.key.public_base64)  # type: ignore[arg-type]
         self.beacon = msgspec.structs.replace(plain, signature=self.key.sign(beacon_bytes(plain)))
 

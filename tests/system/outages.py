@@ -109,7 +109,7 @@ def _judge_log(stack: Stack) -> None:
             seq = page[-1].seq
     finally:
         journal.close()
-    with psycopg.connect(_conninfo(database_url(stack))) as connection:
+    with psycopg.connect(conninfo(database_url(stack))) as connection:
         rows = connection.execute("SELECT seq, hash FROM runs_hostevent ORDER BY seq").fetchall()
     assert acked > 0
     assert [seq for seq, _ in rows] == list(range(1, len(rows) + 1))
@@ -165,13 +165,13 @@ def database_url(stack: Stack) -> str:
 def database_answers(stack: Stack) -> bool:
     """Say whether the database takes a connection."""
     try:
-        psycopg.connect(_conninfo(database_url(stack))).close()
+        psycopg.connect(conninfo(database_url(stack))).close()
     except psycopg.OperationalError:
         return False
     return True
 
 
-def _conninfo(url: str) -> str:
+def conninfo(url: str) -> str:
     """Give libpq's form of an address whose socket stands in its query or its host."""
     parts = urlsplit(url)
     query = {name: values[0] for name, values in parse_qs(parts.query).items()}

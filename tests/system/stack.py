@@ -16,6 +16,9 @@ from typing import Any
 
 import httpx
 
+from deploy.embedded import external
+from deploy.embedded.layout import DEFAULT_LAB
+from tests import tables
 from tests.rooms import rooms
 from tests.services import given_urls
 
@@ -65,17 +68,20 @@ class Client:
 
     def start_step(self, kind: str, params: Mapping[str, Any]) -> dict[str, Any]:
         """Draw a workflow of one step, save it and start it."""
-        step = {"id": "step", "kind": kind, "params": params, "position": {"x": 0, "y": 0}}
-        document = {
-            "schema": "labweb.workflow/1",
-            "name": f"One {kind}",
-            "steps": [step],
-            "edges": [],
-        }
-        made = self.call("POST", "workflows", {"name": f"One {kind}", "document": document})
-        version = self.call("POST", f"workflows/{made['id']}/versions", {"note": ""})
-        run: dict[str, Any] = self.call("POST", "runs", {"version_id": version["id"]})
+        version_id = self.draw_step(kind, params)
+        run: dict[str, Any] = self.call("POST", "runs", {"version_id": version_id})
         return run
+
+    def draw_step(self, kind: str, params: Mapping[str, Any]) -> str:
+        """Draw a workflow of one step and save it; return its version."""
+        step = {"id": "step", "kind": kind, "params": params, "position": {"x": 0, "y": 0}}
+        return self.draw({"name": f"One {kind}", "steps": [step], "edges": []})
+
+    def draw(self, document: Mapping[str, Any]) -> str:
+        """Draw a workflow and save it; return its version."""
+        whole = {"schema": "labweb.workflow/1", **document}
+        made = self.call("POST", "workflows", {"name": document["name"], "document": whole})
+        return str(self.call("POST", f"workflows/{made['id']}/versions", {"note": ""})["id"])
 
     def run(self, run_id: str) -> dict[str, Any]:
         """Read a run; a server that is away for a moment is asked again."""
@@ -120,10 +126,16 @@ class Stack:
         self.process = process
         self.port = port
         self.url = f"http://127.0.0.1:{port}/"
+        self._said = data.parent / f"{data.name}.out"
         self.door = ""
         """Address at which edge hosts of other machines are let in."""
 
         self._clients: dict[str, Client] = {}
+
+    @property
+    def made_tables(self) -> bool:
+        """Tell whether the tables of the database were made at its start."""
+        return "Database tables … done" in self._said.read_text()
 
     def close(self) -> None:
         """Let go of every connection."""
@@ -239,6 +251,7 @@ def running(
     with_twin: bool = False,
     embedded: bool = False,
     has_door: bool = False,
+    from_nothing: bool = False,
     variables: Mapping[str, str] | None = None,
 ) -> Iterator[Stack]:
     """Start a lab and wait until its devices answer; end it and all its processes after.
@@ -251,6 +264,7 @@ def running(
         embedded: Start database and broker with the lab, whatever this run was given, so
             that a test may kill them.
         has_door: Let edge hosts of other machines in, over TLS.
+        from_nothing: Let it make its own database and tables, as at a person's first start.
         variables: More of the environment of its processes.
     """
     with rooms({} if embedded else given_urls()) as given:
@@ -261,7 +275,11 @@ def running(
             arguments += ["--edge", f"127.0.0.1:{free_port()}"]
         if lab is not None:
             arguments += ["--lab", str(lab)]
+        has_tables = not from_nothing and external.DATABASE not in given
+        if has_tables:
+            tables.lay_out(data, lab or DEFAULT_LAB)
         with _started(data, arguments, given | dict(variables or {})) as stack:
+            assert stack.made_tables is not has_tables
             yield stack
 
 

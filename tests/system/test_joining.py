@@ -7,12 +7,16 @@ import json
 import re
 import shutil
 import signal
+import ssl
 import tempfile
 import time
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
+from websockets.asyncio.client import connect
+from websockets.exceptions import ConnectionClosed
 
 from labweb.domain.enrollment.join import parse_token
 from tests.system.joining import (
@@ -28,9 +32,13 @@ from tests.system.joining import (
     until,
 )
 from tests.system.stack import Stack, free_port, running
+from tests.system.turning import Turning, a_turning_pump, begun, take_up
 from workers.join import fetch_authority
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(600)]
+
+LONGEST_STRANGER_BYTES = 64 * 1024
+CLOSE_TOO_BIG = 1009  # RFC 6455, section 7.4.1
 
 CERTIFICATE_S = 60
 """So short that a test sees it renewed."""
@@ -80,6 +88,37 @@ def test_a_machine_joins_by_token_and_typed_code_and_renews_its_key_while_it_wor
         sessions = machine.said().count("with the server, normal")
         until(lambda: machine.said().count("with the server, normal") > sessions, what=machine.said)
         machine.wait_for_state("online")
+        assert re.findall(r"(\w+) runs as process (\d+)", machine.said()) == processes
+
+
+def test_a_certificate_is_renewed_while_jobs_run_and_none_of_them_notices(
+    stack: Stack, folder: Path
+) -> None:
+    heard = free_port()
+    with a_machine(stack, folder / "eight") as machine, a_turning_pump(folder / "b8") as pump:
+        join(stack, machine, "Bench 8")
+        machine.configure(discovery={"beacon": {"port": heard, "interface": "127.0.0.1"}})
+        machine.run()
+        machine.wait_for_state("online")
+        turning = Turning(stack, take_up(stack, machine, pump, heard, "Pump 8"))
+        before_turns, key = pump.turns(), (machine.folder / "host.key").read_bytes()
+        renewed = machine.said().count("the next certificate is in use")
+        processes = re.findall(r"(\w+) runs as process (\d+)", machine.said())
+
+        def is_renewed() -> bool:
+            turning.once()
+            return machine.said().count("the next certificate is in use") > renewed
+
+        until(is_renewed, 150, machine.said)
+        turning.once()
+        assert (machine.folder / "host.key").read_bytes() != key
+        assert machine.state() == "online"
+        jobs = turning.jobs
+        assert {job["state"] for job in jobs} == {"complete"}
+        assert pump.turns() - before_turns == len(jobs), "each turn was one motion"
+        actions = begun(machine)
+        assert len(actions) == len({one for one, _ in actions}) == len(jobs) + 1
+        assert {end for _, end in actions} == {"complete"}
         assert re.findall(r"(\w+) runs as process (\d+)", machine.said()) == processes
 
 
@@ -186,7 +225,7 @@ def test_a_device_that_announces_itself_is_reviewed_and_then_serves_without_a_re
 
         def found() -> str:
             device.shout(heard)
-            listed = CANDIDATE.search(page(stack, "candidate/"))
+            listed = CANDIDATE.search(page(stack, "candidate/?q=4711"))
             return "" if listed is None else listed[1]
 
         candidate = until(found, what=machine.said)
@@ -208,11 +247,19 @@ def test_a_device_that_announces_itself_is_reviewed_and_then_serves_without_a_re
         until(readings, what=machine.said)
         rival = Announcer(port, serial="4711", name="pH 2 again")
 
+        def is_listed() -> bool:
+            rival.shout(heard)
+            device.shout(heard)
+            return "not its key" in page(stack, "candidate/?q=4711")
+
+        until(is_listed)
+        assert stack.client("admin").get(f"devices/{device_id}")["state"] == "enrolled"
+
         def is_suspended() -> bool:
             rival.shout(heard)
             return "Suspended by labweb" in page(stack, review)
 
-        until(is_suspended)
+        until(is_suspended, within_s=150)
         got = stack.client("admin").get(f"devices/{device_id}")
         assert got["state"] == "suspended"
 
@@ -230,3 +277,24 @@ def take_up_form(stack: Stack, path: str, port: int) -> dict[str, object]:
         "name": f"pH of {int(time.time())}",
         "reason": "label compared",
     }
+
+
+def test_a_stranger_at_the_door_sends_little_and_the_door_stays_open(stack: Stack) -> None:
+    asyncio.run(_send_a_pile(stack.door))
+
+
+async def _send_a_pile(door: str) -> None:
+    # On one thread: two threads that share a TLS connection may never hear the answer.
+    blind = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
+    blind.check_hostname, blind.verify_mode = False, ssl.CERT_NONE
+    for path in ("ws/edge/v1/join", "ws/edge/v1/"):
+        async with connect(f"wss://{door}/{path}", ssl=blind, max_size=None) as stranger:
+            with suppress(ConnectionClosed):
+                await stranger.send("x" * (LONGEST_STRANGER_BYTES + 1))
+                async with asyncio.timeout(10):
+                    async for _ in stranger:
+                        pass
+            assert stranger.close_code == CLOSE_TOO_BIG
+    async with connect(f"wss://{door}/ws/edge/v1/join", ssl=blind) as another:
+        async with asyncio.timeout(10):
+            assert '"offer"' in str(await another.recv())

@@ -1,4 +1,4 @@
-"""The environment that holds the drivers of others."""
+"""The environment that holds the drivers and simulators of others."""
 
 import os
 import subprocess
@@ -34,10 +34,10 @@ def make_environment() -> str:
 
 @pytest.fixture(scope="session")
 def python() -> Path:
-    """Find the interpreter that has the drivers of others."""
+    """Find the interpreter that has what others wrote."""
     problem = make_environment()
     if problem and os.environ.get("CI", "").lower() == "true":
-        pytest.fail(f"the drivers of others cannot be installed: {problem}")
+        pytest.fail(f"what others wrote cannot be installed: {problem}")
     if problem:
-        pytest.skip(f"the drivers of others cannot be installed: {problem}")
+        pytest.skip(f"what others wrote cannot be installed: {problem}")
     return ENVIRONMENT / "bin/python"

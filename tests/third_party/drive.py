@@ -204,6 +204,51 @@ async def bioshake(port: str) -> Found:
     return {"temperature_c": temperature}
 
 
+async def spectramax(port: str) -> Found:
+    from pylabrobot.plate_reading.molecular_devices import (
+        KineticSettings,
+        MolecularDevicesError,
+        MolecularDevicesSpectraMax384PlusBackend,
+        MolecularDevicesSpectraMaxM5Backend,
+        ReadType,
+    )
+    from pylabrobot.resources import Cor_96_wellplate_360ul_Fb
+
+    reader = MolecularDevicesSpectraMax384PlusBackend(port)
+    plate = Cor_96_wellplate_360ul_Fb("plate")
+    await reader.setup()
+    await reader.open()
+    refused = ""
+    try:
+        await reader.read_absorbance(plate, [450])
+    except MolecularDevicesError as error:
+        refused = str(error)
+    await reader.close()
+    await reader.set_temperature(30)
+    target_c = (await reader.get_temperature())[1]
+    reads = await reader.read_absorbance(plate, [450, 700])
+    kinetic = KineticSettings(interval=20, num_readings=2)
+    again = await reader.read_absorbance(
+        plate, [450], read_type=ReadType.KINETIC, kinetic_settings=kinetic
+    )
+    await reader.stop()
+    # That of the M5 asks for the same reading by other words.
+    other = MolecularDevicesSpectraMaxM5Backend(port)
+    await other.setup()
+    by_other = await other.read_absorbance(plate, [450])
+    await other.stop()
+    return {
+        "by_other": by_other[0]["data"][0][0],
+        "refused": refused,
+        "target_c": target_c,
+        "wavelengths": [read["wavelength"] for read in reads],
+        "size": [len(reads[0]["data"]), len(reads[0]["data"][0])],
+        "a1": [read["data"][0][0] for read in reads],
+        "h12": reads[0]["data"][7][11],
+        "kinetic": len(again),
+    }
+
+
 def neware_bts(address: str) -> Found:
     from aurora_neware import NewareAPI
 
@@ -274,7 +319,7 @@ DRIVERS: dict[str, Callable[[str], Any]] = {
     driver.__name__: driver
     for driver in (
         *(hamilton_ml600, harvard_elite_11, huber_pb, heidolph_hei_connect, vacuubrand_cvc3000),
-        *(runze_sy01, knauer_azura_compact, knauer_valve, cytomat, bioshake),
+        *(runze_sy01, knauer_azura_compact, knauer_valve, cytomat, bioshake, spectramax),
         *(neware_bts, new_era_ne1000, tdk_genesys, tti_pl, magritek_spinsolve),
     )
 }

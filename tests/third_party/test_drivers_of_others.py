@@ -27,7 +27,7 @@ TCP = (
 SERIAL = (
     *("hamilton_ml600", "harvard_elite_11", "huber_pb", "heidolph_hei_connect"),
     *("vacuubrand_cvc3000", "runze_sy01", "cytomat", "bioshake", "new_era_ne1000"),
-    "tdk_genesys",
+    *("tdk_genesys", "spectramax"),
 )
 DRIVE_S = 120.0
 
@@ -49,8 +49,13 @@ def process() -> Iterator[Process]:
         folder = Path(name)
         entries = [placed(model, f"pty:{folder}/{model}") for model in SERIAL]
         entries += [placed(model, "tcp:127.0.0.1:0") for model in TCP]
+        reader = next(entry for entry in entries if entry["model"] == "spectramax")
+        reader["settings"] = {"absorbing": "well-lot:1.5@450", "noise_au": 0.0}
+        reader["attached"] = {"ports": {"A1": {"vessel": "well"}}}
         bottle = a_vessel("bottle", 40_000.0)
-        document = a_document(*entries, vessels=[bottle, a_vessel("flask")])
+        document = a_document(
+            *entries, vessels=[bottle, a_vessel("flask"), a_vessel("well", 161.0)]
+        )
         (folder / "bench.json").write_text(json.dumps(document))
         process = Process(folder)
         process.start("--speed", "20")
@@ -144,6 +149,17 @@ def test_pylabrobot_stores_a_plate_in_a_cytomat(python: Path, process: Process) 
     found = drive(python, process, "cytomat")
     assert found == {"before": True, "after": False, "temperature_c": 36.9}
     assert state_of(process, "cytomat")["plates"] == ["7"]
+
+
+def test_pylabrobot_reads_a_plate_in_a_spectramax(python: Path, process: Process) -> None:
+    found = drive(python, process, "spectramax")
+    assert "failed with error 110" in found["refused"]
+    assert (found["target_c"], found["wavelengths"]) == (30.0, [450, 700])
+    assert (found["size"], found["kinetic"]) == ([8, 12], 2)
+    # 161 µL stand 0.5 cm high in a well of 32.2 mm².
+    assert found["a1"] == [pytest.approx(0.04 + 1.5 * 0.5, abs=1e-4), pytest.approx(0.04)]
+    assert found["h12"] == pytest.approx(0.04)
+    assert found["by_other"] == found["a1"][0]
 
 
 def test_pylabrobot_shakes_and_unlocks_a_bioshake(python: Path, process: Process) -> None:

@@ -15,6 +15,8 @@ from websockets.sync.server import ServerConnection, serve
 
 from labweb.domain.files import WANTED, FileOffer, FilePart, FileParts, FileTaken
 from labweb.domain.messages import (
+    CLOSE_BAD_FRAME,
+    PROTOCOL_VERSION,
     Ack,
     Challenge,
     DeviceConfig,
@@ -51,6 +53,10 @@ class Hub:
         self.is_acking = True
         self.is_storing = True
         self.is_refusing = False
+        self.version = PROTOCOL_VERSION
+        self.knows: Callable[[EdgeFrame], bool] = lambda _frame: True
+        """Whether this server knows a frame; else it closes as one of an earlier release does."""
+
         self.mode = "normal"
         self.will_resume = True
         self.socket: ServerConnection | None = None
@@ -123,7 +129,7 @@ class Hub:
 
     def _greet(self, socket: ServerConnection) -> None:
         nonce = f"nonce {len(self.hellos)}"
-        socket.send(msgspec.json.encode(Challenge(nonce=nonce)).decode())
+        socket.send(msgspec.json.encode(Challenge(nonce=nonce, v=self.version)).decode())
         hello = msgspec.json.decode(socket.recv(), type=Hello)
         self.key.verify(base64.b64decode(hello.signature), hello_bytes(hello, nonce))
         self.hellos.append(hello)
@@ -140,6 +146,9 @@ class Hub:
 
     def _take(self, socket: ServerConnection, frame: EdgeFrame) -> None:
         self.frames.append(frame)
+        if not self.knows(frame):
+            socket.close(CLOSE_BAD_FRAME, "frame heartbeat")
+            return
         if isinstance(frame, Events):
             for event in frame.events:
                 if event.seq > self.acked:

@@ -8,6 +8,7 @@ from __future__ import annotations
 import ctypes
 import json
 import os
+import resource
 import socket
 import subprocess
 import sys
@@ -31,8 +32,13 @@ def works(act: Callable[[], object]) -> bool:
     return True
 
 
-def connect(port: int) -> None:
-    socket.create_connection(("127.0.0.1", port), timeout=5.0).close()
+def connect(port: int, host: str = "127.0.0.1") -> None:
+    socket.create_connection((host, port), timeout=5.0).close()
+
+
+def listen() -> None:
+    with socket.socket() as one:
+        one.listen()
 
 
 def write_journal(path: Path) -> None:
@@ -70,12 +76,19 @@ def main() -> None:
         "temporary file": works(lambda: Path("/tmp/labweb-probe").write_text("x")),
         "another device": works(lambda: os.close(os.open("/dev/ptmx", os.O_RDWR))),
         "another port": works(lambda: connect(other_port)),
+        "another address at the same port": works(lambda: connect(own_port, "127.0.0.2")),
         "listening": works(lambda: socket.create_server(("127.0.0.1", 0)).close()),
+        "listening at any port": works(listen),
         "datagrams": works(lambda: socket.socket(socket.AF_INET, socket.SOCK_DGRAM).close()),
         "raw packets": works(lambda: socket.socket(socket.AF_PACKET, socket.SOCK_RAW).close()),
         "a program": works(lambda: subprocess.run(["/bin/true"], check=True)),
         "the parent's memory": works(ptrace_parent),
         "a signal to the parent": works(lambda: os.kill(os.getppid(), 0)),
+        "bounds of the parent": works(lambda: resource.prlimit(os.getppid(), resource.RLIMIT_CPU)),
+        "priority of the parent": works(lambda: os.setpriority(os.PRIO_PROCESS, os.getppid(), 19)),
+        "processors of the parent": works(
+            lambda: os.sched_setaffinity(os.getppid(), os.sched_getaffinity(os.getppid()))
+        ),
     }
     sys.stdout.write(json.dumps(found))
 

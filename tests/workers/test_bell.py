@@ -3,11 +3,17 @@
 from __future__ import annotations
 
 import asyncio
+import signal
+import subprocess
+import sys
+import threading
 import time
 from pathlib import Path
 
+import pytest
+
 from tests.workers.bench import Host, a_do
-from workers.bell import Bell, ring
+from workers.bell import Bell, PlainBell, ring
 
 LONG_S = 60.0
 
@@ -72,3 +78,44 @@ def test_the_journal_rings_for_an_end_and_not_for_progress(tmp_path: Path) -> No
             bell.close()
 
     assert asyncio.run(listen()) == (False, False)
+
+
+def test_who_does_one_thing_after_the_other_hears_a_ring_from_before_the_wait_once(
+    tmp_path: Path,
+) -> None:
+    path = tmp_path / "bell"
+    bell = PlainBell(path)
+    try:
+        ring(path)
+        ring(path)
+        began_s = time.monotonic()
+        assert bell.wait(LONG_S)
+        assert not bell.wait(0.05)
+        threading.Timer(0.05, ring, [path]).start()
+        assert bell.wait(LONG_S)
+        assert time.monotonic() - began_s < LONG_S / 2
+    finally:
+        bell.close()
+
+
+def test_a_process_that_ends_rings_while_its_parent_waits(tmp_path: Path) -> None:
+    path = tmp_path / "bell"
+    bell = PlainBell(path)
+    before = signal.signal(signal.SIGCHLD, lambda *_: ring(path))
+    try:
+        began_s = time.monotonic()
+        child = subprocess.Popen([sys.executable, "-c", "pass"])
+        assert bell.wait(LONG_S)
+        assert time.monotonic() - began_s < LONG_S / 2
+        assert child.wait() == 0
+    finally:
+        signal.signal(signal.SIGCHLD, before)
+        bell.close()
+
+
+def test_a_file_in_the_place_of_a_bell_is_refused_and_left_as_it_is(tmp_path: Path) -> None:
+    path = tmp_path / "supervisor.bell"
+    path.write_bytes(b"for ever")
+    with pytest.raises(OSError, match="no FIFO"):
+        PlainBell(path)
+    assert path.read_bytes() == b"for ever"

@@ -68,7 +68,12 @@ def test_a_line_reaches_what_is_its_own_and_nothing_else(
     hang(host.journal.bell_path)
     path = tmp_path / "host.json"
     path.write_bytes(msgspec.json.encode(config))
-    with socket.create_server(("127.0.0.1", 0)) as elsewhere:
+    own_port = int(pump.url.rpartition(":")[2])
+    with (
+        socket.create_server(("127.0.0.1", 0)) as elsewhere,
+        socket.create_server(("127.0.0.2", own_port)),
+    ):
+        socket.create_connection(("127.0.0.2", own_port)).close()
         words = [str(path), line, msgspec.json.encode(own).decode(), str(other)]
         words.append(str(elsewhere.getsockname()[1]))
         done = subprocess.run(
@@ -101,7 +106,7 @@ def test_a_line_without_tcp_gets_no_port_and_a_port_that_came_back_is_noticed(
     port.touch()
     assert marks_of([serial]) != before
     beat = a_device("tcp://127.0.0.1:5000?beat=192.168.255.255:3000")
-    assert bounds_of(config, "x", [beat]).has_datagrams
+    assert bounds_of(config, "x", [beat]).datagrams == (("192.168.255.255", 3000),)
     assert bounds_of(config, "x", [beat]).ports == (5000,)
     vehicle = a_device("tcp://127.0.0.1:19204?also=19206")
     camera = a_device("http://127.0.0.1:80")
@@ -131,6 +136,20 @@ def test_a_driver_reads_the_certificate_of_its_device_and_no_key(tmp_path: Path)
     for content in (secret, public + secret, b"nothing", b""):
         path.write_bytes(content)
         assert not readable()
+
+
+def test_a_driver_reads_the_token_of_its_device_and_nothing_like_it(tmp_path: Path) -> None:
+    path = tmp_path / "cluster.token"
+    device = a_device(f"http://127.0.0.1:6820?token={path}")
+    for content, is_readable in (
+        ("eyJhbGciOiJIUzI1NiJ9.eyJzdW4iOiJhIn0.c2ln\n", True),
+        ("root:x:0:0:root:/root:/bin/sh\n", False),
+        ("-----BEGIN " + "PRIVATE KEY-----", False),
+        ("", False),
+    ):
+        path.write_text(content)
+        found = bounds_of(a_config(tmp_path), "x", [device]).readable
+        assert (path in found) is is_readable
 
 
 @pytest.mark.parametrize(

@@ -15,31 +15,12 @@ import pytest
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 
 from drivers.transports.scan import serial_ports
-from labweb.domain.enrollment.sighting import Beacon, beacon_bytes
+from labweb.domain.enrollment.sighting import Beacon, beacon_bytes, sighting_of
 from labweb.domain.errors import DefinitionError
-from labweb.domain.messages import Sighting
 from workers.config import BeaconConfig, DiscoveryConfig, load_config
-from workers.discovery import (
-    PACKETS_PER_S,
-    SAME_AGAIN_S,
-    SENDER_PACKETS_PER_S,
-    Sieve,
-    open_socket,
-    read_packet,
-    scan,
-)
+from workers.discovery import open_socket, read_packet, scan
 from workers.keys import HostKey
 from workers.store import MOST_SIGHTINGS, Store
-
-
-class Time:
-    """A clock that stands until told."""
-
-    def __init__(self) -> None:
-        self.s = 100.0
-
-    def __call__(self) -> float:
-        return self.s
 
 
 def signed(key: HostKey, **fields: object) -> bytes:
@@ -51,39 +32,15 @@ def signed(key: HostKey, **fields: object) -> bytes:
 
 def test_an_announcement_counts_when_its_own_key_signed_it() -> None:
     key, other = (HostKey(Ed25519PrivateKey.generate()) for _ in range(2))
-    one = read_packet(signed(key), "192.0.2.9")
-    assert one is not None
+    said = read_packet(signed(key))
+    assert said is not None
+    one = sighting_of(said, "192.0.2.9")
     assert (one.address, one.public_key) == ("tcp://192.0.2.9:5000", key.public_base64)
     forged = msgspec.json.decode(signed(key), type=Beacon)
     for changes in ({"port": 5001}, {"key": other.public_base64}, {"signature": "AAAA"}):
         packet = msgspec.json.encode(msgspec.structs.replace(forged, **changes))
-        assert read_packet(packet, "192.0.2.9") is None, changes
-    assert read_packet(b"\xff" * 100, "192.0.2.9") is None
-
-
-def test_one_loud_sender_does_not_drown_the_others() -> None:
-    clock = Time()
-    sieve = Sieve(clock)
-    admitted = sum(sieve.admits("loud") for _ in range(20))
-    assert admitted == 2 * SENDER_PACKETS_PER_S
-    assert sieve.admits("quiet")
-    assert sieve.dropped_count == 20 - admitted
-    clock.s += 1.0
-    assert sum(sieve.admits("loud") for _ in range(20)) == SENDER_PACKETS_PER_S
-
-
-def test_many_senders_together_have_an_end() -> None:
-    sieve = Sieve(Time())
-    assert sum(sieve.admits(f"192.0.2.{number}") for number in range(1000)) == 2 * PACKETS_PER_S
-
-
-def test_the_same_thing_is_not_told_twice_in_a_row() -> None:
-    clock = Time()
-    sieve = Sieve(clock)
-    one = Sighting(source="beacon", address="tcp://192.0.2.9:5000", serial="1")
-    assert [sieve.is_news(one), sieve.is_news(one)] == [True, False]
-    clock.s += SAME_AGAIN_S
-    assert sieve.is_news(one)
+        assert read_packet(packet) is None, changes
+    assert read_packet(b"\xff" * 100) is None
 
 
 @pytest.fixture

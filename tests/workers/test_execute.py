@@ -9,6 +9,8 @@ from uuid import UUID, uuid4
 import msgspec
 import pytest
 
+from drivers.base import Driver, Report
+from drivers.load import call_action
 from labweb.domain.crutd.conditions import Condition
 from labweb.domain.messages import Cancel, Resolve, StopLab
 from labweb.domain.runs.edge import ActionState
@@ -25,7 +27,7 @@ from tests.workers.bench import (
     a_syringe,
     plain,
 )
-from workers import execute
+from workers import execute, unit
 from workers.executor import AbandonedActionError
 from workers.session import latch_stop
 from workers.store import Sample, Store
@@ -59,6 +61,20 @@ def test_an_accepted_action_is_carried_out_and_settled(host: Host, pump: PumpPro
     assert body["change"]["postings"][0]["amount_nl"] == 100_000
     assert body["post"][0]["verdict"] == "pass"
     assert host.journal.regression() is None
+
+
+def test_a_driver_is_told_the_id_of_the_action_that_it_carries_out(
+    host: Host, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    told: list[str] = []
+
+    def keep(device: Driver[Any, Any], action: str, args: dict[str, Any]) -> Report:
+        told.append(device.action_id)
+        return call_action(device, action, args)
+
+    monkeypatch.setattr(unit, "call_action", keep)
+    action_id = run(host)
+    assert told == [str(action_id)]
 
 
 def test_actions_of_a_line_start_in_dispatch_order(host: Host, pump: PumpProcess) -> None:

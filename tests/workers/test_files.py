@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import hashlib
 import json
 import os
@@ -18,7 +17,6 @@ from uuid import UUID, uuid4
 
 import msgspec
 import pytest
-from websockets.asyncio.client import ClientConnection
 
 from drivers.base import DataFile, Report
 from drivers.load import read_spec
@@ -33,14 +31,12 @@ from tests.fixtures.running import Process
 from tests.workers.bench import HOST_ID, Server, environment, installed
 from tests.workers.test_confine import a_config, confining
 from workers import files as files_module
-from workers import handing
 from workers.accept import accept
 from workers.clock import SystemClock
 from workers.config import line_queue
 from workers.execute import to_report
 from workers.executor import Executor
 from workers.files import Files, WaitingFiles
-from workers.handing import FileTeller
 from workers.journal import Journal, create_journal
 from workers.keys import create_key
 from workers.line import make_units
@@ -251,64 +247,6 @@ def test_a_stray_name_does_not_hide_the_files_that_wait(
         assert [one.path.read_bytes() for one in files.waiting()] == [data]
         assert len(WaitingFiles(folder.parent).waiting()) == 1
     assert len(caplog.records) == 2, "each is told once"
-
-
-class Heard:
-    """The server's end of a socket: what a host sends there."""
-
-    def __init__(self) -> None:
-        self.frames: list[dict[str, Any]] = []
-
-    async def send(self, text: str | bytes) -> None:
-        self.frames.append(json.loads(text))
-
-
-def test_a_file_that_is_larger_than_any_is_told_as_gone_and_never_read(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """A folder that a confined line writes to may hold anything."""
-    data, folder = b"larger", tmp_path / "files" / "line"
-    Files(folder).keep(uuid4(), NMR, hashlib.sha256(data).hexdigest(), data)
-    waiting = WaitingFiles(folder.parent)
-    (kept,) = waiting.waiting()
-    monkeypatch.setattr(handing, "MOST_BYTES", len(data) - 1)
-    heard, teller = Heard(), FileTeller(waiting, 1.0, lambda: True)
-    assert not asyncio.run(teller._send(cast("ClientConnection", heard), kept, 1))
-    assert [one["t"] for one in heard.frames] == ["file_gone"]
-    assert waiting.waiting() == []
-
-
-def test_a_file_that_nothing_names_is_dropped_only_once_every_event_is_told(
-    tmp_path: Path,
-) -> None:
-    data, folder = b"named later", tmp_path / "files" / "line"
-    path = Files(folder).keep(uuid4(), NMR, hashlib.sha256(data).hexdigest(), data)
-    os.utime(path, (0, 0))
-    waiting, is_told = WaitingFiles(folder.parent), [False]
-    teller = FileTeller(waiting, 0.05, lambda: is_told[0])
-
-    async def offer() -> None:
-        (kept,) = waiting.waiting()
-        socket = cast("ClientConnection", Heard())
-        task = asyncio.create_task(teller._hand(socket, kept, 1))
-        await asyncio.sleep(0.05)
-        unknown = handed.FileTaken(
-            action_id=kept.action_id, sha256=kept.sha256, code=handed.UNKNOWN
-        )
-        await teller.hear(socket, unknown, 1)
-        await task
-
-    async def offers() -> None:
-        await offer()
-        await offer()
-        assert path.exists(), "an event that names it may not have been told"
-        is_told[0] = True
-        await offer()
-        assert path.exists(), "whatever the clock on the wall says"
-        await offer()
-
-    asyncio.run(offers())
-    assert not path.exists()
 
 
 def test_files_that_cannot_be_are_found(cell: Cell) -> None:

@@ -29,6 +29,7 @@ from tests.workers.bench import (
     until,
 )
 from tests.workers.hub import Hub
+from workers import confine
 from workers.app import ACCEPT
 from workers.config import HostConfig, ValkeyConfig, command_queue
 from workers.keys import create_key
@@ -213,8 +214,35 @@ def test_a_host_starts_its_lines_with_the_server_away_and_runs_only_once(
     until(lambda: pump.moves == ["A300"], within_s=20)
 
 
+@pytest.mark.skipif(not confine.has_guards(), reason="this kernel asks no guard")
+def test_a_line_whose_guard_has_ended_starts_anew_and_reaches_its_device(
+    running: Running, pump: PumpProcess
+) -> None:
+    until(running.is_online, within_s=20)
+    line, guard = _line_and_guard(running)
+    os.kill(guard, signal.SIGKILL)
+    until(lambda: line not in _of_kinds(running, "line"), within_s=10)
+    until(lambda: len(_of_kinds(running, "line")) == 2, within_s=20)
+    assert guard not in _line_and_guard(running)
+    running.post(a_do(running.hub.server))
+    until(lambda: "complete" in running.hub.kinds, within_s=20)
+    assert pump.moves == ["A300"]
+
+
+def _line_and_guard(running: Running) -> tuple[int, int]:
+    one, other = _of_kinds(running, "line")
+    parent = int(Path(f"/proc/{other}/stat").read_text().rpartition(") ")[2].split()[1])
+    return (one, other) if parent == one else (other, one)
+
+
 def _children(running: Running, *kinds: str) -> list[int]:
     """Process ids of the host's own processes of these kinds."""
+    found = _of_kinds(running, *kinds)
+    assert len(found) == len(kinds)
+    return found
+
+
+def _of_kinds(running: Running, *kinds: str) -> list[int]:
     found = []
     for entry in Path("/proc").iterdir():
         if entry.name.isdigit():
@@ -224,5 +252,4 @@ def _children(running: Running, *kinds: str) -> list[int]:
                 continue
             if str(running.file) in words and any(kind in words for kind in kinds):
                 found.append(int(entry.name))
-    assert len(found) == len(kinds)
     return found

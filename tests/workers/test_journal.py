@@ -13,11 +13,13 @@ from uuid import uuid4
 import msgspec
 import pytest
 
+from labweb.domain.messages import event_hash
 from labweb.domain.runs.edge import ActionState
 from labweb.domain.runs.journal import JournalError
 from tests.workers.bench import DEVICE_ID, HOST_ID, Host, a_do
 from workers import journal_file, journal_schema
 from workers.journal import Journal, check_journal, create_journal
+from workers.journal_file import LOG_PAGES
 from workers.keys import create_key
 from workers.seal import BLOCK_BYTES, PLACES_COUNT, Seal, raise_seal, read_seal
 from workers.session import arm, disarm_if_regressed, make_hello, record_ack, record_boot
@@ -52,6 +54,16 @@ def test_a_write_that_fails_leaves_neither_row_nor_event(host: Host) -> None:
         write()
     assert host.journal.host_state().epoch == 1
     assert host.kinds() == before
+
+
+def test_a_null_character_of_a_device_is_written_as_a_sign_that_the_server_can_keep(
+    host: Host,
+) -> None:
+    with host.journal.write() as tx:
+        tx.append("boot", None, {"told": ["A\0", {"B\0": "\\u0000"}]})
+    (event,) = [one for one in host.journal.events_after(0) if "told" in one.body]
+    assert event.body == {"told": ["A␀", {"B␀": "\\u0000"}]}
+    assert event.hash == event_hash(host.journal.journal_id, event.prev_hash, event)
 
 
 def test_only_one_of_two_takes_an_action_from_one_state_to_the_next(host: Host) -> None:
@@ -222,6 +234,52 @@ def test_a_journal_put_back_from_a_copy_cannot_outgrow_its_seal(host: Host) -> N
     assert not arm(host.journal)
     assert make_hello(host.journal, create_key(host.folder / "key"), "n").regression
     host.journal.close()
+
+
+def test_the_log_has_its_length_at_once_and_nothing_else_is_left_behind(host: Host) -> None:
+    do = a_do(host.server)
+    host.take(do)
+    before = (host.journal.head(), _tables(host.journal), host.path.read_bytes())
+    log = host.path.with_name("journal.sqlite3-wal")
+    assert log.stat().st_size < 200_000
+    host.journal.lengthen_log()
+    length_bytes = log.stat().st_size
+    assert length_bytes > LOG_PAGES * 4096
+    assert (host.journal.head(), _tables(host.journal), host.path.read_bytes()) == before
+    with host.journal.write() as tx:
+        tx.move(do.action_id, ActionState.ACCEPTED, ActionState.STARTED)
+    host.journal.lengthen_log()
+    assert log.stat().st_size == length_bytes
+
+
+def test_a_log_that_has_its_length_is_read_after_a_power_cut(host: Host, tmp_path: Path) -> None:
+    host.journal.lengthen_log()
+    do = a_do(host.server)
+    host.take(do)
+    cut = tmp_path / "cut"
+    cut.mkdir()
+    for name in ("journal.sqlite3", "journal.sqlite3-wal", "journal.seal"):
+        shutil.copy(host.path.with_name(name), cut / name)
+    check_journal(cut / "journal.sqlite3")
+    found = Journal(cut / "journal.sqlite3")
+    assert found.head() == host.journal.head()
+    assert found.state_of(do.action_id) is ActionState.ACCEPTED
+    assert _tables(found) == _tables(host.journal)
+    found.close()
+
+
+def test_a_log_that_finds_no_room_leaves_the_journal_as_it_was(host: Host) -> None:
+    before = (host.journal.head(), _tables(host.journal))
+    host.journal._connection.execute("PRAGMA max_page_count = 100")
+    with pytest.raises(JournalError, match="full"):
+        host.journal.lengthen_log()
+    assert (host.journal.head(), _tables(host.journal)) == before
+    host.take(a_do(host.server))
+
+
+def _tables(journal: Journal) -> list[str]:
+    rows = journal._connection.execute("SELECT name FROM sqlite_master ORDER BY name")
+    return [row[0] for row in rows]
 
 
 def test_a_damaged_file_is_refused(tmp_path: Path) -> None:

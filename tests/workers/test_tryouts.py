@@ -25,6 +25,7 @@ from labweb.domain.enrollment.bundle import digest_of, encode_bundle
 from labweb.domain.messages import TryoutAsk, TryoutOrder, TryoutPart, TryoutTold
 from tests.workers.bench import HOST_ID, ROOT, Host, Server, until
 from tests.workers.test_confine import a_config, confining
+from tests.workers.test_tryout_models import CHOSEN
 from workers import confine
 from workers.journal import Journal
 from workers.store import TRYOUT_TOLD, TRYOUT_WORDS, Store
@@ -175,6 +176,30 @@ def test_registers_are_reached_over_their_own_sort_of_line(
     tried = Tried(store, host.server, PH, model="modbus_ph", settings={"device_id": 7})
     assert tried.started().state == "running", tried.told
     assert tried.ask("read").data["values"]["value_ph"] == pytest.approx(7.0, abs=0.2)
+
+
+@pytest.mark.parametrize(
+    ("module", "settings"),
+    [
+        ("logistics.seer_agv", {}),
+        ("processing.s7_furnace", {}),
+        ("processing.sila_temperature_controller", {"insecure": False}),
+    ],
+)
+def test_an_instrument_is_reached_by_more_than_its_port(
+    host: Host, store: Store, offer: Offer, module: str, settings: dict[str, Any]
+) -> None:
+    wanted = CHOSEN[module]
+    assert wanted.model in {one.model for one in offer.models}
+    tried = Tried(
+        *(store, host.server, f"drivers.{module}"),
+        model=wanted.model,
+        config=wanted.config,
+        settings=settings,
+    )
+    assert tried.started().state == "running", tried.told
+    read = tried.ask("read")
+    assert (read.code, read.data["problems"]) == ("", {}), read
 
 
 @pytest.mark.parametrize("carrier", ["serial", "tcp"])

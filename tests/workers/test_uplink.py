@@ -15,9 +15,18 @@ import pytest
 
 from labweb.domain.errors import StateError
 from labweb.domain.files import UNKNOWN, FileAsked, FileGone, FilePart
-from labweb.domain.messages import Ask, AskTold, Events, StopLab, WithdrawAsk
+from labweb.domain.messages import (
+    PROTOCOL_VERSION,
+    Ask,
+    AskTold,
+    Events,
+    Heartbeat,
+    StopLab,
+    WithdrawAsk,
+)
 from tests.workers.bench import HOST_ID, Host, a_do
 from tests.workers.hub import Hub
+from workers import patience
 from workers.config import HostConfig, ValkeyConfig
 from workers.files import Files
 from workers.identity import Identity
@@ -136,6 +145,53 @@ async def test_a_refused_host_stays_as_it_was_and_tries_again_later(
         await asyncio.sleep(0.2)
         assert host.journal.host_state().epoch == 1
         assert hub.frames == []
+
+
+@pytest.mark.parametrize("fault", ["version", "frame"])
+async def test_a_host_says_once_that_its_server_is_older_and_tries_more_and_more_seldom(
+    host: Host,
+    hub: Hub,
+    key: HostKey,
+    store: Store,
+    fault: str,
+    caplog: pytest.LogCaptureFixture,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(patience, "LONGEST_RETRY_S", 0.05)
+    if fault == "version":
+        hub.version = PROTOCOL_VERSION - 1
+    else:
+        hub.knows = lambda frame: not isinstance(frame, Heartbeat)
+    async with connected(host, hub, key, store):
+        await until(lambda: len(hub.hellos) >= 3)
+    said = [one.getMessage() for one in caplog.records if one.name == "workers.patience"]
+    assert len(said) == 1, said
+    wanted = {"version": "update the server", "frame": "frame heartbeat"}
+    assert wanted[fault] in said[0]
+    assert host.journal.host_state().epoch == (1 if fault == "version" else hub.server.epoch)
+
+
+def test_a_server_that_is_not_understood_is_left_in_peace_for_minutes(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr("random.uniform", lambda _low, high: high)
+    waiting = patience.Patience()
+    refusal = patience.RefusedError("update the server", code="host.version")
+    pauses = [waiting.pause_s(refusal, "ws://x", lasted_s=20.0) for _ in range(8)]
+    assert pauses == [8, 16, 32, 64, 128, 256, 300, 300]
+    broken = [waiting.pause_s(OSError("away"), "ws://x", lasted_s=0.1) for _ in range(6)]
+    assert broken == [0.5, 1, 2, 4, 8, 8], "what is away is asked again soon"
+
+
+def test_a_session_that_lasted_makes_the_next_misfit_a_new_one(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    monkeypatch.setattr("random.uniform", lambda _low, high: high)
+    waiting = patience.Patience()
+    error = msgspec.DecodeError("no such frame")
+    pauses = [waiting.pause_s(error, "ws://x", lasted_s=86_400.0) for _ in range(3)]
+    assert pauses == [8, 8, 8], "the host is away no longer than it has to be"
+    assert len([one for one in caplog.records if one.name == "workers.patience"]) == 3
 
 
 async def test_a_nudge_is_as_good_as_the_broker(

@@ -40,6 +40,11 @@ def main() -> None:
     attempt("listening", lambda: socket.create_server(("127.0.0.1", 0)))
     attempt("datagrams", lambda: socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
     attempt("local socket", lambda: socket.socket(socket.AF_UNIX, socket.SOCK_STREAM))
+    attempt(
+        "pair for another local socket",
+        lambda: socket.socketpair(socket.AF_UNIX, socket.SOCK_DGRAM),
+    )
+    attempt("listening at any port", lambda: socket.socket().listen())
     attempt("fork", os.fork)
     attempt("program", lambda: os.posix_spawn("/bin/true", ["true"], {}))
     attempt("signal to its parent", lambda: os.kill(os.getppid(), 0))

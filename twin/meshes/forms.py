@@ -364,5 +364,6 @@ _BODIES: dict[str, Callable[[Form], tuple[Piece, ...]]] = {
     "vial": _tube, "tube": _tube, "vessel": _beaker, "trough": _beaker, "well": _beaker,
     "syringe_pump": _pump, "rotary_valve": _valve, "solenoid_valve": _valve,
     "heater_stirrer": _heater, "heater": _heater, "stirrer": _heater, "balance": _balance,
-    "transmitter": _transmitter, "workstation": _workstation,
+    "transmitter": _transmitter, "injection_valve": _valve,
+    "workstation": _workstation, "liquid_handler": _workstation,
 }  # fmt: skip

@@ -127,15 +127,14 @@ class Service:
         return order
 
     def _begin(self, order: TryoutOrder, data: bytes) -> None:
-        model = self._models.get(order.model)
-        if model is None:
+        if order.model not in self._models:
             text = f"this host simulates no {order.model!r:.60}"
             raise StateError(text, code="tryout.no_model")
         if order.tryout_id in self._tryouts or len(self._tryouts) >= MOST_AT_ONCE:
             text = f"this host tries at most {MOST_AT_ONCE} drivers at a time"
             raise StateError(text, code="tryout.busy")
         modules = decode_bundle(data, order.digest)
-        tryout = Tryout(order, model, modules, self._tell, self._environment)
+        tryout = Tryout(order, modules, self._tell, self._environment)
         self._tryouts[order.tryout_id] = tryout
         log.info("tryout %s of %s on %s", order.tryout_id, order.digest[:12], order.model)
         task = asyncio.create_task(self._run(tryout))

@@ -23,14 +23,6 @@ READY_S = 30.0
 ANSWER_S = 5.0
 END_S = 5.0
 INSTRUMENT = "instrument"
-_SCHEME = {
-    ("byte", "pty"): "serial",
-    ("register", "pty"): "modbus+serial",
-    ("byte", "tcp"): "tcp",
-    ("register", "tcp"): "modbus+tcp",
-    ("http", "tcp"): "http",
-    ("opcua", "tcp"): "opc.tcp",
-}
 
 
 async def read_models(environment: Mapping[str, str]) -> list[SimulatedModel]:
@@ -62,6 +54,8 @@ class Simulator:
         self._process = process
         self._tap = Path(ready["endpoints"][0]["tap"])
         self._address = str(ready["endpoints"][0]["address"])
+        self.url = str(ready["urls"][INSTRUMENT])
+        """Address by which a driver reaches it."""
         self._began_s = float(ready["monotonic_s"])
         self._read_bytes = 0
 
@@ -100,13 +94,6 @@ class Simulator:
             _, problem = await process.communicate()
             raise DefinitionError(_last_lines(problem), code="tryout.settings")
         return cls(folder, process, json.loads(line))
-
-    def url(self, speaks: str, settings: Mapping[str, Any]) -> str:
-        """Return the address by which a driver of that carrier reaches it."""
-        carrier, _, rest = self._address.partition(":")
-        scheme = _SCHEME[speaks, carrier]
-        device = f"?device={settings.get('device_id', 1)}" if speaks == "register" else ""
-        return f"{scheme}://{rest}{device}"
 
     def mark(self) -> str:
         """Return a text that changes when the line is another than before.

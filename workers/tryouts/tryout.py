@@ -15,7 +15,6 @@ import msgspec
 from labweb.domain.enrollment.tryout import BEAT_S, IDLE_S, LONGEST_S
 from labweb.domain.errors import DeviceError, Effect, LabError, StateError
 from labweb.domain.messages import (
-    SimulatedModel,
     TryoutAsk,
     TryoutOrder,
     TryoutTold,
@@ -39,13 +38,12 @@ class Tryout:
     def __init__(
         self,
         order: TryoutOrder,
-        model: SimulatedModel,
         modules: Mapping[str, str],
         tell: Tell,
         environment: Mapping[str, str],
     ) -> None:
         self.id = order.tryout_id
-        self._order, self._model, self._modules = order, model, dict(modules)
+        self._order, self._modules = order, dict(modules)
         self._tell, self._environment = tell, environment
         self._folder = Path(tempfile.mkdtemp(prefix="lw-"))
         self._simulator: Simulator | None = None
@@ -178,9 +176,8 @@ class Tryout:
             if not mark:
                 text = "the line of the simulated instrument is unplugged"
                 raise DeviceError(text, code="tryout.unplugged", effect=Effect.NONE)
-            url = simulator.url(self._model.speaks, self._order.settings)
             order = self._order
-            start = Start(self._modules, order.class_name, url, order.config)
+            start = Start(self._modules, order.class_name, simulator.url, order.config)
             self._driving = await Driving.start(start, self._environment)
             self._mark = mark
             return self._driving

@@ -257,6 +257,17 @@ class Bus:
         Raises:
             DefinitionError: The name or the type is none.
         """
+        self.subscribe_from(name, message, lambda value, _: heard(value), is_lasting=is_lasting)
+
+    def subscribe_from(
+        self,
+        name: str,
+        message: str,
+        heard: Callable[[Plain, str], None],
+        *,
+        is_lasting: bool = False,
+    ) -> None:
+        """As `subscribe`; `heard` is also told who published, by a name that holds here."""
         with self._lock:
             participant = self._join()
             topic = names.topic(names.check_name(name))
@@ -335,7 +346,7 @@ class Bus:
 class _Heard(Listener):
     """Hands on what arrives."""
 
-    def __init__(self, types: Types, message: str, heard: Callable[[Plain], None]) -> None:
+    def __init__(self, types: Types, message: str, heard: Callable[[Plain, str], None]) -> None:
         super().__init__()  # type: ignore[no-untyped-call]
         self._types = types
         self._message = message
@@ -343,16 +354,20 @@ class _Heard(Listener):
 
     def on_data_available(self, reader: DataReader[Any] | None) -> None:
         """Take what there is; without a reader, the library is still making it."""
-        if reader is None:
-            return
         kind = self._types.of(self._message)
-        try:
-            samples = reader.take(N=KEPT)
-        except DDSException:
-            return  # the reader is being closed
-        for sample in samples:
+        while reader is not None:
+            try:
+                samples = reader.take(N=1)
+            except DDSException:
+                return  # the reader is being closed
+            except ValueError:
+                continue  # a text that is none: the sample is gone, and the next one is not
+            if not samples:
+                return
+            sample: Any = samples[0]
+            sender = str(sample.sample_info.publication_handle)
             if isinstance(sample, kind):
-                self._heard(self._types.plain(self._message, sample))
+                self._heard(self._types.plain(self._message, sample), sender)
 
 
 def _qos(*, is_lasting: bool) -> Qos:

@@ -1,1 +1,1 @@
-"""VISA instruments: messages on a GPIB bus, or over HiSLIP."""
+"""VISA instruments: messages over USB, on a GPIB bus, or over HiSLIP."""

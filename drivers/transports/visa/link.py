@@ -86,6 +86,10 @@ class Link:
             self._device.clear()
         except NotImplementedError:
             return False
+        except VisaIOError as error:
+            if error.error_code == StatusCode.error_nonsupported_operation:
+                return False
+            raise OSError(str(error)) from error
         except Error as error:
             raise OSError(str(error)) from error
         return True

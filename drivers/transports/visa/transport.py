@@ -1,4 +1,4 @@
-"""A line to a VISA instrument, as bytes: GPIB, or HiSLIP over TCP.
+"""A line to a VISA instrument, as bytes: USB, GPIB, or HiSLIP over TCP.
 
 An instrument on such a line must not be read from before it was asked: it would report an error of
 its own. What it may still owe after a failed exchange is therefore thrown away by a device clear.
@@ -6,7 +6,7 @@ The library is imported when a line is opened: other hosts lack it.
 
 Source:
     IVI Foundation, VPP-4.3 (resource names, viClear) and IVI-6.1 (HiSLIP, port 4880); IEEE 488.2,
-    6.3.1.7, query errors.
+    6.3.1.7, query errors; USB-IF, USBTMC-USB488 1.0 (vendor, product, serial number).
 """
 
 from __future__ import annotations
@@ -26,6 +26,9 @@ LIBRARY = "@py"
 HISLIP_PORT = 4880
 _GPIB = re.compile(r"GPIB([0-9]{1,2})::([0-9]{1,2})(?:::([0-9]{1,2}))?::INSTR")
 _HISLIP = re.compile(r"TCPIP[0-9]{1,2}::([A-Za-z0-9._-]{1,253})::hislip[0-9]::INSTR")
+_USB = re.compile(
+    r"USB[0-9]{0,2}::0x([0-9A-Fa-f]{4})::0x([0-9A-Fa-f]{4})::([A-Za-z0-9._-]{1,126})::INSTR"
+)
 _HIGHEST_ADDRESS = 30  # IEEE 488.1: 31 is none
 
 
@@ -38,6 +41,8 @@ def check_resource(name: str) -> str:
     Example:
         >>> check_resource("GPIB0::8::INSTR")
         'gpib:0'
+        >>> check_resource("USB0::0x2A8D::0x1301::MY1::INSTR")
+        'usb:2a8d:1301:MY1'
     """
     if found := _GPIB.fullmatch(name):
         if any(int(part) > _HIGHEST_ADDRESS for part in (found[2], found[3] or "0")):
@@ -47,9 +52,11 @@ def check_resource(name: str) -> str:
         return f"gpib:{int(found[1])}"
     if found := _HISLIP.fullmatch(name):
         return tcp_line(found[1], HISLIP_PORT)
+    if found := _USB.fullmatch(name):
+        return f"usb:{found[1].lower()}:{found[2].lower()}:{found[3]}"
     raise DefinitionError(
-        "a VISA instrument is GPIB0::8::INSTR or TCPIP0::HOST::hislip0::INSTR; serial ports and "
-        "sockets are serial:// and tcp://",
+        "a VISA instrument is USB0::0x2A8D::0x1301::MY1::INSTR, GPIB0::8::INSTR or "
+        "TCPIP0::HOST::hislip0::INSTR; serial ports and sockets are serial:// and tcp://",
         code="transport.url",
     )
 

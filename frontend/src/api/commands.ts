@@ -4,6 +4,7 @@ import { useMutation, type UseMutationResult } from "@tanstack/react-query";
 import type {
   ApprovalRequest,
   CheckResult,
+  Departure,
   Job,
   Lab,
   LabEvent,
@@ -103,9 +104,10 @@ export function saveVersion(id: string, note: string, revision: number): Promise
 
 export function checkDocument(
   document: WorkflowDocument,
+  workflowId: string,
   signal: AbortSignal,
 ): Promise<CheckResult> {
-  return call("POST", "/workflows/check", { document }, signal);
+  return call("POST", "/workflows/check", { document, workflow_id: workflowId }, signal);
 }
 
 /** Start a version by the plan that was seen; its page shows what was answered until it changes. */
@@ -116,16 +118,12 @@ export async function startRun(versionId: string, planDigest: string): Promise<R
   return run;
 }
 
-export type RunAct = { act: "pause" | "resume" } | { act: "abort"; reason: string };
+export type RunAct =
+  { act: "pause" } | { act: "resume"; departures?: Departure[] } | { act: "abort"; reason: string };
 
 export function useRunAct(id: string): UseMutationResult<Run, Error, RunAct> {
   return useMutation({
-    mutationFn: (what) =>
-      call<Run>(
-        "POST",
-        `/runs/${id}/${what.act}`,
-        what.act === "abort" ? { reason: what.reason } : {},
-      ),
+    mutationFn: ({ act, ...body }) => call<Run>("POST", `/runs/${id}/${act}`, body),
     onSuccess: setRun,
   });
 }
@@ -284,6 +282,20 @@ export function useCloseTicket(id: string): UseMutationResult<Ticket, Error, str
     onSuccess: (ticket) => {
       client.setQueryData(keys.ticket(id), ticket);
       refreshNeeds();
+    },
+  });
+}
+
+/** Have a device show which one it is: a run of one job. */
+export function useShowDevice(
+  deviceId: string,
+): UseMutationResult<{ run_id: string; number: number }, Error, void> {
+  return useMutation({
+    mutationFn: () =>
+      call<{ run_id: string; number: number }>("POST", `/devices/${deviceId}/show`, {}),
+    onSettled: () => {
+      void client.invalidateQueries({ queryKey: keys.runs });
+      void client.invalidateQueries({ queryKey: keys.device(deviceId) });
     },
   });
 }

@@ -13,6 +13,7 @@ import type {
   DriverRow,
   DriverUse,
   ModuleChange,
+  PartChanges,
 } from "@/model/wiredrivers";
 import { call } from "./client";
 import { keys } from "./keys";
@@ -97,10 +98,22 @@ export function useWithdrawDriver(id: string): UseMutationResult<DriverRow, Erro
   });
 }
 
+/** Which parts come and go when a device gets a version, and what speaks against it now. */
+export function usePartChanges(deviceId: string, versionId: string): UseQueryResult<PartChanges> {
+  return useQuery({
+    queryKey: keys.driverParts(deviceId, versionId),
+    queryFn: ({ signal }) =>
+      call<PartChanges>("GET", `/devices/${deviceId}/driver/${versionId}/parts`, undefined, signal),
+    enabled: versionId !== "",
+    refetchOnMount: "always",
+    retry: false,
+  });
+}
+
 /** Give a device a version; its present one takes back what is staged. */
 export function useGiveDriver(
   deviceId: string,
-): UseMutationResult<DriverUse, Error, { version_id: string; reason: string }> {
+): UseMutationResult<DriverUse, Error, { version_id: string; reason: string; parts?: string }> {
   return useMutation({
     mutationFn: (choice) => call<DriverUse>("POST", `/devices/${deviceId}/driver`, choice),
     onSettled: refreshDrivers,

@@ -32,6 +32,7 @@ export const keys = {
   driverList: ["drivers", "list"] as const,
   driver: (id: string) => ["drivers", "one", id] as const,
   driverChanges: (id: string, since: string) => ["changes of a driver", id, since] as const,
+  driverParts: (device: string, version: string) => ["parts of a driver", device, version] as const,
   everyTryout: ["tryouts"] as const,
   tryouts: (driverId: string) => ["tryouts", "of", driverId] as const,
   tryout: (id: string) => ["tryouts", "one", id] as const,

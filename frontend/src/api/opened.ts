@@ -79,7 +79,7 @@ async function read(file: File): Promise<Omit<OpenFile, "text"> & { bytes: Uint8
 
 const unsaid = {
   binds: {},
-  wishes: { parameters: {}, equiv_reference: "", equiv_amount: "", rinse: [] },
+  wishes: { parameters: {}, equiv_reference: "", equiv_amount: "", rinse: [], primes: false },
   holds: {},
   blueprints: [],
   declared: null,

@@ -34,6 +34,8 @@ export interface Said {
   /** File `labweb.declared/1`, base64; "" for none. */
   declared: string;
   rinse: string[];
+  /** Fill the tubes of flasks before, and push them out after. */
+  primes: boolean;
   parameters: Record<string, string>;
   equiv_reference: string;
   equiv_amount: string;

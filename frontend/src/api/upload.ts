@@ -2,6 +2,7 @@
 
 import { useMutation, type UseMutationResult } from "@tanstack/react-query";
 import { useState } from "react";
+import type { Device, DevicePhoto } from "@/model/wire";
 import type { FileDetail, IncomingFile } from "@/model/wirefiles";
 import { ApiError, call, csrfToken, readRefusal, refusal, spoken } from "./client";
 import { keys } from "./keys";
@@ -29,7 +30,10 @@ async function whenRead(incoming: IncomingFile): Promise<FileDetail> {
   throw new ApiError(422, told);
 }
 
-export function sendFile(brought: Brought, onShare: (share: number) => void): Promise<FileDetail> {
+export async function sendFile(
+  brought: Brought,
+  onShare: (share: number) => void,
+): Promise<FileDetail> {
   const form = new FormData();
   form.append("format", brought.format);
   for (const name of ["resource", "device", "job"] as const) {
@@ -37,9 +41,21 @@ export function sendFile(brought: Brought, onShare: (share: number) => void): Pr
     if (value) form.append(name, value);
   }
   form.append("file", brought.file);
+  const [status, told] = await sendForm("/files", form, onShare);
+  if (status === 201) return told as FileDetail;
+  onShare(1);
+  return whenRead(told as IncomingFile);
+}
+
+/** Send a form; `onShare` hears how much of it has been sent. */
+function sendForm(
+  path: string,
+  form: FormData,
+  onShare: (share: number) => void,
+): Promise<[status: number, told: unknown]> {
   return new Promise((resolve, reject) => {
     const request = new XMLHttpRequest();
-    request.open("POST", "/api/v1/files");
+    request.open("POST", `/api/v1${path}`);
     request.setRequestHeader("Accept", "application/json");
     request.setRequestHeader("X-CSRFToken", csrfToken());
     request.upload.onprogress = (event) => {
@@ -48,13 +64,8 @@ export function sendFile(brought: Brought, onShare: (share: number) => void): Pr
     request.onerror = () =>
       reject(new ApiError(0, refusal("http.unreachable", "The server does not answer.")));
     request.onload = () => {
-      if (request.status === 201) {
-        resolve(JSON.parse(request.responseText) as FileDetail);
-        return;
-      }
-      if (request.status === 202) {
-        onShare(1);
-        resolve(whenRead(JSON.parse(request.responseText) as IncomingFile));
+      if (request.status === 201 || request.status === 202) {
+        resolve([request.status, JSON.parse(request.responseText)]);
         return;
       }
       const answer = new Response(request.responseText, { status: request.status });
@@ -62,6 +73,30 @@ export function sendFile(brought: Brought, onShare: (share: number) => void): Pr
     };
     request.send(form);
   });
+}
+
+/** Keep a photo of a device; `share` is how much of it has been sent. */
+export function useSendPhoto(deviceId: string): {
+  send: UseMutationResult<DevicePhoto, Error, File>;
+  share: number;
+} {
+  const [share, setShare] = useState(0);
+  const send = useMutation({
+    mutationFn: async (file: File) => {
+      setShare(0);
+      const form = new FormData();
+      form.append("file", file);
+      const [, told] = await sendForm(`/devices/${deviceId}/photo`, form, setShare);
+      return told as DevicePhoto;
+    },
+    onSuccess: (photo) => {
+      client.setQueryData(keys.device(deviceId), (old: Device | undefined) =>
+        old ? { ...old, photo } : old,
+      );
+      void client.invalidateQueries({ queryKey: keys.files });
+    },
+  });
+  return { send, share };
 }
 
 /** Keep a file; `share` is how much of it has been sent. */

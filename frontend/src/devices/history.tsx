@@ -116,8 +116,11 @@ function StatusHistory(props: {
         gaps={told.gaps}
         since_s={until_s - (told.until_s - told.since_s)}
         until_s={until_s}
-        isStepped={curve.status.endsWith("_index")}
+        isStepped={
+          curve.status.endsWith("_index") || (curve.is_share === true && curve.level_s === 0)
+        }
         height={170}
+        {...(curve.is_share && { bounds: [0, 100] })}
       />
     </figure>
   );

@@ -16,6 +16,8 @@ import { StateChip } from "@/ui/state";
 import { Age, At } from "@/ui/time";
 import { Calibrations } from "./calibration";
 import { History } from "./history";
+import { Photo } from "./photo";
+import { ShowItself } from "./showitself";
 import { words } from "./words";
 
 /** Of these, the newest of each status is sure to be one. */
@@ -68,6 +70,8 @@ export function DevicePage() {
       </div>
       <aside className="col">
         <Readings deviceId={data.id} readings={data.readings} isAway={data.link !== "online"} />
+        <Photo key={`photo of ${data.id}`} device={data} />
+        <ShowItself key={`name of ${data.id}`} device={data} />
         <Driver device={data} />
         <Settings device={data} />
       </aside>

@@ -1,6 +1,23 @@
 /** Words of the devices and of the hosts that own them. */
 
 export const words = {
+  photo: {
+    title: "Photo",
+    alt: (name: string) => name,
+    none: "Nobody has brought one. It helps to find the device on the bench.",
+    bring: "Bring a photo…",
+    another: "Another photo…",
+    choose: "Photo of the device: JPEG, PNG or WebP",
+    sending: "It is being sent.",
+  },
+  showing: {
+    title: "Which one is it?",
+    text: (how: string) => `${how} It takes 20 s, and nothing moves.`,
+    show: "Let it show itself",
+    asked: (number: number) => `Run #${number} has it show itself`,
+    mayNot: "Needs the role chemist.",
+    away: "The device is away.",
+  },
   title: "Devices",
   none: "No device yet. A device that announces itself waits for review in Admin.",
   noReadings: "It has not told anything yet.",

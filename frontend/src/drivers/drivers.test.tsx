@@ -40,7 +40,7 @@ const fresh = aDriver({
   state: "proposed",
   proposed_by: "Ada Admin",
   proposed_at: "2026-11-20T00:00:00Z",
-  can: { decide: true, withdraw: true },
+  can: { read: true, decide: true, withdraw: true },
 });
 const detail: DriverDetail = {
   ...fresh,
@@ -109,6 +109,7 @@ function answers(permissions: string[], more: Record<string, [number, unknown]> 
     if (path === "/session") return [200, session(permissions)];
     if (path === "/drivers") return [200, { drivers: [fresh, old] }];
     if (path === "/drivers/v2") return [200, detail];
+    if (path.endsWith("/parts")) return [200, { decision: "", changes: [], findings: [] }];
     if (path.includes("/changes/")) return [200, changes];
     if (path === "/steps") return [200, { steps: [], devices: [], units: UNITS }];
     return [404, { code: "http.not_found", message: "no such page" }];
@@ -207,7 +208,7 @@ test("nobody approves before the source or the changes were read to the end", as
 });
 
 test("who brought it is told that a second person answers", async () => {
-  const own = { ...detail, can: { decide: false, withdraw: true } };
+  const own = { ...detail, can: { read: true, decide: false, withdraw: true } };
   serve(answers(["decide"], { "GET /drivers/v2": [200, own] }));
   show(page, "/drivers/v2");
   expect(await screen.findByText(/a second person answers/)).toBeVisible();
@@ -236,6 +237,54 @@ test("an approved version is given to a device with a reason", async () => {
       reason: "better",
     }),
   );
+});
+
+test("who gives a version with other parts sees and agrees to each of them", async () => {
+  const parts = {
+    decision: "d".repeat(64),
+    changes: [
+      { code: "driver.parts_lost", message: "Pump has no more a rotary valve", subject: "p_valve" },
+    ],
+    findings: [] as object[],
+  };
+  const given = (found: object[]) =>
+    answers(["admit"], {
+      "GET /drivers/v2": [200, { ...detail, state: "approved" as const }],
+      "GET /devices/d1/driver/v2/parts": [200, { ...parts, findings: found }],
+      "POST /devices/d1/driver": [200, aPlace().driver],
+    });
+  const sent = serve(given([]));
+  const { unmount } = show(page, "/drivers/v2");
+  await userEvent.click(await screen.findByTestId("driver-change"));
+  expect(await screen.findByText(/has no more a rotary valve/)).toBeVisible();
+  await userEvent.type(screen.getByTestId("change-reason"), "broken");
+  expect(screen.getByTestId("change-send")).toBeDisabled();
+  await userEvent.click(screen.getByTestId("part-agree"));
+  await userEvent.click(screen.getByTestId("change-send"));
+  await waitFor(() =>
+    expect(sent.find((one) => one.path.endsWith("/d1/driver"))?.body).toEqual({
+      version_id: "v2",
+      reason: "broken",
+      parts: parts.decision,
+    }),
+  );
+  unmount();
+  serve(given([{ code: "crutd.connected", message: "take the tube off first", subject: "t" }]));
+  show(page, "/drivers/v2");
+  await userEvent.click(await screen.findByTestId("driver-change"));
+  expect(await screen.findByText("take the tube off first")).toBeVisible();
+  expect(screen.queryByTestId("part-agree")).toBeNull();
+  expect(screen.getByTestId("change-send")).toBeDisabled();
+});
+
+test("who may not read source is told so, and sees the rest", async () => {
+  const plain = { ...detail, sources: {}, can: { read: false, decide: false, withdraw: false } };
+  serve(answers([], { "GET /drivers/v2": [200, plain] }));
+  show(page, "/drivers/v2");
+  expect(await screen.findByTestId("driver-hidden")).toHaveTextContent(/role approver or admin/);
+  expect(screen.queryByTestId("driver-source")).toBeNull();
+  expect(screen.queryByTestId("driver-changes")).toBeNull();
+  expect(screen.getByTestId("driver-places")).toBeVisible();
 });
 
 test("a version that is not approved is given to nobody", async () => {

@@ -9,7 +9,7 @@ import { useSession } from "@/api/queries";
 import { driverState, newestFirst } from "@/model/drivers";
 import { formatDigest } from "@/model/format";
 import type { DriverDetail, DriverRow } from "@/model/wiredrivers";
-import { AsOf, Card, Failed } from "@/ui/card";
+import { AsOf, Card, Empty, Failed } from "@/ui/card";
 import { Button } from "@/ui/controls";
 import { StateChip } from "@/ui/state";
 import { At } from "@/ui/time";
@@ -74,8 +74,16 @@ function Details({ driver, error, at }: { driver: DriverDetail; error: Error | n
       <div className="col">
         {driver.state === "proposed" && <Answer driver={driver} isSeen={isSeen} />}
         <Places driver={driver} versions={versions} />
-        <Changes driver={driver} versions={versions} onSeen={see} />
-        <Source driver={driver} onSeen={see} />
+        {driver.can.read ? (
+          <>
+            <Changes driver={driver} versions={versions} onSeen={see} />
+            <Source driver={driver} onSeen={see} />
+          </>
+        ) : (
+          <Card title={words.source.title} testId="driver-hidden">
+            <Empty>{words.source.hidden}</Empty>
+          </Card>
+        )}
       </div>
       <aside className="col">
         <Facts driver={driver} />

@@ -1,17 +1,16 @@
 /** Which device has which version, how far a change has come on its host, and the change itself. */
 
-import { useId, useState } from "react";
+import { useState } from "react";
 import { Link } from "react-router";
-import { useGiveDriver } from "@/api/drivers";
 import { newestFirst, progressOf, STAGES } from "@/model/drivers";
 import { formatDigest } from "@/model/format";
 import { sessionState } from "@/model/hosts";
 import type { DriverDetail, DriverPlace, DriverRow } from "@/model/wiredrivers";
 import { Card, Empty } from "@/ui/card";
-import { Button, Dialog, Refused, TextField } from "@/ui/controls";
+import { Button } from "@/ui/controls";
 import { Glyph } from "@/ui/glyph";
 import { StateText } from "@/ui/state";
-import { versionText } from "./source";
+import { ChangeVersion } from "./changeversion";
 import { words } from "./words";
 
 interface Props {
@@ -41,7 +40,12 @@ export function Places({ driver, versions }: Props) {
         ))}
       </ul>
       {place && (
-        <Change place={place} driver={driver} versions={versions} onClose={() => setAsked(null)} />
+        <ChangeVersion
+          place={place}
+          offered={driver.id}
+          choices={choicesOf(place, versions)}
+          onClose={() => setAsked(null)}
+        />
       )}
     </Card>
   );
@@ -124,90 +128,5 @@ function whyNoChange({ place, driver, versions }: Props & { place: DriverPlace }
 function choicesOf(place: DriverPlace, versions: DriverRow[]): DriverRow[] {
   return newestFirst(versions).filter(
     (row) => row.state === "approved" && row.id !== place.driver.version_id,
-  );
-}
-
-function VersionField(props: {
-  value: string;
-  choices: DriverRow[];
-  onChange: (id: string) => void;
-}) {
-  const id = useId();
-  return (
-    <div className="field">
-      <label htmlFor={id}>{words.places.dialog.version}</label>
-      <select
-        id={id}
-        className="inp"
-        value={props.value}
-        data-testid="change-version"
-        onChange={(event) => props.onChange(event.target.value)}
-      >
-        <option value="">{words.form.choose}</option>
-        {props.choices.map((row) => (
-          <option key={row.id} value={row.id}>
-            {versionText(row)}
-          </option>
-        ))}
-      </select>
-    </div>
-  );
-}
-
-function Change(props: Props & { place: DriverPlace; onClose: () => void }) {
-  const { place, driver, versions, onClose } = props;
-  const give = useGiveDriver(place.id);
-  const [isTakingBack] = useState(place.driver.next !== null);
-  const isOther = place.driver.version_id !== driver.id;
-  const [version, setVersion] = useState(isOther ? driver.id : "");
-  const [reason, setReason] = useState("");
-  const wanted = isTakingBack ? place.driver.version_id : version;
-  const text = words.places.dialog;
-  const why = !wanted ? text.noVersion : reason.trim() ? null : text.noReason;
-  return (
-    <Dialog title={text.title(place.name)} isOpen onClose={onClose} testId="change-dialog">
-      <form
-        className="sheet"
-        onSubmit={(event) => {
-          event.preventDefault();
-          if (why) return;
-          give.mutate({ version_id: wanted, reason: reason.trim() }, { onSuccess: onClose });
-        }}
-      >
-        <p className="s">{isTakingBack ? text.takeBack : text.text}</p>
-        {!isTakingBack && (
-          <VersionField
-            value={version}
-            choices={choicesOf(place, versions)}
-            onChange={setVersion}
-          />
-        )}
-        <TextField
-          label={text.reason}
-          value={reason}
-          onChange={setReason}
-          help={text.reasonHelp}
-          lines={2}
-          autoFocus
-          testId="change-reason"
-        />
-        <Refused error={give.error} />
-        <div className="acts">
-          <Button onClick={onClose} large>
-            Cancel
-          </Button>
-          <Button
-            type="submit"
-            look="pri"
-            large
-            why={why}
-            disabled={give.isPending}
-            testId="change-send"
-          >
-            {isTakingBack ? text.keep : text.send}
-          </Button>
-        </div>
-      </form>
-    </Dialog>
   );
 }

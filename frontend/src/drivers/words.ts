@@ -65,6 +65,14 @@ export const words = {
       reasonHelp: "It is kept.",
       noReason: "Write why.",
       noVersion: "Choose a version.",
+      looking: "Looking at the parts of the device.",
+      parts: "Parts that change",
+      partsText:
+        "Parts that go are kept in the Archive and come back with a version that has them. The change is one entry of the record.",
+      decide: "These parts change with the version",
+      undecided: "Say that these parts change.",
+      blocked: "See what speaks against it.",
+      verb: { gained: "Comes", lost: "Goes", changed: "Changes" } as Record<string, string>,
       send: "Give",
       keep: "Keep the present version",
     },
@@ -77,7 +85,11 @@ export const words = {
     new: "new module",
     gone: "removed module",
   },
-  source: { title: "Source", shared: "shared" },
+  source: {
+    title: "Source",
+    shared: "shared",
+    hidden: "To read it needs the role approver or admin for the whole lab.",
+  },
   forms: {
     title: "The form that users will see",
     note: "as in the editor",

@@ -29,11 +29,17 @@ export function useChecking(): void {
 
 /** Check now; resolves to the result, or null when it failed or was overtaken. */
 export async function runCheck(signal?: AbortSignal): Promise<CheckResult | null> {
-  const { history, set } = useEditor.getState();
+  const { workflowId, history, set } = useEditor.getState();
   const content = contentOf(history.document);
   try {
-    const answer = await checkDocument(history.document, signal ?? new AbortController().signal);
-    const result = { ...answer, findings: answer.findings.map(spoken) };
+    const asked = signal ?? new AbortController().signal;
+    const answer = await checkDocument(history.document, workflowId, asked);
+    const { proof } = answer;
+    const result = {
+      ...answer,
+      findings: answer.findings.map(spoken),
+      proof: proof && { ...proof, changes: proof.changes.map(spoken) },
+    };
     if (contentOf(useEditor.getState().history.document) !== content) return null;
     set({ checked: { content, result, at: Date.now() / 1000 }, checkProblem: null });
     return result;

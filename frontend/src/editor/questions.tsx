@@ -1,4 +1,4 @@
-/** What the editor asks about drafts: somebody else saved, or something was left unsaved. */
+/** What the editor asks or tells about drafts: somebody else saved, something is not saved, or no longer proved. */
 
 import { call } from "@/api/client";
 import { keys } from "@/api/keys";
@@ -6,6 +6,7 @@ import { client } from "@/api/live";
 import type { Workflow } from "@/model/wire";
 import { Button } from "@/ui/controls";
 import { Glyph } from "@/ui/glyph";
+import { ProofLost } from "./proof";
 import { flushAll } from "./saving";
 import { useEditor } from "./store";
 import { answerOffer } from "./unsaved";
@@ -14,8 +15,10 @@ import { words } from "./words";
 export function Questions() {
   const conflict = useEditor((state) => state.saving.conflict);
   const offer = useEditor((state) => state.offer);
+  const proof = useEditor((state) => state.checked?.result.proof ?? null);
   if (conflict !== null) return <Conflict />;
-  return offer ? <Offer /> : null;
+  if (offer) return <Offer />;
+  return proof && <ProofLost proof={proof} />;
 }
 
 function Conflict() {

@@ -12,6 +12,7 @@ import { Button, Dialog, Refused } from "@/ui/controls";
 import { Glyph } from "@/ui/glyph";
 import { ModeChip } from "@/ui/state";
 import { runCheck, useVerdict } from "./check";
+import { ProofOnSheet } from "./proof";
 import { flushOrThrow, hearOf, saveSeen } from "./saving";
 import { contentOf, useEditor } from "./store";
 import { words } from "./words";
@@ -76,6 +77,7 @@ function Sheet({ onClose }: { onClose: () => void }) {
         </div>
       )}
       {plan && <Summary plan={plan} />}
+      {result?.proof && <ProofOnSheet proof={result.proof} />}
       {policies.length > 0 && <Policies policies={policies} />}
       {isConflict && !start.error && (
         <p className="help bad" role="alert">

@@ -1,10 +1,10 @@
 // @vitest-environment jsdom
-import { screen, waitFor } from "@testing-library/react";
+import { act, screen, waitFor } from "@testing-library/react";
 import userEvent from "@testing-library/user-event";
 import { beforeEach, expect, test } from "vitest";
 import { renameWorkflow } from "@/model/document";
 import { aDocument } from "@/model/samples";
-import type { CheckResult, Workflow, WorkflowDocument } from "@/model/wire";
+import type { CheckResult, Finding, Proof, Workflow, WorkflowDocument } from "@/model/wire";
 import { serve, show } from "@/testpage";
 import { Questions } from "./questions";
 import { RunSheet } from "./runsheet";
@@ -148,9 +148,44 @@ test("unsaved changes to an older revision are asked about as a conflict", async
   expect(keptOf("chemist", "w1")?.document.name).toBe("Drawn");
 });
 
-function aCheck(digest: string, note: string): CheckResult {
+function aCheck(digest: string, note: string, proof: Proof | null = null): CheckResult {
   const plan = { digest, estimate_s: 1, steps: [], jobs: [], notes: [note] };
-  return { findings: [], plan, policies: [], sentences: {} };
+  return { findings: [], plan, policies: [], sentences: {}, proof };
+}
+
+const LOST = { version: 2, changes: [aFinding("volume of step s1 was 1 mL and is 2 mL")] };
+
+test("the start sheet says that a draft is no longer proved, why, and what to do", async () => {
+  const sent = serve((path) =>
+    path === "/workflows/check" ? [200, aCheck("d1", "", LOST)] : [200, { user: null, lab: null }],
+  );
+  editor().open(aWorkflow(), "chemist");
+  show(<RunSheet isOpen onClose={() => undefined} />);
+  const told = await screen.findByTestId("proof-lost-sheet");
+  expect(told).toHaveTextContent("No longer proved, as version 2 was.");
+  expect(told).toHaveTextContent("Volume of step s1 was 1 mL and is 2 mL");
+  expect(told).toHaveTextContent("open the recipe again");
+  await waitFor(() => expect(screen.getByTestId("start-run")).toBeEnabled());
+  const asked = sent.find((one) => one.path.endsWith("/check"));
+  expect(asked?.body).toMatchObject({ workflow_id: "w1" });
+});
+
+test("the editor says so while one draws, and nothing while the proof holds", async () => {
+  editor().open(aWorkflow(), "chemist");
+  show(<Questions />);
+  expect(screen.queryByTestId("proof-lost")).toBeNull();
+  const checked = (proof: Proof | null): void =>
+    act(() => editor().set({ checked: { content: "", result: aCheck("d1", "", proof), at: 0 } }));
+  checked({ version: 2, changes: [] });
+  expect(screen.queryByTestId("proof-lost")).toBeNull();
+  checked({ ...LOST, changes: [...LOST.changes, aFinding("step s9 was put in")] });
+  const told = screen.getByTestId("proof-lost");
+  expect(told).toHaveTextContent("And one more change.");
+  expect(screen.getByTestId("proof-open-recipe")).toHaveAttribute("href", "/workflows/xdl");
+});
+
+function aFinding(message: string): Finding {
+  return { code: "recipe.proof_lost", message, subject: "s1", context: {} };
 }
 
 test("a run starts by the plan that was seen, and a changed plan is shown first", async () => {

@@ -38,6 +38,13 @@ export const words = {
     unsaved: "not saved",
     saving: "saving…",
   },
+  proof: {
+    lost: (version: number) => `No longer proved, as version ${version} was.`,
+    more: (count: number) => (count === 1 ? "And one more change." : `And ${count} more changes.`),
+    kept: (version: number) => `Does what the plan of the recipe was proved to do (v${version}).`,
+    what: "Undo that, or open the recipe again and save it anew. Started as it is, it runs as a workflow that was drawn: checked against the lab, and compared with no recipe.",
+    openRecipe: "Open the recipe",
+  },
   rings: {
     fields: "Fields",
     graph: "Graph",

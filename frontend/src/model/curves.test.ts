@@ -5,6 +5,7 @@ import {
   gapWords,
   levelDrawn,
   readableUnit,
+  roomy,
   stepWords,
   whyNoRange,
   withLive,
@@ -114,4 +115,48 @@ test("words of steps, gaps and units", () => {
     0.001,
   ]);
   expect(readableUnit(curve({ unit: "µL", points: [[0, 40, 40, 40, 1]] }))).toEqual(["µL", 1]);
+});
+
+test("what is drawn has a window with air, which does not go below zero for nothing", () => {
+  const [low, high] = roomy(20, 60);
+  expect([low < 20, high > 60]).toEqual([true, true]);
+  expect(roomy(-3, -3)[0]).toBeLessThan(-3);
+  expect(roomy(0, 0)[0]).toBeCloseTo(-0.08);
+  expect(roomy(0, 0)[1]).toBeGreaterThanOrEqual(1);
+  expect(roomy(0.2, 0.3)[0]).toBeCloseTo(-0.08);
+  expect(roomy(null, null)).toEqual([0, 1]);
+});
+
+test("yes and no are drawn as the share of yes, after the numbers", () => {
+  const said = curve({
+    status: "is_open",
+    unit: "",
+    is_share: true,
+    level_s: 0,
+    step_s: 0,
+    points: [
+      [0, true],
+      [1, false],
+      [2, "maybe"],
+    ],
+  });
+  expect(drawable([said, curve()]).map((one) => one.curve.status)).toEqual([
+    "temperature_c",
+    "is_open",
+  ]);
+  expect(readableUnit(said)).toEqual(["% yes", 100]);
+  const [at, mean] = bandColumns(said, null, [], 100);
+  expect(at).toEqual([0, 1]);
+  expect(mean).toEqual([100, 0]);
+  const [, share, low, high] = bandColumns(
+    { ...said, points: [[0, 0.25, 0, 1, 4]] },
+    null,
+    [],
+    100,
+  );
+  expect([share, low, high]).toEqual([[25], [0], [100]]);
+});
+
+test("yes and no of a status that tells something else draw nothing", () => {
+  expect(drawable([curve({ points: [[0, true]] })])).toEqual([]);
 });

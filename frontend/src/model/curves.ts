@@ -7,6 +7,8 @@ export interface Curve {
   status: string;
   label: string;
   unit: string;
+  /** It tells yes or no; its buckets tell the share of yes. */
+  is_share?: boolean;
   every_s: number | null;
   level_s: number;
   step_s: number;
@@ -77,10 +79,12 @@ type Row = [at: number, mean: number, low: number, high: number];
 
 const isNumber = (value: unknown): value is number => typeof value === "number";
 
+const yesAsOne = (value: unknown): unknown => (typeof value === "boolean" ? Number(value) : value);
+
 /** Points of a curve in the middle of their buckets; what is no number is no point. */
 function rowsOf(curve: Curve): Row[] {
   return curve.points.flatMap((point): Row[] => {
-    const [at, mean, low = mean, high = mean] = point;
+    const [at, mean, low = mean, high = mean] = curve.is_share ? point.map(yesAsOne) : point;
     if (!isNumber(at) || !isNumber(mean) || !isNumber(low) || !isNumber(high)) return [];
     return [[at + curve.step_s / 2, mean, low, high]];
   });
@@ -101,7 +105,7 @@ export function withLive(curves: readonly Curve[], samples: readonly Sample[]): 
   });
 }
 
-/** Curves of numbers, each with its setpoint; what is controlled first. */
+/** Curves of numbers, each with its setpoint; what is controlled first, what is yes or no last. */
 export function drawable(curves: readonly Curve[]): { curve: Curve; set: Curve | null }[] {
   return curves
     .filter((curve) => !isSetpoint(curve.status) && rowsOf(curve).length > 0)
@@ -113,7 +117,11 @@ export function drawable(curves: readonly Curve[]): { curve: Curve; set: Curve |
             isSetpoint(other.status) && other.status.replace(/_?setpoint/, "") === curve.status,
         ) ?? null,
     }))
-    .sort((a, b) => Number(b.set !== null) - Number(a.set !== null));
+    .sort(
+      (a, b) =>
+        Number(b.set !== null) - Number(a.set !== null) ||
+        Number(a.curve.is_share ?? false) - Number(b.curve.is_share ?? false),
+    );
 }
 
 /** How far apart two points may be before the curve breaks between them. */
@@ -159,6 +167,7 @@ export function bandColumns(
 
 /** Unit and factor in which a person reads large values: 4000 µL is 4 mL. */
 export function readableUnit(curve: Curve): [unit: string, factor: number] {
+  if (curve.is_share) return ["% yes", 100];
   const scale = { µL: ["mL", 0.001], mg: ["g", 0.001] }[curve.unit] as [string, number] | undefined;
   const isLarge = rowsOf(curve).some(([, , low, high]) => high >= 1000 || low <= -1000);
   return scale && isLarge ? scale : [curve.unit, 1];
@@ -171,4 +180,14 @@ export function gapWords(gaps: readonly Gap[]): string {
   const isKnown = gaps.every((gap) => gap.lost_count !== null);
   const count = gaps.length === 1 ? "1 recorded gap" : `${gaps.length} recorded gaps`;
   return isKnown ? `${count}, ${lost} samples lost` : `${count}, at least ${lost} samples lost`;
+}
+
+/** A little air above and below, never a window without height, nor below zero for nothing. */
+export function roomy(min: number | null, max: number | null): [number, number] {
+  if (min === null || max === null) return [0, 1];
+  const span = Math.max(max - min, Math.abs(max) * 0.05, 1);
+  const middle = (min + max) / 2;
+  const low = middle - span * 0.58;
+  const lift = min >= 0 ? Math.max(0, -low - span * 0.08) : 0;
+  return [low + lift, middle + span * 0.58 + lift];
 }

@@ -2,7 +2,7 @@
 
 import { toSeconds } from "./format";
 import { isActiveJob, isFinalJob, type Look } from "./states";
-import type { Job, PlannedStep, Question, Run } from "./wire";
+import type { Departure, Job, PlannedStep, Question, Run } from "./wire";
 
 export type StepState = "planned" | "waiting" | "running" | "done" | "doubt" | "failed";
 
@@ -131,4 +131,16 @@ export function devicesOf(jobs: readonly Job[]): { id: string; name: string }[] 
   const found = new Map<string, { id: string; name: string }>();
   for (const job of jobs) if (!found.has(job.device.id)) found.set(job.device.id, job.device);
   return [...found.values()];
+}
+
+/** It left what was proved, and nobody has said yet that it goes on so. */
+export function isHeldByProof(run: Run): boolean {
+  const { proof } = run;
+  if (proof === null) return false;
+  const accepted = new Set(proof.accepted.map(toldAs));
+  return proof.departures.some((one) => !accepted.has(toldAs(one)));
+}
+
+function toldAs({ place, text }: Departure): string {
+  return JSON.stringify([place, text]);
 }

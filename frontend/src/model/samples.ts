@@ -173,6 +173,7 @@ export function aRun(jobs: Job[], change: Partial<Run> = {}): Run {
     },
     jobs,
     approval: null,
+    proof: null,
     waits_for: null,
     files: [],
     recoveries: [],
@@ -226,7 +227,7 @@ export function aDriver(changes: Partial<DriverRow> = {}): DriverRow {
     approved_at: null,
     read_at: "2026-11-01T00:00:00Z",
     devices: [],
-    can: { decide: false, withdraw: false },
+    can: { read: true, decide: false, withdraw: false },
     ...changes,
   };
 }

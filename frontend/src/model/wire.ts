@@ -246,6 +246,13 @@ export interface CheckResult {
   plan: Plan | null;
   policies: string[];
   sentences: Record<string, SentencePart[]>;
+  proof: Proof | null;
+}
+
+/** The version whose recipe was proved, and what took the proof away since; nothing: it holds. */
+export interface Proof {
+  version: number;
+  changes: Finding[];
 }
 
 export interface PauseReason {
@@ -360,12 +367,25 @@ export interface Job {
   recovery?: RecoveryCard | null;
 }
 
+/** One way in which a run leaves what was proved, at its job or step. */
+export interface Departure {
+  place: string;
+  text: string;
+}
+
 export interface Run extends RunRow {
   document: WorkflowDocument;
   plan: Plan;
   jobs: Job[];
   files: RunFile[];
   approval: { id: Id; state: string } | null;
+  /** How a run of a recipe leaves what was proved, and who let it go on so; null: no recipe. */
+  proof: {
+    departures: Departure[];
+    accepted: Departure[];
+    by: string | null;
+    at: Iso | null;
+  } | null;
   /** Run in the middle of a step on what the next action here needs. */
   waits_for: { id: Id; number: number } | null;
   /** What the workflow declares for hosts that cannot hear the server; null: nothing. */

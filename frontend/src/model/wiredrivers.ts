@@ -22,7 +22,8 @@ export interface DriverRow {
   approved_at: Iso | null;
   read_at: Iso;
   devices: { id: Id; key: string; name: string }[];
-  can: { decide: boolean; withdraw: boolean };
+  /** `read`: its source; who may not is given none. */
+  can: { read: boolean; decide: boolean; withdraw: boolean };
 }
 
 /** What a driver declares. */
@@ -54,6 +55,13 @@ export interface DriverUse {
   problem: { digest: string; code: string; message: string; at: Iso } | null;
   /** What its host said last of which version serves it; it may be that of before. */
   serving: { digest: string; at: Iso; host_id: Id; is_present: boolean } | null;
+}
+
+/** What a version makes of a device's parts: `decision` is handed back by who was shown it. */
+export interface PartChanges {
+  decision: string;
+  changes: { code: string; message: string; subject: string }[];
+  findings: { code: string; message: string; subject: string }[];
 }
 
 /** A device that has a version of the driver, or is to have it. */

@@ -234,13 +234,23 @@ export interface DeviceRow {
   readings: Reading[];
 }
 
+export interface DevicePhoto {
+  /** Where its bytes are; another photo has another address. */
+  url: string;
+  brought_at: Iso;
+  brought_by: string;
+}
+
 export interface Device extends DeviceRow {
   driver: (DriverUse & { protocol: string; quality: string; doc: string }) | null;
   actions: DeviceAction[];
+  /** It can show which one it is, on a display or by a light. */
+  shows_itself: boolean;
   statuses: { name: string; label: string; unit: string; doc: string }[];
   config: Record<string, unknown>;
   nodes: { role: string; id: Id; name: string }[];
   transport: unknown;
+  photo: DevicePhoto | null;
 }
 
 export interface HostRow {

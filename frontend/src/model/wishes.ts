@@ -15,6 +15,8 @@ export interface Wishes {
   equiv_reference: string;
   equiv_amount: string;
   rinse: string[];
+  /** Whether tubes are filled before the first delivery, and pushed out after each. */
+  primes: boolean;
 }
 
 interface Said {
@@ -71,5 +73,12 @@ export function changed(before: Said, after: Said): boolean {
 function plain({ wishes, held }: Said): unknown {
   const parameters = Object.entries(wishes.parameters).sort(([a], [b]) => (a < b ? -1 : 1));
   const rows = held.filter((row) => row.vessel || row.reagent || row.volume);
-  return [parameters, wishes.equiv_reference, wishes.equiv_amount, wishes.rinse, rows];
+  return [
+    parameters,
+    wishes.equiv_reference,
+    wishes.equiv_amount,
+    wishes.rinse,
+    wishes.primes,
+    rows,
+  ];
 }

@@ -105,6 +105,20 @@ test("rinses are taken in the order in which they are chosen", async () => {
   await waitFor(() => expect(asked(sent)).toMatchObject({ rinse: ["water"] }));
 });
 
+test("tubes are filled when that is asked for, also in what is saved, and not before", async () => {
+  const sent = page(() => opening());
+  const tick = await screen.findByLabelText("Fill tubes before, push them out after");
+  expect(tick).not.toBeChecked();
+  await waitFor(() => expect(asked(sent)).toMatchObject({ primes: false }));
+  await userEvent.click(tick);
+  await userEvent.click(screen.getByTestId("say-wishes"));
+  await waitFor(() => expect(asked(sent)).toMatchObject({ primes: true }));
+  expect(screen.getByTestId("say-wishes")).toBeDisabled();
+  await userEvent.click(await screen.findByTestId("save-recipe"));
+  await userEvent.click(await screen.findByTestId("save-confirm"));
+  await waitFor(() => expect(sent.at(-1)?.body).toMatchObject({ primes: true }));
+});
+
 test("a file with blueprints goes with the recipe, and away again", async () => {
   const findings: RecipeFinding[] = [{ ...wish({ line: 4 }), code: "xdl.unknown_step" }];
   const sent = page((body) =>

@@ -51,6 +51,7 @@ export function WishesCard({ opening }: { opening: Opening }) {
         <BlueprintFiles findings={opening.findings} />
         <Contents opening={opening} held={held} onChange={setHeld} />
         <Rinses opening={opening} draft={draft} onChange={change} />
+        <Primes isWanted={draft.primes} onChange={(primes) => change({ primes })} />
         <div className="acts">
           {!isChanged && <span className="t12 m">{words.applied}</span>}
           <Button look="pri" type="submit" disabled={!isChanged} testId="say-wishes">
@@ -246,6 +247,27 @@ function Rinses({ opening, draft, onChange }: PartProps) {
         ))}
       </select>
     </Part>
+  );
+}
+
+function Primes(props: { isWanted: boolean; onChange: (primes: boolean) => void }) {
+  const help = useId();
+  return (
+    <div className="wish">
+      <label className="check">
+        <input
+          type="checkbox"
+          checked={props.isWanted}
+          aria-describedby={help}
+          data-testid="wish-primes"
+          onChange={(event) => props.onChange(event.target.checked)}
+        />
+        {words.primes}
+      </label>
+      <p className="help" id={help}>
+        {words.primesHelp}
+      </p>
+    </div>
   );
 }
 

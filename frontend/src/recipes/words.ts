@@ -58,6 +58,9 @@ export const words = {
       ? `As the recipe says: ${names.join(", ")}.`
       : "The recipe names nothing: lines are not rinsed.",
   addRinse: "Add a liquid…",
+  primes: "Fill tubes before, push them out after",
+  primesHelp:
+    "Of each tube whose volume the graph says: two volumes go into a waste before the first delivery out of its flask, and gas pushes what is left into the vessel. It takes more of each reagent than the recipe says.",
   declared: "Stated beside it",
   declaredHelp:
     "A file labweb.declared/1: which key of the lab a name is, where vapour condenses, which lots lie in which layer, what boils off, what reacts.",

@@ -7,7 +7,13 @@ import { useStatus } from "@/api/connection";
 import { missingText } from "@/model/files";
 import { formatDuration, toSeconds } from "@/model/format";
 import { executionText } from "@/model/hosts";
-import { currentStep, findProblems, stepNumber, type StepProgress } from "@/model/runs";
+import {
+  currentStep,
+  findProblems,
+  isHeldByProof,
+  stepNumber,
+  type StepProgress,
+} from "@/model/runs";
 import { runState } from "@/model/states";
 import type { Run } from "@/model/wire";
 import { Button, Dialog, Refused, TextField } from "@/ui/controls";
@@ -49,6 +55,7 @@ function Acts({ run }: { run: Run }) {
   const offline = useStatus() === "offline" ? "Not connected." : null;
   if (isOver) return <Exports run={run} />;
   const isPaused = run.pause_reasons.length > 0 || run.can.resume || run.state === "paused";
+  const mayResume = run.can.resume && !isHeldByProof(run);
   return (
     <>
       {act.error && (
@@ -56,14 +63,14 @@ function Acts({ run }: { run: Run }) {
           {act.error.message}
         </span>
       )}
-      {isPaused && !run.can.resume && <span className="t12 m wide">{whyNotResume(run)}</span>}
+      {isPaused && !mayResume && <span className="t12 m wide">{whyNotResume(run)}</span>}
       <span className="acts runacts">
         {isPaused ? (
           <Button
             large
             testId="resume"
             disabled={act.isPending}
-            why={offline ?? (run.can.resume ? null : whyNotResume(run))}
+            why={offline ?? (mayResume ? null : whyNotResume(run))}
             onClick={() => act.mutate({ act: "resume" })}
           >
             <Icon name="runs" />
@@ -111,6 +118,7 @@ function Exports({ run }: { run: Run }) {
 
 function whyNotResume(run: Run): string {
   if (run.in_doubt_count > 0) return words.answerFirst;
+  if (run.can.resume && isHeldByProof(run)) return words.proof.resume;
   const hasFailed = findProblems(run).some((problem) => problem.kind === "failed");
   return hasFailed ? words.cannotGoOn : words.notNow;
 }

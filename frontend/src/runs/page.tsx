@@ -76,6 +76,15 @@ function useSelection(): {
   };
 }
 
+/** A tab that stands beside a narrow screen comes into it. */
+const intoView = (node: HTMLElement | null): void => {
+  const row = node?.parentElement;
+  if (!node || !row) return;
+  row.scrollLeft = Math.min(row.scrollLeft, node.offsetLeft - row.offsetLeft);
+  const over = node.offsetLeft - row.offsetLeft + node.offsetWidth - row.clientWidth;
+  row.scrollLeft = Math.max(row.scrollLeft, over);
+};
+
 function Body({ run }: { run: Run }) {
   const { tab, job, pick, link } = useSelection();
   const steps = useMemo(() => stepProgress(run), [run]);
@@ -89,6 +98,7 @@ function Body({ run }: { run: Run }) {
           {TABS.map((name) => (
             <Link
               key={name}
+              ref={tab === name ? intoView : undefined}
               to={link(name)}
               replace
               aria-current={tab === name ? "page" : undefined}

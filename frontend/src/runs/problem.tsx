@@ -10,6 +10,7 @@ import { Link } from "react-router";
 import { Glyph } from "@/ui/glyph";
 import { At } from "@/ui/time";
 import { DoubtCard, Evidence } from "./doubt";
+import { Departed } from "./proof";
 import { Recovery } from "./recovery";
 import { words } from "./words";
 
@@ -21,6 +22,7 @@ export function Problems({ run, job }: { run: Run; job: string | null }) {
     <>
       {run.state === "awaiting_approval" && run.approval && <AwaitsApproval run={run} />}
       {run.waits_for && <WaitsForRun other={run.waits_for} />}
+      <Departed run={run} />
       <WaitsForDevices run={run} />
       {run.hosts_away.map((host) => (
         <WorksAlone key={host.id} host={host} />

@@ -35,6 +35,15 @@ export const words = {
   abortDo: "Abort run",
   answerFirst: "Answer what is in doubt first.",
   cannotGoOn: "Say first what becomes of the action that ended undone.",
+  proof: {
+    title: "No longer proved",
+    about: "It does something else than the plan of the recipe was proved to do:",
+    what: "It is held until a person says that it goes on as it is, without a proof. Otherwise abort it, open the recipe again, and start it anew.",
+    goOn: "Go on without the proof",
+    notYet: "Say first what becomes of the rest.",
+    letOn: (by: string) => `${by} let it go on without the proof,`,
+    resume: "Say first that it goes on without its proof.",
+  },
   recovery: {
     title: "What becomes of it",
     mayNot: "Needs the role chemist, and a run that has not ended.",

@@ -3,9 +3,9 @@
 import uPlot from "uplot";
 import "uplot/dist/uPlot.min.css";
 import { useEffect, useRef, useState, type KeyboardEvent } from "react";
-import type { BandColumns, Gap } from "@/model/curves";
+import { roomy, type BandColumns, type Gap } from "@/model/curves";
 import { formatNumber, type LabTime } from "@/model/format";
-import { decimals, resolve, roomy, spacing } from "./plot";
+import { decimals, resolve, spacing } from "./plot";
 import { useIsDark } from "./theme";
 import { useLabTime } from "./time";
 
@@ -17,6 +17,8 @@ interface BandPlotProps {
   since_s: number;
   until_s: number;
   isStepped: boolean;
+  /** What the axis shows; without it, as much as the values need. */
+  bounds?: [number, number];
   height: number;
 }
 
@@ -34,7 +36,7 @@ export function BandPlot(props: BandPlotProps) {
     const node = box.current;
     if (!node) return;
     const made = new uPlot(
-      plotOptions(node.clientWidth, height, axis, time, shown, setPlace, isStepped),
+      plotOptions(node.clientWidth, height, unit, time, shown, setPlace, isStepped),
       [[], [], [], [], []],
       node,
     );
@@ -46,10 +48,10 @@ export function BandPlot(props: BandPlotProps) {
       made.destroy();
       plot.current = null;
     };
-  }, [height, isDark, time, isStepped, axis]);
+  }, [height, isDark, time, isStepped, unit]);
   useEffect(() => {
     plot.current?.setData(columns);
-  }, [columns, props.since_s, props.until_s, isDark, time, height, isStepped, axis]);
+  }, [columns, props.since_s, props.until_s, isDark, time, height, isStepped, unit]);
   const move = (event: KeyboardEvent): void => {
     const step = { ArrowLeft: -1, ArrowRight: 1 }[event.key];
     if (!step || !plot.current) return;
@@ -107,7 +109,7 @@ function marks(at: number[], time: LabTime): string[] {
 function plotOptions(
   width: number,
   height: number,
-  label: string,
+  unit: string,
   time: LabTime,
   shown: { current: BandPlotProps },
   setPlace: (place: number | null) => void,
@@ -127,7 +129,7 @@ function plotOptions(
     padding: [6, 16, 0, 0],
     scales: {
       x: { time: true, range: () => [shown.current.since_s, shown.current.until_s] },
-      y: { range: (_, min, max) => roomy(min, max) },
+      y: { range: (_, min, max) => shown.current.bounds ?? roomy(min, max) },
     },
     axes: [
       { ...axis, size: 22, space: 72, grid: { show: false }, values: (_, at) => marks(at, time) },
@@ -136,8 +138,7 @@ function plotOptions(
         size: 44,
         space: 28,
         gap: 4,
-        label,
-        labelSize: 16,
+        ...(unit && { label: unit, labelSize: 16 }),
         grid: { stroke: resolve("--line"), width: 1 },
         values: (_, at) => at.map((v) => formatNumber(v, decimals(at))),
       },

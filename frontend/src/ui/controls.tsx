@@ -107,6 +107,7 @@ export function Dialog(props: {
       title={props.title}
       size={props.size ?? 440}
       centered
+      yOffset="max(5dvh, 60px)" // below the head, which stays in sight with its stop
       transitionProps={{ transition: "fade", duration: 120 }}
       closeButtonProps={{ "aria-label": "Close" }}
       data-testid={props.testId}

@@ -102,6 +102,7 @@ export function iconOf(kind: string): IconName {
     ["wait", "time"],
     ["react", "flask"],
     ["separate", "flask"],
+    ["separator", "flask"],
     ["evap", "flask"],
   ];
   return known.find(([part]) => kind.toLowerCase().includes(part))?.[1] ?? "devices";

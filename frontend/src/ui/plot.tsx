@@ -3,6 +3,7 @@
 import uPlot from "uplot";
 import "uplot/dist/uPlot.min.css";
 import { useEffect, useRef } from "react";
+import { roomy } from "@/model/curves";
 import { formatNumber } from "@/model/format";
 import { plotColumns, type Channel } from "@/model/telemetry";
 import { useIsDark } from "./theme";
@@ -133,12 +134,4 @@ export const spacing = (at: number[]): number => Math.abs((at[1] ?? 1) - (at[0] 
 export function decimals(at: number[]): number {
   const step = spacing(at);
   return step >= 1 ? 0 : step >= 0.1 ? 1 : 2;
-}
-
-/** A little air above and below, and never a window without height. */
-export function roomy(min: number | null, max: number | null): [number, number] {
-  if (min === null || max === null) return [0, 1];
-  const span = Math.max(max - min, Math.abs(max) * 0.05, 1);
-  const middle = (min + max) / 2;
-  return [middle - span * 0.58, middle + span * 0.58];
 }

@@ -44,11 +44,11 @@ def ensure_policy(lab: Lab, *, name: str, rule: dict[str, object]) -> Policy:
     return row
 
 
-def asking_policies(lab: Lab, plan: Plan) -> list[Policy]:
-    """Return the policies that want a person to look at the plan."""
+def asking_policies(lab: Lab, plan: Plan, rules: Sequence[Policy] | None = None) -> list[Policy]:
+    """Return the policies that want a person to look at the plan; those in force, if read."""
     return [
         policy
-        for policy in selectors.rules_of(lab)
+        for policy in (selectors.RULES.rows(lab=lab.pk) if rules is None else rules)
         if policy_rules.asks(policy_rules.parse_rule(policy.rule), plan)
     ]
 
@@ -98,7 +98,7 @@ def decide(request_id: UUID, *, actor: User, is_approved: bool, comment: str) ->
     found = selectors.find_request(request_id)
     root = resource_selectors.root_of(found.lab)
     resource_selectors.require(actor, Permission.DECIDE, [root.id])
-    row = ApprovalRequest.objects.select_for_update().get(pk=request_id)
+    row = ApprovalRequest.objects.select_for_update(no_key=True).get(pk=request_id)
     state = row.state
     if state == ApprovalRequest.State.OPEN and row.expires_at < now():
         state = ApprovalRequest.State.EXPIRED
@@ -218,7 +218,7 @@ def expire_one() -> ApprovalRequest | None:
     due = ApprovalRequest.objects.filter(
         state=ApprovalRequest.State.OPEN, expires_at__lt=now(), driver_id__isnull=True
     )
-    row = due.order_by("expires_at").select_for_update(skip_locked=True).first()
+    row = due.order_by("expires_at").select_for_update(skip_locked=True, no_key=True).first()
     if row is None:
         return None
     row.state = ApprovalRequest.State.EXPIRED

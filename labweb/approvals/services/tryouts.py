@@ -214,7 +214,9 @@ def take_offer(host_id: UUID, epoch: int, frame: TryoutOffer) -> None:
 def take_told(host_id: UUID, epoch: int, told: TryoutTold) -> None:
     """Write down what became of a tryout and of a wish; of another session's nothing counts."""
     rows = Tryout.objects.filter(pk=told.tryout_id, host_id=host_id, epoch=epoch)
-    row = rows.exclude(state=Tryout.State.ENDED).select_for_update(of=("self",)).first()
+    row = (
+        rows.exclude(state=Tryout.State.ENDED).select_for_update(of=("self",), no_key=True).first()
+    )
     if row is None:
         return
     had_faults = bool(row.faults)

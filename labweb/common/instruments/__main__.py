@@ -7,7 +7,6 @@ library does not survive ends this process alone.
 from __future__ import annotations
 
 import json
-import resource
 import sys
 from collections.abc import Callable, Sequence
 from datetime import datetime
@@ -22,6 +21,7 @@ import pyarrow as pa  # type: ignore[import-untyped]
 from pyarrow import parquet
 
 from labweb.common.instruments.model import MOST_READINGS, Column, Found, Parsed, stop
+from labweb.common.limits import limit_process
 from labweb.domain.errors import LabError
 
 MAX_CPU_S = 120
@@ -131,17 +131,6 @@ def _plain(value: object) -> object:
     return value.item() if isinstance(value, np.generic) else value
 
 
-def _limit_resources() -> None:
-    """Bound this process: a hostile file may cost neither the host's memory nor its time."""
-    for kind, most in (
-        (resource.RLIMIT_CPU, MAX_CPU_S),
-        (resource.RLIMIT_AS, MAX_MEMORY_BYTES),
-        (resource.RLIMIT_FSIZE, MAX_FILE_BYTES),
-        (resource.RLIMIT_CORE, 0),
-    ):
-        resource.setrlimit(kind, (most, most))
-
-
 if __name__ == "__main__":
-    _limit_resources()
+    limit_process(cpu_s=MAX_CPU_S, memory_bytes=MAX_MEMORY_BYTES, file_bytes=MAX_FILE_BYTES)
     sys.exit(main(sys.argv[1:]))

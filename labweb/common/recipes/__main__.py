@@ -7,13 +7,13 @@ bounded, and a hostile file ends this process alone.
 from __future__ import annotations
 
 import json
-import resource
 import sys
 from collections.abc import Callable, Mapping
 from typing import Any
 
 import msgspec
 
+from labweb.common.limits import limit_process
 from labweb.domain.errors import DefinitionError, LabError
 from labweb.domain.workflows.opening import Asked, advise_on, open_recipe, workflow_from
 
@@ -52,17 +52,6 @@ def _bounded(told: dict[str, Any]) -> bytes:
     return json.dumps({"error": error.to_json()}).encode()
 
 
-def _limit_resources() -> None:
-    """Bound this process: a recipe may cost neither the server's memory nor its time."""
-    for kind, most in (
-        (resource.RLIMIT_CPU, MAX_CPU_S),
-        (resource.RLIMIT_AS, MAX_MEMORY_BYTES),
-        (resource.RLIMIT_FSIZE, 0),
-        (resource.RLIMIT_CORE, 0),
-    ):
-        resource.setrlimit(kind, (most, most))
-
-
 if __name__ == "__main__":
-    _limit_resources()
+    limit_process(cpu_s=MAX_CPU_S, memory_bytes=MAX_MEMORY_BYTES, file_bytes=0)
     sys.exit(main(sys.argv[1]))

@@ -10,7 +10,7 @@ from django.contrib import admin, messages
 from django.core.exceptions import PermissionDenied
 from django.http import Http404, HttpRequest, HttpResponse, HttpResponseRedirect
 from django.template.response import TemplateResponse
-from django.urls import reverse
+from django.urls import URLPattern, path, reverse
 from django.utils.html import format_html
 
 from labweb.crutd import services as crutd_services
@@ -19,6 +19,7 @@ from labweb.domain.resources.kinds import KINDS
 from labweb.enrollment import selectors, services
 from labweb.enrollment.admin.acting import actor_of
 from labweb.enrollment.admin.reviewed import Reviewed
+from labweb.enrollment.admin.scanning import scan, with_camera
 from labweb.enrollment.selectors import Candidate, Device
 from labweb.resources import selectors as resource_selectors
 
@@ -41,16 +42,17 @@ class Candidates(Reviewed):
 
     list_display = ("what", "standing", "review_link", "where", "fingerprint", "seen")
     list_filter = ("state", "source", "host")
-    list_select_related = ("host",)
+    list_select_related = ("host", "key_changed_from__device")
     search_fields = ("name", "model", "serial", "address", "id")
 
     @admin.display(description="what", ordering="name")
     def what(self, row: Candidate) -> str:
         """Say what it says it is, and what speaks against it."""
         name = row.name or row.model or "something"
-        if row.key_changed_from_id is None:
+        if row.key_changed_from is None:
             return name
-        return format_html('{} <span class="chip chip-need">key changed</span>', name)
+        chip = "key changed" if _is_suspended_for(row) else "not its key"
+        return format_html('{} <span class="chip chip-need">{}</span>', name, chip)
 
     @admin.display(description="state", ordering="state")
     def standing(self, row: Candidate) -> str:
@@ -71,7 +73,8 @@ class Candidates(Reviewed):
     @admin.display(description="seen", ordering="last_seen_at")
     def seen(self, row: Candidate) -> str:
         """Say when it was seen last, and how often."""
-        return f"{row.last_seen_at:%Y-%m-%d %H:%M} UTC, {row.seen_count} times"
+        often = "once" if row.seen_count == 1 else f"{row.seen_count} times"
+        return f"{row.last_seen_at:%Y-%m-%d %H:%M} UTC, {often}"
 
     def review(self, request: HttpRequest, row_id: UUID) -> HttpResponse:
         """Show one candidate; take it up for review, or set it aside."""
@@ -96,13 +99,30 @@ class Candidates(Reviewed):
             raise Http404(gone.message) from gone
         context = {**self.admin_site.each_context(request), **_page(request, row), "error": error}
         context["differs"] = error is not None and error.code == "device.code_differs"
-        return TemplateResponse(request, _REVIEW, context, status=200 if error is None else 422)
+        status = 200 if error is None else 422
+        return with_camera(TemplateResponse(request, _REVIEW, context, status=status))
+
+    def scan(self, request: HttpRequest) -> HttpResponse:
+        """Answer the code in a picture, for who may take a device up."""
+        _require(request)
+        return scan(request)
+
+    def get_urls(self) -> list[URLPattern]:
+        """Add what reads the code in a picture."""
+        own = path("scan/", self.admin_site.admin_view(self.scan), name="enrollment_scan")
+        return [own, *super().get_urls()]
 
 
 def _standing(row: Candidate) -> str:
     if row.state == Candidate.State.NEW and selectors.is_forgotten(row):
-        return "not seen for a day"
-    return str(row.get_state_display())
+        return "Not seen for a day"
+    return str(row.get_state_display()).capitalize()
+
+
+def _is_suspended_for(row: Candidate) -> bool:
+    """Tell whether the device that it says it is was suspended for another key."""
+    known = None if row.key_changed_from is None else row.key_changed_from.device
+    return known is not None and known.state == Device.State.SUSPENDED and bool(known.suspended_for)
 
 
 def _require(request: HttpRequest) -> None:
@@ -177,6 +197,7 @@ def _page(request: HttpRequest, row: Candidate) -> dict[str, Any]:
         "standing": _standing(row),
         "source": _WHERE.get(row.source, row.source),
         "has_key": bool(row.public_key),
+        "is_suspended": _is_suspended_for(row),
         "is_open": is_open,
         "may_take_up": is_open and row.state != Candidate.State.REJECTED,
         "drivers": [
@@ -195,7 +216,8 @@ def _page(request: HttpRequest, row: Candidate) -> dict[str, Any]:
         "node": said.get("node", ""),
         "role": said.get("role", ""),
         "name": said.get("name", row.name),
-        "transport": said.get("transport", row.address),
+        # From two addresses: only a person knows which of them is the device's.
+        "transport": said.get("transport", "" if row.also_at else row.address),
         "config": said.get("config", "{}"),
         "label": said.get("label", row.label),
         "reason": said.get("reason", ""),

@@ -205,7 +205,7 @@ def render_past(lab: Lab, past: Past, seen: Collection[UUID]) -> list[dict[str, 
 def _devices(lab: Lab) -> dict[str, Any]:
     return {
         node: device
-        for device in enrollment_selectors.devices_of(lab)
+        for device in enrollment_selectors.present_devices(lab)
         for node in device.nodes.values()
     }
 
@@ -336,8 +336,21 @@ def _booked(operation: Mapping[str, Any], names: Mapping[str, str], text: str) -
             return f"{subject}: made {made}; {operation['reason']}"
         case "dispose":
             return f"{names.get('source')}: {text} to waste"
+        case "refit":
+            return f"{operation['digest'][:8]}: {_refitted(operation)}"
         case _:
             return subject
+
+
+def _refitted(operation: Mapping[str, Any]) -> str:
+    """Say how many parts of a device came, went and became otherwise."""
+    came = len(operation["added"]) + len(operation["back"])
+    told = (
+        (came, "came"),
+        (len(operation["gone"]), "went"),
+        (len(operation["configs"]), "changed"),
+    )
+    return ", ".join(f"{count} {verb}" for count, verb in told if count) or "roles changed"
 
 
 def _amounts(amount_nl: int, amount_ug: int) -> str:

@@ -5,14 +5,23 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 from datetime import datetime
+from typing import Any
 from uuid import UUID
 
 from django.contrib.postgres.fields import ArrayField
 from django.db.models import F, Q, QuerySet, Sum, UUIDField
 
-from labweb.common.prepared import Given, IsAnyOf, Prepared, prepared_cursor
-from labweb.crutd.models import Entry, EventSubject, Holding, Ticket
+from labweb.common.prepared import (
+    Given,
+    IsAnyOf,
+    Prepared,
+    Question,
+    prepared_cursor,
+    together,
+)
+from labweb.crutd.models import Entry, EventSubject, Ticket
 from labweb.crutd.models import Event as Event
+from labweb.crutd.models import Holding as Holding
 from labweb.crutd.models import Transaction as Transaction
 from labweb.domain.crutd import operations
 from labweb.domain.crutd.balance import Move
@@ -37,6 +46,12 @@ SELECT resource_id, lot_id, amount_nl, amount_ug FROM crutd_holding
 WHERE resource_id = ANY(%s) AND (amount_nl <> 0 OR amount_ug <> 0)
 """
 
+_AMOUNTS_OF_LAB = """
+SELECT resource_id, lot_id, amount_nl, amount_ug FROM crutd_holding
+JOIN resources_resource ON resources_resource.id = resource_id
+WHERE lab_id = %s AND (amount_nl <> 0 OR amount_ug <> 0)
+"""
+
 
 def contents(ids: Iterable[UUID]) -> dict[UUID, dict[LotId, int]]:
     """Return nanolitres by lot of each vessel; empty ones are missing."""
@@ -50,11 +65,19 @@ def contents(ids: Iterable[UUID]) -> dict[UUID, dict[LotId, int]]:
 
 def amounts(ids: Iterable[UUID]) -> dict[UUID, dict[LotId, Amount]]:
     """Return what each vessel holds by lot, whatever it is counted in; empty ones are missing."""
+    (rows,) = together(Question(_AMOUNTS, [list(ids)], tuple))
+    return _amounts(rows)
+
+
+def asking_amounts(lab_id: UUID) -> Question[tuple[Any, ...]]:
+    """Return what finds all that a lab's vessels hold, for `lab_snapshot`."""
+    return Question(_AMOUNTS_OF_LAB, [lab_id], tuple)
+
+
+def _amounts(rows: Iterable[tuple[Any, ...]]) -> dict[UUID, dict[LotId, Amount]]:
     found: dict[UUID, dict[LotId, Amount]] = {}
-    with prepared_cursor() as cursor:
-        cursor.execute(_AMOUNTS, [list(ids)])
-        for resource_id, lot_id, nl, ug in cursor.fetchall():
-            found.setdefault(resource_id, {})[LotId(str(lot_id))] = Amount(nl, ug)
+    for resource_id, lot_id, nl, ug in rows:
+        found.setdefault(resource_id, {})[LotId(str(lot_id))] = Amount(nl, ug)
     return found
 
 
@@ -112,9 +135,16 @@ def snapshot_and_lots(
     rows: Collection[Resource], known: Above
 ) -> tuple[dict[UUID, ResourceState], dict[LotId, Lot]]:
     """Return the state of rows whose way up is known, and the lots they hold; one query."""
+    return states_and_lots(rows, known, HELD.rows(ids=[row.id for row in rows]))
+
+
+def states_and_lots(
+    rows: Collection[Resource], known: Above, holdings: Iterable[Holding]
+) -> tuple[dict[UUID, ResourceState], dict[LotId, Lot]]:
+    """Return the same of rows whose holdings were read by `HELD`."""
     held: dict[UUID, dict[LotId, Amount]] = {}
     lots: dict[LotId, Lot] = {}
-    for holding in _HELD.rows(ids=[row.id for row in rows]):
+    for holding in holdings:
         if holding.amount_nl or holding.amount_ug:
             lot = LotId(str(holding.lot_id))
             lots[lot] = holding.lot
@@ -123,7 +153,7 @@ def snapshot_and_lots(
     return _states(rows, held, known), lots
 
 
-_HELD = Prepared(
+HELD = Prepared(
     lambda: Holding.objects.filter(
         IsAnyOf(F("resource_id"), Given("ids", ArrayField(UUIDField())))
     ).select_related("lot__material")
@@ -147,9 +177,16 @@ def _states(
     }
 
 
-def lab_snapshot(rows: Collection[Resource]) -> dict[UUID, ResourceState]:
-    """Return the state of all the nodes of a lab, for compiling a workflow; one query."""
-    held = amounts(row.id for row in rows)
+def lab_snapshot(
+    rows: Collection[Resource], told: Iterable[tuple[Any, ...]] | None = None
+) -> dict[UUID, ResourceState]:
+    """Return the state of all the nodes of a lab, for compiling a workflow.
+
+    Args:
+        rows: The nodes.
+        told: What `asking_amounts` has found; None reads it in one query.
+    """
+    held = amounts(row.id for row in rows) if told is None else _amounts(told)
     parents = {row.id: row.parent_id for row in rows}
     closed = {row.id for row in rows if row.is_archived}
     found = {}
@@ -180,7 +217,7 @@ def transaction_for_update(transaction_id: UUID) -> Transaction:
     Raises:
         NotFoundError: There is none.
     """
-    row = Transaction.objects.filter(pk=transaction_id).select_for_update().first()
+    row = Transaction.objects.filter(pk=transaction_id).select_for_update(no_key=True).first()
     if row is None:
         raise NotFoundError(f"no transaction {transaction_id}", code="crutd.no_transaction")
     return row
@@ -279,7 +316,7 @@ def ticket_for_update(ticket_id: UUID) -> Ticket:
     Raises:
         NotFoundError: There is none.
     """
-    row = Ticket.objects.filter(pk=ticket_id).select_for_update(of=("self",)).first()
+    row = Ticket.objects.filter(pk=ticket_id).select_for_update(of=("self",), no_key=True).first()
     if row is None:
         raise NotFoundError(f"no ticket {ticket_id}", code="ticket.not_found")
     return row

@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from datetime import date
 from types import MappingProxyType
-from uuid import UUID
+from uuid import UUID, uuid5
 from zoneinfo import ZoneInfo
 
 from labweb.common.clock import now
-from labweb.crutd.selectors import held_locks
+from labweb.crutd.selectors import held_locks, snapshot
+from labweb.crutd.selectors.reserved import reservations_on
 from labweb.domain.crutd import operations
 from labweb.domain.crutd.snapshot import Facts, LotState, MaterialState, ResourceState
 from labweb.domain.resources.contents import LotId, Phase
@@ -34,6 +35,8 @@ def facts_for(
     create = operation if isinstance(operation, operations.Create) else None
     react = operation if isinstance(operation, operations.React) else None
     carried = operation if isinstance(operation, operations.TransferResource) else None
+    if isinstance(operation, operations.Refit):
+        return _refit_facts(operation, lab)
     wanted = {lot for state in states.values() for lot in (*state.contents, *state.masses)}
     if isinstance(operation, operations.Correct):
         wanted |= {LotId(lot) for lot in (*operation.measured_nl, *operation.measured_ug)}
@@ -60,6 +63,29 @@ def facts_for(
         and resource_selectors.is_known_delivery(lab, receive),
         is_taken=create is not None
         and resource_selectors.is_taken(lab, create.resource_id, create.key),
+    )
+
+
+def _refit_facts(refit: operations.Refit, lab: Lab) -> Facts:
+    """Return what a device's parts that go would leave hanging, and what stands in them."""
+    gone = resource_selectors.descendants(refit.gone) if refit.gone else set()
+    within = resource_selectors.rows(gone.difference(refit.gone)).exclude(kind="slot")
+    own = {row.id for row in within if row.id == uuid5(refit.device_id, row.key)}
+    """Holders that came with the device, and go with the part that they are in."""
+    inside = within.exclude(pk__in=own)
+    keys = {create.key for create in refit.added}
+    ids = [create.resource_id for create in refit.added]
+    return Facts(
+        on=today(lab),
+        attachments=resource_selectors.hanging(refit, gone),
+        inside=snapshot(inside),
+        reserved={
+            row.resource_id: f"by {row.holder.printed_name}: {row.reason}"
+            for row in reservations_on(lab, gone)
+        },
+        is_taken=bool(resource_selectors.taken_keys(lab, keys))
+        or resource_selectors.rows(ids).exists(),
+        taken_tubes=resource_selectors.taken_tubes(lab, refit),
     )
 
 

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable
+from typing import Any
 from uuid import UUID
 
 from django.db.models import QuerySet
 
 from labweb.common.clock import now
-from labweb.common.prepared import prepared_cursor
+from labweb.common.prepared import Question, together
 from labweb.crutd.models import ResourceReservation as ResourceReservation
 from labweb.domain.errors import NotFoundError
 from labweb.domain.runs.locks import Lock, LockMode
@@ -16,7 +17,12 @@ from labweb.domain.runs.reserving import Claim
 from labweb.resources.selectors import Lab
 
 _USES = """
-WITH RECURSIVE reserved(id, start, reservation_id, made_at, is_own) AS (
+WITH RECURSIVE wanted(id) AS (
+    SELECT unnest(%s::uuid[])
+    UNION
+    SELECT r.parent_id FROM wanted JOIN resources_resource r ON r.id = wanted.id
+    WHERE r.parent_id IS NOT NULL
+), reserved(id, start, reservation_id, made_at, is_own) AS (
     SELECT resource_id, resource_id, id, made_at, holder_id IS NOT DISTINCT FROM %s
     FROM crutd_resourcereservation WHERE ended_at IS NULL AND expires_at > %s
     UNION ALL
@@ -24,34 +30,44 @@ WITH RECURSIVE reserved(id, start, reservation_id, made_at, is_own) AS (
     FROM reserved JOIN resources_resource r ON r.id = reserved.id WHERE r.parent_id IS NOT NULL
 )
 SELECT resource_id, mode, transaction_id, NULL, NULL FROM crutd_resourcelock
-WHERE resource_id = ANY(%s) AND released_at IS NULL
+WHERE resource_id = ANY(ARRAY(SELECT id FROM wanted)) AND released_at IS NULL
 UNION ALL
 SELECT id, CASE WHEN id = start THEN 'X' ELSE 'IX' END, reservation_id, made_at, is_own
-FROM reserved WHERE id = ANY(%s)
+FROM reserved WHERE id IN (SELECT id FROM wanted)
 """
 """What stands above a reserved thing is taken in intention, wherever it stands by now."""
 
 
-def uses(ids: Iterable[UUID], actor_id: UUID | None) -> tuple[list[tuple[Lock, UUID]], list[Claim]]:
-    """Return live locks on the resources, each with its transaction, and reservations; one query.
+Uses = tuple[list[tuple[Lock, UUID]], list[Claim]]
+"""Live locks, each with its transaction, and reservations."""
+
+
+def uses(ids: Iterable[UUID], actor_id: UUID | None) -> Uses:
+    """Return locks and reservations of resources and of all above them; one query.
 
     Args:
-        ids: Resources, with those above them.
+        ids: The resources.
         actor_id: Who asks: whose own reservations these are.
     """
-    wanted = list(ids)
+    (found,) = together(asking_uses(ids, actor_id))
+    return uses_of(found)
+
+
+def asking_uses(ids: Iterable[UUID], actor_id: UUID | None) -> Question[tuple[Any, ...]]:
+    """Return what finds these, to be asked with others."""
+    return Question(_USES, [list(ids), actor_id, now()], tuple)
+
+
+def uses_of(found: Iterable[tuple[Any, ...]]) -> Uses:
+    """Return them from what that has found."""
     held: list[tuple[Lock, UUID]] = []
     claims: list[Claim] = []
-    with prepared_cursor() as cursor:
-        cursor.execute(_USES, [actor_id, now(), wanted, wanted])
-        for node, mode, owner, made_at, is_own in cursor.fetchall():
-            lock = Lock(node, LockMode(mode))
-            if made_at is None:
-                held.append((lock, owner))
-            else:
-                claims.append(
-                    Claim(lock=lock, reservation_id=owner, made_at=made_at, is_own=is_own)
-                )
+    for node, mode, owner, made_at, is_own in found:
+        lock = Lock(node, LockMode(mode))
+        if made_at is None:
+            held.append((lock, owner))
+        else:
+            claims.append(Claim(lock=lock, reservation_id=owner, made_at=made_at, is_own=is_own))
     return held, claims
 
 
@@ -64,9 +80,13 @@ def live_reservations(lab: Lab) -> QuerySet[ResourceReservation]:
 
 def is_any_live(besides_id: UUID | None) -> bool:
     """Say whether anybody else has reserved anything now."""
-    with prepared_cursor() as cursor:
-        cursor.execute(_ANY_LIVE, [now(), besides_id])
-        return bool(cursor.fetchone())
+    (found,) = together(asking_any_live(besides_id))
+    return bool(found)
+
+
+def asking_any_live(besides_id: UUID | None) -> Question[tuple[Any, ...]]:
+    """Return what finds one reservation that anybody else has now."""
+    return Question(_ANY_LIVE, [now(), besides_id], tuple)
 
 
 _ANY_LIVE = """

@@ -8,9 +8,12 @@ from labweb.crutd.services.deliveries import receive_deliveries
 from labweb.crutd.services.importing import check_time_zone, import_lab
 from labweb.crutd.services.labware import import_labware
 from labweb.crutd.services.locking import is_free, refuse_reserved_by_others
+from labweb.crutd.services.opening import hold_to_open, lock_operation
 from labweb.crutd.services.rebuilding import rebuild, restore
 from labweb.crutd.services.recording import close_ticket, event_hash, open_ticket
+from labweb.crutd.services.refitting import check_parts, refit_device
 from labweb.crutd.services.reserving import end_reservation, reserve
+from labweb.crutd.services.retiring import check_leaving, hold_leaving, take_out
 from labweb.crutd.services.succession import lock_next
 from labweb.crutd.services.transactions import (
     Settlement,
@@ -18,8 +21,6 @@ from labweb.crutd.services.transactions import (
     carry_out,
     check_operation,
     discard,
-    lock_and_read,
-    lock_operation,
     settle,
 )
 
@@ -29,24 +30,29 @@ __all__ = [
     "adopt_candidate",
     "advance",
     "carry_out",
+    "check_leaving",
     "check_operation",
+    "check_parts",
     "check_time_zone",
     "close_ticket",
     "discard",
     "end_reservation",
     "event_hash",
+    "hold_leaving",
+    "hold_to_open",
     "import_lab",
     "import_labware",
     "is_free",
-    "lock_and_read",
     "lock_batch",
     "lock_next",
     "lock_operation",
     "open_ticket",
     "rebuild",
     "receive_deliveries",
+    "refit_device",
     "refuse_reserved_by_others",
     "reserve",
     "restore",
     "settle",
+    "take_out",
 ]

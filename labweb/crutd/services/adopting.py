@@ -10,14 +10,15 @@ import msgspec
 from django.db.transaction import atomic
 
 from labweb.accounts.selectors import User
+from labweb.crutd.services.opening import lock_operation
 from labweb.crutd.services.recording import wait_for_others
-from labweb.crutd.services.transactions import Settlement, lock_operation, settle
+from labweb.crutd.services.transactions import Settlement, settle
 from labweb.domain.approvals.roles import Permission
 from labweb.domain.crutd.decide import Outcome, OutcomeKind
 from labweb.domain.crutd.operations import Create
 from labweb.domain.enrollment.spec import DriverSpec
 from labweb.domain.errors import DefinitionError, Finding, StateError
-from labweb.domain.graph.injection import Injection, Part, Tube, injected
+from labweb.domain.graph.injection import Injection, Part, Tube, injected, list_reasons
 from labweb.domain.graph.lab_file.config import check_config
 from labweb.domain.graph.topology import Medium
 from labweb.domain.resources.kinds import KINDS
@@ -27,7 +28,6 @@ from labweb.enrollment.selectors import Device
 from labweb.enrollment.services import Wanted
 from labweb.resources import selectors as resource_selectors
 from labweb.resources import services as resource_services
-from labweb.resources.selectors import Connection, Lab
 
 
 def adopt_candidate(
@@ -105,33 +105,19 @@ def _adopt(candidate_id: UUID, wanted: Wanted, parent_id: UUID, reason: str, act
     resource_services.create_nodes(
         device.lab, ((node, place) for place, node in enumerate(nodes, start=1))
     )
-    tubes = [connection_of(device.lab, link) for link in links]
+    tubes = [resource_services.connection_of(device.lab, link) for link in links]
     resource_services.create_links(tubes, [], [])
     enrollment_services.give_parts(device, {role: ids[key] for role, key in made.nodes.items()})
     return device
 
 
-def connection_of(lab: Lab, link: Mapping[str, Any]) -> Connection:
-    """Return the row of a connection as its event tells it; not written yet."""
-    return Connection(
-        id=UUID(link["id"]),
-        lab=lab,
-        key=link["key"],
-        source_id=UUID(link["source_id"]),
-        source_port=link["source_port"],
-        target_id=UUID(link["target_id"]),
-        target_port=link["target_port"],
-        medium=link["medium"],
-        is_two_way=True,
-    )
-
-
 def _checked(device: Device, made: Injection) -> dict[str, UUID]:
     """Return the ids of what is to be made, by key, once nothing speaks against it."""
     if not made.parts:
+        why = "; ".join(list_reasons(msgspec.convert(device.driver.spec, DriverSpec)))
         text = (
-            f"{device.driver.class_name} brings nothing into the tree: choose a resource that it "
-            "acts through, or none"
+            f"{device.driver.class_name} brings nothing into the tree{f' ({why})' if why else ''}: "
+            "choose a resource that it acts through, or none"
         )
         raise DefinitionError(text, code="inject.nothing")
     findings = [

@@ -12,8 +12,8 @@ from labweb.common.clock import now
 from labweb.crutd.models import Transaction
 from labweb.crutd.selectors import Transaction as TransactionRow
 from labweb.crutd.services.locking import check_free, hold
+from labweb.crutd.services.opening import check_states
 from labweb.crutd.services.posting import open_transaction
-from labweb.crutd.services.transactions import check_states
 from labweb.domain.crutd import operations
 from labweb.domain.crutd.lifecycle import TransactionState
 from labweb.domain.runs.batch import shares

@@ -12,7 +12,8 @@ from labweb.accounts import services as account_services
 from labweb.accounts.selectors import User
 from labweb.crutd import selectors
 from labweb.crutd.models import Transaction
-from labweb.crutd.services.transactions import Settlement, lock_operation, settle
+from labweb.crutd.services.opening import lock_operation
+from labweb.crutd.services.transactions import Settlement, settle
 from labweb.domain.crutd.decide import Outcome, OutcomeKind
 from labweb.domain.crutd.operations import Create
 from labweb.domain.errors import DefinitionError, Finding, StateError

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
+from typing import Any
 from uuid import UUID
 from zoneinfo import ZoneInfo
 
 from django.db import OperationalError
 
 from labweb.accounts import selectors as account_selectors
+from labweb.common.prepared import Question, together
 from labweb.crutd.selectors import reserved
 from labweb.domain.approvals.roles import Permission
 from labweb.domain.errors import Finding, LockedError
@@ -20,25 +22,47 @@ from labweb.resources.selectors import Above, Resource
 
 def hold(ids: Collection[UUID]) -> tuple[dict[UUID, Resource], Above]:
     """Lock the rows, and share those above them; never waits, so that nobody waits in a ring."""
+    rows, above, _ = hold_and_ask(ids)
+    return rows, above
+
+
+def hold_and_ask(
+    ids: Collection[UUID], *questions: Question[Any]
+) -> tuple[dict[UUID, Resource], Above, list[list[Any]]]:
+    """Lock as above, and ask what is to be read under the locks; one exchange.
+
+    Raises:
+        LockedError: Somebody holds one of the rows this moment.
+    """
     busy = LockedError("the resources are in use this moment", code="crutd.busy")
     try:
-        held = resource_selectors.hold(ids)
+        found, *answers = together(resource_selectors.asking_hold(ids), *questions)
     except OperationalError as error:
         raise busy from error
+    held = resource_selectors.held_of(found)
     if held is None:
         raise busy
-    return held
+    return *held, answers
 
 
 def check_free(
-    rows: Mapping[UUID, Resource], wanted: Sequence[Lock], actor_id: UUID | None
+    rows: Mapping[UUID, Resource],
+    wanted: Sequence[Lock],
+    actor_id: UUID | None,
+    uses: reserved.Uses | None = None,
 ) -> None:
     """Refuse what somebody else uses or has reserved, by name.
+
+    Args:
+        rows: What is asked for, locked.
+        wanted: The locks on it and on what is above it.
+        actor_id: Who asks.
+        uses: Who has them now; None looks.
 
     Raises:
         LockedError: `context` says which transaction holds it, or who reserved it until when.
     """
-    held, claims = reserved.uses((lock.resource_id for lock in wanted), actor_id)
+    held, claims = reserved.uses(rows, actor_id) if uses is None else uses
     blocked = conflicts(wanted, [lock for lock, _ in held])
     if blocked:
         holder = next(owner for lock, owner in held if lock.resource_id == blocked[0])
@@ -73,17 +97,25 @@ def is_free(ids: Collection[UUID], *, actor_id: UUID | None) -> bool:
     those who could have them.
     """
     wanted = lock_set(ids, resource_selectors.ancestors(ids))
-    held, claims = reserved.uses((lock.resource_id for lock in wanted), actor_id)
+    held, claims = reserved.uses(ids, actor_id)
     return not conflicts(wanted, [lock for lock, _ in held]) and not in_the_way(wanted, claims)
 
 
-def refuse_reserved_by_others(ids: Collection[UUID], *, actor_id: UUID | None) -> None:
+def refuse_reserved_by_others(
+    ids: Collection[UUID], *, actor_id: UUID | None, is_any: bool | None = None
+) -> None:
     """Refuse to plan on what others have reserved.
+
+    Args:
+        ids: What the plan uses.
+        actor_id: Whose plan it is.
+        is_any: Whether others have reserved anything at all; None looks.
 
     Raises:
         LockedError: `findings` list each reservation in the way.
     """
-    _refuse(reserved_findings(ids, actor_id))
+    if is_any is not False:
+        _refuse(reserved_findings(ids, actor_id))
 
 
 def reserved_findings(ids: Collection[UUID], actor_id: UUID | None) -> list[Finding]:
@@ -91,7 +123,7 @@ def reserved_findings(ids: Collection[UUID], actor_id: UUID | None) -> list[Find
     if not reserved.is_any_live(actor_id):
         return []
     wanted = lock_set(ids, resource_selectors.ancestors(ids))
-    _, claims = reserved.uses((lock.resource_id for lock in wanted), actor_id)
+    _, claims = reserved.uses(ids, actor_id)
     return _in_the_way(wanted, claims, actor_id)
 
 

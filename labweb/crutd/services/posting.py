@@ -14,7 +14,7 @@ from typing import Any
 from django.db import connection
 
 from labweb.common.clock import new_id, now
-from labweb.common.prepared import prepared_cursor
+from labweb.common.prepared import Question, together
 from labweb.crutd.models import Entry, Transaction
 from labweb.domain.crutd.ledger import Posting
 from labweb.domain.crutd.operations import Reservation
@@ -74,6 +74,13 @@ def open_transaction(
         django.db.IntegrityError: Another one holds a resource for itself: the last bar
             against two users of one thing.
     """
+    together(opening(row, wanted, promised))
+
+
+def opening(
+    row: Transaction, wanted: Sequence[Lock], promised: Sequence[Reservation]
+) -> Question[Any]:
+    """Return the statement that does so, to be asked with others."""
     values: dict[str, Any] = {
         "id": row.id,
         "lab": row.lab_id,
@@ -95,8 +102,7 @@ def open_transaction(
         "nl": [one.amount_nl for one in promised],
         "ug": [one.amount_ug for one in promised],
     }
-    with prepared_cursor() as cursor:
-        cursor.execute(_OPEN.format(_PROMISED if promised else ""), values)
+    return Question(_OPEN.format(_PROMISED if promised else ""), values, tuple)
 
 
 def reserve(row: Transaction, wanted: Sequence[Reservation]) -> None:

@@ -24,7 +24,6 @@ from labweb.crutd.models import (
 )
 from labweb.crutd.selectors.chain import events_in_order, first_broken_event
 from labweb.crutd.selectors.past import base_of, rebuild_differences, replayed
-from labweb.crutd.services.adopting import connection_of
 from labweb.crutd.services.importing import rows_of
 from labweb.crutd.services.posting import reserve
 from labweb.domain.crutd import operations
@@ -182,9 +181,13 @@ def _write_rows(lab: Lab, base: LabFile, told: Replay) -> None:
     resource_services.rewrite(
         lab,
         [_resource(lab, node, by_id.get(node.id)) for node in _parents_first(nodes)],
-        [*imported.connections, *(connection_of(lab, link) for link in told.links.values())],
+        [
+            *imported.connections,
+            *(resource_services.connection_of(lab, link) for link in told.links.values()),
+        ],
         imported.materials,
         imported.lots,
+        told.parted,
     )
     for event in events_in_order(lab):
         operation = operations.from_json(event.body["operation"])

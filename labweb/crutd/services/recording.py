@@ -26,7 +26,7 @@ from labweb.resources import selectors as resource_selectors
 from labweb.resources.selectors import Lab
 
 # Written out: they are on the way of every operation of the lab.
-_END = "SELECT seq, hash FROM crutd_eventhead WHERE lab_id = %s FOR UPDATE"
+_END = "SELECT seq, hash FROM crutd_eventhead WHERE lab_id = %s FOR NO KEY UPDATE"
 
 _COLUMNS = ("lab_id", "seq", "at", "transaction_id", "name", "state", "prev_hash", "hash")
 

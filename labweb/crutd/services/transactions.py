@@ -13,9 +13,10 @@ from labweb.common.clock import now
 from labweb.crutd import selectors
 from labweb.crutd.models import Entry, ResourceLock, Transaction
 from labweb.crutd.selectors.facts import facts_for, holders
-from labweb.crutd.services.locking import check_free, hold, reserved_findings
-from labweb.crutd.services.posting import close_transaction, open_transaction, post, reserve
-from labweb.crutd.services.recording import open_ticket, record, wait_for_others
+from labweb.crutd.services.locking import reserved_findings
+from labweb.crutd.services.opening import lock_and_read
+from labweb.crutd.services.posting import close_transaction, post, reserve
+from labweb.crutd.services.recording import open_ticket, record
 from labweb.domain.crutd import decide, lifecycle, operations
 from labweb.domain.crutd.decide import Change, Outcome, OutcomeKind, ResourceState
 from labweb.domain.crutd.ledger import vessels_of
@@ -23,82 +24,9 @@ from labweb.domain.crutd.lifecycle import TransactionState
 from labweb.domain.crutd.operations import Reservation
 from labweb.domain.errors import Finding, PreconditionError, StateError
 from labweb.domain.runs.batch import heirs
-from labweb.domain.runs.locks import lock_set
 from labweb.resources import selectors as resource_selectors
 from labweb.resources import services as resource_services
-from labweb.resources.selectors import Above, Lab, Resource
-
-
-@atomic
-def lock_operation(
-    operation: operations.Operation,
-    *,
-    lab: Lab,
-    targets: Collection[UUID],
-    actor_id: UUID | None,
-    job_id: UUID | None = None,
-) -> Transaction:
-    """Take the whole lock set of an operation at once, and write it down as LOCKED.
-
-    Four queries for a Transfer, however large the tree.
-
-    Raises:
-        LockedError: Somebody else uses a resource. Nothing was written.
-        PreconditionError: The operation breaks a precondition now; findings list each.
-
-    Effect:
-        None on matter. Locks hold until the transaction is settled; they never expire.
-    """
-    return lock_and_read(operation, lab, targets, actor_id=actor_id, job_id=job_id)[0]
-
-
-def lock_and_read(
-    operation: operations.Operation,
-    lab: Lab,
-    targets: Collection[UUID],
-    *,
-    actor_id: UUID | None,
-    job_id: UUID | None = None,
-) -> tuple[Transaction, Mapping[UUID, Resource], Mapping[UUID, ResourceState]]:
-    """Lock as above, inside a block of the caller's.
-
-    Returns:
-        The transaction, and rows and states under the locks; a Read has no need of states.
-    """
-    rows, above = hold({*operations.touched_ids(operation), *targets})
-    wanted = lock_set(rows, above[0])
-    check_free(rows, wanted, actor_id)
-    states = check_states(operation, lab, rows, above)
-    row = Transaction(
-        lab=lab,
-        state=TransactionState.LOCKED.value,
-        name=operations.name_of(operation).value,
-        operation=operations.to_json(operation),
-        actor_id=actor_id,
-        job_id=job_id,
-        proposed_at=now(),
-    )
-    open_transaction(row, wanted, operations.reservations(operation))
-    return row, rows, states
-
-
-def check_states(
-    operation: operations.Operation, lab: Lab, rows: Mapping[UUID, Resource], above: Above
-) -> Mapping[UUID, ResourceState]:
-    """Check an operation on rows that are locked, and return their state; a Read needs none.
-
-    Raises:
-        PreconditionError: The operation breaks a precondition now; findings list each.
-    """
-    if isinstance(operation, operations.Read):
-        return {}
-    if isinstance(operation, operations.Create | operations.Receive | operations.React):
-        wait_for_others(lab)
-    states, lots = selectors.snapshot_and_lots(list(rows.values()), above)
-    findings = decide.check(operation, states, facts_for(operation, lab, states, lots))
-    if findings:
-        raise PreconditionError(findings[0].message, code=findings[0].code, findings=findings)
-    return states
+from labweb.resources.selectors import Lab
 
 
 def check_operation(
@@ -266,12 +194,9 @@ def _apply(
         resource_services.create_resource(create, row.lab)
     for resource_id, data in change.data.items():
         resource_services.update_data(resource_id, data)
-    for resource_id, parent_id in change.moves.items():
-        resource_services.move(resource_id, parent_id)
-    if change.archived:
-        resource_services.archive(change.archived)
-    if change.restored:
-        resource_services.restore(change.restored)
+    _place(change)
+    if isinstance(operation, operations.Refit) and change.state is TransactionState.COMMITTED:
+        resource_services.rejoin(operation, row.lab)
     if change.released:
         resource_services.release(change.released)
     if change.quarantined:
@@ -282,6 +207,18 @@ def _apply(
         resource_services.set_revs(settlement.revs)
     else:
         resource_services.raise_revs(changed_ids(change))
+
+
+def _place(change: Change) -> None:
+    """Write where things stand, in or out of service, and what parts of devices are."""
+    for resource_id, config in change.configs.items():
+        resource_services.set_config(resource_id, config)
+    for resource_id, parent_id in change.moves.items():
+        resource_services.move(resource_id, parent_id)
+    if change.archived:
+        resource_services.archive(change.archived)
+    if change.restored:
+        resource_services.restore(change.restored)
 
 
 def _reserved(row: Transaction, operation: operations.Operation) -> Sequence[Reservation]:
@@ -304,7 +241,7 @@ def _create_lots(operation: operations.Operation, row: Transaction) -> None:
 def changed_ids(change: Change) -> set[UUID]:
     """Return the resources whose state a change alters."""
     vessels = vessels_of(change.postings)
-    placed = set(change.moves) | change.archived | change.restored
+    placed = set(change.moves) | change.archived | change.restored | set(change.configs)
     return vessels | set(change.data) | placed | change.released
 
 

@@ -17,6 +17,7 @@ from labweb.domain.crutd.operations import (
     React,
     Read,
     Receive,
+    Refit,
     Restore,
     TransferLiquid,
     TransferMass,
@@ -25,6 +26,7 @@ from labweb.domain.crutd.operations import (
     touched_ids,
 )
 from labweb.domain.crutd.reaction import check_react
+from labweb.domain.crutd.refit import check_refit
 from labweb.domain.crutd.snapshot import Facts, ResourceState, Snapshot
 from labweb.domain.crutd.stock import (
     check_correct,
@@ -67,6 +69,8 @@ def _check_own(operation: Operation, snapshot: Snapshot, facts: Facts | None) ->
             return _check_create(operation, snapshot, facts)
         case Update():
             return _check_update(operation, snapshot)
+        case Refit():
+            return check_refit(operation, snapshot, facts)
         case Read():
             return []
         case _:
@@ -106,7 +110,8 @@ def _check_update(operation: Update, snapshot: Snapshot) -> list[Finding]:
 def _check_usable(
     operation: Operation, snapshot: Snapshot, facts: Facts | None
 ) -> Iterator[Finding]:
-    back = operation.resource_id if isinstance(operation, Restore) else None
+    back = set(operation.back) if isinstance(operation, Refit) else set()
+    back |= {operation.resource_id} if isinstance(operation, Restore) else set()
     for resource_id in touched_ids(operation):
         state = snapshot[resource_id]
         if state.quarantined_by is not None and not isinstance(operation, Correct):
@@ -116,9 +121,9 @@ def _check_usable(
                 str(resource_id),
                 {"transaction_id": state.quarantined_by},
             )
-        if state.is_archived and resource_id != back:
+        if state.is_archived and resource_id not in back:
             yield Finding("crutd.archived", f"{state.name} is in the Archive", str(resource_id))
-        if resource_id == back and not state.is_archived:
+        if resource_id in back and not state.is_archived:
             yield Finding("crutd.not_archived", f"{state.name} is in service", str(resource_id))
         if facts is not None and resource_id in facts.held:
             yield Finding(

@@ -27,6 +27,7 @@ from labweb.domain.crutd.operations import (
     React,
     Read,
     Receive,
+    Refit,
     Restore,
     TransferLiquid,
     TransferMass,
@@ -95,11 +96,15 @@ class Change:
     """Resources that come back out of the Archive."""
 
     created: tuple[Create, ...] = ()
+    configs: Mapping[UUID, Mapping[str, Any]] = field(default_factory=dict)
+    """New configuration by resource: parts of a device whose driver is another version."""
+
     released: frozenset[UUID] = frozenset()
     """Resources whose quarantine ends: the server adds those of a doubt that is over."""
 
     def to_json(self) -> dict[str, Any]:
         """Render as plain data; equal changes render equal."""
+        configs = {str(k): dict(v) for k, v in sorted(self.configs.items())}
         return {
             "state": self.state.value,
             "postings": [posting.to_json() for posting in sorted(self.postings)],
@@ -110,6 +115,7 @@ class Change:
             "created": [str(c.resource_id) for c in self.created],
             "restored": sorted(str(i) for i in self.restored),
             "released": sorted(str(i) for i in self.released),
+            **({"configs": configs} if configs else {}),
         }
 
 
@@ -157,7 +163,8 @@ def settle(operation: Operation, snapshot: Snapshot, outcome: Outcome) -> Change
 
 
 def _settle_placed(
-    operation: Create | Read | Update | TransferResource | Delete | Restore, outcome: Outcome
+    operation: Create | Read | Update | TransferResource | Delete | Restore | Refit,
+    outcome: Outcome,
 ) -> Change:
     committed = TransactionState.COMMITTED
     match operation:
@@ -182,6 +189,22 @@ def _settle_placed(
             )
         case Create():
             return Change(state=committed, created=(operation,))
+        case Refit():
+            return _settle_refit(operation)
+
+
+def _settle_refit(operation: Refit) -> Change:
+    """Write down which parts a device has from now on."""
+    archive = operation.archive_id
+    gone = {} if isinstance(archive, msgspec.UnsetType) else dict.fromkeys(operation.gone, archive)
+    return Change(
+        state=TransactionState.COMMITTED,
+        created=operation.added,
+        moves={**gone, **operation.back},
+        archived=frozenset(operation.gone),
+        restored=frozenset(operation.back),
+        configs=operation.configs,
+    )
 
 
 def _settle_poured(

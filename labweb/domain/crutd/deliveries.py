@@ -128,12 +128,34 @@ def render_deliveries(deliveries: Iterable[Delivery]) -> str:
         expires = "" if one.expires_on is None else one.expires_on.isoformat()
         for share in one.shares:
             writer.writerow(
-                [
-                    one.lot, one.material, one.phase.value, share.vessel,
-                    f"{share.amount} {unit}", one.supplier, one.number, one.purity, expires,
-                ]
-            )  # fmt: skip
+                map(
+                    guarded,
+                    (
+                        *(one.lot, one.material, one.phase.value, share.vessel),
+                        *(f"{share.amount} {unit}", one.supplier, one.number, one.purity, expires),
+                    ),
+                )
+            )
     return out.getvalue()
+
+
+def guarded(text: str) -> str:
+    """Keep a spreadsheet from taking a text for a formula: an apostrophe before it says so.
+
+    Example:
+        >>> guarded("=1+1"), guarded("'t Hart"), guarded("water")
+        ("'=1+1", "''t Hart", 'water')
+    """
+    return f"'{text}" if text.startswith(_GUARDED) else text
+
+
+def unguarded(text: str) -> str:
+    """Return what `guarded` was given."""
+    return text[1:] if text.startswith("'") and text[1:].startswith(_GUARDED) else text
+
+
+_GUARDED = ("=", "+", "-", "@", "\t", "\r", "'")
+"""Signs with which a spreadsheet begins to reckon, and the one that keeps it from that."""
 
 
 def _rows(raw: bytes) -> Iterator[tuple[int, Mapping[str, str]]]:
@@ -154,9 +176,13 @@ def _rows(raw: bytes) -> Iterator[tuple[int, Mapping[str, str]]]:
             if len(cells) != len(header):
                 what = f"{len(cells)} cells where the header has {len(header)}"
                 raise refused([at_row(reader.line_num, "lots.invalid", what)])
-            yield reader.line_num, dict(zip(header, map(str.strip, cells), strict=True))
+            yield reader.line_num, dict(zip(header, map(_cell, cells), strict=True))
     except csv.Error as error:
         raise refused([at_row(reader.line_num, "lots.invalid", str(error))]) from error
+
+
+def _cell(text: str) -> str:
+    return unguarded(text.strip())
 
 
 def _check_header(header: Sequence[str], row: int = 1) -> None:

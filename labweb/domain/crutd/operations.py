@@ -61,6 +61,9 @@ class Update(
     needs_empty: bool = False
     """The act drives out what the resource holds: a syringe that looks for its zero."""
 
+    sample_id: UUID | msgspec.UnsetType = msgspec.UNSET
+    """What is measured by the act, where it is another resource: what stands in its cell."""
+
 
 class TransferLiquid(
     msgspec.Struct,
@@ -201,6 +204,52 @@ class React(msgspec.Struct, frozen=True, tag="react", tag_field="op", kw_only=Tr
     """Lot of which one mole gives at most one mole of the first product: the yield is on it."""
 
 
+class Joint(msgspec.Struct, frozen=True, kw_only=True):
+    """A connection between two parts of one device."""
+
+    id: UUID
+    key: Name
+    source_id: UUID
+    source_port: Text
+    target_id: UUID
+    target_port: Text
+    medium: Text
+
+
+class Refit(msgspec.Struct, frozen=True, tag="refit", tag_field="op", kw_only=True):
+    """Give a device the parts of another version of its driver. Moves no matter.
+
+    Parts that go are kept in the Archive with all that stands in them, which is nothing but places
+    of their own; those that the device had before come back out of it.
+    """
+
+    device_id: UUID
+    """The device, which is no resource itself."""
+
+    anchor_id: UUID
+    """A part that the device has now: beside it the others stand."""
+
+    digest: Text
+    """Of the version of the driver that it is for."""
+
+    added: tuple[Create, ...] = ()
+    """Parents first."""
+
+    back: dict[UUID, UUID] = msgspec.field(default_factory=dict)
+    """Resource → in what it stands again."""
+
+    gone: tuple[UUID, ...] = ()
+    archive_id: UUID | msgspec.UnsetType = msgspec.UNSET
+    """Needed where parts go or come back."""
+
+    configs: dict[UUID, dict[str, Any]] = msgspec.field(default_factory=dict)
+    """The whole new configuration, by resource."""
+
+    joined: tuple[Joint, ...] = ()
+    parted: tuple[UUID, ...] = ()
+    """Connections that are no more."""
+
+
 Operation = (
     Create
     | Read
@@ -214,6 +263,7 @@ Operation = (
     | Correct
     | Dispose
     | React
+    | Refit
 )
 
 HandOperation = (
@@ -243,6 +293,7 @@ _NAMES: dict[type, OperationName] = {
     Correct: OperationName.UPDATE,
     Dispose: OperationName.TRANSFER,
     React: OperationName.UPDATE,
+    Refit: OperationName.UPDATE,
 }
 
 
@@ -266,6 +317,9 @@ def touched_ids(operation: Operation) -> tuple[UUID, ...]:
             ids = {operation.resource_id, operation.from_id, operation.to_id}
         case Receive():
             ids = {portion.resource_id for portion in operation.portions}
+        case Refit():
+            ids = {operation.anchor_id, *operation.gone, *operation.back, *operation.configs}
+            ids |= {one for one in (operation.archive_id,) if isinstance(one, UUID)}
         case _:
             ids = {operation.resource_id, operation.archive_id}
     return tuple(sorted(ids))
@@ -311,6 +365,10 @@ def subjects_of(operation: Operation) -> tuple[tuple[UUID, str], ...]:
             return ((operation.resource_id, "source"),)
         case Read():
             return ((operation.device_id, "subject"),)
+        case Refit():
+            added = {create.resource_id for create in operation.added}
+            ids = {*added, *operation.gone, *operation.back, *operation.configs}
+            return tuple((one, "subject") for one in sorted(ids or {operation.anchor_id}))
         case _:
             return ((operation.resource_id, "subject"),)
 
@@ -318,7 +376,7 @@ def subjects_of(operation: Operation) -> tuple[tuple[UUID, str], ...]:
 def sample_of(operation: Operation) -> UUID | None:
     """Return the resource that an operation measures; None: it does not say."""
     match operation:
-        case Read():
+        case Read() | Update():
             return None if operation.sample_id is msgspec.UNSET else operation.sample_id
         case Dispose():
             return operation.resource_id

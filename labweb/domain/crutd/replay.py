@@ -62,6 +62,9 @@ class Replay:
     links: dict[UUID, Mapping[str, Any]] = field(default_factory=dict)
     """Connections that came with devices; those of the import are not here."""
 
+    parted: set[UUID] = field(default_factory=set)
+    """Connections that went with a part of a device; the import may tell of some."""
+
     def contents(self, vessel: UUID) -> dict[LotId, Amount]:
         """Return what a vessel holds, by lot."""
         account = str(vessel)
@@ -113,6 +116,8 @@ def _apply(replay: Replay, event: Happening) -> None:
     book(replay.balances, postings)
     for node, fields in _each(replay, change["data"]):
         node.data = {**node.data, **fields}
+    for node, config in _each(replay, change.get("configs", {})):
+        node.config = config
     for node, parent_id in _each(replay, change["moves"]):
         node.parent_id, node.pose = UUID(parent_id), None
     for node in _listed(replay, change["archived"]):
@@ -136,24 +141,49 @@ def _listed(replay: Replay, ids: Iterable[str]) -> Iterator[Node]:
 
 def _create(replay: Replay, event: Happening) -> None:
     created = set(event.body["change"]["created"])
+    if event.body["operation"].get("op") == "refit":
+        _refit(replay, event.body, created)
+        return
     if not created:
         return
     operation = operations.from_json(event.body["operation"])
     if not isinstance(operation, operations.Create) or created != {str(operation.resource_id)}:
         raise ValueError("it creates what its operation does not name")
-    replay.nodes[operation.resource_id] = Node(
-        id=operation.resource_id,
-        key=operation.key,
-        name=operation.name,
-        kind=operation.kind,
-        nature=KINDS[operation.kind].nature.value,
-        parent_id=operation.parent_id,
-        config=operation.config,
-    )
+    replay.nodes[operation.resource_id] = _made(operation)
     for part in event.body.get("parts", ()):
         replay.nodes[UUID(part["id"])] = _part(part)
     for link in event.body.get("links", ()):
         replay.links[UUID(link["id"])] = link
+
+
+def _refit(replay: Replay, body: Mapping[str, Any], created: set[str]) -> None:
+    """Add the parts that a device got with another version of its driver, and part the tubes."""
+    operation = operations.from_json(body["operation"])
+    if TransactionState(body["change"]["state"]) is not TransactionState.COMMITTED:
+        return
+    if not isinstance(operation, operations.Refit) or created != {
+        str(one.resource_id) for one in operation.added
+    }:
+        raise ValueError("it creates what its operation does not name")
+    replay.nodes |= {one.resource_id: _made(one) for one in operation.added}
+    for link_id in operation.parted:
+        replay.links.pop(link_id, None)
+        replay.parted.add(link_id)
+    for joint in operation.joined:
+        replay.links[joint.id] = msgspec.to_builtins(joint)
+        replay.parted.discard(joint.id)
+
+
+def _made(create: operations.Create) -> Node:
+    return Node(
+        id=create.resource_id,
+        key=create.key,
+        name=create.name,
+        kind=create.kind,
+        nature=KINDS[create.kind].nature.value,
+        parent_id=create.parent_id,
+        config=create.config,
+    )
 
 
 def _part(part: Mapping[str, Any]) -> Node:
@@ -181,7 +211,7 @@ def _count(replay: Replay, body: Mapping[str, Any], postings: Iterable[Posting])
     change = body["change"]
     if "base" in body:
         return
-    names = ("data", "moves", "archived", "restored", "released")
+    names = ("data", "moves", "archived", "restored", "released", "configs")
     listed = {UUID(key) for name in names for key in change.get(name, ())}
     for node in vessels_of(postings) | listed:
         replay.nodes[node].rev += 1

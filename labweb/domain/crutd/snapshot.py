@@ -105,8 +105,18 @@ class Facts:
     is_taken: bool = False
     """A resource of the new one's id or key is there already."""
 
+    taken_tubes: tuple[str, ...] = ()
+    """Keys of tubes of a device that come, which connections have that stay."""
+
     attachments: tuple[Attachment, ...] = ()
-    """What connects the thing that is to be carried, or what stands in it, with the rest."""
+    """What connects the thing that is to be carried, or what stands in it, with the rest; of parts
+    of a device that go, what else than their own tubes."""
+
+    inside: Snapshot = field(default_factory=dict)
+    """What stands in the parts of a device that go, at any depth, and is no part of it."""
+
+    reserved: Mapping[UUID, str] = field(default_factory=dict)
+    """Who has reserved a part that goes, and until when."""
 
     held: Mapping[UUID, str] = field(default_factory=dict)
     """Transaction that uses a resource now."""

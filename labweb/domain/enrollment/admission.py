@@ -14,6 +14,21 @@ Admission = Mapping[str, Mapping[str, float]]
 """Action → parameter → highest value. What is not named is withheld. Empty: reading only."""
 
 
+SHOWS_ITSELF = "show_itself"
+"""Action by which a person sees that this is the device on the bench: `text` for `shown_s`."""
+
+
+def shows_itself(spec: DriverSpec) -> bool:
+    """Tell whether a driver can show a text on its device, and nothing else happens by it."""
+    return any(
+        one.name == SHOWS_ITSELF
+        and one.operation == "read"
+        and not one.hazards
+        and {parameter.name for parameter in one.parameters} == {"text", "shown_s"}
+        for one in spec.actions
+    )
+
+
 def admitted_spec(spec: DriverSpec, admission: Admission | None) -> DriverSpec:
     """Return the interface as far as it was admitted; None: all of it, as the driver declares."""
     if admission is None:

@@ -24,6 +24,7 @@ from uuid import UUID
 
 import msgspec
 
+from labweb.domain.enrollment.sighting import is_legible
 from labweb.domain.errors import DefinitionError
 from labweb.domain.messages import PROTOCOL_VERSION, Refuse
 
@@ -208,13 +209,14 @@ JoinFrame = Offer | Waiting | Admitted | Refuse
 
 def check_ask(ask: Ask) -> str:
     """Say what is wrong with a request before its token is looked at; "" means nothing."""
-    if not key_of_name(ask.name) or len(ask.name) > LONGEST_NAME or not ask.name.isprintable():
-        return f"the name has 1 to {LONGEST_NAME} printable signs, a letter or digit among them"
+    if not key_of_name(ask.name) or len(ask.name) > LONGEST_NAME or not is_legible(ask.name):
+        return f"the name has 1 to {LONGEST_NAME} legible signs, a letter or digit among them"
     if len(ask.csr) > LONGEST_CSR_BYTES:
         return f"the signing request is longer than {LONGEST_CSR_BYTES} bytes"
-    if len(ask.machine_id) > LONGEST_FACT:
-        return f"the machine id is longer than {LONGEST_FACT} signs"
-    too_long = any(len(text) > LONGEST_FACT for pair in ask.facts.items() for text in pair)
-    if len(ask.facts) > MOST_FACTS or too_long:
-        return f"at most {MOST_FACTS} facts of {LONGEST_FACT} signs"
+    if len(ask.machine_id) > LONGEST_FACT or not ask.machine_id.isprintable():
+        return f"the machine id is longer than {LONGEST_FACT} printable signs"
+    texts = [text for pair in ask.facts.items() for text in pair]
+    is_wrong = any(len(text) > LONGEST_FACT or not text.isprintable() for text in texts)
+    if len(ask.facts) > MOST_FACTS or is_wrong:
+        return f"at most {MOST_FACTS} facts of {LONGEST_FACT} printable signs"
     return ""

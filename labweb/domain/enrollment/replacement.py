@@ -37,7 +37,7 @@ def check_replacement(
         old: What serves it now.
         new: What shall.
         config: Settings of the device.
-        roles: Parts that the device plays in the tree.
+        roles: Parts that the device plays in the tree, and is to play after it.
         admission: What of it a person admitted, and how far; None: all that it declares, or the
             device has to be admitted anew.
         waiting: What runs that go on will still ask of it.

@@ -38,7 +38,9 @@ UNITS: Mapping[str, tuple[str, str]] = {
     "g": ("acceleration", "×g"),
     "v": ("voltage", "V"),
     "ma": ("current", "mA"),
+    "v_s": ("scan_rate", "V/s"),
     "hz": ("frequency", "Hz"),
+    "nm": ("wavelength", "nm"),
     "us_cm": ("conductivity", "µS/cm"),
     "ncm": ("torque", "N·cm"),
     "n": ("force", "N"),
@@ -151,6 +153,9 @@ class ActionSpec(msgspec.Struct, frozen=True, kw_only=True):
     hazards: tuple[str, ...] = ()
     operation: Operation = "update"
     """What it does to the record: read, update a device, or move matter."""
+
+    is_async: bool = False
+    """The source writes it as `async def`. No line runs such an action: DRV012 refuses it."""
 
     role: str = ""
     """Interface that declares it (`pump`, `valve`); "" when no interface does."""

@@ -30,6 +30,9 @@ class Wanted:
     through: tuple[int, ...] = ()
     """Manifolds and cartridges to be passed, in this order."""
 
+    over: int | None = None
+    """A syringe that has to be among those on the way; liquid may turn back from it."""
+
 
 @dataclass(frozen=True, slots=True)
 class Chain:
@@ -54,6 +57,9 @@ class _Reached:
 
     pump: int
     passed: int
+    is_met: bool
+    """The syringe that has to be on the way lies behind, or is this one."""
+
     hop: Hop
     parent: _Reached | None
 
@@ -70,7 +76,7 @@ def find_chain(network: Network, wanted: Wanted) -> Chain | None:
     heap: list[tuple[int, int, _Reached | Chain]] = []
     found: Iterable[tuple[int, _Reached | Chain]] = ways.first()
     count = 0
-    settled: set[tuple[int, int]] = set()
+    settled: set[tuple[int, int, bool]] = set()
     while True:
         for cost, reached in found:
             heapq.heappush(heap, (cost, count, reached))
@@ -80,7 +86,7 @@ def find_chain(network: Network, wanted: Wanted) -> Chain | None:
         cost, _, nearest = heapq.heappop(heap)
         if isinstance(nearest, Chain):
             return nearest
-        place = (nearest.pump, nearest.passed)
+        place = (nearest.pump, nearest.passed, nearest.is_met)
         found = ()
         if place not in settled:
             settled.add(place)
@@ -118,11 +124,13 @@ class _Ways:
         for hop in self._table.relays(self._wanted.source):
             passed = self.progress(hop, 0)
             if passed is not None and self._wanted.source_port in (None, hop.start_port):
-                yield self.cost(hop) + _SYRINGE, _Reached(hop.end, passed, hop, None)
+                is_met = self._wanted.over in (None, hop.end)
+                yield self.cost(hop) + _SYRINGE, _Reached(hop.end, passed, is_met, hop, None)
 
     def onward(self, last: _Reached, cost: int) -> Iterator[tuple[int, _Reached | Chain]]:
         """Yield each syringe that one pushes into, and the whole chain if it can end here."""
-        for hop in self._table.deliveries(last.pump, self._wanted.target):
+        ends = self._table.deliveries(last.pump, self._wanted.target) if last.is_met else ()
+        for hop in ends:
             is_there = self._wanted.target_port in (None, hop.end_port)
             if is_there and self.progress(hop, last.passed) == self._count:
                 yield cost + self.cost(hop), _chain(last, hop)
@@ -130,7 +138,8 @@ class _Ways:
             passed = self.progress(hop, last.passed)
             if passed is not None:
                 price = hop.dead_nl * _NANOLITRE + len(hop.tubes) + _SYRINGE
-                yield cost + price, _Reached(hop.end, passed, hop, last)
+                is_met = last.is_met or hop.end == self._wanted.over
+                yield cost + price, _Reached(hop.end, passed, is_met, hop, last)
 
     def progress(self, hop: Hop, passed: int) -> int | None:
         """Return how much of `through` is passed after a hop; None: in another order."""

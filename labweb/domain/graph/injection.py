@@ -6,13 +6,12 @@ does not say how large something is, that stays unknown; nothing is assumed in i
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import partial
 from typing import Any
 
 from labweb.domain.enrollment.spec import DriverSpec
-from labweb.domain.errors import Finding
+from labweb.domain.graph.parts_of_roles import SORTS, WITHOUT_PARTS, Place
 from labweb.domain.resources.kinds import KINDS
 
 
@@ -54,38 +53,6 @@ class Injection:
         return {role: part.key for part in self.parts for role in part.roles}
 
 
-@dataclass(frozen=True, slots=True)
-class _Sort:
-    kind: str
-    settings: Mapping[str, str] = field(default_factory=dict)
-    """Field of the resource → setting of the driver, of the same unit."""
-
-    fixed: Mapping[str, Any] = field(default_factory=dict)
-    roles: tuple[str, ...] = ()
-    """As what it stands in the tree; empty: as the role itself."""
-
-
-_HEATS = {"max_temperature_c": "max_temperature_c", "min_temperature_c": "min_temperature_c"}
-_STIRS = {"max_speed_rpm": "max_speed_rpm", "min_speed_rpm": "min_speed_rpm"}
-
-_SORTS: Mapping[str, _Sort] = {
-    "pump": _Sort("syringe_pump", {"capacity_ul": "syringe_ul"}),
-    "valve": _Sort("rotary_valve", {"ports_count": "ports_count"}, {"common_port": "common"}),
-    "heater_stirrer": _Sort("heater_stirrer", {**_HEATS, **_STIRS}, {}, ("heater", "stirrer")),
-    "stirrer": _Sort("stirrer", _STIRS),
-    "thermostat": _Sort("thermostat", _HEATS),
-    "rotary_evaporator": _Sort("rotary_evaporator", {**_HEATS, **_STIRS}),
-    "vacuum_controller": _Sort("vacuum_controller"),
-    "balance": _Sort("balance"),
-    "timer": _Sort("timer"),
-    "ph_sensor": _Sort("transmitter", {}, {}, ("transmitter",)),
-    "tds_sensor": _Sort("transmitter", {}, {}, ("transmitter",)),
-    "conductivity_sensor": _Sort("transmitter", {}, {}, ("conductivity_sensor",)),
-    "storage": _Sort("storage"),
-}
-"""What stands in the tree for each role. Roles that are not here act through nothing there."""
-
-
 def injected(spec: DriverSpec, config: Mapping[str, Any], *, key: str, name: str) -> Injection:
     """Return what a device with this driver and these settings brings; nothing may be it.
 
@@ -103,73 +70,50 @@ def injected(spec: DriverSpec, config: Mapping[str, Any], *, key: str, name: str
     """
     known = {one.name: one.default for one in spec.config if not one.required} | dict(config)
     parts: dict[str, Part] = {}
-    for role in spec.roles:
-        sort = _SORTS.get(role)
-        if sort is None:
-            continue
-        own = key if not parts else f"{key}_{role}"
+    for role, joining in _standing(spec.roles).items():
+        sort, first = SORTS[role], not parts
         parts[role] = Part(
-            key=own,
-            name=name if not parts else f"{name}, {KINDS[sort.kind].label.lower()}",
+            key=key if first else f"{key}_{role}",
+            name=name if first else f"{name}, {KINDS[sort.kind].label.lower()}",
             kind=sort.kind,
-            config=_config(sort, known),
-            roles=sort.roles or (role,),
+            config=_told({**sort.settings, **_settings(joining)}, known) | dict(sort.fixed),
+            roles=(*(sort.roles or (role,)), *joining),
         )
     places = [place for role, part in parts.items() for place in _places(role, part, known)]
     return Injection((*_merged(parts), *places), tuple(_tubes(parts)))
 
 
-def check_parts(old: DriverSpec, new: DriverSpec, config: Mapping[str, Any]) -> list[Finding]:
-    """List every part and inner tube that another version of a driver adds, takes away or changes.
-
-    The tree and the graph have the parts of the version that the device was taken up with. One
-    with others would act on what nobody recorded, or leave behind what nobody drives.
-
-    Args:
-        old: What serves the device now.
-        new: What shall.
-        config: Settings of the device.
+def list_reasons(spec: DriverSpec) -> list[str]:
+    """Say of each role of a driver why it brings nothing; empty when one of them does.
 
     Example:
-        >>> pump = DriverSpec(class_name="P", module="m", digest="", roles=("pump",))
-        >>> both = DriverSpec(class_name="P", module="m", digest="", roles=("pump", "valve"))
-        >>> [one.code for one in check_parts(pump, both, {})], check_parts(pump, pump, {})
-        (['driver.parts_gained', 'driver.parts_gained'], [])
+        >>> list_reasons(DriverSpec(class_name="P", module="m", digest="", roles=("pump",)))
+        []
     """
-    before, after = (
-        {one.key: one for one in made.parts}
-        | {f"{one.source}.{one.source_port}": one for one in made.tubes}
-        for made in (injected(spec, config, key="device", name="device") for spec in (old, new))
-    )
-    gained, lost = sorted(after.keys() - before.keys()), sorted(before.keys() - after.keys())
-    changed = sorted(key for key in before if key in after and before[key] != after[key])
-    told = partial(_told, new.class_name)
-    return [
-        *(Finding("driver.parts_gained", told("brings", after[key]), key) for key in gained),
-        *(Finding("driver.parts_lost", told("has no more", before[key]), key) for key in lost),
-        *(Finding("driver.parts_changed", told("changes", after[key]), key) for key in changed),
-    ]
+    if any(role in SORTS for role in spec.roles):
+        return []
+    unknown = "nothing is known to stand in the tree for this role"
+    return [f"{role}: {WITHOUT_PARTS.get(role, unknown)}" for role in spec.roles]
 
 
-def _told(version: str, verb: str, what: Part | Tube) -> str:
-    return (
-        f"{version} {verb} {_called(what)}, and the parts of a device stay as they were taken up: "
-        "retire it, and take it up anew with this version"
-    )
+def _standing(roles: Sequence[str]) -> dict[str, list[str]]:
+    """Return the roles that bring a part, each with those that act through the same part."""
+    own = [role for role in roles if role in SORTS]
+    hosts = {role: next((one for one in own if one in SORTS[role].joins), role) for role in own}
+    return {
+        role: [one for one in own if one != role and hosts[one] == role]
+        for role in own
+        if hosts[role] == role
+    }
 
 
-def _called(what: Part | Tube) -> str:
-    """Return what a person calls a part or a tube, with the settings that make it what it is."""
-    if isinstance(what, Tube):
-        return f"a tube from {what.source_port} to {what.target_port}"
-    settings = ", ".join(f"{name} {value}" for name, value in sorted(what.config.items()))
-    told = KINDS[what.kind].label.lower() + (f" {what.name}" if what.inside else "")
-    return f"a {told} ({settings})" if settings else f"a {told}"
+def _settings(roles: Iterable[str]) -> dict[str, str]:
+    return {name: setting for role in roles for name, setting in SORTS[role].settings.items()}
 
 
-def _config(sort: _Sort, known: Mapping[str, Any]) -> dict[str, Any]:
-    told = {name: known.get(setting) for name, setting in sort.settings.items()}
-    return {**{name: value for name, value in told.items() if value is not None}, **sort.fixed}
+def _told(settings: Mapping[str, str], known: Mapping[str, Any]) -> dict[str, Any]:
+    told = {name: known.get(setting) for name, setting in settings.items()}
+    return {name: value for name, value in told.items() if value is not None}
 
 
 def _merged(parts: Mapping[str, Part]) -> list[Part]:
@@ -187,16 +131,28 @@ def _merged(parts: Mapping[str, Part]) -> list[Part]:
     return list(found.values())
 
 
-def _places(role: str, part: Part, known: Mapping[str, Any]) -> list[Part]:
-    """Return the places inside a part, by the number that the driver gives them."""
-    if role != "storage" or not isinstance(known.get("slots_count"), int):
-        return []
-    names = {f"slot_{n}": f"place {n}" for n in range(1, known["slots_count"] + 1)}
-    names["transfer"] = "transfer station"
-    return [
-        Part(key=f"{part.key}_{end}", name=f"{part.name}, {label}", kind="slot", inside=part.key)
-        for end, label in names.items()
-    ]
+def _places(role: str, part: Part, known: Mapping[str, Any]) -> Iterator[Part]:
+    """Yield what lies inside a part, a holder before what it holds."""
+    for place in SORTS[role].places:
+        inside = part.key + place.inside
+        for number in _numbers(place, known):
+            yield Part(
+                key=inside + place.key.format(number),
+                name=f"{part.name}, {place.label.format(number)}",
+                kind=place.kind,
+                config=_told(place.settings, known),
+                inside=inside,
+            )
+
+
+def _numbers(place: Place, known: Mapping[str, Any]) -> list[str]:
+    """Return what the places of one sort are called by their driver; none where it is not told."""
+    if not place.each:
+        return [""]
+    told = known.get(place.each)
+    if isinstance(told, int):
+        return [str(number) for number in range(1, told + 1)]
+    return sorted(told, key=lambda one: (len(one), one)) if isinstance(told, Mapping) else []
 
 
 def _tubes(parts: Mapping[str, Part]) -> list[Tube]:

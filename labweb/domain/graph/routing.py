@@ -13,7 +13,7 @@ from uuid import UUID
 from labweb.domain.errors import NoRouteError
 from labweb.domain.graph.elements import Element, Role, Tube, is_numbered
 from labweb.domain.graph.network import Network, Search, Step, make_hop
-from labweb.domain.graph.topology import Connection, Medium, PhysicalGraph, PortRef
+from labweb.domain.graph.topology import Connection, PhysicalGraph, PortRef
 from labweb.domain.resources.node import Resource
 from labweb.domain.resources.tree import Tree
 
@@ -23,6 +23,9 @@ COMMON_PORT = "common"
 """Name of a rotary valve's fixed port, unless its `config.common_port` says otherwise."""
 
 _LISTED = 12
+_ROTARY, _SOLENOID = "rotary_valve", "solenoid_valve"
+_PASSED = (_ROTARY, _SOLENOID)
+"""What liquid passes on its way, unless it begins or ends there."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,29 +60,28 @@ class Route:
 
 
 @dataclass(frozen=True)
-class _Question:
-    """One question, with all that bounds it."""
+class _Plumbing:
+    """The liquid connections of a lab as a network, for all questions that may share it."""
 
     graph: PhysicalGraph
     tree: Tree
-    source: UUID
-    target: UUID
-    blocked: frozenset[UUID]
-    backwards: bool = False
-    through_solenoids: bool = False
-    """To explain a refusal, never to plan."""
+    ends: frozenset[UUID]
+    """Of a question: those that otherwise let liquid pass, or that nothing is joined to."""
+
+    backwards: bool
+    through_solenoids: bool
 
     @cached_property
     def resources(self) -> list[Resource]:
         """Everything that a liquid connection joins, in the order of the network."""
-        ids = {
-            end.resource_id
-            for connection in self.graph.connections
-            for end in (connection.source, connection.target)
-        }
-        ids |= {self.source, self.target}
+        ids = {*_joined(self.graph), *self.ends}
         found = [self.tree.by_id[each] for each in ids if each in self.tree.by_id]
         return sorted(found, key=_key)
+
+    @cached_property
+    def places(self) -> dict[UUID, int]:
+        """Place of each resource in the network."""
+        return {resource.id: index for index, resource in enumerate(self.resources)}
 
     @cached_property
     def connections(self) -> dict[str, Connection]:
@@ -99,17 +101,51 @@ class _Question:
             if connection.source.resource_id in keys and connection.target.resource_id in keys
         ]
         elements = [
-            _element(each, solenoids=self.through_solenoids, ends=(self.source, self.target))
+            _element(each, solenoids=self.through_solenoids, ends=self.ends)
             for each in self.resources
         ]
         return Network(elements, tubes)
 
+
+@dataclass(frozen=True)
+class _Question:
+    """One question, with all that bounds it."""
+
+    graph: PhysicalGraph
+    tree: Tree
+    source: UUID
+    target: UUID
+    blocked: frozenset[UUID]
+    backwards: bool = False
+    through_solenoids: bool = False
+    """To explain a refusal, never to plan."""
+
+    @cached_property
+    def plumbing(self) -> _Plumbing:
+        """What it is asked of; made once for all questions on one lab that may share it."""
+        joined = _joined(self.graph)
+        ends = frozenset(
+            end
+            for end in (self.source, self.target)
+            if end not in joined or self.tree.find(end).kind in _PASSED
+        )
+        made = _Plumbing(self.graph, self.tree, ends, self.backwards, self.through_solenoids)
+        key = (id(self.tree), ends, self.backwards, self.through_solenoids)
+        # What is kept holds the tree, so that no other one has its number meanwhile.
+        found: _Plumbing = self.graph.kept.setdefault(key, made)
+        return found
+
+    @property
+    def resources(self) -> list[Resource]:
+        """Everything that a liquid connection joins, in the order of the network."""
+        return self.plumbing.resources
+
     def search(self) -> Search:
         """Begin at the source."""
-        place = {resource.id: index for index, resource in enumerate(self.resources)}
+        place = self.plumbing.places
         is_pump = self.tree.find(self.source).kind == "syringe_pump"
         return Search(
-            self.network,
+            self.plumbing.network,
             place[self.source],
             blocked=frozenset(place[each] for each in self.blocked if each in place),
             drawn=is_pump if self.backwards else not is_pump,
@@ -155,14 +191,18 @@ def find_route(
     """
     for end in (source, target):
         tree.find(end)
-    liquid = graph.restricted(Medium.LIQUID)
-    question = _Question(liquid, tree, source, target, frozenset(blocked) - {source, target})
+    question = _Question(graph.liquid, tree, source, target, frozenset(blocked) - {source, target})
     if source == target:
         raise NoRouteError("source and target are the same vessel", code="plan.same_vessel")
     found = _cheapest(question)
     if found is None:
         raise _explain(question)
     return _render(question, *found)
+
+
+def _joined(graph: PhysicalGraph) -> Collection[UUID]:
+    """Return what any connection of a graph joins."""
+    return graph.by_resource.keys()
 
 
 def _key(resource: Resource) -> str:
@@ -184,13 +224,13 @@ def _tube(key: str, connection: Connection, keys: dict[UUID, str], *, backwards:
     )
 
 
-def _element(resource: Resource, *, solenoids: bool, ends: tuple[UUID, UUID]) -> Element:
+def _element(resource: Resource, *, solenoids: bool, ends: Collection[UUID]) -> Element:
     """Return what a resource conducts. What a way begins and ends at is never passed."""
     role = Role.OTHER
     if resource.id not in ends:
-        if resource.kind == "rotary_valve":
+        if resource.kind == _ROTARY:
             role = Role.VALVE
-        elif resource.kind == "solenoid_valve" and solenoids:
+        elif resource.kind == _SOLENOID and solenoids:
             role = Role.SOLENOID
     common = str(resource.config.get("common_port", COMMON_PORT))
     return Element(
@@ -207,12 +247,12 @@ def _cheapest(question: _Question) -> tuple[int, Step] | None:
 
 def _render(question: _Question, dead_nl: int, step: Step) -> Route:
     resources = question.resources
-    start = next(i for i, resource in enumerate(resources) if resource.id == question.source)
-    hop = make_hop(question.network, start, step, dead_nl)
+    plumbing = question.plumbing
+    hop = make_hop(plumbing.network, plumbing.places[question.source], step, dead_nl)
     if hop is None:  # pragma: no cover - only a syringe's own check refuses a hop
         raise _explain(question)
     ports = tuple(PortRef(resources[index].id, port) for index, port in hop.ports)
-    connections = tuple(question.connections[tube.key] for tube in hop.tubes)
+    connections = tuple(plumbing.connections[tube.key] for tube in hop.tubes)
     valves = tuple(
         ValvePosition(resources[index].id, int(position)) for index, position in hop.settings
     )
@@ -261,7 +301,7 @@ def _solenoids_on_the_way(question: _Question) -> list[Resource]:
     while step is not None:
         names.append(wider.resources[step.element])
         step = step.parent
-    return [node for node in reversed(names) if node.kind == "solenoid_valve"]
+    return [node for node in reversed(names) if node.kind == _SOLENOID]
 
 
 def _tees(question: _Question) -> list[str]:
@@ -274,7 +314,7 @@ def _tees(question: _Question) -> list[str]:
         for port, others in far.items()
         if len(others) > 1
         and (node := question.tree.by_id.get(port.resource_id)) is not None
-        and node.kind == "rotary_valve"
+        and node.kind == _ROTARY
     )
 
 

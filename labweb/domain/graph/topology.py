@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Hashable, Iterator, Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 from functools import cached_property
@@ -69,6 +69,16 @@ class PhysicalGraph:
             if connection.target.resource_id != connection.source.resource_id:
                 found.setdefault(connection.target.resource_id, []).append(connection)
         return found
+
+    @cached_property
+    def liquid(self) -> PhysicalGraph:
+        """The graph of what liquid flows through alone."""
+        return self.restricted(Medium.LIQUID)
+
+    @cached_property
+    def kept(self) -> dict[Hashable, Any]:
+        """What was worked out of this graph already, by whoever asks; it lives as long."""
+        return {}
 
     def restricted(self, medium: Medium) -> PhysicalGraph:
         """Return the graph of one medium alone."""

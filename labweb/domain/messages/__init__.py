@@ -27,6 +27,7 @@ from labweb.domain.messages.commands import Release as Release
 from labweb.domain.messages.commands import Reset as Reset
 from labweb.domain.messages.commands import Resolve as Resolve
 from labweb.domain.messages.commands import ResourceView as ResourceView
+from labweb.domain.messages.commands import Tick as Tick
 from labweb.domain.messages.drivers import DeviceConfig as DeviceConfig
 from labweb.domain.messages.drivers import Devices as Devices
 from labweb.domain.messages.drivers import DriverApproval as DriverApproval
@@ -50,7 +51,13 @@ from labweb.domain.messages.tryouts import TryoutOrder as TryoutOrder
 from labweb.domain.messages.tryouts import TryoutPart as TryoutPart
 from labweb.domain.messages.tryouts import TryoutTold as TryoutTold
 from labweb.domain.messages.tryouts import WireRecord as WireRecord
+from labweb.domain.messages.version import NOT_KNOWN as NOT_KNOWN
 from labweb.domain.messages.version import PROTOCOL_VERSION as PROTOCOL_VERSION
+from labweb.domain.messages.version import unknown_frame as unknown_frame
+from labweb.domain.messages.version import version_refusal as version_refusal
+
+CLOSE_BAD_FRAME = 4400
+"""Code with which the server closes a connection on which it was sent what it does not know."""
 
 MAX_FRAME_BYTES = 256 * 1024
 MAX_EVENTS_PER_FRAME = 500
@@ -116,6 +123,9 @@ class Welcome(msgspec.Struct, frozen=True, tag="welcome", tag_field="t", kw_only
     acked_seq: int
     floor: int
     server_at_s: float
+    tick: Tick | None = None
+    """The same moment by a clock that nobody sets; None: the server has none."""
+
     mode: str
     """`normal` or `quarantine`."""
 

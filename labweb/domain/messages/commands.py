@@ -45,6 +45,16 @@ class BatchPart(msgspec.Struct, frozen=True, kw_only=True):
     """Nothing begins when the server has been away for longer; for `continue` only."""
 
 
+class Tick(msgspec.Struct, frozen=True, kw_only=True):
+    """A moment of the server by a clock that nobody sets."""
+
+    clock: str
+    """Which clock: this start of this machine. Ticks of two clocks cannot be compared."""
+
+    at_s: float
+    """Since that start, the time in which the machine slept among it."""
+
+
 class Do(msgspec.Struct, frozen=True, tag="do", tag_field="t", kw_only=True):
     """Carry out one action once."""
 
@@ -80,8 +90,11 @@ class Do(msgspec.Struct, frozen=True, tag="do", tag_field="t", kw_only=True):
     only reads by this what the device says it moved."""
 
     numbers_hold_s: float | None = None
-    """Not started within this time of its acceptance means given back: the calibration that made
-    its numbers has ended by then. None: no calibration made them."""
+    """Not started within this time of its acceptance, or of `sent`, means given back: the
+    calibration that made its numbers has ended by then. None: no calibration made them."""
+
+    sent: Tick | None = None
+    """When it was signed: it may lie in the broker for long before a host accepts it."""
 
     v: int = PROTOCOL_VERSION
 

@@ -35,6 +35,9 @@ class DeviceConfig(msgspec.Struct, frozen=True, kw_only=True):
     admission: dict[str, dict[str, float]] | None = None
     """Admitted actions with their limits; None: all that the driver declares."""
 
+    public_key: str = ""
+    """Key with which it announced itself when it was admitted; "": it has none."""
+
 
 class DriverApproval(
     msgspec.Struct, frozen=True, tag="driver_approval", tag_field="t", kw_only=True

@@ -69,6 +69,18 @@ def age_s(row: ActionRow, at: Moment) -> float:
     return edge.NEVER_S
 
 
+def sent_age_s(do: Do, host: edge.HostState, at: Moment) -> float:
+    """Return for how long at most a command has been under way and waiting since it was signed.
+
+    Two monotonic clocks are compared, the own one and the server's, of which the session told; so
+    nobody who sets a wall clock, here or there, changes it. Where the server signed on another
+    machine, or was restarted since, nothing is known: 0, and the age since acceptance counts.
+    """
+    if do.sent is None or do.sent.clock != host.server_clock:
+        return 0.0
+    return max(0.0, at.mono_s + host.server_ahead_s - do.sent.at_s)
+
+
 def decide_now(
     tx: JournalWrite, row: ActionRow, do: Do, at: Moment, results: Sequence[Result]
 ) -> Answer:
@@ -87,6 +99,7 @@ def decide_now(
             age_s=age_s(row, at),
             ttl_s=do.ttl_s,
             numbers_hold_s=do.numbers_hold_s,
+            sent_age_s=sent_age_s(do, host, at),
             device_blocked_by=tx.blocked_by(row.device_id),
         ),
         turn=None if turn is None else batch.decide_turn(turn),

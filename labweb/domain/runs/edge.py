@@ -58,6 +58,12 @@ class HostState:
     offline_since_s: float | None = None
     """Monotonic second of this boot since which the server is away; None: it is there."""
 
+    server_clock: str = ""
+    """Clock of the server of which the session told; empty: none in this start of the machine."""
+
+    server_ahead_s: float = 0.0
+    """That clock less the own monotonic one: at most so much, since the answer took its time."""
+
 
 @dataclass(frozen=True, slots=True)
 class Answer:
@@ -115,7 +121,10 @@ class Candidate:
 
     ttl_s: float
     numbers_hold_s: float | None = None
-    """For how long from its acceptance its calibration holds; None: no calibration has a say."""
+    """For how long its calibration holds; None: no calibration has a say."""
+
+    sent_age_s: float = 0.0
+    """Since the server signed it, by the server's clock that nobody sets; 0: not comparable."""
 
     device_blocked_by: str | None = None
     """Action in doubt on the same device."""
@@ -160,7 +169,8 @@ def _decide_late(candidate: Candidate) -> Answer | None:
         return Answer(REJECT, "edge.rebooted", "the machine was restarted since it was accepted")
     if age_s > ttl_s:
         return Answer(REJECT, "edge.expired", f"waited {age_s:.0f} s, may wait {ttl_s:.0f} s")
-    if candidate.numbers_hold_s is not None and age_s >= candidate.numbers_hold_s:
+    oldest_s = max(age_s, candidate.sent_age_s)
+    if candidate.numbers_hold_s is not None and oldest_s >= candidate.numbers_hold_s:
         text = "the calibration that made its numbers has ended: calibrate the device, then resume"
         return Answer(REJECT, "calibration.expired", text)
     return None

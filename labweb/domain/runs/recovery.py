@@ -32,6 +32,9 @@ class Ended:
     """Its last try moved a known part."""
 
     is_liquid: bool
+    is_unknown: bool = False
+    """A try of it was given up in doubt: nobody knows what amount it moved."""
+
     failures: int = 1
     """Tries that ended with the same code, the last included."""
 
@@ -64,8 +67,8 @@ class Choice:
 def choices_for(job: Ended, *, is_step_untouched: bool) -> tuple[Choice, ...]:
     """List what a person may do, each with its consequence or why it is not offered.
 
-    A second try of what has moved a part is offered for set-points alone: for a pour it
-    would pour the whole amount on top.
+    A second try of what has moved a part, or nobody knows how much, is offered for set-points
+    alone: for a pour it would pour the whole amount on top.
 
     Args:
         job: The job.
@@ -86,6 +89,8 @@ def _retry(job: Ended) -> Choice:
         why_not = f"the job is {job.state.value}, not undone"
     elif job.has_moved and job.recovery != "R1":
         why_not = "a part has moved: a second try would move the whole amount on top of it"
+    elif job.is_unknown and job.recovery != "R1":
+        why_not = "what it moved is not known: a second try would move the whole amount on top"
     elif job.failures >= MOST_TRIES:
         why_not = f"it failed {job.failures} times in the same way; find the cause first"
     return Choice(name="retry", why_not=why_not, consequence=consequence)

@@ -9,7 +9,7 @@ from uuid import UUID
 import msgspec
 
 from labweb.domain.calibration.model import holds_s
-from labweb.domain.messages import Batch, Command, Do, ResourceView, Signed
+from labweb.domain.messages import Batch, Command, Do, ResourceView, Signed, Tick
 from labweb.domain.runs.session import SessionState
 
 RING_AGAIN_AFTER_S = 2.0
@@ -37,7 +37,12 @@ class BatchDraft(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def signed_batch(
-    draft: BatchDraft, epoch: int, sign: Callable[[Command], Signed], *, at: datetime
+    draft: BatchDraft,
+    epoch: int,
+    sign: Callable[[Command], Signed],
+    *,
+    at: datetime,
+    sent: Tick | None = None,
 ) -> Batch:
     """Stamp and sign each member, and put them together."""
     first = draft.members[0]
@@ -46,20 +51,21 @@ def signed_batch(
         epoch=epoch,
         dseq=first.dseq,
         batch_id=draft.batch_id,
-        members=[sign(stamped(do, epoch, at=at)) for do in draft.members],
+        members=[sign(stamped(do, epoch, at=at, sent=sent)) for do in draft.members],
         resources=draft.resources,
         issued_by=draft.issued_by,
     )
 
 
-def stamped(command: Command, epoch: int, *, at: datetime) -> Command:
+def stamped(command: Command, epoch: int, *, at: datetime, sent: Tick | None = None) -> Command:
     """Put on a command what is true right before it is signed.
 
     The epoch of the present session: written before a reconnect, the command is valid after it; a
     copy of it that was sent before the reconnect is void. And for how long its numbers hold from
-    here on, since a host has no clock that anybody relies on.
+    here on, with this moment by a clock that nobody sets: a host has no wall clock that anybody
+    relies on, and the command may wait in the broker.
     """
     if isinstance(command, Do):
         left_s = holds_s(command.corrections, at)
-        return msgspec.structs.replace(command, epoch=epoch, numbers_hold_s=left_s)
+        return msgspec.structs.replace(command, epoch=epoch, numbers_hold_s=left_s, sent=sent)
     return msgspec.structs.replace(command, epoch=epoch)

@@ -9,18 +9,19 @@ from __future__ import annotations
 
 from uuid import UUID
 
-from labweb.domain.messages import DeviceConfig, StopLab, Welcome, canonical
+from labweb.domain.messages import DeviceConfig, StopLab, Tick, Welcome, canonical
 from labweb.domain.runs.batch import stop_safely
 from labweb.domain.runs.edge import HostState
 from labweb.domain.runs.journal import JournalWrite
 from labweb.domain.runs.moment import Moment
 
-STATE_KEYS = ("host_id", "epoch", "floor", "armed_boot_id", "stop_id", "link_lost")
+STATE_KEYS = ("host_id", "epoch", "floor", "armed_boot_id", "stop_id", "link_lost", "server_clock")
 """The remembered values that `state_of` reads."""
 
 
 def state_of(meta: dict[str, str], boot_id: str) -> HostState:
     """Read what decides whether anything may start from a host's remembered values."""
+    clock, ahead_s = _server_clock(meta.get("server_clock"), boot_id)
     return HostState(
         host_id=UUID(meta["host_id"]),
         epoch=int(meta.get("epoch", 0)),
@@ -29,7 +30,17 @@ def state_of(meta: dict[str, str], boot_id: str) -> HostState:
         armed_boot_id=meta.get("armed_boot_id"),
         stop_latched="stop_id" in meta,
         offline_since_s=_offline_since_s(meta.get("link_lost"), boot_id),
+        server_clock=clock,
+        server_ahead_s=ahead_s,
     )
+
+
+def _server_clock(text: str | None, boot_id: str) -> tuple[str, float]:
+    """Read how far the server's clock is ahead; of an earlier boot nothing is known any more."""
+    if text is None:
+        return "", 0.0
+    known_boot_id, clock, ahead_s = text.split(" ")
+    return (clock, float(ahead_s)) if known_boot_id == boot_id else ("", 0.0)
 
 
 def _offline_since_s(text: str | None, boot_id: str) -> float | None:
@@ -58,6 +69,21 @@ def write_link_lost(tx: JournalWrite, at: Moment) -> list[UUID]:
         # An event, so that a copy of the journal from before does not begin the time anew.
         tx.append("link_lost", None, {"boot_id": at.boot_id})
     return stop_safely(tx)
+
+
+def write_server_clock(tx: JournalWrite, tick: Tick | None, asked_at: Moment) -> None:
+    """Remember how far the server's clock is ahead of the own one, at most.
+
+    Args:
+        tx: The write.
+        tick: What the server told in its answer.
+        asked_at: Before it was asked, so that the way there and back counts as time gone by.
+    """
+    if tick is None or not tick.clock or " " in tick.clock:
+        tx.set_meta("server_clock", None)
+        return
+    ahead_s = tick.at_s - asked_at.mono_s
+    tx.set_meta("server_clock", f"{asked_at.boot_id} {tick.clock} {ahead_s!r}")
 
 
 def write_welcome(tx: JournalWrite, welcome: Welcome) -> None:

@@ -98,11 +98,13 @@ CHEMISTRY_STEPS = (
             quantity("settle_for", "time", "Settle for", "How long they part, such as 5 min."),
             advanced(device("through", ["cartridge"], "Through", "Cartridge on its way.")),
             advanced(quantity("flow_rate", "flow_rate", "Flow rate", "How fast it is drawn.")),
+            advanced(device("pump", ["syringe_pump"], "Pump", "The pump that must do it.")),
         ),
         clauses=(
             "Let {vessel} settle for {settle_for}, draw its lower layer to {target}",
             " through {through}",
             " at {flow_rate}",
+            " with {pump}",
         ),
     ),
     UnitOperation(
@@ -141,6 +143,26 @@ CHEMISTRY_STEPS = (
             ", vacuum for {vacuum_for}",
             ", gas for {gas_for}",
         ),
+    ),
+    UnitOperation(
+        kind="push_gas",
+        label="Push with gas",
+        help="Push a gas through a syringe into a vessel, with what is left in the tube to it.",
+        parameters=(
+            device("gas", ["bottle"], "Gas", "Bottle of the gas, at a valve of the pump."),
+            vessel("target", "Into", "Vessel that it is pushed into."),
+            quantity("volume", "volume", "Volume", "How much gas, such as 2 mL."),
+            advanced(
+                quantity(
+                    "flow_rate",
+                    "flow_rate",
+                    "Flow rate",
+                    "How fast; a full syringe in 20 s when left empty.",
+                )
+            ),
+            advanced(device("pump", ["syringe_pump"], "Pump", "The pump that must do it.")),
+        ),
+        clauses=("Push {volume} of {gas} into {target}", " at {flow_rate}", " with {pump}"),
     ),
 )
 """In the order of the palette."""

@@ -20,6 +20,7 @@ from labweb.domain.workflows.passes.layering import plan_separate
 from labweb.domain.workflows.passes.ledger import Ledger
 from labweb.domain.workflows.passes.looking import plan_look
 from labweb.domain.workflows.passes.ordering import check_order
+from labweb.domain.workflows.passes.pushing import plan_push_gas
 from labweb.domain.workflows.passes.reacting import plan_react
 from labweb.domain.workflows.passes.references import check_references
 from labweb.domain.workflows.passes.strokes import syringe_tolerance_ul
@@ -36,6 +37,7 @@ _PLANNERS = {
     "separate": plan_separate,
     "evaporate": plan_evaporate,
     "evacuate_refill": plan_evacuate_refill,
+    "push_gas": plan_push_gas,
     "carry": plan_carry,
     "look": plan_look,
     **PLANNERS,

@@ -17,6 +17,7 @@ from labweb.domain.units import parse_volume_nl
 from labweb.domain.workflows.advise.search import Advice, advise
 from labweb.domain.workflows.agreement.check import check_same
 from labweb.domain.workflows.agreement.proved import sources_of, vessels_of
+from labweb.domain.workflows.agreement.weaving import weave_rinses
 from labweb.domain.workflows.on_rig.binding import Binding, alike, bind, may_be
 from labweb.domain.workflows.on_rig.equipment import Equipment, Sort
 from labweb.domain.workflows.recipe_on_rig import (
@@ -67,6 +68,9 @@ class Asked:
     rinse: tuple[str, ...] = ()
     """What lines are rinsed with, in this order; without any, what the recipe cleans with."""
 
+    primes: bool = False
+    """Tubes that say what they hold are filled before, and pushed out after."""
+
     parameters: Mapping[str, str] = field(default_factory=dict)
     equiv_reference: str = ""
     equiv_amount: str = ""
@@ -94,6 +98,8 @@ class Asked:
             bind={**keys, **self.bind},
             holds_nl=holds,
             rinse=self.rinse,
+            primes=self.primes,
+            groups={} if stated is None else stated.groups,
             parameters=dict(self.parameters),
             equiv_reference=self.equiv_reference,
             equiv_amount=self.equiv_amount,
@@ -193,10 +199,11 @@ def workflow_from(asked: Asked) -> dict[str, Any]:
     rig, stated = read_rig(raw), asked.stated()
     recipe = read_recipe(asked.recipe, rig, asked.blueprints)
     wish = asked.wish(recipe, stated)
-    document = workflow_of(recipe, wish, name=asked.name[:200], declared=stated)
+    document = workflow_of(recipe, wish, name=asked.name[:200], declared=stated, on_rig=True)
     head = asked.head(digest(raw))
     plan = plan_recipe(recipe, rig, wish, head).plan
-    check_same(plan, document)
+    document = weave_rinses(plan, document)
+    check_same(plan, document, rig.pumps)
     proved = {
         "recipe_sha256": head["recipe"]["sha256"],
         "graph_sha256": head["graph_sha256"],

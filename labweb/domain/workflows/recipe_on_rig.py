@@ -106,7 +106,12 @@ def plan_recipe(recipe: Recipe, rig: Rig, wish: Wish, head: Mapping[str, Any]) -
 
 
 def workflow_of(
-    recipe: Recipe, wish: Wish, *, name: str, declared: Declared | None = None
+    recipe: Recipe,
+    wish: Wish,
+    *,
+    name: str,
+    declared: Declared | None = None,
+    on_rig: bool = False,
 ) -> dict[str, Any]:
     """Turn a recipe into the plain data of a workflow; `wish.bind` gives the keys of the lab.
 
@@ -115,6 +120,7 @@ def workflow_of(
         wish: What is asked beside the recipe.
         name: What the workflow is called.
         declared: What a person states of lab and matter beside the recipe.
+        on_rig: What the plan of a rig rinses is woven in afterwards.
 
     Raises:
         ProtocolError: A workflow cannot say all of it; `findings` list what.
@@ -126,4 +132,4 @@ def workflow_of(
         equiv_reference=wish.equiv_reference,
         equiv_amount=wish.equiv_amount,
     )
-    return to_workflow(acts, name=name, keys=wish.bind, declared=declared)
+    return to_workflow(acts, name=name, keys=wish.bind, declared=declared, on_rig=on_rig)

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any
 
 from labweb.domain.errors import Finding, InfeasibleError, ProtocolError
@@ -19,9 +20,11 @@ from labweb.domain.workflows.on_rig import (
     rounds,
 )
 from labweb.domain.workflows.on_rig.binding import Binding, bind
-from labweb.domain.workflows.on_rig.equipment import Equipment
+from labweb.domain.workflows.on_rig.chemistry import read_chemistry
+from labweb.domain.workflows.on_rig.equipment import Equipment, Sort
 from labweb.domain.workflows.on_rig.making import BY_HAND, Making
 from labweb.domain.workflows.on_rig.matter import exactly, micro, plain
+from labweb.domain.workflows.on_rig.meetings import Meetings
 from labweb.domain.workflows.on_rig.moving import fill
 from labweb.domain.workflows.on_rig.safety import shut_down
 from labweb.domain.workflows.on_rig.scheduling import critical_path_s, earlier_steps
@@ -90,6 +93,12 @@ class Wish:
     rinse: tuple[str, ...] = ()
     """Reagents that rinse the lines; without any, those that the recipe cleans with."""
 
+    primes: bool = False
+    """Tubes that say what they hold are filled before, and pushed out after."""
+
+    groups: Mapping[str, Collection[str]] = field(default_factory=dict)
+    """Reagent → groups of substances that it belongs to, as a person states them."""
+
     parameters: Mapping[str, str] = field(default_factory=dict)
     equiv_reference: str = ""
     equiv_amount: str = ""
@@ -118,19 +127,29 @@ def compile_recipe(recipe: Recipe, rig: Rig, wish: Wish | None = None) -> dict[s
     binding = bind(recipe.synthesis, operations, equipment, asked.bind, told, asked.rinse)
     rinses = _rinses(recipe.synthesis, binding, asked)
     told.all += check_holds(equipment, asked)
-    roles = {reagent.id: str(reagent.values.get("role")) for reagent in recipe.synthesis.reagents}
-    counting = Making(
-        equipment=equipment, binding=binding, told=Findings(), rinses=rinses, roles=roles
+    reagents = recipe.synthesis.reagents
+    chemistry, strange = read_chemistry(
+        equipment, reagents, binding.reagents, asked.groups, asked.holds_nl
     )
-    _make(counting, expanded, asked)
-    making = Making(
+    told.all += strange
+    begin = partial(
+        Making,
         equipment=equipment,
         binding=binding,
-        told=told,
         rinses=rinses,
-        roles=roles,
-        needed_nl=dict(counting.taken_nl),
+        chemistry=chemistry,
+        primes=asked.primes,
+        leftovers=_leftovers(equipment, binding),
+        roles={reagent.id: str(reagent.values.get("role")) for reagent in reagents},
     )
+    apart = partial(Meetings, chemistry.pairs(), _kept_apart(equipment, binding))
+    counting = begin(told=Findings(), meetings=apart())
+    _make(counting, expanded, asked)
+    while new := counting.met_traces - counting.unwelcome:
+        begin = partial(begin, unwelcome=counting.unwelcome | new)
+        counting = begin(told=Findings(), meetings=apart())
+        _make(counting, expanded, asked)
+    making = begin(told=told, needed_nl=dict(counting.taken_nl), meetings=apart())
     contents = _make(making, expanded, asked)
     if told.all:
         raise _infeasible([*told.all, *rig.defects[:_MOST_DEFECTS]])
@@ -139,6 +158,20 @@ def compile_recipe(recipe: Recipe, rig: Rig, wish: Wish | None = None) -> dict[s
     for text in (*binding.notes, *_undriven(making)):
         making.note(text)
     return _render(making, contents)
+
+
+def _kept_apart(equipment: Equipment, binding: Binding) -> set[str]:
+    """Return the vessels in which liquids meet that the recipe never brought together."""
+    wastes = {key for key, sort in equipment.vessels.items() if sort is Sort.WASTE}
+    drained = {equipment.collecting(key) or "" for key in equipment.vessels}
+    return wastes | (drained - {"", *binding.vessels.values()})
+
+
+def _leftovers(equipment: Equipment, binding: Binding) -> frozenset[str]:
+    """Return what the graph says is in vessels, and is no reagent of the recipe."""
+    keys = equipment.vessels.keys() - binding.flasks()
+    named = frozenset(name for key in keys for name, _ in equipment.contents(key))
+    return named - binding.reagents.keys()
 
 
 def _undriven(making: Making) -> list[str]:
@@ -229,10 +262,10 @@ def _charge(making: Making, wish: Wish) -> None:
     lots = {key: name for name, keys in making.binding.reagents.items() for key in keys}
     for key in making.equipment.vessels:
         for name, amount in making.equipment.contents(key):
-            making.matter.add(key, {(lots.get(key, name), False): exactly(amount)})
+            making.bring(key, {(lots.get(key, name), False): exactly(amount)})
     for key, held in wish.holds_nl.items():
         for name, amount in held.items():
-            making.matter.add(key, {(name, False): exactly(amount)})
+            making.bring(key, {(name, False): exactly(amount)})
 
 
 class _Walk:
@@ -256,7 +289,7 @@ class _Walk:
                 if one.act.name == "Loop" or (one.act.name == "Repeat" and one.act.repeats is None):
                     self._until_done(one)
                     continue
-                for _ in range((one.act.repeats or 1) if one.act.name == "Repeat" else 1):
+                for _ in range(one.act.rounds):
                     self.run(one.children)
 
     def _one(self, operation: BasicOperation) -> None:
@@ -325,7 +358,8 @@ def _render(making: Making, contents: Mapping[str, Any]) -> dict[str, Any]:
         "steps": steps,
         "totals": _totals(making, critical_path_s(making.steps, earlier)),
         "notes": list(making.notes),
-    }
+        "groups": {lot: sorted(groups) for lot, groups in sorted(making.chemistry.groups.items())},
+    } | ({"keeps_apart": True} if making.meetings.is_any else {})
 
 
 def _flasks(making: Making, name: str) -> str | list[str]:
@@ -356,4 +390,8 @@ def _totals(making: Making, critical_s: float) -> dict[str, Any]:
         "needed_ul": {lot: micro(amount) for lot, amount in sorted(needed_nl.items())},
         "needed_ug": dict(sorted(needed_ug.items())),
         "by_hand_count": len(by_hand),
-    }
+    } | (
+        {"primed_ul": {lot: micro(nl) for lot, nl in sorted(making.primed_nl.items())}}
+        if making.primes
+        else {}
+    )

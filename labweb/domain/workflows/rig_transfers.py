@@ -56,6 +56,8 @@ class TransferRequest:
     """Of the last stroke, into the target."""
 
     through: tuple[str, ...] = ()
+    over: str | None = None
+    """A syringe that the liquid has to go over, to rinse it; no line of requests asks for one."""
 
 
 def parse_request(line: bytes) -> TransferRequest | list[Finding]:
@@ -179,6 +181,7 @@ def _find_ends(rig: Rig, request: TransferRequest) -> Wanted | list[Finding]:
         source_port=request.source_port,
         target_port=request.target_port,
         through=tuple(network.index[key] for key in request.through),
+        over=None if request.over is None else network.index[request.over],
     )
 
 

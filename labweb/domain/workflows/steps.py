@@ -47,7 +47,8 @@ _FIXED = {"lab", "site", "room", "bench", "workstation", "deck", "slot", "archiv
 CARRIED_KINDS = tuple(
     name
     for name, kind in KINDS.items()
-    if kind.nature is Nature.RESOURCE and name not in _FIXED | {"well", "tip_spot", "storage"}
+    if kind.nature is Nature.RESOURCE
+    and name not in _FIXED | {"well", "tip_spot", "storage", "sample_loop", "separator"}
 )
 """What a device may carry: vessels, and labware with all that stands in it."""
 
@@ -343,6 +344,25 @@ def sentence_text(kind: str, params: Mapping[str, Any], names: Mapping[str, str]
         'Wait 10 min'
     """
     return "".join(part["text"] for part in sentence(kind, params, names))
+
+
+def called(step: Mapping[str, Any], names: Mapping[str, str]) -> str:
+    """Return what a person calls a step of a document, perhaps an unfinished one: its sentence.
+
+    Args:
+        step: As the document has it.
+        names: Name by resource reference; what is named by its key needs none.
+
+    Example:
+        >>> called({"kind": "wait", "params": {"duration": "10 min"}}, {})
+        "'Wait 10 min'"
+    """
+    kind, given = step.get("kind"), step.get("params")
+    if not isinstance(kind, str) or kind not in STEP_KINDS:
+        return f"a step {kind!r:.40}"
+    params = given if isinstance(given, Mapping) else {}
+    keys = {one: one[1:] for one in params.values() if isinstance(one, str) and one[:1] == "@"}
+    return repr(sentence_text(kind, params, {**keys, **names}))
 
 
 def _filled(

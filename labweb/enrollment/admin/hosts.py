@@ -64,7 +64,7 @@ class JoinTokens(ReadOnly):
     @admin.display(description="state")
     def state(self, row: JoinToken) -> str:
         """Say how the token stands."""
-        return format_html('<span class="chip">{}</span>', selectors.token_state(row))
+        return format_html('<span class="chip">{}</span>', selectors.token_state(row).capitalize())
 
     def get_urls(self) -> list[URLPattern]:
         """Add the page on which a token is made."""
@@ -121,7 +121,7 @@ class JoinRequests(Reviewed):
     def standing(self, row: JoinRequest) -> str:
         """Say how it stands."""
         word = "expired" if selectors.is_stale(row) else row.state
-        return format_html('<span class="chip chip-{}">{}</span>', word, word)
+        return format_html('<span class="chip chip-{}">{}</span>', word, word.capitalize())
 
     @admin.display(description="claims to be")
     def claims(self, row: JoinRequest) -> str:

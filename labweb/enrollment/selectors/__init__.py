@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import base64
 from collections.abc import Collection, Iterable
-from datetime import timedelta
+from datetime import datetime, timedelta
 from uuid import UUID
 
 import msgspec
-from django.db.models import F, Q, QuerySet, UUIDField
+from django.db.models import Q, QuerySet, UUIDField
 
 from labweb.common import authority
 from labweb.common.clock import now
 from labweb.common.prepared import Given, Prepared
 from labweb.domain.enrollment.admission import admitted_spec
+from labweb.domain.enrollment.claims import is_same_everywhere
 from labweb.domain.enrollment.device import Device as DeviceData
 from labweb.domain.enrollment.join import code_of
 from labweb.domain.enrollment.sighting import FORGOTTEN_AFTER_S
@@ -44,6 +45,20 @@ from labweb.enrollment.selectors.looks import checks_of as checks_of
 from labweb.enrollment.selectors.looks import is_looking as is_looking
 from labweb.enrollment.selectors.looks import last_look as last_look
 from labweb.enrollment.selectors.looks import told_of as told_of
+from labweb.enrollment.selectors.retiring import is_first_review as is_first_review
+from labweb.enrollment.selectors.retiring import is_seen as is_seen
+from labweb.enrollment.selectors.retiring import nodes_of_others as nodes_of_others
+from labweb.enrollment.selectors.retiring import present_devices as present_devices
+from labweb.enrollment.selectors.retiring import visible_devices as visible_devices
+from labweb.enrollment.selectors.retiring import visible_present as visible_present
+from labweb.enrollment.selectors.returning import (
+    changes_since_admission as changes_since_admission,
+)
+from labweb.enrollment.selectors.returning import kept_review as kept_review
+from labweb.enrollment.selectors.returning import label_of as label_of
+from labweb.enrollment.selectors.returning import places_of as places_of
+from labweb.enrollment.selectors.returning import present_of as present_of
+from labweb.enrollment.selectors.returning import taken_from as taken_from
 from labweb.resources import selectors as resource_selectors
 from labweb.resources.selectors import Lab
 
@@ -112,17 +127,8 @@ def hosts_ready() -> QuerySet[EdgeHost]:
     return hosts_online().filter(suspended_at__isnull=True)
 
 
-def ready_ids() -> set[UUID]:
-    """Return the ids of the hosts that may get new work."""
-    return {host_id for (host_id,) in READY.rows()}
-
-
 READY = Prepared(lambda: hosts_ready().values_list("pk"))
-
-
-def certificates_of(host: EdgeHost) -> QuerySet[HostCertificate]:
-    """Certificates of a host, the newest first."""
-    return host.certificates.order_by(F("issued_at").desc())
+"""The ids of the hosts that may get new work."""
 
 
 def devices_of(lab: Lab) -> QuerySet[Device]:
@@ -159,12 +165,13 @@ def find_device(device_id: UUID) -> Device:
 
 
 def device_for_update(device_id: UUID) -> Device:
-    """Lock and return a device.
+    """Lock and return a device; jobs that name it may come meanwhile, and wait for nothing.
 
     Raises:
         NotFoundError: There is none.
     """
-    row = Device.objects.filter(pk=device_id).select_for_update(of=("self",)).first()
+    rows = Device.objects.filter(pk=device_id).select_for_update(of=("self",), no_key=True)
+    row = rows.first()
     if row is None:
         raise NotFoundError(f"no device {device_id}", code="device.not_found")
     return row
@@ -173,16 +180,6 @@ def device_for_update(device_id: UUID) -> Device:
 def node_ids(row: Device) -> set[UUID]:
     """Return the resources a device acts through; the lab's root when it acts through none."""
     return {UUID(node) for node in row.nodes.values()} or {resource_selectors.root_of(row.lab).id}
-
-
-def visible_devices(lab: Lab, seen: Collection[UUID]) -> list[Device]:
-    """Return the devices that act through at least one of the resources."""
-    return [row for row in devices_of(lab) if is_seen(row, seen)]
-
-
-def is_seen(row: Device, seen: Collection[UUID]) -> bool:
-    """Tell whether a device acts through one of the resources; without nodes it is no secret."""
-    return any(UUID(node) in seen for node in row.nodes.values()) or not row.nodes
 
 
 def declared_spec(row: Device) -> DriverSpec:
@@ -246,6 +243,7 @@ def config_for_host(row: Device, driver: DriverVersion | None = None) -> DeviceC
         statuses={status.name: status.every_s or 1.0 for status in spec.statuses},
         nodes={role: UUID(node) for role, node in row.nodes.items()},
         admission=row.admission,
+        public_key=str(row.admitted_as.get("public_key", "")),
     )
 
 
@@ -273,7 +271,7 @@ def driver_for_update(version_id: UUID) -> DriverVersion:
     Raises:
         NotFoundError: There is none.
     """
-    row = DriverVersion.objects.filter(pk=version_id).select_for_update().first()
+    row = DriverVersion.objects.filter(pk=version_id).select_for_update(no_key=True).first()
     if row is None:
         raise NotFoundError(f"no driver version {version_id}", code="driver.not_found")
     return row
@@ -301,6 +299,21 @@ def staged_devices(host: EdgeHost) -> QuerySet[Device]:
     return rows.filter(next_driver__isnull=False).select_related("driver", "next_driver", "lab")
 
 
+def switching_devices(host: EdgeHost) -> QuerySet[Device]:
+    """Devices of a host whose next version may take over once they are idle.
+
+    One that is not admitted is among them: what it did when it was suspended runs to its end.
+    """
+    rows = Device.objects.filter(host=host, is_next_ready=True, next_driver__isnull=False)
+    return rows.select_related("driver", "next_driver", "lab")
+
+
+def hosts_switching() -> list[UUID]:
+    """Return the hosts at which a version may take over that has not done so yet."""
+    rows = Device.objects.filter(is_next_ready=True)
+    return sorted(set(rows.values_list("host_id", flat=True)))
+
+
 def driver_names(digests: Iterable[str]) -> dict[str, str]:
     """Return the class of each driver version by the digest of its source."""
     rows = DriverVersion.objects.filter(digest__in=list(digests))
@@ -312,7 +325,8 @@ def driver_names(digests: Iterable[str]) -> dict[str, str]:
 
 def candidates_of(lab: Lab) -> QuerySet[Candidate]:
     """What hosts have seen, the latest first."""
-    return Candidate.objects.filter(lab=lab).select_related("host", "device", "key_changed_from")
+    related = ("host", "device", "key_changed_from__device")
+    return Candidate.objects.filter(lab=lab).select_related(*related)
 
 
 def new_candidates(lab: Lab) -> list[Candidate]:
@@ -332,6 +346,29 @@ def find_candidate(candidate_id: UUID) -> Candidate:
     if row is None:
         raise NotFoundError(f"no candidate {candidate_id}", code="candidate.not_found")
     return row
+
+
+def shared_mark(row: Candidate) -> str:
+    """Return the mark by which other hosts see the same thing; "": here it may be another."""
+    is_shared = is_same_everywhere(
+        public_key=row.public_key, model=row.model, serial=row.serial, address=row.address
+    )
+    return row.mark if is_shared else ""
+
+
+def rejection_of(lab_id: UUID, mark: str) -> Candidate | None:
+    """Return where in a lab the same thing was rejected last; None: nowhere, or no mark."""
+    if not mark:
+        return None
+    rows = Candidate.objects.filter(lab=lab_id, mark=mark, state=Candidate.State.REJECTED)
+    return rows.select_related("host", "decided_by").order_by("-decided_at").first()
+
+
+def known_heard_at(known: Candidate, host: EdgeHost) -> datetime:
+    """Return when a host heard the key of what was admitted last; else when it was heard at all."""
+    rows = Candidate.objects.filter(host=host, public_key=known.public_key)
+    row = rows.order_by("-last_seen_at").first()
+    return (row or known).last_seen_at
 
 
 def is_forgotten(row: Candidate) -> bool:

@@ -34,7 +34,7 @@ def token_for_update(token_id: UUID) -> JoinToken:
     Raises:
         NotFoundError: There is none.
     """
-    row = JoinToken.objects.filter(pk=token_id).select_for_update().first()
+    row = JoinToken.objects.filter(pk=token_id).select_for_update(no_key=True).first()
     if row is None:
         raise NotFoundError(f"no token {token_id}", code="join.not_found")
     return row
@@ -79,7 +79,7 @@ def request_for_update(request_id: UUID) -> JoinRequest:
     Raises:
         NotFoundError: There is none.
     """
-    row = JoinRequest.objects.filter(pk=request_id).select_for_update().first()
+    row = JoinRequest.objects.filter(pk=request_id).select_for_update(no_key=True).first()
     if row is None:
         raise NotFoundError(f"no request {request_id}", code="join.not_found")
     return row

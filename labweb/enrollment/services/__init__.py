@@ -6,6 +6,7 @@ from labweb.enrollment.services.certificates import renew_certificate
 from labweb.enrollment.services.devices import (
     admit_device,
     found_device,
+    keep_review,
     suspend_device,
 )
 from labweb.enrollment.services.discovery import (
@@ -13,7 +14,6 @@ from labweb.enrollment.services.discovery import (
     compare_code,
     give_parts,
     set_candidate_aside,
-    take_sightings,
     take_up,
     take_up_compared,
 )
@@ -58,14 +58,19 @@ from labweb.enrollment.services.joining import (
 from labweb.enrollment.services.link import host_group, join_group, tell_host
 from labweb.enrollment.services.looking import ask_look, look_frames, take_look
 from labweb.enrollment.services.replacing import (
+    Decided,
     note_ready,
     note_refused,
+    parts_of_version,
     switch_driver,
     want_driver,
 )
+from labweb.enrollment.services.retiring import end_device, hold_to_retire
+from labweb.enrollment.services.sightings import take_sightings
 
 __all__ = [
     "CatalogDriver",
+    "Decided",
     "Wanted",
     "acknowledge_stop",
     "add_host",
@@ -77,14 +82,17 @@ __all__ = [
     "close_session",
     "compare_code",
     "devices_of",
+    "end_device",
     "found_device",
     "give_parts",
+    "hold_to_retire",
     "host_group",
     "inspect_text",
     "is_session_open",
     "join_command",
     "join_group",
     "keep_driver",
+    "keep_review",
     "look_frames",
     "make_token",
     "note_ready",
@@ -92,6 +100,7 @@ __all__ = [
     "note_serving",
     "open_session",
     "parts_of",
+    "parts_of_version",
     "propose_driver",
     "quarantine_host",
     "read_catalog",

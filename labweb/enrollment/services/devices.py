@@ -6,6 +6,7 @@ from functools import partial
 from typing import Any
 from uuid import UUID
 
+import msgspec
 from django.db.transaction import atomic, on_commit
 
 from labweb.accounts import services as account_services
@@ -14,6 +15,7 @@ from labweb.common import feed
 from labweb.common.clock import now
 from labweb.domain.approvals.roles import Permission
 from labweb.domain.enrollment.admission import Admission, check_admission
+from labweb.domain.enrollment.reviewing import KeptReview, check_kept
 from labweb.domain.errors import DefinitionError, StateError
 from labweb.enrollment import selectors
 from labweb.enrollment.models import Device, DriverVersion
@@ -49,7 +51,12 @@ def found_device(
 
 @atomic
 def admit_device(
-    device_id: UUID, *, actor: User, reason: str, admission: Admission | None = None
+    device_id: UUID,
+    *,
+    actor: User,
+    reason: str,
+    admission: Admission | None = None,
+    seen: str | None = None,
 ) -> Device:
     """Admit a candidate: from now on its actions may be planned and dispatched.
 
@@ -59,20 +66,22 @@ def admit_device(
         reason: What was checked.
         admission: Admitted actions with their limits, an empty one for reading only; None:
             all that the driver declares.
+        seen: Digest of the driver whose actions the actor was shown; None: of no page.
 
     Raises:
         NotFoundError: There is none.
         ForbiddenError: The actor may not admit where it stands.
         DefinitionError: No reason was given, or the admission does not fit the driver.
-        StateError: It is no candidate and not suspended.
+        StateError: It is no candidate and not suspended, or has another driver than was shown.
 
     Effect:
         None on matter. The host is told to open a new session and serve it.
     """
     row = selectors.device_for_update(device_id)
-    _check_review(row, actor, reason)
-    if row.state not in {Device.State.CANDIDATE, Device.State.SUSPENDED}:
-        raise StateError(f"{row.name} is {row.state} already", code="device.not_candidate")
+    check_review(row, actor, reason)
+    _check_waiting(row)
+    if seen is not None:
+        _check_seen(row, seen)
     findings = check_admission(selectors.declared_spec(row), admission or {})
     if findings:
         raise DefinitionError(
@@ -82,9 +91,15 @@ def admit_device(
     row.admitted_by = actor
     row.admitted_at = now()
     row.suspended_for = ""
+    row.admitted_as = msgspec.to_builtins(selectors.present_of(row))
     row.admission = None if admission is None else {k: dict(v) for k, v in admission.items()}
+    row.kept_review = {}
     row.save()
-    detail = {"admission": row.admission, "look": _proof_of(row)}
+    detail = {
+        "admission": row.admission,
+        "look": _proof_of(row),
+        "label": row.admitted_as["label"],
+    }
     account_services.write_audit(
         "device.admit", str(row.id), actor=actor, reason=reason, detail=detail
     )
@@ -106,15 +121,38 @@ def suspend_device(device_id: UUID, *, actor: User, reason: str) -> Device:
         None on matter. What the device does now runs to its end; nothing new is planned.
     """
     row = selectors.device_for_update(device_id)
-    _check_review(row, actor, reason)
+    check_review(row, actor, reason)
     if row.state != Device.State.ENROLLED:
         raise StateError(f"{row.name} is {row.state}", code="device.not_enrolled")
-    row.state = Device.State.SUSPENDED
-    row.save(update_fields=["state"])
+    row.state, row.kept_review = Device.State.SUSPENDED, {}
+    row.save(update_fields=["state", "kept_review"])
     account_services.write_audit("device.suspend", str(row.id), actor=actor, reason=reason)
     on_commit(partial(tell_host, row.host_id, {"type": "edge.renew"}))
     on_commit(partial(feed.publish, "devices", {"device_id": str(row.id)}))
     return row
+
+
+@atomic
+def keep_review(device_id: UUID, kept: KeptReview, *, actor: User) -> None:
+    """Keep what a person has filled in of a review, for whoever goes on with it.
+
+    Raises:
+        NotFoundError: There is no such device.
+        ForbiddenError: The actor may not admit where it stands.
+        DefinitionError: `device.bad_review`.
+        StateError: It is no candidate and not suspended, or has another driver than was shown.
+
+    Effect:
+        None on matter; nothing is admitted.
+    """
+    row = selectors.device_for_update(device_id)
+    resource_selectors.require(actor, Permission.ADMIT, selectors.node_ids(row))
+    _check_waiting(row)
+    _check_seen(row, kept.digest)
+    check_kept(kept, selectors.declared_spec(row))
+    noted = msgspec.structs.replace(kept, by=actor.printed_name, at_s=now().timestamp())
+    row.kept_review = msgspec.to_builtins(noted)
+    row.save(update_fields=["kept_review"])
 
 
 def _proof_of(row: Device) -> dict[str, Any] | None:
@@ -126,7 +164,32 @@ def _proof_of(row: Device) -> dict[str, Any] | None:
     return {"id": str(look.id), "failed": [one.name for one in checks if not one.is_passed]}
 
 
-def _check_review(row: Device, actor: User, reason: str) -> None:
+def check_review(row: Device, actor: User, reason: str) -> None:
+    """Refuse who may not decide about a device, and a decision without a reason.
+
+    Raises:
+        ForbiddenError: The actor may not admit where it stands.
+        DefinitionError: No reason was given, or one that is no text.
+    """
     resource_selectors.require(actor, Permission.ADMIT, selectors.node_ids(row))
     if not reason.strip():
         raise DefinitionError("say what you checked: the reason is empty", code="device.no_reason")
+    if "\0" in reason:
+        raise DefinitionError(
+            "the reason holds the sign of code 0, which no text has: write it again",
+            code="device.no_reason",
+        )
+
+
+def _check_seen(row: Device, digest: str) -> None:
+    if digest != row.driver.digest:
+        raise StateError(
+            "the driver of this device is not the one that the page showed: open the page again,"
+            " and look at what it may do now",
+            code="device.other_driver",
+        )
+
+
+def _check_waiting(row: Device) -> None:
+    if row.state not in {Device.State.CANDIDATE, Device.State.SUSPENDED}:
+        raise StateError(f"{row.name} is {row.state} already", code="device.not_candidate")

@@ -1,15 +1,14 @@
-"""Writes about what hosts see: the inbox, and what a person says of each."""
+"""Writes about what a person says of each thing that hosts see."""
 
 from __future__ import annotations
 
-import logging
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from functools import partial
 from typing import Any
 from uuid import UUID
 
 import msgspec
-from django.db.models import F
+from django.db.models import Q
 from django.db.transaction import atomic, on_commit
 
 from labweb.accounts import services as account_services
@@ -18,132 +17,104 @@ from labweb.common import feed
 from labweb.common.clock import new_id, now
 from labweb.domain.approvals.roles import Permission
 from labweb.domain.enrollment.join import is_code, key_of_name
-from labweb.domain.enrollment.sighting import MOST_OPEN, is_sane, mark_of
 from labweb.domain.enrollment.spec import DriverSpec, check_config
 from labweb.domain.errors import DefinitionError, EnrollmentError, StateError
-from labweb.domain.messages import Sighting
-from labweb.domain.messages.enrolling import MOST_SIGHTINGS_PER_FRAME
 from labweb.enrollment import selectors
-from labweb.enrollment.models import Candidate, Device, DriverVersion, EdgeHost
+from labweb.enrollment.models import Candidate, Device, DriverVersion
 from labweb.enrollment.services.joining import require_admission
 from labweb.enrollment.services.link import tell_host
 from labweb.resources import selectors as resource_selectors
-
-logger = logging.getLogger(__name__)
-
-_OPEN = (Candidate.State.NEW, Candidate.State.QUARANTINED)
-
-
-@atomic
-def take_sightings(host_id: UUID, epoch: int, found: Sequence[Sighting]) -> int:
-    """Keep what a host sees; nothing is added to the lab before a person has said so.
-
-    Returns:
-        How many are new in the inbox.
-
-    Effect:
-        None on matter. A device that was admitted with a key, and of which another key now
-        speaks, is suspended at once: what it does runs to its end, nothing new is planned.
-    """
-    host = EdgeHost.objects.filter(pk=host_id, epoch=epoch).select_related("lab").first()
-    if host is None:
-        return 0
-    fresh = 0
-    for one in found[:MOST_SIGHTINGS_PER_FRAME]:
-        if is_sane(one):
-            fresh += _take(host, one)
-    return fresh
-
-
-def _take(host: EdgeHost, one: Sighting) -> int:
-    mark = mark_of(one)
-    seen: dict[str, Any] = {
-        "address": one.address,
-        "name": one.name,
-        "model": one.model,
-        "serial": one.serial,
-        "last_seen_at": now(),
-    }
-    known = Candidate.objects.filter(host=host, mark=mark)
-    if known.update(**seen, seen_count=F("seen_count") + 1):
-        return 0
-    if Candidate.objects.filter(host=host, state__in=_OPEN).count() >= MOST_OPEN:
-        logger.warning("the inbox of %s is full: %s is left out", host.name, one.address)
-        return 0
-    before = _with_another_key(host, one)
-    row = Candidate.objects.create(
-        lab=host.lab,
-        host=host,
-        mark=mark,
-        source=one.source,
-        public_key=one.public_key,
-        driver_hint=one.driver,
-        first_seen_at=now(),
-        key_changed_from=before,
-        **seen,
-    )
-    detail = {"address": one.address, "name": one.name, "serial": one.serial}
-    account_services.write_audit("device.seen", str(row.id), actor=None, detail=detail)
-    if before is not None and before.device is not None:
-        _suspend(before.device, row)
-    on_commit(partial(feed.publish, "devices", {"candidate_id": str(row.id)}))
-    return 1
-
-
-def _with_another_key(host: EdgeHost, one: Sighting) -> Candidate | None:
-    """Return the admitted candidate that this one says it is, and whose key it has not."""
-    if not one.serial:
-        return None
-    rows = Candidate.objects.filter(
-        lab=host.lab, model=one.model, serial=one.serial, device__isnull=False
-    )
-    return rows.exclude(public_key="").exclude(public_key=one.public_key).first()
-
-
-def _suspend(device: Device, row: Candidate) -> None:
-    reason = f"something at {row.address} says that it is this device, with another key"
-    changed = Device.objects.filter(pk=device.pk, state=Device.State.ENROLLED).update(
-        state=Device.State.SUSPENDED, suspended_for=reason
-    )
-    if changed:
-        detail = {"candidate_id": str(row.id)}
-        account_services.write_audit(
-            "device.key_changed", str(device.id), actor=None, reason=reason, detail=detail
-        )
-        on_commit(partial(tell_host, device.host_id, {"type": "edge.renew"}))
-        on_commit(partial(feed.publish, "devices", {"device_id": str(device.id)}))
 
 
 @atomic
 def set_candidate_aside(candidate_id: UUID, state: str, *, reason: str, actor: User) -> Candidate:
     """Quarantine, ignore or reject a candidate, or take it back into the inbox.
 
+    What other hosts would see in the same way (a key; model and serial number; a public
+    address) is rejected, and taken back, in the whole lab: at every host that sees it, or will.
+
     Raises:
         NotFoundError: There is none.
         ForbiddenError: The actor may not admit.
         DefinitionError: No reason was given, or this is no answer.
-        StateError: It was taken up before: its device is where one says no.
+        StateError: It was taken up before, here or with the same key at another host: its
+            device is where one says no.
     """
     row = _open_candidate(candidate_id, actor, reason)
-    if state not in {"quarantined", "ignored", "rejected", "new"}:
-        raise DefinitionError(f"{state!r:.40} is no answer", code="candidate.no_answer")
-    row.state, row.reason = Candidate.State(state), reason
-    row.decided_by, row.decided_at = actor, now()
-    row.save(update_fields=["state", "reason", "decided_by", "decided_at"])
-    account_services.write_audit(f"device.{state}", str(row.id), actor=actor, reason=reason)
-    on_commit(partial(feed.publish, "devices", {"candidate_id": str(row.id)}))
+    answer(row, state, reason=reason, actor=actor)
     return row
 
 
+def answer(row: Candidate, state: str, *, reason: str, actor: User) -> None:
+    """Give a candidate, which is locked with all that is alike, its answer; as above.
+
+    Raises:
+        DefinitionError: This is no answer.
+        StateError: It is rejected, and another host's device in use has its key.
+    """
+    if state not in {"quarantined", "ignored", "rejected", "new"}:
+        raise DefinitionError(f"{state!r:.40} is no answer", code="candidate.no_answer")
+    rows = [row]
+    if Candidate.State.REJECTED in {state, row.state}:
+        rows += _elsewhere(row, state)
+    for one in rows:
+        one.state, one.reason = Candidate.State(state), reason
+        one.decided_by, one.decided_at = actor, now()
+        one.also_at, one.alone_since_at = "", None
+        one.save()
+        account_services.write_audit(f"device.{state}", str(one.id), actor=actor, reason=reason)
+        on_commit(partial(feed.publish, "devices", {"candidate_id": str(one.id)}))
+
+
+def _elsewhere(row: Candidate, state: str) -> list[Candidate]:
+    """Lock and return what other hosts see in the same way, to be answered with it."""
+    mark = selectors.shared_mark(row)
+    if not mark:
+        return []
+    others = Candidate.objects.filter(lab=row.lab, mark=mark).exclude(pk=row.pk)
+    found = list(others.order_by("pk").select_for_update(of=("self",), no_key=True))
+    # Makers do give one serial number to many: a device of that number is no reason against it.
+    taken = next((one for one in found if row.public_key and _is_in_use(one)), None)
+    if state == Candidate.State.REJECTED and taken is not None:
+        name = taken.device.name if taken.device is not None else taken.name
+        text = f"its key is that of {name}, which was taken up: reject, suspend or retire that one"
+        raise StateError(text, code="candidate.key_in_use")
+    return [
+        one
+        for one in found
+        if one.state != Candidate.State.TAKEN_UP and Candidate.State.REJECTED in {state, one.state}
+    ]
+
+
+def _is_in_use(one: Candidate) -> bool:
+    """Tell whether a candidate became a device that is not retired."""
+    is_retired = one.device is not None and one.device.state == Device.State.RETIRED
+    return one.state == Candidate.State.TAKEN_UP and not is_retired
+
+
 def _open_candidate(candidate_id: UUID, actor: User, reason: str) -> Candidate:
-    row = selectors.find_candidate(candidate_id)
-    row = Candidate.objects.select_for_update(of=("self",)).get(pk=row.pk)
+    row = hold_candidate(selectors.find_candidate(candidate_id))
     require_admission(actor, row.lab)
     if not reason.strip():
         raise DefinitionError("say what you checked: the reason is empty", code="device.no_reason")
     if row.state == Candidate.State.TAKEN_UP:
         raise StateError("it was taken up before: see its device", code="candidate.taken_up")
     return row
+
+
+def hold_candidate(row: Candidate) -> Candidate:
+    """Lock and return a candidate with all that may be answered with it.
+
+    That is what is alike, what it says it is, and what says that it is it. All in one order and
+    before any device: two who answer wait for each other, and so do hosts that see them.
+    """
+    wanted = Q(pk=row.pk) | Q(pk=row.key_changed_from_id) | Q(key_changed_from=row.pk)
+    mark = selectors.shared_mark(row)
+    if mark:
+        wanted |= Q(lab=row.lab, mark=mark)
+    rows = Candidate.objects.filter(wanted)
+    locked = rows.order_by("pk").select_for_update(of=("self",), no_key=True)
+    return next(one for one in locked if one.pk == row.pk)
 
 
 class Wanted(msgspec.Struct, frozen=True, kw_only=True):
@@ -217,8 +188,10 @@ def compare_code(candidate_id: UUID, *, typed: str, reason: str, actor: User) ->
 def take_up_compared(candidate_id: UUID, wanted: Wanted, *, reason: str, actor: User) -> Device:
     """Make a device of a candidate whose code was compared; as `take_up`, and raises as it."""
     row = _open_candidate(candidate_id, actor, reason)
-    if row.state == Candidate.State.REJECTED:
-        raise StateError("it was rejected: take it back first", code="candidate.rejected")
+    said = selectors.rejection_of(row.lab_id, selectors.shared_mark(row))
+    if row.state == Candidate.State.REJECTED or said is not None:
+        where = "" if said is None or said.host_id == row.host_id else f" at {said.host.name}"
+        raise StateError(f"it was rejected{where}: take it back first", code="candidate.rejected")
     driver = DriverVersion.objects.filter(digest=wanted.driver_digest).first()
     if driver is None:
         raise DefinitionError("choose one of the drivers that were read", code="candidate.driver")
@@ -243,6 +216,7 @@ def take_up_compared(candidate_id: UUID, wanted: Wanted, *, reason: str, actor: 
         reason,
     )
     row.decided_by, row.decided_at = actor, now()
+    row.also_at = ""
     row.save()
     detail = {"device_id": str(device.id), "label": wanted.label}
     account_services.write_audit(
@@ -252,22 +226,40 @@ def take_up_compared(candidate_id: UUID, wanted: Wanted, *, reason: str, actor: 
     return device
 
 
-def give_parts(device: Device, nodes: Mapping[str, UUID]) -> None:
-    """Say through which resources a device acts, when they came with it; the caller made them."""
+def give_parts(
+    device: Device, nodes: Mapping[str, UUID], *, past: Mapping[str, UUID] | None = None
+) -> None:
+    """Say through which resources a device acts, when they came with it; the caller made them.
+
+    Args:
+        device: Which.
+        nodes: By role.
+        past: What it acted through and has lost with a version of its driver; it may come back.
+    """
     device.nodes = {role: str(node) for role, node in nodes.items()}
-    device.save(update_fields=["nodes"])
+    device.past_nodes |= {role: str(node) for role, node in (past or {}).items()}
+    device.save(update_fields=["nodes", "past_nodes"])
 
 
 def _device_of(row: Candidate, key: str) -> Device:
     """Return the device whose key has changed, or a new one."""
     before = row.key_changed_from
-    if before is not None and before.device is not None:
-        device = selectors.device_for_update(before.device.pk)
+    known = None if before is None else before.device
+    if before is not None and known is not None and known.state != Device.State.RETIRED:
+        device = selectors.device_for_update(known.pk)
         Candidate.objects.filter(pk=before.pk).update(device=None)
+        if device.state == Device.State.ENROLLED:
+            # A person says that its key has changed, before labweb was sure of it.
+            device.state = Device.State.SUSPENDED
+            on_commit(partial(tell_host, device.host_id, {"type": "edge.renew"}))
         device.host, device.suspended_for = row.host, ""
         return device
-    if Device.objects.filter(lab=row.lab, key=key).exists():
-        raise StateError(f"there is a device {key}: choose another name", code="device.name_taken")
+    taken = Device.objects.filter(lab=row.lab, key=key).first()
+    if taken is not None:
+        is_over = taken.state == Device.State.RETIRED
+        text = "which is retired, and its records keep that name" if is_over else "which is in use"
+        text = f"there is a device {key}, {text}: choose another name"
+        raise StateError(text, code="device.name_taken")
     return Device(id=new_id(), lab=row.lab, host=row.host, key=key, state=Device.State.CANDIDATE)
 
 

@@ -202,7 +202,7 @@ def propose_driver(module: str, text: str, *, note: str, actor: User) -> DriverV
         "approval": {},
     }
     # Whoever writes the row first has proposed it: of two at the same moment the other is refused.
-    row, is_new = DriverVersion.objects.select_for_update().get_or_create(
+    row, is_new = DriverVersion.objects.select_for_update(no_key=True).get_or_create(
         digest=found.spec.digest, defaults=fields
     )
     if not is_new:

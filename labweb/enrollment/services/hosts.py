@@ -13,11 +13,19 @@ from django.db.transaction import atomic, on_commit
 from labweb.accounts import services as account_services
 from labweb.accounts.selectors import User
 from labweb.common import feed, signing
-from labweb.common.clock import new_id, now
+from labweb.common.clock import new_id, now, tick
 from labweb.common.wake import wake_dispatcher
 from labweb.domain.approvals.roles import Permission
 from labweb.domain.errors import DefinitionError, EnrollmentError, StateError
-from labweb.domain.messages import DeviceConfig, Devices, Hello, Welcome, hello_bytes
+from labweb.domain.messages import (
+    PROTOCOL_VERSION,
+    DeviceConfig,
+    Devices,
+    Hello,
+    Welcome,
+    hello_bytes,
+    version_refusal,
+)
 from labweb.domain.runs.session import (
     HostRecord,
     SessionState,
@@ -143,8 +151,8 @@ def open_session(hello: Hello, nonce: str, certificate: bytes | None = None) -> 
             authority has signed; None: over loopback, without.
 
     Raises:
-        EnrollmentError: Unknown host, wrong signature, no good certificate, or revoked.
-            Nothing changed.
+        EnrollmentError: Unknown host, another version of the protocol, wrong signature, no
+            good certificate, or revoked. Nothing changed.
 
     Effect:
         Commands of older epochs are void from now on.
@@ -154,6 +162,9 @@ def open_session(hello: Hello, nonce: str, certificate: bytes | None = None) -> 
         raise EnrollmentError("this host was never admitted", code="host.unknown")
     row = selectors.host_for_update(hello.host_id)
     key = check_certificate(row, certificate)
+    # Before the signature, which covers what only the other version knows of.
+    if text := version_refusal(host=hello.v, server=PROTOCOL_VERSION):
+        raise EnrollmentError(text, code="host.version")
     if not signing.is_signed_by(key, hello_bytes(hello, nonce), hello.signature):
         raise EnrollmentError("the signature is not this host's", code="host.bad_signature")
     record = record_of(row)
@@ -200,6 +211,7 @@ def welcome_of(row: EdgeHost, mode: str) -> Welcome:
         acked_seq=row.acked_seq,
         floor=row.floor,
         server_at_s=now().timestamp(),
+        tick=tick(),
         mode=mode,
         devices=[selectors.config_for_host(device) for device in devices],
         staged=staged_of(row),

@@ -140,7 +140,7 @@ def take_request(ask: Ask, *, address: str = "") -> JoinRequest:
     fault = check_ask(ask)
     if fault:
         raise EnrollmentError(fault, code="join.malformed")
-    token = JoinToken.objects.select_for_update().filter(pk=ask.token_id).first()
+    token = JoinToken.objects.select_for_update(no_key=True).filter(pk=ask.token_id).first()
     if token is None or not is_secret(ask.secret, token.secret_hash):
         raise EnrollmentError(_REFUSED, code="join.no_token")
     key = authority.requested_key(ask.csr)

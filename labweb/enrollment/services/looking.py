@@ -111,7 +111,7 @@ def take_look(host_id: UUID, epoch: int, told: LookTold) -> None:
         None on matter. The device stays what it was: only a person admits it.
     """
     rows = Look.objects.filter(pk=told.look_id, host_id=host_id, epoch=epoch, told_at=None)
-    row = rows.select_for_update(of=("self",)).first()
+    row = rows.select_for_update(of=("self",), no_key=True).first()
     if row is None:
         return
     if len(msgspec.json.encode(told)) > MOST_TOLD_BYTES:

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 from uuid import UUID
 
 from django.db.models import Q, QuerySet, UUIDField
 
 from labweb.accounts import selectors as account_selectors
 from labweb.accounts.selectors import User
-from labweb.common.prepared import Given, Prepared
+from labweb.common.prepared import Given, Prepared, Question, together
 from labweb.domain.approvals.roles import Permission
-from labweb.domain.crutd.operations import Product, Receive
+from labweb.domain.crutd.operations import Product, Receive, Refit
 from labweb.domain.errors import ForbiddenError, NotFoundError
 from labweb.domain.graph.attached import Attachment, find_attachments
 from labweb.domain.graph.topology import Connection as ConnectionData
@@ -27,9 +28,12 @@ from labweb.resources.models import Lot as Lot
 from labweb.resources.models import Material as Material
 from labweb.resources.models import Resource as Resource
 from labweb.resources.selectors.climbing import Above as Above
+from labweb.resources.selectors.climbing import Below
 from labweb.resources.selectors.climbing import ancestors as ancestors
 from labweb.resources.selectors.climbing import ancestors_and_archived as ancestors_and_archived
+from labweb.resources.selectors.climbing import asking_hold as asking_hold
 from labweb.resources.selectors.climbing import descendants as descendants
+from labweb.resources.selectors.climbing import held_of as held_of
 from labweb.resources.selectors.climbing import hold as hold
 
 _MOST_LABS = 1000
@@ -59,14 +63,20 @@ def lab_for_update(lab_id: UUID) -> Lab:
     Raises:
         NotFoundError: There is none.
     """
-    row = _LAB.first(id=lab_id)
-    if row is None:
+    return locked(LAB_TO_LOCK.rows(id=lab_id), lab_id)
+
+
+def locked(rows: Sequence[Lab], lab_id: UUID) -> Lab:
+    """Return the lab that `LAB_TO_LOCK` has found; raises as above."""
+    if not rows:
         raise NotFoundError(f"no lab {lab_id}", code="lab.none")
-    return row
+    return rows[0]
 
 
-_LAB = Prepared(
-    lambda: Lab.objects.filter(pk=Given("id", UUIDField())).select_for_update(of=("self",))
+LAB_TO_LOCK = Prepared(
+    lambda: Lab.objects.filter(pk=Given("id", UUIDField())).select_for_update(
+        of=("self",), no_key=True
+    )
 )
 
 
@@ -112,9 +122,23 @@ def taken_keys(lab: Lab, keys: Collection[str]) -> list[str]:
     return sorted(found.values_list("key", flat=True))
 
 
+def taken_tubes(lab: Lab, refit: Refit) -> tuple[str, ...]:
+    """Return the keys of tubes that come which connections have that stay, sorted."""
+    if not refit.joined:
+        return ()
+    there = Connection.objects.filter(lab=lab, key__in=[joint.key for joint in refit.joined])
+    return tuple(sorted(there.exclude(pk__in=refit.parted).values_list("key", flat=True)))
+
+
 def connections_of(lab: Lab) -> QuerySet[Connection]:
     """Every connection of a lab."""
     return Connection.objects.filter(lab=lab)
+
+
+def connections_at(lab: Lab, ids: Collection[UUID]) -> QuerySet[Connection]:
+    """Return the connections that begin or end at one of the resources, with both ends."""
+    rows = Connection.objects.filter(lab=lab).select_related("source", "target")
+    return rows.filter(Q(source_id__in=list(ids)) | Q(target_id__in=list(ids)))
 
 
 def lots_of(lab: Lab) -> QuerySet[Lot]:
@@ -211,15 +235,64 @@ def attachments_of(resource_id: UUID) -> tuple[Attachment, ...]:
     return find_attachments((_to_connection(row) for row in rows), carried)
 
 
+def between(one_id: UUID, other_id: UUID) -> QuerySet[Connection]:
+    """Return the connections between two nodes, drawn either way."""
+    forth = Q(source_id=one_id, target_id=other_id)
+    return Connection.objects.filter(forth | Q(source_id=other_id, target_id=one_id))
+
+
+def hanging(refit: Refit, gone: Collection[UUID]) -> tuple[Attachment, ...]:
+    """Return what leads into parts that go, or to ports that go, and would lead nowhere.
+
+    Args:
+        refit: What is to be; the tubes that go with it are none of these.
+        gone: The parts that go, with all that stands in them.
+    """
+    counts = {one: config.get("ports_count") for one, config in refit.configs.items()}
+    ids = {*gone, *counts}
+    rows = Connection.objects.filter(Q(source__in=ids) | Q(target__in=ids))
+    found = []
+    for one in (_to_connection(row) for row in rows.exclude(pk__in=refit.parted)):
+        lost = [end for end in (one.source, one.target) if _is_lost(end, gone, counts)]
+        if len(lost) == 1 or any(end.resource_id not in gone for end in lost):
+            other = one.target if lost[0] is one.source else one.source
+            found.append(Attachment(key=one.key, medium=one.medium, own=lost[0], other=other))
+    return tuple(sorted(found, key=lambda one: (one.key, one.own)))
+
+
+def _is_lost(end: PortRef, gone: Collection[UUID], counts: Mapping[UUID, Any]) -> bool:
+    count = counts.get(end.resource_id)
+    beyond = isinstance(count, int) and end.port.isdecimal() and int(end.port) > count
+    return beyond or end.resource_id in gone
+
+
+def archive_of(lab: Lab) -> Resource | None:
+    """Return the Archive of a lab, the first in the file's order; None: it has none."""
+    return Resource.objects.filter(lab=lab, kind="archive", is_archived=False).first()
+
+
 def rows_for_update(ids: Collection[UUID]) -> dict[UUID, Resource]:
     """Lock the rows in id order, waiting for who has them, and return them."""
-    return {row.id: row for row in rows(ids).select_for_update()}
+    return {row.id: row for row in rows(ids).select_for_update(no_key=True)}
 
 
 def allowed_ids(user: User, permission: Permission) -> set[UUID]:
-    """Return every resource on which the user has the permission; two queries."""
-    roots = account_selectors.granted_roots(user, permission)
-    return descendants(roots) if roots else set()
+    """Return every resource on which the user has the permission; one query, or two."""
+    (found,) = together(asking_allowed(user, permission))
+    return allowed_of(found, user, permission)
+
+
+_GRANTED = Below(account_selectors.GRANTED_ROOTS)
+
+
+def asking_allowed(user: User, permission: Permission) -> Question[UUID]:
+    """Return what finds those resources, as far as they are few."""
+    return _GRANTED.asking(account_selectors.granting(user, permission))
+
+
+def allowed_of(found: list[UUID], user: User, permission: Permission) -> set[UUID]:
+    """Return them all, when that has found these; one query more when they are many."""
+    return _GRANTED.all_of(found, account_selectors.granting(user, permission))
 
 
 @dataclass(frozen=True, slots=True)
@@ -245,12 +318,12 @@ class Reach:
 
 
 def reach_of(user: User, permission: Permission) -> Reach:
-    """Return where the user has the permission; two queries."""
+    """Return where the user has the permission; one query, or two."""
     return Reach(user, permission, allowed_ids(user, permission))
 
 
 def require(user: User, permission: Permission, ids: Iterable[UUID]) -> None:
-    """Refuse as `Reach.require`, for a single question; two queries.
+    """Refuse as `Reach.require`, for a single question; one query, or two.
 
     Raises:
         ForbiddenError: They lack it; nothing changed.
@@ -269,14 +342,32 @@ def root_of(lab: Lab) -> Resource:
     return Resource.objects.get(lab=lab, parent__isnull=True)
 
 
-def permissions_of(user: User) -> frozenset[Permission]:
+def permissions_of(user: User, roles: Iterable[str] | None = None) -> frozenset[Permission]:
     """Return what the user may do anywhere; what they may do to a resource is `require`."""
-    return account_selectors.permissions_of(user)
+    return account_selectors.permissions_of(user, roles)
+
+
+def permissions_on_all(user: User) -> frozenset[Permission]:
+    """Return what the user may do to all of the lab: drivers belong to no part of it."""
+    return account_selectors.permissions_on(user, root_of(the_lab()).id)
 
 
 def names(ids: Iterable[UUID]) -> dict[UUID, str]:
     """Return name by id."""
     return dict(rows(ids).values_list("id", "name"))
+
+
+def names_in(*values: Iterable[object]) -> dict[str, str]:
+    """Return name by reference of the resources whose ids are among values, as texts."""
+    told = {one for some in values for one in some if isinstance(one, str)}
+    return {str(one): name for one, name in names(map(UUID, filter(_is_id, told))).items()}
+
+
+def _is_id(text: str) -> bool:
+    try:
+        return str(UUID(text)) == text
+    except ValueError:
+        return False
 
 
 def find_material(material_id: UUID) -> Material | None:

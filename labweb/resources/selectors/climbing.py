@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Sequence
+from typing import Any
 from uuid import UUID
 
-from labweb.common.prepared import Written, prepared_cursor
+from labweb.common.prepared import Question, Written, prepared_cursor, together
 from labweb.resources.models import Connection as Connection
 from labweb.resources.models import Lab as Lab
 from labweb.resources.models import Lot as Lot
@@ -25,12 +26,14 @@ SELECT start, id, is_archived FROM up WHERE depth > 0 ORDER BY start, depth
 
 _HELD = """
 WITH RECURSIVE up(start, id, parent_id, depth) AS (
-    SELECT id, id, parent_id, 0 FROM resources_resource WHERE id = ANY(%s)
+    SELECT id, id, parent_id, 0 FROM resources_resource
+    WHERE id = ANY(ARRAY(SELECT unnest(%s::uuid[])))
     UNION ALL
     SELECT up.start, r.id, r.parent_id, up.depth + 1
     FROM resources_resource r JOIN up ON r.id = up.parent_id
 ), target AS MATERIALIZED (
-    SELECT {columns} FROM resources_resource WHERE id = ANY(%s) ORDER BY id FOR UPDATE NOWAIT
+    SELECT {columns} FROM resources_resource
+    WHERE id = ANY(ARRAY(SELECT unnest(%s::uuid[]))) ORDER BY id FOR NO KEY UPDATE NOWAIT
 ), above AS MATERIALIZED (
     SELECT up.start, up.depth, r.id, r.parent_id, r.is_archived
     FROM resources_resource r JOIN up ON r.id = up.id
@@ -41,12 +44,16 @@ SELECT {columns}, (
     FROM above a WHERE a.start = target.id
 ) AS above FROM target ORDER BY target.id
 """
-"""The rows as they are when the lock is there; the way up to them as it was when it was read."""
+"""The rows as they are when the lock is there; the way up to them as it was when it was read.
+
+The arrays are taken apart and put together again so that the planner does not count what is in
+them: it would believe a plan made for these few the cheaper one, and make it anew each time.
+"""
 
 
-_DESCENDANTS = """
+_BELOW = """
 WITH RECURSIVE down(id) AS (
-    SELECT id FROM resources_resource WHERE id = ANY(%s)
+    {roots}
     UNION ALL
     SELECT r.id FROM resources_resource r JOIN down ON r.parent_id = down.id
 )
@@ -54,9 +61,9 @@ SELECT id FROM down
 """
 
 
-_FEW_DESCENDANTS = """
+_FEW_BELOW = """
 WITH RECURSIVE down(id) AS (
-    SELECT id FROM resources_resource WHERE id = ANY(%s)
+    {roots}
     UNION ALL
     SELECT r.id FROM down CROSS JOIN LATERAL (
         SELECT id FROM resources_resource WHERE parent_id = down.id OFFSET 0
@@ -110,8 +117,21 @@ def hold(ids: Collection[UUID]) -> tuple[dict[UUID, Resource], Above] | None:
     Raises:
         django.db.OperationalError: Somebody holds one of them right now.
     """
+    (found,) = together(asking_hold(ids))
+    return held_of(found)
+
+
+_Held = tuple[Resource, tuple[Any, ...]]
+
+
+def asking_hold(ids: Collection[UUID]) -> Question[_Held]:
+    """Return what locks them so, to be asked with what is to be read under the locks."""
     wanted = sorted(ids)
-    held = _HOLD.rows([wanted, wanted])
+    return _HOLD.asking([wanted, wanted])
+
+
+def held_of(held: Sequence[_Held]) -> tuple[dict[UUID, Resource], Above] | None:
+    """Return what `hold` does, from what that has found."""
     rows = {row.id: row for row, _ in held}
     above: dict[UUID, tuple[UUID, ...]] = {}
     archived = set()
@@ -133,13 +153,37 @@ def hold(ids: Collection[UUID]) -> tuple[dict[UUID, Resource], Above] | None:
 _HOLD = Written(Resource, _HELD)
 
 
+class Below:
+    """Everything below some roots, and these; one query, or two when they are many.
+
+    Args:
+        roots: SQL that selects the ids of the roots.
+    """
+
+    def __init__(self, roots: str) -> None:
+        self._few = _FEW_BELOW.format(roots=roots)
+        self._all = _BELOW.format(roots=roots)
+
+    def asking(self, values: Sequence[object]) -> Question[UUID]:
+        """Return the first query, with the values of the roots' SQL."""
+        return Question(self._few, [*values, _FEW + 1], _id_of)
+
+    def all_of(self, found: list[UUID], values: Sequence[object]) -> set[UUID]:
+        """Return them all, when the first query has told these."""
+        if len(found) > _FEW:
+            (found,) = together(Question(self._all, values, _id_of))
+        return set(found)
+
+
+def _id_of(row: Sequence[UUID]) -> UUID:
+    return row[0]
+
+
+_THESE = Below("SELECT id FROM resources_resource WHERE id = ANY(%s)")
+
+
 def descendants(ids: Iterable[UUID]) -> set[UUID]:
     """Return the ids and everything below them; one query, or two when they are many."""
-    roots = sorted(set(ids))
-    with prepared_cursor() as cursor:
-        cursor.execute(_FEW_DESCENDANTS, [roots, _FEW + 1])
-        found = cursor.fetchall()
-        if len(found) > _FEW:
-            cursor.execute(_DESCENDANTS, [roots])
-            found = cursor.fetchall()
-        return {row[0] for row in found}
+    roots = [sorted(set(ids))]
+    (found,) = together(_THESE.asking(roots))
+    return _THESE.all_of(found, roots)

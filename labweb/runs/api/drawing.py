@@ -30,6 +30,8 @@ class CheckDocument(msgspec.Struct, forbid_unknown_fields=True):
     """Body of a check."""
 
     document: dict[str, Any]
+    workflow_id: UUID | None = None
+    """Workflow that it is a draft of, whose proofs are then compared with it."""
 
 
 class Check(APIView):
@@ -40,7 +42,8 @@ class Check(APIView):
     def post(self, request: Request) -> Response:
         """Compile a document against the lab as it is; findings are an answer, no failure."""
         user = user_of(request)
-        document = body(request, CheckDocument).document
+        wanted = body(request, CheckDocument)
+        document = wanted.document
         lab = resource_selectors.the_lab()
         reach = resource_selectors.reach_of(user, Permission.VIEW)
         view = services.lab_view(lab)
@@ -51,6 +54,7 @@ class Check(APIView):
             "plan": None,
             "policies": [],
             "sentences": _sentences(document, names),
+            "proof": None if wanted.workflow_id is None else _proof(wanted.workflow_id, document),
         }
         try:
             found = services.preview(lab, document, view=view, reach=reach)
@@ -65,6 +69,16 @@ class Check(APIView):
         )
         answer["policies"] = list(found.policies)
         return Response(answer)
+
+
+def _proof(workflow_id: UUID, document: dict[str, Any]) -> dict[str, Any] | None:
+    """Say which version's proof a draft has, or what took it away; None: there is none."""
+    row = workflow_selectors.find_workflow(workflow_id)
+    found = workflow_selectors.proof_of(row, document)
+    if found is None:
+        return None
+    changes = [finding.to_json() for finding in found.changes]
+    return {"version": found.version.number, "changes": changes}
 
 
 def _sentences(document: dict[str, Any], names: dict[str, str]) -> dict[str, Any]:

@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, ClassVar, NoReturn, cast
+from typing import Any, ClassVar
 from uuid import UUID
 
-from django.core.files.uploadedfile import UploadedFile
-from django.core.files.uploadhandler import StopUpload, TemporaryFileUploadHandler
 from django.http import HttpRequest, QueryDict, StreamingHttpResponse
-from django.http.multipartparser import MultiPartParserError
 from django.utils.http import content_disposition_header
 from rest_framework.parsers import MultiPartParser
 from rest_framework.request import Request
@@ -20,6 +17,7 @@ from labweb.accounts.selectors import User, user_of
 from labweb.common.download import Blocks
 from labweb.common.render import iso
 from labweb.common.requests import whole_number
+from labweb.common.uploads import Bounded, one_file
 from labweb.crutd import api as crutd_api
 from labweb.domain.approvals.roles import Permission
 from labweb.domain.errors import DefinitionError, NotFoundError
@@ -39,9 +37,6 @@ from labweb.telemetry.services.files import MOST_BYTES, digest_header, opened
 _MOST_ROWS = 500
 _MOST_POINTS = 10_000
 _FIELDS = {"format", "resource", "device", "job"}
-_ENVELOPE_BYTES = 64 * 1024
-"""What the other fields and the boundaries of a form may take."""
-
 
 _UPLOAD: dict[str, Any] = {
     "type": "object",
@@ -53,22 +48,6 @@ _UPLOAD: dict[str, Any] = {
         **{name: {"type": "string", "format": "uuid"} for name in ("resource", "device", "job")},
     },
 }
-
-
-class _Bounded(TemporaryFileUploadHandler):
-    """Writes one file to disk as it comes, and breaks off beyond the bound."""
-
-    def __init__(self, request: Any = None) -> None:  # noqa: ANN401 - Django's own request
-        super().__init__(request)
-        self.size = 0
-
-    def receive_data_chunk(self, raw_data: bytes, start: int) -> bytes | None:
-        """Count and write."""
-        self.size += len(raw_data)
-        if self.size > MOST_BYTES:
-            raise StopUpload(connection_reset=True)
-        super().receive_data_chunk(raw_data, start)
-        return None
 
 
 class Files(APIView):
@@ -84,7 +63,7 @@ class Files(APIView):
         **kwargs: Any,  # noqa: ANN401
     ) -> Request:
         """Bound the upload before the check of the session's token reads the form."""
-        request.upload_handlers = [_Bounded(request)]
+        request.upload_handlers = [Bounded(request, MOST_BYTES)]
         return super().initialize_request(request, *args, **kwargs)
 
     def get(self, request: Request) -> Response:
@@ -101,7 +80,7 @@ class Files(APIView):
         One that is only kept is kept (201); one that is read waits for that (202), and
         `files/incoming/ID` says what became of it.
         """
-        form, file = _form(request)
+        form, file = one_file(request, _FIELDS, MOST_BYTES)
         user = user_of(request)
         job = _job(form, user)
         upload = telemetry_services.Upload(
@@ -220,36 +199,6 @@ def _uuid(form: QueryDict, name: str) -> UUID:
         return UUID(text)
     except ValueError as error:
         raise DefinitionError(f"{name} is no id", code="http.query") from error
-
-
-def _form(request: Request) -> tuple[QueryDict, UploadedFile[Any]]:
-    """Read a form with one file, which is written to disk as it comes."""
-    length = request.META.get("CONTENT_LENGTH") or ""
-    if length.isascii() and length.isdigit() and int(length) > MOST_BYTES + _ENVELOPE_BYTES:
-        _too_large()
-    try:
-        form, files = request.data, request.FILES
-    except MultiPartParserError as error:
-        raise DefinitionError(f"the form cannot be read: {error}", code="http.body") from error
-    handlers = request._request.upload_handlers  # noqa: SLF001 - where Django keeps them
-    if any(isinstance(one, _Bounded) and one.size > MOST_BYTES for one in handlers):
-        _too_large()
-    strange = set(form) - _FIELDS - {"file"}
-    if strange or list(files) != ["file"] or len(files.getlist("file")) != 1:
-        raise DefinitionError(
-            "the form has one file called file, and format, resource, device and job",
-            code="http.body",
-            context={"strange": sorted(map(str, strange))},
-        )
-    return cast(QueryDict, form), cast("UploadedFile[Any]", files["file"])
-
-
-def _too_large() -> NoReturn:
-    raise DefinitionError(
-        f"a file may have {MOST_BYTES} bytes",
-        code="file.too_large",
-        context={"most_bytes": MOST_BYTES},
-    )
 
 
 def _job(form: QueryDict, user: User) -> Job | None:

@@ -6,14 +6,19 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 from uuid import UUID
 
+import msgspec
+
+from labweb.accounts import selectors as account_selectors
 from labweb.accounts.selectors import User
 from labweb.approvals import selectors as approval_selectors
 from labweb.approvals.selectors import ApprovalRequest
 from labweb.common.clock import now
+from labweb.common.prepared import together
 from labweb.common.render import iso
 from labweb.domain.approvals.policy import check_decision
 from labweb.domain.approvals.roles import Permission
 from labweb.domain.runs.custody import CustodyState
+from labweb.domain.runs.departing import departures
 from labweb.domain.runs.job import AT_EDGE, FINAL, JobState, RunState
 from labweb.domain.runs.session import SessionState
 from labweb.domain.units import render_volume
@@ -115,13 +120,22 @@ def plan_json(plan: Mapping[str, Any], digest: str, names: Mapping[str, str]) ->
 
 def render_run(run: Run, user: User) -> dict[str, Any]:
     """Render a run whole."""
-    jobs = list(selectors.jobs_of(run))
+    is_waiting = run.state in selectors.LIVE and not run.pause_reasons
+    found: list[list[Any]] = together(
+        selectors.JOBS_OF.asking(run=run.pk),
+        approval_selectors.OF_RUN.asking(run=run.pk),
+        account_selectors.ROLES.asking(user=user.pk),
+        *([selectors.asking_elsewhere(run.pk)] if is_waiting else []),
+    )
+    jobs: list[Job] = found[0]
+    for job in jobs:
+        job.run = run
+    request = next(iter(found[1]), None)
+    allowed = resource_selectors.permissions_of(user, [role for (role,) in found[2]])
     in_doubt = any(job.state == JobState.IN_DOUBT.value for job in jobs)
     names = names_of(run.lab) if in_doubt else {}
     attempts = {attempt.job_id: attempt for attempt in _attempts(run)}
     waiting = selectors.answered_actions(attempt.id for attempt in attempts.values())
-    request = approval_selectors.request_of(run.id)
-    allowed = resource_selectors.permissions_of(user)
     ended = run.state in _ENDED
     may_run = Permission.RUN in allowed
     return {
@@ -136,8 +150,9 @@ def render_run(run: Run, user: User) -> dict[str, Any]:
             for job in jobs
         ],
         "files": _files(jobs),
+        "proof": _proof(run),
         "approval": None if request is None else {"id": str(request.id), "state": request.state},
-        "waits_for": _waits_for(run, jobs),
+        "waits_for": _waits_for(jobs, found[3]) if is_waiting else None,
         "execution": run.plan.get("execution"),
         "hosts_away": _hosts_away(jobs),
         "can": {
@@ -150,6 +165,19 @@ def render_run(run: Run, user: User) -> dict[str, Any]:
             "abort": may_run and not ended,
             "resolve": Permission.RESOLVE in allowed,
         },
+    }
+
+
+def _proof(run: Run) -> dict[str, Any] | None:
+    """Say how a run of a recipe leaves what was proved, and who let it; None: it is none."""
+    if run.version.proved is None:
+        return None
+    accepted = run.unproved or {"by": None, "at": None}
+    return {
+        "departures": msgspec.to_builtins(departures(run.recoveries)),
+        "accepted": msgspec.to_builtins(selectors.accepted_departures(run)),
+        "by": accepted["by"],
+        "at": accepted["at"],
     }
 
 
@@ -195,14 +223,12 @@ def _hosts_away(jobs: list[Job]) -> list[dict[str, Any]]:
     return list(found.values())
 
 
-def _waits_for(run: Run, jobs: list[Job]) -> dict[str, Any] | None:
+def _waits_for(jobs: list[Job], elsewhere: list[tuple[Any, ...]]) -> dict[str, Any] | None:
     """Name the run whose step must end before the next job of this one may go."""
-    if run.state not in selectors.LIVE or run.pause_reasons:
-        return None
     done = {job.index for job in jobs if job.state == JobState.COMPLETE.value}
     queued = (job for job in jobs if job.state == JobState.QUEUED.value)
     following = next((job for job in queued if done.issuperset(job.after)), None)
-    other = None if following is None else selectors.step_blocked_by(following)
+    other = None if following is None else selectors.step_blocked_by(following, elsewhere)
     if other is None:
         return None
     return {"id": str(other), "number": selectors.find_run(other).number}

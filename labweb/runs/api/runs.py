@@ -21,6 +21,7 @@ from labweb.crutd import api as crutd_api
 from labweb.crutd import selectors as crutd_selectors
 from labweb.domain.approvals.roles import Permission
 from labweb.domain.errors import DefinitionError, NotFoundError
+from labweb.domain.runs.departing import Departure
 from labweb.domain.runs.job import RunState
 from labweb.resources import selectors as resource_selectors
 from labweb.resources.selectors import Lab
@@ -45,6 +46,13 @@ class Reason(msgspec.Struct, forbid_unknown_fields=True):
     """Body of an act that needs a reason."""
 
     reason: str
+
+
+class Resume(msgspec.Struct, forbid_unknown_fields=True):
+    """Body of a resume."""
+
+    departures: list[Departure] | None = None
+    """How the run leaves what was proved, as the caller has seen it, to go on without a proof."""
 
 
 class Answer(msgspec.Struct, forbid_unknown_fields=True):
@@ -174,7 +182,8 @@ class RunAct(APIView):
         if self.act == "pause":
             services.pause_run(run_id, actor=user)
         elif self.act == "resume":
-            services.resume_run(run_id, actor=user)
+            seen = body(request, Resume).departures
+            services.resume_run(run_id, actor=user, departures=seen)
         else:
             services.abort_run(run_id, actor=user, reason=body(request, Reason).reason)
         return Response(render.render_run(selectors.find_run(run_id), user))

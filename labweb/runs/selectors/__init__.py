@@ -7,9 +7,10 @@ from collections.abc import Collection, Iterable
 from typing import Any
 from uuid import UUID
 
-from django.db.models import QuerySet
+from django.db.models import QuerySet, UUIDField
 
 from labweb.approvals import selectors as approval_selectors
+from labweb.common.prepared import Given, Prepared
 from labweb.common.render import iso
 from labweb.crutd import selectors as crutd_selectors
 from labweb.domain.errors import NotFoundError
@@ -23,6 +24,7 @@ from labweb.runs.models import Calibration as Calibration
 from labweb.runs.models import Custody as Custody
 from labweb.runs.models import Job as Job
 from labweb.runs.models import Run as Run
+from labweb.runs.selectors.calibrations import OF_LAB as OF_LAB
 from labweb.runs.selectors.calibrations import accepted_of as accepted_of
 from labweb.runs.selectors.calibrations import calibration_for_update as calibration_for_update
 from labweb.runs.selectors.calibrations import calibrations_of as calibrations_of
@@ -45,22 +47,27 @@ from labweb.runs.selectors.custody import open_move_of as open_move_of
 from labweb.runs.selectors.custody import owner_of as owner_of
 from labweb.runs.selectors.needs import LIVE as LIVE
 from labweb.runs.selectors.needs import runs_that_need as runs_that_need
+from labweb.runs.selectors.recovery import accepted_departures as accepted_departures
 from labweb.runs.selectors.recovery import ended_job as ended_job
+from labweb.runs.selectors.recovery import is_discarded as is_discarded
 from labweb.runs.selectors.recovery import later_jobs as later_jobs
+from labweb.runs.selectors.recovery import moved_nl as moved_nl
 from labweb.runs.selectors.recovery import recovery_choices as recovery_choices
 from labweb.runs.selectors.recovery import recovery_of as recovery_of
 from labweb.runs.selectors.scheduling import JOB_TO_LOCK as JOB_TO_LOCK
 from labweb.runs.selectors.scheduling import RUN_TO_LOCK as RUN_TO_LOCK
+from labweb.runs.selectors.scheduling import asking_elsewhere as asking_elsewhere
+from labweb.runs.selectors.scheduling import asking_number as asking_number
+from labweb.runs.selectors.scheduling import asking_run_number as asking_run_number
 from labweb.runs.selectors.scheduling import attempt_for_update as attempt_for_update
 from labweb.runs.selectors.scheduling import due_outbox as due_outbox
 from labweb.runs.selectors.scheduling import held_elsewhere as held_elsewhere
 from labweb.runs.selectors.scheduling import hold_run_of as hold_run_of
 from labweb.runs.selectors.scheduling import job_for_update as job_for_update
 from labweb.runs.selectors.scheduling import next_number as next_number
-from labweb.runs.selectors.scheduling import next_run_number as next_run_number
 from labweb.runs.selectors.scheduling import run_for_update as run_for_update
-from labweb.runs.selectors.scheduling import runs_to_schedule as runs_to_schedule
 from labweb.runs.selectors.scheduling import step_blocked_by as step_blocked_by
+from labweb.runs.selectors.scheduling import to_schedule as to_schedule
 from labweb.runs.selectors.scheduling import views as views
 
 
@@ -118,6 +125,16 @@ def jobs_of(run: Run) -> QuerySet[Job]:
     return run.jobs.select_related("device__host").order_by("index")
 
 
+JOBS_OF = Prepared(
+    lambda: (
+        Job.objects.filter(run_id=Given("run", UUIDField()))
+        .select_related("device__host")
+        .order_by("index")
+    )
+)
+"""The same, for a page that asks more besides."""
+
+
 def jobs_with_runs(lab: Lab, seen: Collection[UUID], ids: Iterable[UUID]) -> QuerySet[Job]:
     """Return those of the jobs whose runs use none but the given resources."""
     runs = visible_runs(lab, seen).values("pk")
@@ -162,7 +179,7 @@ def jobs_at(host: EdgeHost) -> QuerySet[Job]:
     """Lock and return the jobs that were dispatched to a host and have not ended."""
     states = [state.value for state in AT_EDGE]
     rows = Job.objects.filter(device__host=host, state__in=states).order_by("id")
-    return rows.select_related("run").select_for_update(of=("self",))
+    return rows.select_related("run").select_for_update(of=("self",), no_key=True)
 
 
 def work_at(host: EdgeHost) -> QuerySet[Job]:

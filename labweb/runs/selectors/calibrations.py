@@ -66,7 +66,7 @@ def references_of(row: Calibration) -> list[Reference]:
 def calibration_for_update(calibration_id: UUID) -> Calibration:
     """Return a calibration, locked; raises as `find_calibration`."""
     find_calibration(calibration_id)
-    rows = Calibration.objects.select_for_update(of=("self",))
+    rows = Calibration.objects.select_for_update(of=("self",), no_key=True)
     return rows.select_related("device__driver").get(pk=calibration_id)
 
 
@@ -104,6 +104,16 @@ _NEWEST = Prepared(
         .select_related(*_PEOPLE)
     )
 )
+
+
+OF_LAB = Prepared(
+    lambda: (
+        Calibration.objects.filter(device__lab_id=Given("lab", UUIDField()), state__in=_COUNTED)
+        .order_by("device_id", "quantity", "-number")
+        .distinct("device_id", "quantity")
+    )
+)
+"""The newest calibration of each quantity of each device of a lab that was ever accepted."""
 
 
 def findings_of_sending(jobs: Iterable[Job], *, at: datetime) -> list[Finding]:
@@ -144,14 +154,16 @@ def standing_of(
 
 
 def calibrations_of(
-    devices: Collection[Device], *, at: datetime
+    devices: Collection[Device], rows: Iterable[Calibration], *, at: datetime
 ) -> dict[UUID, tuple[model.Calibration, ...]]:
-    """Return what planning needs to know of the devices' calibrations; one query."""
+    """Return what planning needs to know of the devices' calibrations, which were read so."""
     known = {device.id: device for device in devices}
-    return {
-        device_id: tuple(_to_domain(row, known[device_id], at) for row in rows)
-        for device_id, rows in accepted_of(devices).items()
-    }
+    found: dict[UUID, tuple[model.Calibration, ...]] = {}
+    for row in rows:
+        if row.device_id in known:
+            one = _to_domain(row, known[row.device_id], at)
+            found[row.device_id] = (*found.get(row.device_id, ()), one)
+    return found
 
 
 def _to_domain(row: Calibration, device: Device, at: datetime) -> model.Calibration:

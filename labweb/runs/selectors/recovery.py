@@ -5,12 +5,16 @@ from __future__ import annotations
 from typing import Any
 from uuid import UUID
 
+import msgspec
+from django.db.models import Q
+
 from labweb.crutd.selectors import Transaction
 from labweb.domain.crutd import operations
 from labweb.domain.runs import recovery
+from labweb.domain.runs.departing import Departure
 from labweb.domain.runs.job import FINAL, JobState
 from labweb.domain.runs.recovery import Choice, Ended, Later
-from labweb.runs.models import Attempt, Job
+from labweb.runs.models import Attempt, Job, Run
 
 
 def ended_job(job: Job) -> Ended:
@@ -25,12 +29,37 @@ def ended_job(job: Job) -> Ended:
         recovery=job.recovery,
         has_moved=last is not None and _has_moved(last),
         is_liquid=job.operation.get("op") == "transfer_liquid",
+        is_unknown=is_discarded(job) and job.operation.get("op") in _AMOUNTS,
         failures=max(failures, 1),
     )
 
 
+_AMOUNTS = frozenset({"transfer_liquid", "transfer_mass"})
+"""Operations that add to what is there; where a thing stands is known once it was looked for."""
+
+
+def is_discarded(job: Job) -> bool:
+    """Say whether a person gave up a try of a job in doubt: what it did is never known."""
+    return bool((job.evidence.get("resolution") or {}).get("answer") == "discard")
+
+
 def _has_moved(row: Transaction) -> bool:
     return row.state == "committed"
+
+
+def moved_nl(job: Job) -> int:
+    """Return how much the device has moved for a job, over all its tries."""
+    target = str(getattr(operations.from_json(job.operation), "target_id", ""))
+    changes = (one.transaction.change for one in job.attempts.select_related("transaction"))
+    postings = (posting for change in changes if change for posting in change["postings"])
+    return sum(posting["amount_nl"] for posting in postings if posting["credit"] == target)
+
+
+def accepted_departures(run: Run) -> list[Departure]:
+    """Return how a run leaves what was proved as far as a person lets it go on so."""
+    rows = [] if run.unproved is None else run.unproved["departures"]
+    # Those that were kept without their place say too little: they are accepted anew.
+    return [msgspec.convert(row, Departure) for row in rows if isinstance(row, dict)]
 
 
 def later_jobs(job: Job) -> list[Later]:
@@ -49,11 +78,10 @@ def later_jobs(job: Job) -> list[Later]:
 
 
 def is_step_untouched(job: Job) -> bool:
-    """Say whether no action of a job's step has moved anything."""
-    moved = Attempt.objects.filter(
-        job__run_id=job.run_id, job__step_id=job.step_id, transaction__state="committed"
-    )
-    return not moved.exists()
+    """Say whether no action of a job's step has moved anything, or may have."""
+    tried = Attempt.objects.filter(job__run_id=job.run_id, job__step_id=job.step_id)
+    moved = Q(transaction__state="committed") | Q(job__evidence__resolution__answer="discard")
+    return not tried.filter(moved).exists()
 
 
 def recovery_choices(job: Job) -> tuple[Choice, ...]:

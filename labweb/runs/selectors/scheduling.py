@@ -2,21 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from datetime import datetime
 from typing import Any
 from uuid import UUID
 
 import msgspec
-from django.db.models import DateTimeField, Q, UUIDField
+from django.db.models import DateTimeField, Q, Subquery, UUIDField
 
-from labweb.common.prepared import Given, Prepared, prepared_cursor
-from labweb.domain.errors import NotFoundError
+from labweb.common.prepared import Given, Prepared, Question, together
+from labweb.domain.errors import LabError, NotFoundError
 from labweb.domain.runs.job import UNSTARTED, JobState, RunState
 from labweb.domain.runs.scheduler import JobView, StepJob, held_by_steps
 from labweb.domain.workflows.plan import Execution
 from labweb.enrollment import selectors as enrollment_selectors
 from labweb.resources import selectors as resource_selectors
-from labweb.resources.selectors import Lab
 from labweb.runs.models import Attempt, Outbox
 from labweb.runs.models import Calibration as Calibration
 from labweb.runs.models import Custody as Custody
@@ -69,8 +70,12 @@ JOB_TO_LOCK = Prepared(
 )
 
 
-def held_elsewhere(lab_id: UUID, run_id: UUID) -> dict[UUID, UUID]:
-    """Return, by resource, the other run that is in the middle of a step on it; one query."""
+def held_elsewhere(rows: Iterable[tuple[Any, ...]]) -> dict[UUID, UUID]:
+    """Return, by resource, the other run that is in the middle of a step on it.
+
+    Args:
+        rows: What `asking_elsewhere` has found.
+    """
     return held_by_steps(
         StepJob(
             run_id=owner,
@@ -79,26 +84,40 @@ def held_elsewhere(lab_id: UUID, run_id: UUID) -> dict[UUID, UUID]:
             has_started=started_at is not None,
             locks=frozenset(UUID(node) for node in locks),
         )
-        for owner, step_id, state, started_at, locks in _ELSEWHERE.rows(lab=lab_id, run=run_id)
+        for owner, step_id, state, started_at, locks in rows
     )
+
+
+def asking_elsewhere(run_id: UUID) -> Question[tuple[Any, ...]]:
+    """Return what finds the jobs of all other runs in the lab of a run that have not ended."""
+    return _ELSEWHERE.asking(run=run_id)
 
 
 _ELSEWHERE = Prepared(
     lambda: (
-        Job.objects.filter(run__lab_id=Given("lab", UUIDField()), run__state__in=LIVE)
+        Job.objects.filter(
+            run__lab_id=Subquery(Run.objects.filter(pk=Given("run", UUIDField())).values("lab_id")),
+            run__state__in=LIVE,
+        )
         .exclude(run_id=Given("run", UUIDField()))
         .values_list("run_id", "step_id", "state", "started_at", "locks")
     )
 )
 
 
-def step_blocked_by(job: Job) -> UUID | None:
+def step_blocked_by(job: Job, rows: Iterable[tuple[Any, ...]] | None = None) -> UUID | None:
     """Return the run that is in the middle of a step on anything that this job's step needs.
 
     A step begins only when all of it is free, so that two steps never wait for each other
     half-way.
+
+    Args:
+        job: The job.
+        rows: What `asking_elsewhere` has found; None asks it.
     """
-    held = held_elsewhere(job.run.lab_id, job.run_id)
+    if rows is None:
+        (rows,) = together(asking_elsewhere(job.run_id))
+    held = held_elsewhere(rows)
     if not held:
         return None
     members = Job.objects.filter(run_id=job.run_id, step_id=job.step_id)
@@ -111,20 +130,20 @@ def views(run_id: UUID) -> list[JobView]:
     return [_view(*row) for row in _VIEWS.rows(run=run_id)]
 
 
+_VIEW = (
+    "id",
+    "index",
+    "state",
+    "after",
+    "device__host_id",
+    "passed_by",
+    "operation",
+    "run__lab_id",
+)
+
 _VIEWS = Prepared(
     lambda: (
-        Job.objects.filter(run_id=Given("run", UUIDField()))
-        .order_by("index")
-        .values_list(
-            "id",
-            "index",
-            "state",
-            "after",
-            "device__host_id",
-            "passed_by",
-            "operation",
-            "run__lab_id",
-        )
+        Job.objects.filter(run_id=Given("run", UUIDField())).order_by("index").values_list(*_VIEW)
     )
 )
 
@@ -156,42 +175,77 @@ def _view(  # noqa: PLR0913 - one column each
     )
 
 
-def runs_to_schedule() -> list[tuple[UUID, Execution | None]]:
-    """Return the runs with work left, oldest first, none of a stopped lab.
+@dataclass(frozen=True, slots=True)
+class ToSchedule:
+    """What a turn of the scheduler looks at."""
 
-    With each goes what its workflow declares for the time its hosts cannot hear the server.
-    """
-    return [
-        (run_id, None if found is None else msgspec.convert(found, Execution))
-        for run_id, found in _TO_SCHEDULE.rows()
-    ]
+    online: set[UUID]
+    """Hosts that may get new work."""
 
+    runs: list[tuple[UUID, Execution | None, list[JobView]]]
+    """Runs with work left, oldest first, none of a stopped lab; with each what its workflow
+    declares for the time its hosts cannot hear the server, and its jobs."""
+
+    senseless: dict[UUID, Exception]
+    """Runs of which what is kept cannot be read."""
+
+
+def to_schedule() -> ToSchedule:
+    """Return what may be dispatched now; one exchange."""
+    hosts, runs, jobs = together(
+        enrollment_selectors.READY.asking(), _TO_SCHEDULE.asking(), _JOBS_TO_SCHEDULE.asking()
+    )
+    known: dict[UUID, list[tuple[Any, ...]]] = {}
+    for run_id, *columns in jobs:
+        known.setdefault(run_id, []).append(tuple(columns))
+    found = ToSchedule(online={host_id for (host_id,) in hosts}, runs=[], senseless={})
+    for run_id, declared in runs:
+        try:
+            execution = None if declared is None else msgspec.convert(declared, Execution)
+            found.runs.append((run_id, execution, [_view(*row) for row in known.get(run_id, ())]))
+        except (LabError, ValueError, KeyError, TypeError, AttributeError) as error:
+            found.senseless[run_id] = error
+    return found
+
+
+_WITH_WORK = {
+    "state__in": [RunState.QUEUED.value, RunState.RUNNING.value],
+    "lab__is_stopped": False,
+}
 
 _TO_SCHEDULE = Prepared(
     lambda: (
-        Run.objects.filter(
-            state__in=[RunState.QUEUED.value, RunState.RUNNING.value], lab__is_stopped=False
-        )
-        .order_by("created_at")
-        .values_list("id", "plan__execution")
+        Run.objects.filter(**_WITH_WORK).order_by("created_at").values_list("id", "plan__execution")
+    )
+)
+
+_JOBS_TO_SCHEDULE = Prepared(
+    lambda: (
+        Job.objects.filter(**{f"run__{name}": value for name, value in _WITH_WORK.items()})
+        .order_by("run_id", "index")
+        .values_list("run_id", *_VIEW)
     )
 )
 
 
 def next_number(job: Job) -> int:
     """Return the number of the next try of a job whose host is locked."""
-    with prepared_cursor() as cursor:
-        cursor.execute("SELECT count(*) FROM runs_attempt WHERE job_id = %s", [job.pk])
-        (count,) = cursor.fetchone()
-    return int(count) + 1
+    ((number,),) = together(asking_number(job.pk))
+    return int(number)
 
 
-def next_run_number(lab: Lab) -> int:
-    """Return the number of the next run of a lab that is locked."""
-    with prepared_cursor() as cursor:
-        cursor.execute("SELECT max(number) FROM runs_run WHERE lab_id = %s", [lab.pk])
-        (last,) = cursor.fetchone()
-    return (last or 0) + 1
+def asking_number(job_id: UUID) -> Question[int]:
+    """Return what finds that number."""
+    return Question("SELECT count(*) FROM runs_attempt WHERE job_id = %s", [job_id], _following)
+
+
+def asking_run_number(lab_id: UUID) -> Question[int]:
+    """Return what finds the number of the next run of a lab that is locked."""
+    return Question("SELECT max(number) FROM runs_run WHERE lab_id = %s", [lab_id], _following)
+
+
+def _following(row: Sequence[int | None]) -> int:
+    return (row[0] or 0) + 1
 
 
 def hold_run_of(action_id: UUID) -> None:
@@ -207,7 +261,7 @@ def attempt_for_update(action_id: UUID) -> Attempt | None:
         Attempt.objects.filter(pk=action_id)
         .select_related("job__run", "transaction")
         .defer("job__run__plan")
-        .select_for_update(of=("self",))
+        .select_for_update(of=("self",), no_key=True)
         .first()
     )
 
@@ -232,7 +286,7 @@ _DUE = Prepared(
             host__in=enrollment_selectors.hosts_online(),
         )
         .select_related("host")
-        .select_for_update(skip_locked=True, of=("self",))
+        .select_for_update(skip_locked=True, of=("self",), no_key=True)
         .order_by("id")[:MOST_AT_ONCE]
     )
 )

@@ -19,26 +19,26 @@ from labweb.runs.services.control import (
 )
 from labweb.runs.services.custody import begin_transfer, confirm_arrival, hand_over
 from labweb.runs.services.dispatch import publish_outbox
-from labweb.runs.services.drivers import replace_driver
+from labweb.runs.services.drivers import look_at_parts, replace_driver, switch_waiting
 from labweb.runs.services.expiry import expire_requests
+from labweb.runs.services.failing import is_away, is_passing, tell_failing
 from labweb.runs.services.fencing import (
     fence_host,
     note_quarantine,
     note_rival,
+    note_version,
     revoke_host,
 )
-from labweb.runs.services.files import files_asked, offer_file, take_file, take_gone
+from labweb.runs.services.files import files_asked, offer_file, read_file, take_file, take_gone
 from labweb.runs.services.ingest import ingest_events
 from labweb.runs.services.isolation import isolate_hosts
+from labweb.runs.services.picture import lab_view
 from labweb.runs.services.recovery import recover_job
+from labweb.runs.services.rehearsal import rehearse_dispatch, rehearse_start
 from labweb.runs.services.reservations import end_reservation, reserve
 from labweb.runs.services.schedule import dispatch_ready
-from labweb.runs.services.start import (
-    decide_request,
-    lab_view,
-    preview,
-    start_run,
-)
+from labweb.runs.services.showing import show_device
+from labweb.runs.services.start import decide_request, preview, start_run
 
 __all__ = [
     "abort_run",
@@ -55,28 +55,38 @@ __all__ = [
     "files_asked",
     "hand_over",
     "ingest_events",
+    "is_away",
+    "is_passing",
     "isolate_hosts",
     "judge_ended",
     "lab_view",
     "let_ask",
+    "look_at_parts",
     "note_quarantine",
     "note_rival",
+    "note_version",
     "offer_file",
     "pause_run",
     "preview",
     "publish_outbox",
+    "read_file",
     "recover_job",
+    "rehearse_dispatch",
+    "rehearse_start",
     "replace_driver",
     "reserve",
     "reset_lab",
     "resolve_job",
     "resume_run",
     "revoke_host",
+    "show_device",
     "start_run",
     "stop_lab",
+    "switch_waiting",
     "take_ask",
     "take_file",
     "take_gone",
+    "tell_failing",
     "withdraw_ask",
     "withdraw_calibration",
 ]

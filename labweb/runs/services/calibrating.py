@@ -40,7 +40,8 @@ from labweb.resources import selectors as resource_selectors
 from labweb.runs import selectors
 from labweb.runs.models import Calibration
 from labweb.runs.services import batches, buffering, thermometry, weighing
-from labweb.runs.services.start import lab_view, start_run
+from labweb.runs.services.picture import lab_view
+from labweb.runs.services.start import start_run
 from labweb.workflows import services as workflow_services
 
 LONGEST_TEXT = 2000

@@ -48,9 +48,12 @@ def _is_handed_over(run_id: UUID, view: JobView) -> bool:
     held = dispatch.hold_for_dispatch(run_id, view)
     if held is None:
         return False
-    host, _, job = held
+    host, job = held.host, held.job
     operation = operations.from_json(job.operation)
-    if not isinstance(operation, TransferResource) or selectors.step_blocked_by(job) is not None:
+    if (
+        not isinstance(operation, TransferResource)
+        or selectors.step_blocked_by(job, held.elsewhere) is not None
+    ):
         return False
     row = resource_selectors.find_resource(operation.resource_id)
     hosts = selectors.hands_between(selectors.owner_of(row.lab, row.id), host)

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 from uuid import UUID
 
+import msgspec
 from django.db.transaction import atomic, on_commit
 
 from labweb.accounts import services as account_services
@@ -20,6 +22,7 @@ from labweb.domain.approvals.roles import Permission
 from labweb.domain.crutd import operations
 from labweb.domain.crutd.decide import OutcomeKind
 from labweb.domain.errors import DefinitionError, StateError
+from labweb.domain.runs.departing import Departure
 from labweb.domain.runs.edge import ANSWERS, resolve
 from labweb.domain.runs.job import FINAL, UNSTARTED, JobState, Mover, RunState
 from labweb.domain.runs.session import is_given_up
@@ -32,7 +35,8 @@ from labweb.runs import selectors
 from labweb.runs.models import Attempt, Job, Outbox, Run
 from labweb.runs.services import dispatch
 from labweb.runs.services.batches import recall_run
-from labweb.runs.services.start import check_proved, lab_view
+from labweb.runs.services.picture import lab_view
+from labweb.runs.services.proof import check_departures, check_proved
 from labweb.runs.services.state import announce, move_job, refresh_run
 
 _ENDED = {RunState.COMPLETE.value, RunState.ABORTED.value}
@@ -73,14 +77,22 @@ def _add_pause(run: Run, kind: str, actor: User) -> None:
 
 
 @atomic
-def resume_run(run_id: UUID, *, actor: User) -> Run:
+def resume_run(run_id: UUID, *, actor: User, departures: Sequence[Departure] | None = None) -> Run:
     """Take every pause away and queue what was held: a person says that it may go on.
+
+    Args:
+        run_id: Which.
+        actor: Who.
+        departures: How the run leaves what was proved, as they have seen it: it goes on
+            without a proof. None: it goes on only while it leaves nothing.
 
     Raises:
         StateError: The run has ended, the lab is stopped, a job is in doubt, or a job ended
             undone, which nothing carries out again. Nothing was written.
         PreconditionError: A vessel that the run has not begun with holds what nobody proved the
-            recipe with. Nothing was written.
+            recipe with, or the run does something else than was proved and nobody has said
+            that it goes on so. Nothing was written.
+        RevisionError: It leaves what was proved in another way than was seen.
     """
     run = selectors.run_for_update(run_id)
     _require(run, actor, Permission.RUN)
@@ -98,12 +110,14 @@ def resume_run(run_id: UUID, *, actor: User) -> Run:
             code="run.cannot_go_on",
             context={"job_id": str(undone.id), "state": undone.state},
         )
+    check_departures(run, actor=actor, seen=departures)
     _check_untouched(run)
     run.pause_reasons = []
     run.save(update_fields=["pause_reasons"])
     for job in Job.objects.filter(run=run, state=JobState.HELD.value):
         move_job(job, JobState.QUEUED, Mover.SERVER, code="", message="")
-    account_services.write_audit("run.resume", str(run.id), actor=actor)
+    detail = {} if departures is None else {"departures": msgspec.to_builtins(departures)}
+    account_services.write_audit("run.resume", str(run.id), actor=actor, detail=detail)
     wake_dispatcher()
     run = refresh_run(run_id)
     on_commit(partial(announce, run_id))

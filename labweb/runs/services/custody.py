@@ -38,6 +38,7 @@ from labweb.resources.selectors import Resource
 from labweb.runs import selectors
 from labweb.runs.models import Custody, Job, Outbox
 from labweb.runs.services import dispatch
+from labweb.runs.services.doubts import doubt
 from labweb.runs.services.state import announce
 
 KINDS = frozenset({"released", "kept", "received"})
@@ -167,7 +168,9 @@ def confirm_arrival(custody_id: UUID, *, actor: User) -> Custody:
         StateError: It is not in transit, or its arrival was told before.
         ForbiddenError: The actor may not run things on it.
     """
-    made = Custody.objects.select_for_update(of=("self",)).filter(pk=custody_id).first()
+    made = (
+        Custody.objects.select_for_update(of=("self",), no_key=True).filter(pk=custody_id).first()
+    )
     if made is None:
         raise NotFoundError(f"no move {custody_id}", code="custody.not_found")
     resource_selectors.require(actor, Permission.RUN, [made.resource_id])
@@ -223,7 +226,7 @@ def take_custody_event(host: EdgeHost, event: EdgeEvent) -> None:
     looked; the host's log is not doubted for it.
     """
     transfer_id = UUID(str(event.body["transfer_id"]))
-    rows = Custody.objects.select_for_update(of=("self",))
+    rows = Custody.objects.select_for_update(of=("self",), no_key=True)
     made = rows.filter(transfer_id=transfer_id, ended_at__isnull=True).first()
     if made is None:
         _conflict(host, None, "it speaks of a move that is over or never was", event)
@@ -234,9 +237,13 @@ def take_custody_event(host: EdgeHost, event: EdgeEvent) -> None:
         "received": _received,
     }
     try:
-        steps[event.kind](host, made, event)
+        with atomic():
+            steps[event.kind](host, made, event)
     except StateError as error:
         _conflict(host, made, error.message, event)
+    except (ValueError, KeyError, TypeError, AttributeError) as error:
+        made.refresh_from_db()
+        _conflict(host, made, f"its word makes no sense ({error})", event)
     _tell(made)
 
 
@@ -310,16 +317,21 @@ def _end(made: Custody, owner: EdgeHost) -> None:
 
 
 def _conflict(host: EdgeHost, made: Custody | None, why: str, event: EdgeEvent) -> None:
-    detail = {"host_id": str(host.id), "kind": event.kind, "body": event.body}
+    detail = {"kind": event.kind, "transfer_id": str(event.body["transfer_id"]), "body": event.body}
     text = f"{host.name} and the record differ about a vessel on its way: {why}"
+    if made is None:
+        doubt(host, "custody.conflict", text, detail, "transfer_id")
+        return
+    detail["host_id"] = str(host.id)
     crutd_services.open_ticket(host.lab, "custody.conflict", text, detail)
-    if made is not None:
-        _lose(made)
+    _lose(made)
 
 
 def lose_moves_of(host: EdgeHost) -> None:
     """Close the vessels on their way from or to a host whose log can tell nothing of them."""
-    rows = Custody.objects.select_for_update(of=("self",)).filter(ended_at__isnull=True)
+    rows = Custody.objects.select_for_update(of=("self",), no_key=True).filter(
+        ended_at__isnull=True
+    )
     for made in rows.filter(Q(owner=host) | Q(target=host)):
         text = "nobody knows in whose hands it is: find it, and take stock of it"
         detail = {"host_id": str(host.id), "resource_id": str(made.resource_id)}

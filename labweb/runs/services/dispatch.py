@@ -4,19 +4,20 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Sequence
+from dataclasses import dataclass
 from datetime import timedelta
 from functools import partial
 from typing import Any
 from uuid import UUID
 
 import msgspec
+from django.db import Error as DatabaseProblem
 from django.db.transaction import atomic, on_commit
 
 from labweb.common import faults, queue, signing
-from labweb.common.clock import new_id, now
-from labweb.common.prepared import prepared_cursor, together, update_row
+from labweb.common.clock import new_id, now, tick
+from labweb.common.prepared import Question, together, update_row
 from labweb.common.wake import wake_dispatcher
-from labweb.crutd import selectors as crutd_selectors
 from labweb.crutd import services as crutd_services
 from labweb.domain.calibration.model import Correction
 from labweb.domain.crutd import operations
@@ -33,7 +34,8 @@ from labweb.resources.selectors import Lab, Resource
 from labweb.runs import selectors
 from labweb.runs.models import Attempt, Job, Outbox, Run
 from labweb.runs.services.drivers import switch_before
-from labweb.runs.services.state import move_job, note_sent, refresh_run
+from labweb.runs.services.failing import doubt_command
+from labweb.runs.services.state import announce, move_job, moving, noting_sent, refresh_run
 
 logger = logging.getLogger(__name__)
 
@@ -77,45 +79,73 @@ def _dispatch(run_id: UUID, view: JobView) -> bool:
     held = hold_for_dispatch(run_id, view)
     if held is None:
         return False
-    host, run, job = held
-    blocking = selectors.step_blocked_by(job)
+    host, run, job = held.host, held.run, held.job
+    blocking = selectors.step_blocked_by(job, held.elsewhere)
     if blocking is not None:
         raise LockedError(f"run {blocking} is in the middle of a step here", code="run.step_held")
     switch_before(host, [job])
     check_calibrations([job])
     operation = operations.from_json(job.operation)
-    transaction, rows, states = crutd_services.lock_and_read(
+    found = crutd_services.hold_to_open(
         operation,
         job.run.lab,
         [UUID(node) for node in job.locks],
         actor_id=run.created_by_id,
         job_id=job.id,
     )
-    states = states or crutd_selectors.snapshot_in_place(rows.values())
     host.last_dseq += 1
     attempt = Attempt(
         id=new_id(),
         job=job,
-        number=selectors.next_number(job),
+        number=held.number,
         host=host,
-        transaction=transaction,
+        transaction=found.row,
         dseq=host.last_dseq,
         epoch=host.epoch,
         at=now(),
     )
-    views = [view_of(row, states[row.id]) for row in rows.values()]
-    _keep_attempt(attempt, command_of(job, attempt, views))
-    move_job(job, JobState.DISPATCHED, Mover.SCHEDULER)
-    note_sent(run)
+    command = command_of(
+        job, attempt, [view_of(row, found.states[row.id]) for row in found.rows.values()]
+    )
+    noting = noting_sent(run)
+    _, ((row_id,),), *_ = together(
+        found.opening,
+        _keeping(attempt, command),
+        moving(job, JobState.DISPATCHED, Mover.SCHEDULER),
+        *(noting or ()),
+    )
+    body = msgspec.to_builtins(command)
+    row = Outbox(pk=row_id, host=host, action_id=attempt.id, kind="do", body=body)
+    # The command goes as soon as it is on disk; where this fails, the relay finds it.
+    on_commit(partial(_publish, row), robust=True)
+    on_commit(partial(announce, run.id, job.id))
+    if noting is None:
+        refresh_run(run.pk)
     return True
 
 
-def hold_for_dispatch(run_id: UUID, view: JobView) -> tuple[EdgeHost, Run, Job] | None:
+@dataclass(frozen=True, slots=True)
+class ToDispatch:
+    """A job that is locked with its run and its host."""
+
+    host: EdgeHost
+    run: Run
+    job: Job
+    elsewhere: list[tuple[Any, ...]]
+    """Jobs of other runs, for `step_blocked_by`."""
+
+    number: int
+    """Of its next try."""
+
+
+def hold_for_dispatch(run_id: UUID, view: JobView) -> ToDispatch | None:
     """Lock host, run and job in the order in which everybody does; None: it may not go now."""
-    hosts, runs, jobs = together(
+    hosts, runs, jobs, elsewhere, numbers = together(
         enrollment_selectors.HOST_TO_LOCK.asking(id=view.host_id),
         selectors.RUN_TO_LOCK.asking(id=run_id),
         selectors.JOB_TO_LOCK.asking(id=view.id),
+        selectors.asking_elsewhere(run_id),
+        selectors.asking_number(view.id),
     )
     if not (hosts and runs and jobs):
         return None
@@ -123,7 +153,7 @@ def hold_for_dispatch(run_id: UUID, view: JobView) -> tuple[EdgeHost, Run, Job] 
     is_elsewhere = job.device.host_id != host.pk
     if job.state != JobState.QUEUED.value or run.pause_reasons or is_elsewhere:
         return None
-    return host, run, job
+    return ToDispatch(host, run, job, elsewhere, numbers[0])
 
 
 def check_calibrations(jobs: Sequence[Job]) -> None:
@@ -138,11 +168,8 @@ def check_calibrations(jobs: Sequence[Job]) -> None:
         raise PreconditionError(text, code=findings[0].code, findings=findings)
 
 
-def _keep_attempt(attempt: Attempt, command: Do) -> None:
-    """Write the number that a host has come to, a try that has it, and its command; at once.
-
-    The command is sent as soon as that is on disk; where this fails, the relay finds it.
-    """
+def _keeping(attempt: Attempt, command: Do) -> Question[Any]:
+    """Return what writes the number that a host has come to, a try that has it, and its command."""
     values: dict[str, Any] = {
         "id": attempt.id,
         "job": attempt.job_id,
@@ -154,12 +181,7 @@ def _keep_attempt(attempt: Attempt, command: Do) -> None:
         "at": attempt.at,
         "body": msgspec.json.encode(command).decode(),
     }
-    with prepared_cursor() as cursor:
-        cursor.execute(_KEEP, values)
-        (row_id,) = cursor.fetchone()
-    body = msgspec.to_builtins(command)
-    row = Outbox(pk=row_id, host=attempt.host, action_id=attempt.id, kind="do", body=body)
-    on_commit(partial(_publish, row), robust=True)
+    return Question(_KEEP, values, tuple)
 
 
 def hold_job(job_id: UUID, error: PreconditionError) -> None:
@@ -278,36 +300,47 @@ def publish_outbox() -> int:
     """Ring the doorbell for every command that its host has not answered yet.
 
     The epoch is put on and the command is signed at this moment, so that a command
-    written before a reconnect is valid after it. Two relays never send the same row.
+    written before a reconnect is valid after it. Two relays never send the same row. One that
+    cannot be sent is told of, tried again in its turn, and keeps no other back.
 
     Returns:
-        How many were sent.
+        How many were sent, or could not be.
+
+    Raises:
+        django.db.Error: The database is away, or refuses to note what was sent.
     """
     with atomic():
         rows = selectors.due_outbox(now() - RING_AGAIN_AFTER)
         for row in rows:
-            _publish(row)
+            try:
+                _publish(row)
+            except DatabaseProblem:
+                raise
+            except Exception as error:  # noqa: BLE001 - whatever it is, it is told with its row
+                doubt_command(row, error)
+                Outbox.objects.filter(pk=row.pk).update(published_at=now())
     return len(rows)
 
 
 def _publish(row: Outbox) -> None:
-    signed = _signed(row, row.host.epoch)
+    message = signed(row, row.host.epoch)
     faults.point("relay.before_ring")
-    if row.host.has_broker and not queue.ring(row.host_id, signed):
+    if row.host.has_broker and not queue.ring(row.host_id, message):
         logger.warning("the broker is away: telling host %s directly", row.host.name)
     if row.publish_count or not row.host.has_broker:
-        nudge = {"type": "edge.nudge", "signed": msgspec.to_builtins(signed)}
+        nudge = {"type": "edge.nudge", "signed": msgspec.to_builtins(message)}
         enrollment_services.tell_host(row.host_id, nudge)
     faults.point("relay.after_ring")
     row.published_at, row.publish_count = now(), row.publish_count + 1
     update_row(row, "published_at", "publish_count")
 
 
-def _signed(row: Outbox, epoch: int) -> Signed:
+def signed(row: Outbox, epoch: int) -> Signed:
+    """Return the command of a row as it goes to its host in a session."""
     if row.kind == "batch":
         draft = msgspec.convert(row.body, BatchDraft)
-        return signing.sign(signed_batch(draft, epoch, signing.sign, at=now()))
-    return signing.sign(stamped(msgspec.convert(row.body, Command), epoch, at=now()))
+        return signing.sign(signed_batch(draft, epoch, signing.sign, at=now(), sent=tick()))
+    return signing.sign(stamped(msgspec.convert(row.body, Command), epoch, at=now(), sent=tick()))
 
 
 def void_resets(lab: Lab) -> None:

@@ -42,7 +42,11 @@ def _expire_one() -> bool:
         return False
     if request.calibration_id is not None:
         return _reject_result(request.calibration_id)
-    run = Run.objects.filter(pk=run_of(request)).select_for_update(skip_locked=True).first()
+    run = (
+        Run.objects.filter(pk=run_of(request))
+        .select_for_update(skip_locked=True, no_key=True)
+        .first()
+    )
     if run is None:
         # Somebody acts on the run and may wait for the request: they go first.
         set_rollback(True)
@@ -61,7 +65,9 @@ def _expire_one() -> bool:
 
 
 def _reject_result(calibration_id: UUID) -> bool:
-    rows = Calibration.objects.filter(pk=calibration_id).select_for_update(skip_locked=True)
+    rows = Calibration.objects.filter(pk=calibration_id).select_for_update(
+        skip_locked=True, no_key=True
+    )
     row = rows.first()
     if row is None:
         # Somebody answers at this moment: they go first.

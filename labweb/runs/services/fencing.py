@@ -91,6 +91,19 @@ def note_rival(host_id: UUID) -> None:
 
 
 @atomic
+def note_version(host_id: UUID, why: str) -> None:
+    """Open a ticket about a host that this server does not understand; one at a time."""
+    host = enrollment_selectors.host_for_update(host_id)
+    known = crutd_selectors.open_tickets(host.lab).filter(
+        code="host.version", detail__host_id=str(host.id)
+    )
+    if not known.exists():
+        logger.error("host %s has no session: %s", host.name, why)
+        text = f"{host.name} has no session: {why}"
+        crutd_services.open_ticket(host.lab, "host.version", text, {"host_id": str(host.id)})
+
+
+@atomic
 def fence_host(host_id: UUID, *, actor: User, reason: str) -> EdgeHost:
     """Sign that a host is lost; with the second signature all it was given is in doubt.
 

@@ -24,6 +24,7 @@ from labweb.domain.files import (
     FilePart,
     NamedFile,
     check_files,
+    plain_media_type,
 )
 from labweb.enrollment import selectors as enrollment_selectors
 from labweb.resources import selectors as resource_selectors
@@ -52,7 +53,12 @@ def await_files(attempt: Attempt, report: Mapping[str, Any]) -> None:
     Effect:
         None on matter. Until the bytes are here the record says that they are not.
     """
-    named = msgspec.convert(report.get("files") or [], list[NamedFile])
+    told_files = msgspec.convert(report.get("files") or [], list[NamedFile])
+    # A journal of an earlier release may hold a type that is none; the bytes are what they are.
+    named = [
+        msgspec.structs.replace(told, media_type=plain_media_type(told.media_type))
+        for told in told_files
+    ]
     findings = check_files(named)
     if findings:
         raise StateError(findings[0].message, code=findings[0].code)
@@ -116,6 +122,11 @@ def take_file(host_id: UUID, part: FilePart, data: bytes) -> str:
         return ""
     if not telemetry_services.arrive(attempt.pk, part.sha256, data):
         logger.warning("file %s of action %s is not the one named", part.sha256, attempt.pk)
+        text = (
+            f"its host sent {len(data)} bytes that are not those that the action named "
+            f"({named.size_bytes} bytes), and has dropped them"
+        )
+        _lose(host_id, attempt, part.sha256, text)
         return REFUSED
     announce(attempt.job.run_id, attempt.job_id)
     return ""
@@ -149,6 +160,46 @@ def files_asked(host_id: UUID) -> list[FileAsked]:
     ][:_MOST_ASKED]
 
 
+def read_file(incoming_id: UUID) -> None:
+    """Read a file that waits; one that is damaged here and was measured has a person look.
+
+    Effect:
+        None on matter. Writes the file with its readings, or why it is not read.
+    """
+    telemetry_services.read_incoming(incoming_id, _tell_damaged)
+
+
+def _tell_damaged(row: Incoming) -> None:
+    """Ask a person about a file that its host has dropped and this disk has spoilt."""
+    rows = Attempt.objects.select_related("job__run")
+    attempt = None if row.action_id is None else rows.filter(pk=row.action_id).first()
+    if attempt is None:
+        return
+    crutd_services.open_ticket(
+        row.lab,
+        "file.damaged",
+        f"{_named_in(row, attempt)} is lost: {row.message}. Look at the server's disk, and whether "
+        "the instrument still has the file and bring it, or measure again.",
+        _about(row, attempt),
+    )
+
+
+def _named_in(row: Incoming, attempt: Attempt) -> str:
+    device = "" if row.device is None else f" of {row.device.name}"
+    return f"{row.name}{device}, run #{attempt.job.run.number}, action {attempt.job.index + 1},"
+
+
+def _about(row: Incoming, attempt: Attempt) -> dict[str, str]:
+    job = attempt.job
+    return {
+        "host_id": str(attempt.host_id),
+        "run_id": str(job.run_id),
+        "job_id": str(job.pk),
+        "device_id": str(job.device_id),
+        "sha256": row.sha256,
+    }
+
+
 @atomic
 def take_gone(host_id: UUID, gone: FileGone) -> None:
     """Write down that a file is lost, and have a person look; what is here already stays.
@@ -157,21 +208,23 @@ def take_gone(host_id: UUID, gone: FileGone) -> None:
         None on matter: what the action did to it stands. Its measurement is not there.
     """
     attempt = _attempt(host_id, gone.action_id)
-    if attempt is None:
-        return
-    row = telemetry_services.note_lost(attempt.pk, gone.sha256, gone.message[:500])
+    if attempt is not None:
+        _lose(host_id, attempt, gone.sha256, gone.message[:500])
+
+
+@atomic
+def _lose(host_id: UUID, attempt: Attempt, sha256: str, message: str) -> None:
+    row = telemetry_services.note_lost(attempt.pk, sha256, message)
     if row is None:
         return
-    job = attempt.job
     crutd_services.open_ticket(
         row.lab,
         "file.lost",
-        f"{row.name} of run #{job.run.number}, action {job.index + 1}, is lost: {row.message}. "
-        "Look whether the instrument still has it and bring it, or measure again.",
-        {"host_id": str(host_id), "run_id": str(job.run_id), "job_id": str(job.pk)}
-        | {"device_id": str(job.device_id), "sha256": row.sha256},
+        f"{_named_in(row, attempt)} is lost: {row.message}. Look whether the instrument still has "
+        "it and bring it, or measure again.",
+        {**_about(row, attempt), "host_id": str(host_id)},
     )
-    on_commit(partial(announce, job.run_id, job.pk))
+    on_commit(partial(announce, attempt.job.run_id, attempt.job_id))
 
 
 def _attempt(host_id: UUID, action_id: UUID) -> Attempt | None:

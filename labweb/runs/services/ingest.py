@@ -14,10 +14,12 @@ from django.db.transaction import atomic
 
 from labweb.accounts import selectors as account_selectors
 from labweb.common.clock import now
+from labweb.crutd import selectors as crutd_selectors
 from labweb.crutd import services as crutd_services
 from labweb.crutd.services import Settlement
 from labweb.domain.calibration.model import Correction
 from labweb.domain.calibration.reading import corrected
+from labweb.domain.canonical import without_null
 from labweb.domain.crutd.decide import Outcome, OutcomeKind
 from labweb.domain.errors import LabError, StateError
 from labweb.domain.messages import EdgeEvent
@@ -34,11 +36,15 @@ from labweb.runs.services import dispatch, drivers
 from labweb.runs.services.batches import settle_batch
 from labweb.runs.services.carrying import hand_on
 from labweb.runs.services.custody import KINDS, take_custody_event
+from labweb.runs.services.doubts import doubt
 from labweb.runs.services.fencing import quarantine
 from labweb.runs.services.files import await_files
 from labweb.runs.services.state import move_job, refresh_run
 
 logger = logging.getLogger(__name__)
+
+_SENSELESS = (LabError, DataError, ValueError, KeyError, TypeError, AttributeError)
+"""What comes of an event that says what cannot be."""
 
 
 @atomic
@@ -47,8 +53,10 @@ def ingest_events(host_id: UUID, epoch: int, events: Sequence[EdgeEvent]) -> int
 
     Returns:
         The sequence number up to which the host may forget, or None when the session is
-        over: another one took its place, or the log has a gap, a fork or an event that
-        cannot be. The last three quarantine the host; nothing of the frame is kept.
+        over: another one took its place, or the log has a gap, a fork or an event of an
+        action that cannot be. The last three quarantine the host, for what it has done is
+        not known then; nothing of the frame is kept. An event that speaks of no action and
+        makes no sense is kept, and a ticket says so.
     """
     host = enrollment_selectors.host_for_update(host_id)
     record = enrollment_services.record_of(host)
@@ -61,10 +69,9 @@ def ingest_events(host_id: UUID, epoch: int, events: Sequence[EdgeEvent]) -> int
     try:
         with atomic():
             for event in intake.fresh:
-                _keep(host, event)
-                _apply(host, event)
+                _take(host, event)
             drivers.switch_idle(host)
-    except (LabError, DataError, ValueError, KeyError, TypeError, AttributeError) as error:
+    except _SENSELESS as error:
         quarantine(host, "host.bad_event", f"an event makes no sense: {error}")
         return None
     if intake.fresh:
@@ -73,6 +80,31 @@ def ingest_events(host_id: UUID, epoch: int, events: Sequence[EdgeEvent]) -> int
         host.epoch_seen = heard(record).epoch_seen
         host.save(update_fields=["acked_seq", "hash_at_acked", "epoch_seen"])
     return host.acked_seq
+
+
+def _take(host: EdgeHost, event: EdgeEvent) -> None:
+    if b"\\u0000" in msgspec.json.encode(event.body):
+        event = msgspec.structs.replace(event, body=without_null(event.body))
+    _keep(host, event)
+    if event.action_id is not None:
+        _apply(host, event, event.action_id)
+        return
+    try:
+        with atomic():
+            _apply_word(host, event)
+    except _SENSELESS as error:
+        _doubt_word(host, event, str(error))
+
+
+def _doubt_word(host: EdgeHost, event: EdgeEvent, why: str) -> None:
+    """Ask a person to look at a word of a host that changed nothing; once for each kind of word."""
+    logger.warning("event %d of %s, %s, makes no sense: %s", event.seq, host.name, event.kind, why)
+    about = {"host_id": str(host.id), "kind": event.kind}
+    known = crutd_selectors.open_tickets(host.lab).filter(code="host.bad_word")
+    if not known.filter(detail__contains=about).exists():
+        text = f"what {host.name} says of {event.kind} makes no sense, and changed nothing: {why}"
+        detail = {**about, "seq": event.seq, "body": event.body}
+        crutd_services.open_ticket(host.lab, "host.bad_word", text[:2000], detail)
 
 
 def _keep(host: EdgeHost, event: EdgeEvent) -> None:
@@ -91,7 +123,8 @@ def _keep(host: EdgeHost, event: EdgeEvent) -> None:
     )
 
 
-def _apply(host: EdgeHost, event: EdgeEvent) -> None:
+def _apply_word(host: EdgeHost, event: EdgeEvent) -> None:
+    """Apply what a host says of itself, of versions of drivers and of vessels on their way."""
     if event.kind == "stop_reset":
         Outbox.objects.filter(
             host=host,
@@ -103,17 +136,15 @@ def _apply(host: EdgeHost, event: EdgeEvent) -> None:
         drivers.take_driver_event(host, event)
     if event.kind in KINDS:
         take_custody_event(host, event)
-    if event.action_id is None:
-        return
-    selectors.hold_run_of(event.action_id)
-    attempt = selectors.attempt_for_update(event.action_id)
+
+
+def _apply(host: EdgeHost, event: EdgeEvent, action_id: UUID) -> None:
+    selectors.hold_run_of(action_id)
+    attempt = selectors.attempt_for_update(action_id)
     if attempt is None or attempt.host_id != host.id:
-        crutd_services.open_ticket(
-            host.lab,
-            "host.unknown_action",
-            f"{host.name} reports on an action this server never sent it",
-            {"host_id": str(host.id), "action_id": str(event.action_id), "kind": event.kind},
-        )
+        text = f"{host.name} reports on an action this server never sent it"
+        detail = {"action_id": str(action_id), "kind": event.kind}
+        doubt(host, "host.unknown_action", text, detail, "action_id")
         return
     meaning = read_event(event.kind, event.body, JobState(attempt.job.state))
     dispatch.settle_outbox(attempt.id, list(meaning.answered))

@@ -45,6 +45,6 @@ def _isolate_run(run_id: UUID, states: Mapping[UUID, SessionState]) -> int:
 
 
 def _move(ids: tuple[UUID, ...], state: JobState, code: str, message: str) -> None:
-    for job in Job.objects.filter(pk__in=ids).order_by("index").select_for_update():
+    for job in Job.objects.filter(pk__in=ids).order_by("index").select_for_update(no_key=True):
         if job.state in {JobState.QUEUED.value, JobState.SUSPENDED.value}:
             move_job(job, state, Mover.SERVER, code=code, message=message)

@@ -23,6 +23,7 @@ from labweb.resources import selectors as resource_selectors
 from labweb.runs import selectors
 from labweb.runs.models import Job, Run
 from labweb.runs.services.custody import begin_transfer
+from labweb.runs.services.proof import departure_of
 from labweb.runs.services.replan import change_step
 from labweb.runs.services.state import announce, move_job, refresh_run
 
@@ -42,7 +43,8 @@ def recover_job(
     """Carry out what a person chose about a job that ended undone.
 
     The run stays paused until a person resumes it, so that several choices can be made; one
-    of which nothing is left ends.
+    of which nothing is left ends. Of a recipe each choice is compared with what was proved, and
+    what leaves it is kept with the choice.
 
     Raises:
         DefinitionError: No such choice, no note, or an amount that cannot be.
@@ -66,6 +68,7 @@ def recover_job(
         detail["moved_nl"] = _by_hand(job, actor, moved_nl, note)
     else:
         detail |= change_step(run, job, params or {}, actor=actor)
+    detail |= departure_of(run, job, detail)
     _keep(run, actor, detail)
     account_services.write_audit(
         "job.recover", str(job.id), actor=actor, reason=note, detail=detail

@@ -2,30 +2,72 @@
 
 from __future__ import annotations
 
+import logging
+from collections.abc import Collection, Mapping, Sequence
+from uuid import UUID
+
 from labweb.domain.runs.batch import find_batches
-from labweb.domain.runs.scheduler import ready
-from labweb.enrollment import selectors as enrollment_selectors
+from labweb.domain.runs.scheduler import JobView, ready
+from labweb.domain.workflows.plan import Execution
 from labweb.runs import selectors
 from labweb.runs.services.batches import dispatch_batch
 from labweb.runs.services.carrying import dispatch_carry
 from labweb.runs.services.dispatch import dispatch_job
+from labweb.runs.services.failing import is_away, is_passing, set_aside
+
+logger = logging.getLogger(__name__)
 
 
 def dispatch_ready() -> int:
     """Dispatch every job that may go now, each alone or each batch in a transaction.
 
+    A run that fails in a way that nobody foresaw is paused, and keeps no other from its turn. One
+    that was in somebody's way has its next turn.
+
     Returns:
         How many jobs were dispatched.
+
+    Raises:
+        Exception: The database is away (`is_away`); or, after all others had their turn, what
+            kept a run from being paused.
     """
-    online = enrollment_selectors.ready_ids()
+    found = selectors.to_schedule()
+    failed, count = dict(found.senseless), 0
+    for run_id, execution, views in found.runs:
+        try:
+            count += _dispatch_run(run_id, execution, views, found.online)
+        except Exception as error:
+            if is_away(error):
+                raise
+            if is_passing(error):
+                logger.warning("run %s has its next turn: %s", run_id, error)
+            else:
+                failed[run_id] = error
+    _set_aside_all(failed)
+    return count
+
+
+def _set_aside_all(failed: Mapping[UUID, Exception]) -> None:
+    left: Exception | None = None
+    for run_id, cause in failed.items():
+        try:
+            set_aside(run_id, cause)
+        except Exception as error:
+            if is_away(error):
+                raise
+            left = error
+    if left is not None:
+        raise left
+
+
+def _dispatch_run(
+    run_id: UUID, execution: Execution | None, views: Sequence[JobView], online: Collection[UUID]
+) -> int:
     count = 0
-    for run_id, execution in selectors.runs_to_schedule():
-        views = selectors.views(run_id)
-        alone = [view for view in ready(views, online) if execution is None or view.is_carry]
-        for view in alone:
+    for view in ready(views, online):
+        if execution is None or view.is_carry:
             count += (dispatch_carry if view.is_carry else dispatch_job)(run_id, view)
-        if execution is None:
-            continue
+    if execution is not None:
         for members in find_batches(views, online):
             count += dispatch_batch(run_id, [view.id for view in members], execution)
     return count

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Container, Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from datetime import timedelta
 from functools import partial
 from typing import Any
@@ -18,84 +18,28 @@ from labweb.approvals import selectors as approval_selectors
 from labweb.approvals import services as approval_services
 from labweb.approvals.selectors import ApprovalRequest
 from labweb.common.clock import now
-from labweb.common.prepared import insert_rows, together
-from labweb.common.wake import wake_dispatcher
-from labweb.crutd import selectors as crutd_selectors
+from labweb.common.prepared import Question, inserting, together
+from labweb.common.wake import waking
 from labweb.crutd import services as crutd_services
-from labweb.crutd.selectors.facts import lab_facts
+from labweb.crutd.selectors import reserved as reservations
 from labweb.domain.approvals.roles import Permission
 from labweb.domain.crutd import operations
-from labweb.domain.crutd.decide import ResourceState
 from labweb.domain.errors import Finding, PreconditionError, RevisionError
-from labweb.domain.resources.contents import LotId
 from labweb.domain.runs.job import JobState, Mover, RunState
 from labweb.domain.workflows import plan as plans
-from labweb.domain.workflows.agreement.contents import check_contents
 from labweb.domain.workflows.compile import LabView, compile_workflow
 from labweb.domain.workflows.plan import Plan
 from labweb.domain.workflows.protocol import parse_workflow
-from labweb.enrollment import selectors as enrollment_selectors
-from labweb.enrollment.selectors import Device
 from labweb.resources import selectors as resource_selectors
-from labweb.resources.selectors import Lab, Resource
+from labweb.resources.selectors import Lab
 from labweb.runs import selectors
 from labweb.runs.models import Job, Run
+from labweb.runs.services.picture import asking_view, lab_view, view_of
+from labweb.runs.services.proof import check_proved
 from labweb.runs.services.state import announce, move_job, refresh_run
-from labweb.telemetry import selectors as telemetry_selectors
 from labweb.workflows.selectors import WorkflowVersion
 
 _REQUEST_LIFE = timedelta(hours=24)
-
-
-def lab_view(lab: Lab) -> LabView:
-    """Return the frozen picture of a lab that compiling works on."""
-    rows: list[Resource]
-    devices: list[Device]
-    rows, devices, lots, materials, connections = together(
-        resource_selectors.NODES.asking(lab=lab.pk),
-        enrollment_selectors.TO_PLAN.asking(lab=lab.pk),
-        resource_selectors.LOTS.asking(lab=lab.pk),
-        resource_selectors.MATERIALS.asking(lab=lab.pk),
-        resource_selectors.CONNECTIONS.asking(lab=lab.pk),
-    )
-    specs = enrollment_selectors.specs_of(devices)
-    calibrations = selectors.calibrations_of(devices, at=now())
-    return LabView(
-        tree=resource_selectors.tree_of(rows),
-        graph=resource_selectors.to_graph(connections),
-        devices=tuple(
-            msgspec.structs.replace(
-                enrollment_selectors.to_domain(row, specs[row.id]),
-                calibrations=calibrations.get(row.id, ()),
-            )
-            for row in devices
-        ),
-        snapshot=_as_devices_say(crutd_selectors.lab_snapshot(rows), devices),
-        densities_mg_ul={LotId(str(lot.id)): lot.material.density_mg_ul for lot in lots},
-        facts=lab_facts(lab, lots, materials),
-        lots={lot.key: LotId(str(lot.id)) for lot in lots},
-        materials={row.key: row.id for row in materials},
-    )
-
-
-def _as_devices_say(
-    snapshot: dict[UUID, ResourceState], devices: list[Device]
-) -> dict[UUID, ResourceState]:
-    """Put what a device last told of its own state over the record of it.
-
-    A pump that was switched off has lost its zero, whatever was recorded before.
-    """
-    told = telemetry_selectors.latest_of("is_initialized", [row.id for row in devices])
-    found = dict(snapshot)
-    for row in devices:
-        if told.get(row.id) is not False:
-            continue
-        for node in (UUID(text) for text in row.nodes.values()):
-            state = found[node]
-            if "is_initialized" in state.data:
-                data = {**state.data, "is_initialized": False}
-                found[node] = replace(state, data=data)
-    return found
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,6 +57,7 @@ def preview(
     *,
     view: LabView | None = None,
     reach: resource_selectors.Reach | None = None,
+    rules: Sequence[approval_selectors.Policy] | None = None,
 ) -> Preview:
     """Compile a workflow document against the lab as it is.
 
@@ -122,6 +67,7 @@ def preview(
         view: The lab as it was read already; None reads it.
         reach: Where the asker has the permission that they need on all that the document
             names and its plan uses; None: nobody asks.
+        rules: The policies that are in force; None reads them.
 
     Raises:
         ForbiddenError: They lack it on one of these. Told before anything is compiled where
@@ -138,7 +84,7 @@ def preview(
     plan = compile_workflow(parse_workflow(document), view)
     if reach is not None:
         reach.require(touched(plan))
-    names = tuple(policy.name for policy in approval_services.asking_policies(lab, plan))
+    names = tuple(policy.name for policy in approval_services.asking_policies(lab, plan, rules))
     return Preview(plan, names)
 
 
@@ -201,15 +147,13 @@ def start_run(
     Effect:
         Nothing moves before the dispatcher sends the first job.
     """
-    lab = resource_selectors.lab_for_update(version.workflow.lab_id)
-    if lab.is_stopped:
-        finding = Finding("run.lab_stopped", "the lab is stopped: a person has to reset it first")
-        raise PreconditionError(finding.message, code=finding.code, findings=[finding])
-    reach = resource_selectors.reach_of(actor, Permission.RUN)
-    view = lab_view(lab)
-    found = preview(lab, version.document, view=view, reach=reach)
+    scene = hold_scene(version.workflow.lab_id, actor)
+    lab, view = scene.lab, scene.view
+    found = preview(lab, version.document, view=view, reach=scene.reach, rules=scene.rules)
     check_proved(version, view)
-    crutd_services.refuse_reserved_by_others(touched(found.plan), actor_id=actor.pk)
+    crutd_services.refuse_reserved_by_others(
+        touched(found.plan), actor_id=actor.pk, is_any=scene.is_any_reserved
+    )
     plan_digest = plans.digest(found.plan)
     _check_seen(plan_digest, seen_digest)
     policies = found.policies if wish is None else (*found.policies, wish.rule)
@@ -217,7 +161,7 @@ def start_run(
     state = RunState.AWAITING_APPROVAL if needs_person else RunState.QUEUED
     run = Run(
         lab=lab,
-        number=selectors.next_run_number(lab),
+        number=scene.run_number,
         version=version,
         plan=msgspec.to_builtins(found.plan),
         plan_digest=plan_digest,
@@ -227,32 +171,64 @@ def start_run(
         ask_id=None if wish is None else wish.ask_id,
         ask_host_id=None if wish is None else wish.host_id,
     )
-    insert_rows([run])
     job_state = JobState.AWAITING_APPROVAL if needs_person else JobState.QUEUED
-    write_jobs(run, found.plan, job_state)
+    rows = [inserting([run]), *_inserting_jobs(run, found.plan, job_state)]
+    last: list[str] | None = None
     if needs_person:
+        together(*rows)
         _ask(run, policies, actor)
     else:
-        wake_dispatcher()
+        *_, last = together(*rows, waking(), *account_services.end_of_audit())
     account_services.write_audit(
-        "run.start", str(run.id), actor=actor, detail={"plan_digest": plan_digest}
+        "run.start", str(run.id), actor=actor, detail={"plan_digest": plan_digest}, after=last
     )
     on_commit(partial(announce, run.id))
     return run
 
 
-def check_proved(
-    version: WorkflowVersion, view: LabView, among: Container[UUID] | None = None
-) -> None:
-    """Refuse a recipe whose vessels hold something else than when it was proved.
+@dataclass(frozen=True, slots=True)
+class Scene:
+    """All that a start asks of a lab, which is locked."""
+
+    lab: Lab
+    reach: resource_selectors.Reach
+    rules: list[approval_selectors.Policy]
+    is_any_reserved: bool
+    """By somebody else."""
+
+    run_number: int
+    view: LabView
+
+
+def hold_scene(lab_id: UUID, actor: User) -> Scene:
+    """Lock the lab, and read under the lock all that a start asks of it; one exchange.
 
     Raises:
-        PreconditionError: `recipe.other_content`; `findings` list each vessel.
+        NotFoundError: There is no such lab.
+        PreconditionError: It is stopped.
     """
-    findings = [] if version.proved is None else check_contents(version.proved, view, among)
-    if findings:
-        first = findings[0]
-        raise PreconditionError(first.message, code=first.code, findings=findings)
+    may = Permission.RUN
+    labs, allowed, rules, reserved, numbers, *answers = together(
+        resource_selectors.LAB_TO_LOCK.asking(id=lab_id),
+        resource_selectors.asking_allowed(actor, may),
+        approval_selectors.RULES.asking(lab=lab_id),
+        reservations.asking_any_live(actor.pk),
+        selectors.asking_run_number(lab_id),
+        *asking_view(lab_id),
+    )
+    lab = resource_selectors.locked(labs, lab_id)
+    if lab.is_stopped:
+        finding = Finding("run.lab_stopped", "the lab is stopped: a person has to reset it first")
+        raise PreconditionError(finding.message, code=finding.code, findings=[finding])
+    ids = resource_selectors.allowed_of(allowed, actor, may)
+    return Scene(
+        lab=lab,
+        reach=resource_selectors.Reach(actor, may, ids),
+        rules=rules,
+        is_any_reserved=bool(reserved),
+        run_number=numbers[0],
+        view=view_of(lab, answers),
+    )
 
 
 def _check_seen(plan_digest: str, seen_digest: str | None) -> None:
@@ -266,6 +242,10 @@ def _check_seen(plan_digest: str, seen_digest: str | None) -> None:
 
 def write_jobs(run: Run, plan: Plan, state: JobState) -> None:
     """Write the jobs of a plan."""
+    together(*_inserting_jobs(run, plan, state))
+
+
+def _inserting_jobs(run: Run, plan: Plan, state: JobState) -> list[Question[Any]]:
     at = now()
     rows = [
         Job(
@@ -289,7 +269,7 @@ def write_jobs(run: Run, plan: Plan, state: JobState) -> None:
         )
         for job in plan.jobs
     ]
-    insert_rows(rows)
+    return [inserting(rows)] if rows else []
 
 
 def _ask(run: Run, policies: tuple[str, ...], actor: User) -> ApprovalRequest:

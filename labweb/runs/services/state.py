@@ -10,7 +10,7 @@ from django.db.transaction import on_commit
 
 from labweb.common import feed
 from labweb.common.clock import now
-from labweb.common.prepared import update_row
+from labweb.common.prepared import Question, together, updating
 from labweb.common.wake import wake_dispatcher
 from labweb.domain.runs.job import FINAL, JobState, Mover, RunState, check_step
 from labweb.domain.runs.scheduler import run_state, state_after_dispatch
@@ -24,6 +24,14 @@ def move_job(job: Job, state: JobState, mover: Mover, **fields: Any) -> None:  #
     Raises:
         StateError: The table of steps does not list it. Nothing was written.
     """
+    together(moving(job, state, mover, **fields))
+    if mover is not Mover.SCHEDULER and (state is JobState.QUEUED or state in FINAL):
+        wake_dispatcher()
+    on_commit(partial(announce, job.run_id, job.id))
+
+
+def moving(job: Job, state: JobState, mover: Mover, **fields: Any) -> Question[Any]:  # noqa: ANN401
+    """Return what writes that step alone, to be asked with others; raises as above."""
     check_step(JobState(job.state), state, mover)
     job.state = state.value
     job.state_at = now()
@@ -33,10 +41,7 @@ def move_job(job: Job, state: JobState, mover: Mover, **fields: Any) -> None:  #
         job.ended_at = job.state_at
     for name, value in fields.items():
         setattr(job, name, value)
-    update_row(job, "state", "state_at", "started_at", "ended_at", *fields)
-    if mover is not Mover.SCHEDULER and (state is JobState.QUEUED or state in FINAL):
-        wake_dispatcher()
-    on_commit(partial(announce, job.run_id, job.id))
+    return updating(job, "state", "state_at", "started_at", "ended_at", *fields)
 
 
 def announce(run_id: UUID, job_id: UUID | None = None) -> None:
@@ -47,13 +52,23 @@ def announce(run_id: UUID, job_id: UUID | None = None) -> None:
 
 def note_sent(run: Run) -> None:
     """Bring a run that is locked in line with a job of it that was sent."""
+    noting = noting_sent(run)
+    if noting is None:
+        refresh_run(run.pk)
+    else:
+        together(*noting)
+
+
+def noting_sent(run: Run) -> list[Question[Any]] | None:
+    """Return what writes that, to be asked with others; None: all its jobs decide."""
     state = state_after_dispatch(RunState(run.state))
     if state is None:
-        refresh_run(run.pk)
-    elif run.started_at is None or run.state != state.value:
-        run.started_at = run.started_at or now()
-        run.state = state.value
-        update_row(run, "started_at", "state")
+        return None
+    if run.started_at is not None and run.state == state.value:
+        return []
+    run.started_at = run.started_at or now()
+    run.state = state.value
+    return [updating(run, "started_at", "state")]
 
 
 def refresh_run(run_id: UUID) -> Run:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from labweb.telemetry.models import File, Incoming, Reading
+from labweb.telemetry.models import DevicePhoto, File, Incoming, Reading
 from labweb.telemetry.selectors.curves import (
     Curve,
     curves,
@@ -33,13 +33,21 @@ from labweb.telemetry.selectors.files import (
     visible_incoming,
     visible_readings,
 )
-from labweb.telemetry.selectors.samples import last_samples, latest, latest_of, samples
+from labweb.telemetry.selectors.photos import find_photo, newest_photo
+from labweb.telemetry.selectors.samples import (
+    asking_latest_in,
+    last_samples,
+    latest,
+    samples,
+)
 
 __all__ = [
     "Curve",
+    "DevicePhoto",
     "File",
     "Incoming",
     "Reading",
+    "asking_latest_in",
     "awaited_files",
     "curves",
     "files_about",
@@ -48,16 +56,17 @@ __all__ = [
     "files_of_jobs",
     "find_file",
     "find_incoming",
+    "find_photo",
     "find_reading",
     "first_readings",
     "gaps",
     "has_file",
     "last_samples",
     "latest",
-    "latest_of",
     "measured_at",
     "measured_by",
     "named_by",
+    "newest_photo",
     "path_of",
     "readings_of",
     "readings_of_jobs",

@@ -111,7 +111,7 @@ def curves(
     points: int = MOST_POINTS,
     statuses: Collection[str] | None = None,
 ) -> dict[str, Curve]:
-    """Return each status within the range: its samples where they fit, else buckets of numbers.
+    """Return each status within the range: its samples where they fit, else its buckets.
 
     Args:
         device_id: Who told it.
@@ -121,8 +121,8 @@ def curves(
         statuses: Which; None: all.
 
     Returns:
-        By status. A status that is no number is there only while its samples fit. At most
-        four queries.
+        By status. Of yes-or-no, buckets tell the share of yes; a text is there only while its
+        samples fit. At most four queries.
     """
     at = time.time()
     found: dict[str, Curve] = {}

@@ -3,21 +3,21 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Collection, Iterable
+from collections.abc import Iterable, Sequence
 from typing import Any
 from uuid import UUID
 
 from django.db import connection
 from django.db.models import QuerySet
 
-from labweb.common.prepared import prepared_cursor
+from labweb.common.prepared import Question
 from labweb.telemetry.models import Sample
 
-_LATEST_OF = """
-SELECT asked.id, told.value FROM unnest(%s::uuid[]) AS asked(id) CROSS JOIN LATERAL (
+_LATEST_IN = """
+SELECT asked.id, told.value FROM enrollment_device AS asked CROSS JOIN LATERAL (
     SELECT value FROM telemetry_sample WHERE device_id = asked.id AND status = %s
     ORDER BY at DESC LIMIT 1
-) AS told
+) AS told WHERE asked.lab_id = %s
 """
 
 _LATEST = """
@@ -50,14 +50,16 @@ def latest(device_ids: Iterable[UUID]) -> dict[UUID, dict[str, tuple[float, Any]
     return found
 
 
-def latest_of(status: str, device_ids: Collection[UUID]) -> dict[UUID, Any]:
-    """Return the newest value of one status of each device that has told it.
+def asking_latest_in(lab_id: UUID, status: str) -> Question[tuple[UUID, Any]]:
+    """Return what finds the newest value of one status of each device of a lab that has told it.
 
     By the index, a step for each device; a day's samples are not read.
     """
-    with prepared_cursor() as cursor:
-        cursor.execute(_LATEST_OF, [list(device_ids), status])
-        return {device_id: json.loads(value) for device_id, value in cursor.fetchall()}
+    return Question(_LATEST_IN, [status, lab_id], _told)
+
+
+def _told(row: Sequence[Any]) -> tuple[UUID, Any]:
+    return row[0], json.loads(row[1])
 
 
 def samples(device_ids: Iterable[UUID], since: float, until: float) -> QuerySet[Sample]:

@@ -20,10 +20,12 @@ from labweb.telemetry.services.incoming import (
     read_incoming,
     ring_incoming,
 )
+from labweb.telemetry.services.photos import MOST_PHOTO_BYTES, keep_photo
 from labweb.telemetry.services.rolling import MOST_TRIMMED, roll_up, trim
 from labweb.telemetry.services.samples import SILENT_S, take_in
 
 __all__ = [
+    "MOST_PHOTO_BYTES",
     "MOST_ROWS",
     "MOST_TRIMMED",
     "PARQUET",
@@ -37,6 +39,7 @@ __all__ = [
     "check_links",
     "drawn",
     "keep_file",
+    "keep_photo",
     "keep_picture",
     "note_lost",
     "read_incoming",

@@ -169,17 +169,22 @@ def _name(told: str) -> str:
     return name
 
 
-def received(stream: IO[bytes], target: Path) -> str:
-    """Write a stream to disk block by block, and return the digest of its bytes."""
+def received(stream: IO[bytes], target: Path, most_bytes: int | None = None) -> str:
+    """Write a stream to disk block by block, and return the digest of its bytes.
+
+    Raises:
+        DefinitionError: `file.too_large`, `file.empty`.
+    """
+    most_bytes = MOST_BYTES if most_bytes is None else most_bytes
     digest, size = hashlib.sha256(), 0
     with target.open("xb") as file:
         while block := stream.read(_BLOCK):
             size += len(block)
-            if size > MOST_BYTES:
+            if size > most_bytes:
                 raise DefinitionError(
-                    f"a file may have {MOST_BYTES} bytes",
+                    f"a file may have {most_bytes} bytes here",
                     code="file.too_large",
-                    context={"most_bytes": MOST_BYTES},
+                    context={"most_bytes": most_bytes},
                 )
             digest.update(block)
             file.write(block)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import io
 import os
+from collections.abc import Callable
 from datetime import timedelta
 from functools import partial
 from pathlib import Path
@@ -100,11 +101,18 @@ def _path(incoming_id: UUID) -> Path:
     return Path(settings.DATA_DIR) / "files" / ".waiting" / str(incoming_id)
 
 
-def read_incoming(incoming_id: UUID) -> None:
+def read_incoming(
+    incoming_id: UUID, tell_lost: Callable[[Incoming], None] = lambda _row: None
+) -> None:
     """Read a file that waits, and keep it with its readings, or write down why not.
 
     Its row stays locked while it is read, so that nobody reads it twice, and so that the end
     of this process, whatever it is, gives it free at once.
+
+    Args:
+        incoming_id: Which.
+        tell_lost: Is told, in the same write, of what an action measured and is damaged here:
+            its host has dropped it by then.
     """
     with atomic():
         row = _held(incoming_id)
@@ -124,6 +132,8 @@ def read_incoming(incoming_id: UUID) -> None:
             _refuse(row, error)
             if row.action_id is not None:
                 _keep_refused(row, error)
+            if row.state == Incoming.State.LOST:
+                tell_lost(row)
         row.ended_at = now()
         row.save()
         on_commit(partial(_path(row.pk).unlink, missing_ok=True))
@@ -134,7 +144,7 @@ def read_incoming(incoming_id: UUID) -> None:
 
 def _held(incoming_id: UUID) -> Incoming | None:
     rows = Incoming.objects.filter(pk=incoming_id, state=Incoming.State.PENDING)
-    return rows.select_for_update(skip_locked=True).first()
+    return rows.select_for_update(skip_locked=True, no_key=True).first()
 
 
 def _refuse(row: Incoming, error: LabError) -> None:
@@ -156,7 +166,7 @@ def _read(row: Incoming) -> File:
 def _keep_refused(row: Incoming, error: LabError) -> None:
     """Keep what an action measured though nothing of it can be read."""
     if error.code == "file.damaged":
-        row.state = Incoming.State.LOST
+        _lose(row)
         return
     try:
         if error.code == "file.exists":
@@ -164,11 +174,19 @@ def _keep_refused(row: Incoming, error: LabError) -> None:
         with atomic():
             row.file = _kept(row, KEPT_ONLY)
     except StateError as again:
+        if again.code == "file.damaged":
+            _lose(row)
+            return
         if again.code != "file.exists":
             raise
         row.file = File.objects.get(pk=again.context["file_id"])
         if error.code == "file.exists":
             row.state, row.code, row.message = Incoming.State.PARSED, "", ""
+
+
+def _lose(row: Incoming) -> None:
+    row.state, row.code = Incoming.State.LOST, "file.damaged"
+    row.message = "its bytes were damaged on the server's disk, and its host has dropped them"
 
 
 def _kept(row: Incoming, form: str) -> File:
@@ -211,7 +229,7 @@ def ring_incoming() -> int:
         state=Incoming.State.PENDING, asked_at__lt=now() - RING_AGAIN_AFTER
     )
     with atomic():
-        rows = list(due.select_for_update(skip_locked=True).order_by("id")[:100])
+        rows = list(due.select_for_update(skip_locked=True, no_key=True).order_by("id")[:100])
         Incoming.objects.filter(pk__in=[row.pk for row in rows]).update(asked_at=now())
     for row in rows:
         queue.ask(READ_TASK, str(row.pk))
@@ -279,7 +297,7 @@ def note_lost(action_id: UUID, sha256: str, message: str) -> Incoming | None:
         rows = Incoming.objects.filter(
             action_id=action_id, sha256=sha256, state=Incoming.State.AWAITED
         )
-        row = rows.select_for_update().first()
+        row = rows.select_for_update(no_key=True).first()
         if row is None:
             return None
         row.state, row.code, row.message = Incoming.State.LOST, LOST, message

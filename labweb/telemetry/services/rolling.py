@@ -24,11 +24,14 @@ OVERDUE_S = 60.0
 _OF_SAMPLES = """
     SELECT count(*)::bigint AS count, min(number) AS low, max(number) AS high, avg(number) AS mean
     FROM (
-        SELECT value::float8 AS number FROM telemetry_sample
+        SELECT CASE jsonb_typeof(value) WHEN 'number' THEN value::float8
+            ELSE value::boolean::int::float8 END AS number FROM telemetry_sample
         WHERE device_id = cells.device_id AND status = cells.status
-        AND at >= cells.at AND at < cells.at + 1 AND jsonb_typeof(value) = 'number' OFFSET 0
+        AND at >= cells.at AND at < cells.at + 1
+        AND jsonb_typeof(value) IN ('number', 'boolean') OFFSET 0
     ) AS within
 """
+"""Yes counts 1 and no counts 0, so that the mean is the share of yes."""
 
 _OF_BUCKETS = """
     SELECT sum(count)::bigint AS count, min(low) AS low, max(high) AS high,

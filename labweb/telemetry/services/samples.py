@@ -41,7 +41,8 @@ WITH came AS (
     ON CONFLICT DO NOTHING
     RETURNING device_id, status, at, jsonb_typeof(value) AS kind
 ), cells AS (
-    SELECT DISTINCT device_id, status, floor(at) AS at FROM came WHERE kind = 'number'
+    SELECT DISTINCT device_id, status, floor(at) AS at FROM came
+    WHERE kind IN ('number', 'boolean')
 )
 INSERT INTO telemetry_mark (level_s, due_at, device_ids, statuses, ats)
 SELECT 1, %s, array_agg(device_id), array_agg(status), array_agg(at)

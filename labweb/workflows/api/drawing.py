@@ -29,7 +29,7 @@ class Steps(APIView):
     def get(self, request: Request) -> Response:
         """Return unit operations, device actions and the units a person may write."""
         seen = resource_selectors.allowed_ids(user_of(request), Permission.VIEW)
-        devices = enrollment_selectors.visible_devices(resource_selectors.the_lab(), seen)
+        devices = enrollment_selectors.visible_present(resource_selectors.the_lab(), seen)
         units = {
             name: {
                 "canonical": dimension.canonical,

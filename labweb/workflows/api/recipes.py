@@ -32,6 +32,7 @@ class Opened(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
     """What is stated beside the recipe, `labweb.declared/1`; empty: nothing."""
 
     rinse: list[str] = []
+    primes: bool = False
     parameters: dict[str, str] = {}
     equiv_reference: str = ""
     equiv_amount: str = ""
@@ -47,6 +48,7 @@ class Opened(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
             blueprints=tuple(self.blueprints),
             declared=self.declared,
             rinse=tuple(self.rinse),
+            primes=self.primes,
             parameters=self.parameters,
             equiv_reference=self.equiv_reference,
             equiv_amount=self.equiv_amount,
@@ -70,6 +72,7 @@ class Kept(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
     blueprints: list[bytes] = []
     declared: bytes = b""
     rinse: list[str] = []
+    primes: bool = False
     parameters: dict[str, str] = {}
     equiv_reference: str = ""
     equiv_amount: str = ""
@@ -111,6 +114,7 @@ class KeepRecipe(APIView):
             blueprints=tuple(told.blueprints),
             declared=told.declared,
             rinse=tuple(told.rinse),
+            primes=told.primes,
             parameters=told.parameters,
             equiv_reference=told.equiv_reference,
             equiv_amount=told.equiv_amount,

@@ -97,7 +97,9 @@ def save_draft(
         RevisionError: Somebody saved in between; `context` carries the newer draft.
         DefinitionError: The document is too large, or its name is not printable.
     """
-    row = Workflow.objects.select_for_update().get(pk=selectors.find_workflow(workflow_id).pk)
+    row = Workflow.objects.select_for_update(no_key=True).get(
+        pk=selectors.find_workflow(workflow_id).pk
+    )
     _may_draw(row.lab, actor)
     _check_size(document)
     _check_revision(row, revision)
@@ -126,13 +128,15 @@ def save_version(
     """Freeze the draft as the next version; the same draft twice is one version.
 
     `revision` is of the draft that the author saw; None freezes whichever is there. `proved` is
-    what a proof takes for granted; None: that of the last version with the same document, if any.
+    what a proof takes for granted; None: that of the last version that does the same, if any.
 
     Raises:
         RevisionError: Somebody saved in between; `context` carries the newer draft.
         ProtocolError: The draft is malformed; findings list each place.
     """
-    row = Workflow.objects.select_for_update().get(pk=selectors.find_workflow(workflow_id).pk)
+    row = Workflow.objects.select_for_update(no_key=True).get(
+        pk=selectors.find_workflow(workflow_id).pk
+    )
     if actor is not None:
         _may_draw(row.lab, actor)
     if revision is not None:
@@ -140,8 +144,8 @@ def save_version(
     parse_workflow(row.draft)
     digest = hashlib.sha256(canonical(row.draft)).hexdigest()
     if proved is None:
-        same = row.versions.filter(digest=digest, proved__isnull=False).order_by("-number").first()
-        proved = None if same is None else same.proved
+        same = selectors.proof_of(row, row.draft)
+        proved = None if same is None or same.changes else same.version.proved
     last = row.versions.order_by("-number").first()
     if last is not None and last.digest == digest and last.proved == proved:
         return last

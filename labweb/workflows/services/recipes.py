@@ -5,8 +5,10 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
-from threading import BoundedSemaphore
+from threading import BoundedSemaphore, Condition
 from typing import Any
 
 import msgspec
@@ -38,6 +40,11 @@ WAIT_S = 30.0
 _AT_ONCE = BoundedSemaphore(2)
 """Recipes that one server compiles side by side."""
 
+_asking: set[object] = set()
+"""Whose recipe is being compiled, or waits for its place: one of each person."""
+
+_told = Condition()
+
 
 def open_recipe(lab: Lab, asked: Asked, *, on_lab: bool, actor: User) -> dict[str, Any]:
     """Read a recipe, bind it to a graph, compile it and have the plan proved.
@@ -56,7 +63,7 @@ def open_recipe(lab: Lab, asked: Asked, *, on_lab: bool, actor: User) -> dict[st
     Effect:
         None. Nothing is stored.
     """
-    found: dict[str, Any] = _run("open", _with_graph(lab, asked, on_lab=on_lab, actor=actor))
+    found: dict[str, Any] = _run("open", _with_graph(lab, asked, on_lab=on_lab, actor=actor), actor)
     return found
 
 
@@ -69,7 +76,7 @@ def advise_on(lab: Lab, asked: Asked, *, on_lab: bool, actor: User) -> dict[str,
     Effect:
         None. The graph of the lab stays as it is.
     """
-    return _run("advise", _with_graph(lab, asked, on_lab=on_lab, actor=actor))
+    return _run("advise", _with_graph(lab, asked, on_lab=on_lab, actor=actor), actor)
 
 
 def keep_recipe(lab: Lab, asked: Asked, *, name: str, actor: User) -> WorkflowVersion:
@@ -86,7 +93,7 @@ def keep_recipe(lab: Lab, asked: Asked, *, name: str, actor: User) -> WorkflowVe
     """
     lab_file = _lab_file(lab, actor)
     graph = render_graph(lab_file)
-    found = _run("workflow", replace(asked, name=name.strip() or asked.name, graph=graph))
+    found = _run("workflow", replace(asked, name=name.strip() or asked.name, graph=graph), actor)
     template = parse_workflow(found["document"])
     document = render_workflow(resolve_keys(template, lab_file.tree))
     proved = render_proved(found["proved"], lab_file)
@@ -112,13 +119,34 @@ def _lab_file(lab: Lab, actor: User) -> LabFile:
     return lab_file_of(lab)
 
 
-def _run(act: str, asked: Asked) -> dict[str, Any]:
-    if not _AT_ONCE.acquire(timeout=WAIT_S):
-        raise LockedError("other recipes are being compiled: try again", code="recipe.busy")
+@contextmanager
+def _place_for(actor: User) -> Iterator[None]:
+    """Wait for a place, of which one person has one at a time: the other stays for others.
+
+    Raises:
+        LockedError: `recipe.busy`.
+    """
+    with _told:
+        if not _told.wait_for(lambda: actor.pk not in _asking, WAIT_S):
+            text = "another recipe of yours is still being compiled: wait for it"
+            raise LockedError(text, code="recipe.busy")
+        _asking.add(actor.pk)
     try:
-        raw = _answer(act, msgspec.json.encode(asked))
+        if not _AT_ONCE.acquire(timeout=WAIT_S):
+            raise LockedError("other recipes are being compiled: try again", code="recipe.busy")
+        try:
+            yield
+        finally:
+            _AT_ONCE.release()
     finally:
-        _AT_ONCE.release()
+        with _told:
+            _asking.discard(actor.pk)
+            _told.notify_all()
+
+
+def _run(act: str, asked: Asked, actor: User) -> dict[str, Any]:
+    with _place_for(actor):
+        raw = _answer(act, msgspec.json.encode(asked))
     told: dict[str, Any] = msgspec.json.decode(raw)
     if "error" in told:
         error = told["error"]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import json
 from contextlib import suppress
 from typing import Any
@@ -14,7 +15,10 @@ from labweb.domain.enrollment.admission import admitted_spec, check_admission, r
 from labweb.domain.enrollment.sighting import (
     beacon_bytes,
     expand_addresses,
+    is_key,
+    is_legible,
     is_sane,
+    legible,
     mark_of,
     parse_beacon,
     sighting_of,
@@ -24,6 +28,7 @@ from labweb.domain.errors import DefinitionError
 from labweb.domain.messages import Sighting
 
 PLAIN: dict[str, Any] = {"labweb": 1, "name": "Stirrer", "port": 5000}
+KEY = base64.b64encode(bytes(range(32))).decode()
 HEAT = ActionSpec(
     name="heat",
     parameters=(ParameterSpec(name="temperature_c", type="number", minimum=0.0, maximum=300.0),),
@@ -74,9 +79,9 @@ def test_nesting_is_refused() -> None:
 
 
 def test_the_signature_is_over_every_other_field() -> None:
-    one = parse_beacon(packet(key="k", signature="s"))
-    assert beacon_bytes(one) == beacon_bytes(parse_beacon(packet(key="k", signature="t")))
-    assert beacon_bytes(one) != beacon_bytes(parse_beacon(packet(key="k", signature="s", port=1)))
+    one = parse_beacon(packet(key=KEY, signature="s"))
+    assert beacon_bytes(one) == beacon_bytes(parse_beacon(packet(key=KEY, signature="t")))
+    assert beacon_bytes(one) != beacon_bytes(parse_beacon(packet(key=KEY, signature="s", port=1)))
 
 
 def test_another_key_is_another_candidate_and_a_serial_outlives_its_address() -> None:
@@ -136,3 +141,41 @@ def test_the_host_asks_the_same() -> None:
     assert refusal(admission, "go", {})[0] == "edge.not_admitted"
     assert refusal({}, "heat", {})[0] == "edge.not_admitted"
     assert refusal(None, "go", {}) == ("", "")
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        *("0815\u202e", "0815\u200b", "0815\u3164", "0815\u034f", "\u2066a", "a\tb", "a\u00a0b"),
+        *(" a", "a ", "a  b", "e" + "\u0301" * 4, "e\u0301", "\x1b[2J", "a\ufe0f"),
+    ],
+)
+def test_what_a_person_does_not_see_as_it_is_is_not_legible(text: str) -> None:
+    assert not is_legible(text)
+    assert not is_sane(Sighting(source="beacon", address="a", serial=text))
+    with pytest.raises(DefinitionError):
+        parse_beacon(packet(serial=text))
+
+
+@pytest.mark.parametrize("text", ["", "RCT basic", "Rührer №2", "天平", "<b>", "ตู้อบ", "ميزان"])
+def test_names_of_any_language_are_legible(text: str) -> None:
+    assert is_legible(text)
+
+
+def test_what_usb_says_is_kept_as_far_as_it_can_be_read() -> None:
+    assert legible("FT232R  USB UART ") == "FT232R USB UART"
+    assert legible("A\u202eB") == ""
+    assert legible("x" * 300) == "x" * 100
+
+
+def test_a_key_is_written_in_one_way() -> None:
+    assert is_key(KEY)
+    others = [KEY[:-2] + last + "=" for last in "ABCDEFGHIJKLMNOPQRSTUVWXYZ89+/"]
+    same = [one for one in others if one != KEY and base64.b64decode(one) == base64.b64decode(KEY)]
+    assert same, "base64 has another way to write this key"
+    for wrong in (*same, "", "AAAA", KEY + "\n", KEY.rstrip("="), "k"):
+        assert not is_key(wrong)
+        assert not wrong or not is_sane(Sighting(source="beacon", address="a", public_key=wrong))
+    for wrong in same:
+        with pytest.raises(DefinitionError):
+            parse_beacon(packet(key=wrong, signature="s"))

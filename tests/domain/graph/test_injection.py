@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import msgspec
 import pytest
 
 from drivers.load import read_spec
 from labweb.domain.enrollment.spec import DriverSpec
-from labweb.domain.graph.injection import check_parts, injected
+from labweb.domain.graph.injection import injected
 from labweb.domain.graph.lab_file.config import check_config
+from labweb.domain.graph.refit import decision_of, find_changes, list_changes
 
 CONFIGS: dict[str, dict[str, float]] = {
     "drivers.connectors.tricontinent_c3000": {"syringe_ul": 5000.0, "ports_count": 8},
@@ -58,7 +61,7 @@ def test_what_is_brought_is_what_the_tree_allows(module: str) -> None:
 
 
 def test_a_driver_of_no_role_in_the_tree_brings_nothing() -> None:
-    made = injected(read_spec("drivers.logistics.ur_dashboard"), {}, key="d", name="D")
+    made = injected(read_spec("drivers.virtual.ros2_node"), {}, key="d", name="D")
     assert (made.parts, made.tubes) == ((), ())
 
 
@@ -66,22 +69,43 @@ def with_roles(*roles: str) -> DriverSpec:
     return DriverSpec(class_name="D", module="m", digest="", roles=roles)
 
 
+def changes(old: DriverSpec, new: DriverSpec, **config: Any) -> list[tuple[str, str]]:  # noqa: ANN401
+    found = find_changes(old, new, config, key="device", name="device")
+    told = list_changes(found, new.class_name)
+    assert bool(told) is bool(decision_of(found, new.class_name)) is bool(found)
+    return [(one.code.removeprefix("driver.parts_"), one.subject) for one in told]
+
+
 @pytest.mark.parametrize(
     ("before", "after", "found"),
     [
-        (("pump",), ("pump", "valve"), [("gained", "device.outlet"), ("gained", "device_valve")]),
-        (("pump", "valve"), ("pump",), [("lost", "device.outlet"), ("lost", "device_valve")]),
-        (("heater_stirrer",), ("thermostat",), [("changed", "device")]),
-        (("ph_sensor",), ("ph_sensor", "camera"), []),
+        (("pump",), ("pump", "valve"), [("gained", "device_valve"), ("gained", "device.outlet")]),
+        (("pump", "valve"), ("pump",), [("lost", "device_valve"), ("lost", "device.outlet")]),
+        (("heater_stirrer",), ("thermostat",), [("gained", "device"), ("lost", "device")]),
+        (("ph_sensor",), ("ph_sensor", "showing"), []),
+        (("ph_sensor",), ("ph_sensor", "camera"), [("gained", "device_camera")]),
+        (("liquid_handler",), ("liquid_handler", "showing"), []),
+        (("shaker",), ("shaker", "temperature_controller"), [("changed", "device")]),
         (("pump", "valve"), ("pump", "valve"), []),
+        (("pump", "valve"), ("valve", "pump"), []),
+        (
+            ("ph_sensor",),
+            ("ph_sensor", "conductivity_sensor"),
+            [("changed", "device")],
+        ),
     ],
 )
 def test_a_version_with_other_parts_is_told_from_one_with_the_same(
     before: tuple[str, ...], after: tuple[str, ...], found: list[tuple[str, str]]
 ) -> None:
-    findings = check_parts(with_roles(*before), with_roles(*after), {})
-    assert [(one.code.removeprefix("driver.parts_"), one.subject) for one in findings] == found
-    assert all("take it up anew" in one.message for one in findings)
+    assert changes(with_roles(*before), with_roles(*after)) == found
+
+
+def test_who_agreed_to_one_list_of_parts_has_not_agreed_to_another() -> None:
+    pump, both = with_roles("pump"), with_roles("pump", "valve")
+    there = find_changes(pump, both, {}, key="d", name="D")
+    back = find_changes(both, pump, {}, key="d", name="D")
+    assert len({decision_of(there, "P"), decision_of(back, "P"), decision_of(there, "Q")}) == 3
 
 
 def test_a_store_with_fewer_places_has_lost_each_of_them() -> None:
@@ -95,7 +119,21 @@ def test_a_store_with_fewer_places_has_lost_each_of_them() -> None:
         )
         for n in (2, 3)
     )
-    (lost,) = check_parts(more, fewer, {})
-    assert (lost.code, lost.subject) == ("driver.parts_lost", "device_slot_3")
-    assert "place 3" in lost.message
-    assert check_parts(more, fewer, {"slots_count": 3}) == []
+    assert changes(more, fewer) == [("lost", "device_slot_3")]
+    assert changes(fewer, more) == [("gained", "device_slot_3")]
+    assert changes(more, fewer, slots_count=3) == []
+
+
+def test_a_deck_with_fewer_slots_has_lost_each_of_them_and_stays() -> None:
+    spec = read_spec("drivers.processing.opentrons_ot2")
+    places = [one for one in spec.config if one.name != "deck"]
+    (deck,) = [one for one in spec.config if one.name == "deck"]
+    one, both = (
+        msgspec.structs.replace(
+            spec,
+            config=(*places, msgspec.structs.replace(deck, default=told, required=False)),
+        )
+        for told in ({"1": "a/b/1"}, {"1": "a/b/1", "7": "a/b/1"})
+    )
+    assert changes(both, one) == [("lost", "device_deck/7")]
+    assert changes(one, both) == [("gained", "device_deck/7")]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
+from collections.abc import Mapping
 from datetime import date
 from functools import cache
 from pathlib import Path
@@ -47,7 +48,11 @@ def station_file() -> LabFile:
 
 def station(**contents_ul: dict[str, float]) -> LabView:
     """Return the station on its first day; vessels that are named hold something else."""
-    lab = station_file()
+    return view_of(station_file(), contents_ul)
+
+
+def view_of(lab: LabFile, contents_ul: Mapping[str, Mapping[str, float]]) -> LabView:
+    """Return a lab on its first day; vessels that are named hold something else."""
     lots = {lot.key: LotId(str(lot.id)) for lot in lab.lots}
     other = {
         key: {lots[lot]: round(ul * 1000) for lot, ul in held.items()}

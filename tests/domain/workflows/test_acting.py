@@ -5,8 +5,11 @@ from typing import Any
 import pytest
 
 from labweb.domain.crutd.operations import Read, Update
+from labweb.domain.enrollment.device import Device
+from labweb.domain.enrollment.spec import DriverSpec, ParameterSpec, StatusSpec
 from labweb.domain.graph.topology import Medium
 from labweb.domain.resources.contents import LotId
+from labweb.domain.workflows.passes.roles import READ_AFTER, READ_BEFORE, post_conditions
 from tests.domain.workflows.asking import (
     actions,
     codes_of,
@@ -24,6 +27,7 @@ from tests.domain.workflows.bench import (
     flow,
     id_of,
     step,
+    transfer,
 )
 
 
@@ -134,3 +138,47 @@ def test_a_balance_with_another_name_for_its_node_is_found_by_its_resource() -> 
     bench.device("scale", BALANCE, {"pan": "balance_1"})
     plan = plan_of(bench, flow(step("m", "weigh", balance="@balance_1")))
     assert plan.jobs[0].device_id == device_id_of("scale")
+
+
+def test_what_the_review_of_a_device_promises_to_be_read_is_what_plans_read() -> None:
+    heating = {"temperature": "60 °C", "stir_speed": "400 rpm", "hold_for": "20 s"}
+    plans = [
+        plan_of(a_bench(), flow(transfer("t", "water", "reactor", "5 mL"))),
+        plan_of(a_bench(), flow(step("h", "heat_chill", vessel="@reactor", **heating))),
+    ]
+    read_before: dict[str, set[str]] = {}
+    read_after: dict[str, set[str]] = {}
+    for job in (job for plan in plans for job in plan.jobs):
+        own = [one for one in job.post if not one.is_sensor]
+        read_before.setdefault(job.action, set()).update(one.status for one in job.pre)
+        read_after.setdefault(job.action, set()).update(one.status for one in own)
+    assert {"aspirate", "dispense", "select_port", "heat_to", "hold", "stir"} <= set(read_after)
+    for action, statuses in read_before.items():
+        assert statuses == set(READ_BEFORE.get(action, ())), action
+    for action, statuses in read_after.items():
+        assert statuses == ({READ_AFTER[action]} if action in READ_AFTER else set()), action
+
+
+@pytest.mark.parametrize("action", sorted(set(READ_AFTER) - {"aspirate", "dispense"}))
+def test_each_action_of_the_table_has_a_condition_on_its_status(action: str) -> None:
+    status = READ_AFTER[action]
+    spec = DriverSpec(
+        class_name="Any",
+        module="",
+        digest="",
+        statuses=(StatusSpec(name=status, value=ParameterSpec(name=status, type="number")),),
+    )
+    device = Device(
+        id=id_of("any"),
+        key="any",
+        name="Any",
+        host_id=id_of("host"),
+        spec=spec,
+        transport="",
+        config={},
+        nodes={},
+    )
+    numbers = dict.fromkeys(("port_index", "temperature_c", "tolerance_c", "pressure_kpa"), 1.0)
+    args = {**numbers, "tolerance_kpa": 1.0, "speed_rpm": 100.0}
+    (condition,) = post_conditions(device, action, args)
+    assert condition.status == status

@@ -168,6 +168,22 @@ def test_a_foreign_class_is_read_and_told_what_it_lacks(tmp_path: Path) -> None:
     assert all(finding.context["suggestion"] for finding in spec.findings)
 
 
+def test_async_and_plain_actions_of_a_foreign_class_are_told_apart(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    source = FOREIGN.replace("def set_volume", "async def set_volume")
+    path = written(tmp_path, f"{source}\n    def rinse(self):\n        pass\n")
+    spec = inspect_file(path)
+    assert [(one.name, one.is_async) for one in spec.actions] == [
+        ("set_volume", True),
+        ("rinse", False),
+    ]
+    assert parse(encode(spec)) == spec
+    assert "driver.drv012" in {finding.code for finding in spec.findings}
+    assert main([str(path), "--page"]) == 0
+    assert "`set_volume` R3 async, `rinse` R3" in capsys.readouterr().out
+
+
 def test_an_alias_of_itself_ends(tmp_path: Path) -> None:
     source = (
         "A = A | A\nB = Optional[B]\n"
@@ -200,4 +216,21 @@ def test_the_page_has_a_row_for_each_driver(capsys: pytest.CaptureFixture[str]) 
     rows = capsys.readouterr().out.splitlines()[2:]
     assert len(rows) == len(scan(PACKAGE).drivers)
     assert any(row.startswith("| `seeed_ph` | sensors | ph_sensor |") for row in rows)
-    assert {row.count(" | ") for row in rows} == {7}
+    assert {row.count(" | ") for row in rows} == {8}
+    told = {row.split(" | ")[0].strip("| `"): row.split(" | ")[7] for row in rows}
+    assert told["seeed_ph"] == "`value_ph` ±0.1 pH, `temperature_c` ±0.5 °C"
+    assert told["tricontinent_c3000"] == "`volume_ul` ±1 %"
+    assert told["simex_trs02a"] == "`temperature_c` not stated"
+    assert told["knauer_valve"] == "–"
+
+
+def test_a_share_and_a_figure_of_one_number_are_both_told(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    source = (
+        "class P:\n"
+        "    def get_level_v(self) -> Annotated[float, Accuracy(ratio=0.0005, absolute=0.01)]:\n"
+        "        pass\n"
+    )
+    assert main([str(written(tmp_path, source)), "--page"]) == 0
+    assert "±0.05 % and ±0.01 V" in capsys.readouterr().out

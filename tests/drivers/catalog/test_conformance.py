@@ -80,6 +80,11 @@ SAMPLES = [
     ("drv004", "@action(timeout_s=5.0)\n    def wait", "@action(timeout_s=0)\n    def wait"),
     ("drv004", "@action(timeout_s=5.0)\n    def wait", "@action(timeout_s=LIMIT)\n    def wait"),
     ("drv004", "@status(every_s=1.0)", "@status()"),
+    ("drv004", 'hazards=("heat",)', "hazards=HAZARDS"),
+    ("drv004", 'hazards=("heat",)', 'hazards="heat"'),
+    ("drv004", 'hazards=("heat",)', "**MORE"),
+    ("drv004", 'recovery="R2"', 'recovery="R9"'),
+    ("drv004", 'operation="transfer"', "operation=KIND"),
     ("drv005", "Protocol: none.\n", ""),
     ("drv005", "Quality: bronze,", "Quality: platinum,"),
     ("drv005", '        """Wait."""\n', ""),
@@ -103,6 +108,13 @@ SAMPLES = [
     ("drv009", "return 1.0", "return eval('1.0')"),
     ("drv010", "  # manual, section 4.2: eighths of a step", ""),
     ("drv010", "return 1.0", "return self.transport.read_registers(17, 1)[0]"),
+    ("drv012", "def wait(self", "async def wait(self"),
+    ("drv012", "def volume_ul(self)", "async def volume_ul(self)"),
+    (
+        "drv012",
+        "    @status(every_s",
+        '    async def halt(self) -> None:\n        """Stop."""\n\n    @status(every_s',
+    ),
 ]
 
 
@@ -133,4 +145,25 @@ def test_a_broken_rule_is_found(tmp_path: Path, rule: str, good: str, bad: str) 
 
 
 def test_every_rule_has_a_sample() -> None:
-    assert {rule for rule, _, _ in SAMPLES} == {f"drv{number:03}" for number in range(1, 11)}
+    imports = {"drv011"}  # tests/drivers/test_bundle.py
+    wanted = {f"drv{number:03}" for number in range(1, 13)} - imports
+    assert {rule for rule, _, _ in SAMPLES} == wanted
+
+
+def test_an_async_action_is_told_with_its_line_and_what_to_write(tmp_path: Path) -> None:
+    path = tmp_path / "clean.py"
+    path.write_text(CLEAN.replace("def fill(self", "async def fill(self"))
+    spec = inspect_file(path)
+    assert {action.name: action.is_async for action in spec.actions} == {
+        "wait": False,
+        "fill": True,
+    }
+    (finding,) = spec.findings
+    (line,) = [
+        number
+        for number, text in enumerate(path.read_text().splitlines(), start=1)
+        if "async def" in text
+    ]
+    assert finding.code == "driver.drv012"
+    assert finding.context["line"] == line
+    assert finding.context["suggestion"].startswith("def fill(")

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import re
+import socket
 import threading
+import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from typing import Any, cast
@@ -16,7 +18,14 @@ from drivers.characterization._spinsolve import decode_messages, encode_message
 from drivers.characterization.magritek_spinsolve import MagritekSpinsolve
 from drivers.transports.base import ByteTransport
 from drivers.transports.urls import make_transport
-from labweb.domain.errors import DeviceError, Effect, FrameError, PreconditionError, RejectedError
+from labweb.domain.errors import (
+    DeviceError,
+    Effect,
+    FrameError,
+    PreconditionError,
+    RejectedError,
+    UnreachableError,
+)
 from tests.drivers.wire import answering
 
 RUN: dict[str, Any] = {
@@ -242,3 +251,27 @@ def test_a_shim_tells_its_lines_and_one_that_does_not_converge_is_told(start: St
 def test_what_is_no_document_is_refused(data: bytes) -> None:
     with pytest.raises(FrameError):
         decode_messages(data)
+
+
+def test_a_share_that_is_off_hinders_no_status_and_no_halt_and_nothing_begins() -> None:
+    """The computer with the files is off; the spectrometer itself answers."""
+    peer = Peer(told(RUNNING, READY, DONE))
+    with socket.create_server(("127.0.0.1", 0)) as free:
+        off = free.getsockname()[1]
+    with answering(peer) as port:
+        line = make_transport(f"tcp://127.0.0.1:{port}?share={off}")
+        device = MagritekSpinsolve(
+            cast("ByteTransport", line), {"silence_limit_s": 0.5, "data_root": "/data"}
+        )
+        device.connect()
+        assert not device.is_measuring()
+        with pytest.raises(UnreachableError) as caught:
+            device.measure(**RUN)
+        assert caught.value.effect is Effect.NONE
+        assert "<Start" not in peer.asked
+        device.halt()
+        ends_s = time.monotonic() + 5
+        while "<Abort" not in peer.asked and time.monotonic() < ends_s:
+            time.sleep(0.02)
+        assert "<Abort" in peer.asked
+        device.close()

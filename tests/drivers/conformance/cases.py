@@ -3,8 +3,12 @@
 from tests.drivers.conformance.analysers import (
     ANALYSERS,
     CHROMATOGRAPHS,
+    CLUSTERS,
     CONDUCTIVITY,
     CYCLERS,
+    LIQUID_HANDLERS,
+    PLATE_READERS,
+    POTENTIOSTATS,
     SENSORS,
     SPECTROMETERS,
 )
@@ -16,6 +20,10 @@ STIR: Action = ("stir", {"speed_rpm": 300.0})
 STIR_FAST: Action = ("stir", {"speed_rpm": 900.0})
 TEMPER: Action = ("reach_temperature", {"temperature_c": 60.0, "tolerance_c": 1.0})
 SUPPLY: Action = ("supply", {"voltage_v": 2.0, "current_ma": 3000.0})
+
+UNANSWERED = "a setting is not answered and a reading always is: no answer tells that it is busy"
+AT_ONCE = "each command is carried out and answered at once: its table has no word for being busy"
+IN_LINE = "commands are taken in line and carried out one by one: none is refused as busy"
 
 _PLATE_PHYSICS = {"plate_tau_s": 2.0, "vessel_tau_s": 2.0}
 _BATH_PHYSICS = {"bath_tau_s": 4.0, "vessel_tau_s": 2.0}
@@ -37,6 +45,7 @@ HEATER_STIRRERS = [
     Case(
         module="processing.ika_rct_digital",
         model="ika_rct_digital",
+        no_busy=UNANSWERED,
         config=_PLATE,
         settings=_PLATE_PHYSICS,
         act=WARM,
@@ -47,6 +56,7 @@ HEATER_STIRRERS = [
     Case(
         module="processing.ika_ret_control_visc",
         model="ika_ret_control_visc",
+        no_busy=UNANSWERED,
         config=_PLATE,
         settings={**_PLATE_PHYSICS, "external_sensor": False},
         act=WARM,
@@ -70,6 +80,7 @@ STIRRERS = [
     Case(
         module="processing.ika_microstar_75",
         model="ika_microstar_75",
+        no_busy=UNANSWERED,
         config={"max_speed_rpm": 1000.0, "gap_s": 0.03},
         act=STIR_FAST,
         starts=2,
@@ -80,6 +91,7 @@ STIRRERS = [
     Case(
         module="processing.heidolph_stirrer",
         model="heidolph_hei_torque_100",
+        no_busy=AT_ONCE,
         config={"model": "hei_torque_100", "max_speed_rpm": 1000.0},
         is_latching=True,
         act=STIR_FAST,
@@ -90,6 +102,7 @@ STIRRERS = [
     Case(
         module="processing.heidolph_stirrer",
         model="heidolph_rzr_2052",
+        no_busy=AT_ONCE,
         config={"model": "rzr_2052", "max_speed_rpm": 1000.0},
         is_latching=True,
         act=STIR_FAST,
@@ -103,6 +116,7 @@ EVAPORATORS = [
     Case(
         module="processing.ika_rv10_digital",
         model="ika_rv10_digital",
+        no_busy=UNANSWERED,
         config={"max_temperature_c": 90.0, "max_speed_rpm": 200.0, "lift_s": 0.3},
         settings={"bath_tau_s": 4.0},
         act=("heat_bath_to", {"temperature_c": 60.0, "tolerance_c": 1.0}),
@@ -125,6 +139,7 @@ THERMOSTATS = [
     Case(
         module="processing.huber_pb",
         model="huber_pb",
+        no_busy=AT_ONCE,
         config={"max_temperature_c": 90.0, "start_s": 0.05},
         settings=_BATH_PHYSICS,
         act=TEMPER,
@@ -136,6 +151,7 @@ THERMOSTATS = [
     Case(
         module="processing.julabo_cf41",
         model="julabo_cf41",
+        no_busy=UNANSWERED,
         config={"max_temperature_c": 90.0, "gap_s": 0.01},
         settings=_BATH_PHYSICS,
         act=TEMPER,
@@ -147,6 +163,7 @@ THERMOSTATS = [
     Case(
         module="processing.lauda_loop",
         model="lauda_loop",
+        no_busy=AT_ONCE,
         config={"max_temperature_c": 75.0},
         settings=_BATH_PHYSICS,
         act=TEMPER,
@@ -165,6 +182,7 @@ VACUUM_CONTROLLERS = [
     Case(
         module="processing.vacuubrand_cvc3000",
         model="vacuubrand_cvc3000",
+        no_busy=AT_ONCE,
         config={"min_pressure_kpa": 1.0, "gap_s": 0.003},
         settings={"evacuation_s": 10.0},
         act=("evacuate_to", {"pressure_kpa": 20.0, "tolerance_kpa": 1.0}),
@@ -181,6 +199,7 @@ SUPPLIES = [
     Case(
         module="processing.scpi_supply",
         model="keysight_e3633a",
+        no_busy=IN_LINE,
         config={"model": "keysight_e3633a", **_SUPPLY},
         act=SUPPLY,
         verb="output",
@@ -190,6 +209,7 @@ SUPPLIES = [
     Case(
         module="processing.scpi_supply",
         model="itech_it6300",
+        no_busy=IN_LINE,
         carrier="tcp",
         config={"model": "itech_it6300", **_SUPPLY},
         settings={"max_a": 5.0},
@@ -201,6 +221,7 @@ SUPPLIES = [
     Case(
         module="processing.tti_pl",
         model="tti_pl",
+        no_busy=IN_LINE,
         carrier="tcp",
         config=_SUPPLY,
         act=SUPPLY,
@@ -211,6 +232,7 @@ SUPPLIES = [
     Case(
         module="processing.tdk_genesys",
         model="tdk_genesys",
+        no_busy=AT_ONCE,
         config=_SUPPLY,
         act=SUPPLY,
         verb="output",
@@ -220,6 +242,7 @@ SUPPLIES = [
     Case(
         module="processing.manson_hcs",
         model="manson_hcs",
+        no_busy=AT_ONCE,
         config={"model": "HCS-3102", **_SUPPLY},
         act=SUPPLY,
         verb="output",
@@ -306,6 +329,7 @@ FURNACES = [
     Case(
         module="processing.s7_furnace",
         model="s7_furnace",
+        no_busy="its block tells that it heats, which a new target may change, and no more",
         carrier="tcp",
         address="/0/1",
         config={"max_temperature_c": 1000.0, "max_ramp_k_min": 0.0, "watchdog_s": 3600},
@@ -322,6 +346,35 @@ FURNACES = [
     )
 ]
 
+SEPARATORS = [
+    Case(
+        module="processing.chinwe_separator",
+        model="chinwe_separator",
+        config={
+            "vessel_ul": 20_000.0,
+            "max_speed_rpm": 500.0,
+            "low_count": 200,
+            "threshold_count": 350,
+            "high_count": 500,
+            "drain_rate_ul_s": 1000.0,
+            "tolerance_ratio": 0.3,
+            "poll_s": 0.1,
+        },
+        settings={"drain_ul_s": 20.0},
+        ports=("vessel", "outlet"),
+        act=("stir", {"speed_rpm": 300.0, "duration_s": 5.0}),
+        verb="motor",
+        closings=1,
+        beyond=(
+            ("stir", {"speed_rpm": 501.0, "duration_s": 5.0}),
+            ("stir", {"speed_rpm": 300.5, "duration_s": 5.0}),
+            ("drain_lower_phase", {"volume_ul": 20_001.0, "reading": "falls"}),
+            ("drain_lower_phase", {"volume_ul": 50.0, "reading": "falls"}),
+        ),
+        status="neck_signal_count",
+    )
+]
+
 EVERY = [
     *HEATER_STIRRERS,
     *STIRRERS,
@@ -329,6 +382,7 @@ EVERY = [
     *THERMOSTATS,
     *CONTROLLERS,
     *FURNACES,
+    *SEPARATORS,
     *VACUUM_CONTROLLERS,
     *SUPPLIES,
     *CONDUCTIVITY,
@@ -336,6 +390,10 @@ EVERY = [
     *CHROMATOGRAPHS,
     *SPECTROMETERS,
     *ANALYSERS,
+    *POTENTIOSTATS,
+    *LIQUID_HANDLERS,
+    *CLUSTERS,
+    *PLATE_READERS,
     *MOVERS,
     *CYCLERS,
 ]

@@ -56,6 +56,11 @@ class Rig:
         status, answer = self.process.call("POST", path, {"fault": fault, **options})
         assert status < 300, answer
 
+    def has_struck(self, fault: str) -> bool:
+        """Tell whether a fault that waited for its moment has met it."""
+        found = self.process.get(f"/instruments/{self.case.id}/faults")
+        return any(one["fault"] == fault and one["tripped"] for one in found)
+
     def switch_off_and_on(self) -> None:
         """Take all faults away, let the instrument start anew, and connect to it."""
         self.process.call("DELETE", f"/instruments/{self.case.id}/faults")

@@ -38,6 +38,9 @@ class Case:
     is_slow: bool = False
     """It moves by rate and time, so its instrument runs in real time."""
 
+    no_busy: str = ""
+    """Why its protocol cannot show that it is busy; "" where it can."""
+
     variant: str = ""
     """Says which of two firmwares, where both are tried."""
 
@@ -73,6 +76,9 @@ class Case:
 
 SYRINGE = {"syringe_ul": SYRINGE_UL}
 BARREL = {"syringe_ul": 10_000.0, "diameter_mm": 14.567}
+
+GOES_ON = "a pump that runs takes another speed at once: none of its answers says busy"
+"""Why peristaltic pumps and HPLC pumps cannot be busy."""
 
 CASES: tuple[Case, ...] = (
     Case(
@@ -149,6 +155,7 @@ CASES: tuple[Case, ...] = (
         ports=("inlet", "outlet"),
         settings={"ul_per_rev": 800.0},
         config={"per_turn_ul": 800.0},
+        no_busy=GOES_ON,
         is_slow=True,
     ),
     Case(
@@ -159,6 +166,7 @@ CASES: tuple[Case, ...] = (
         ports=("inlet", "outlet"),
         settings={"ul_per_rev": 800.0},
         config={"per_turn_ul": 800.0},
+        no_busy=GOES_ON,
         is_slow=True,
     ),
     Case(
@@ -170,6 +178,7 @@ CASES: tuple[Case, ...] = (
         ports=("inlet", "outlet"),
         settings={"head": 50},
         config={"head": 50},
+        no_busy=GOES_ON,
         is_slow=True,
     ),
     Case(
@@ -283,3 +292,28 @@ def usual_action(case: Case) -> tuple[str, Json]:
     if case.role == "injection_valve":
         return "select_position", {"position": "inject"}
     return "select_port", {"port_index": 3}
+
+
+def actions(case: Case) -> dict[str, tuple[tuple[tuple[str, Json], ...], Json]]:
+    """List all that a driver does: what is done before each action, and its arguments."""
+    stroke: Json = {"volume_ul": 400.0, "rate_ul_s": case.rate_ul_s}
+    flow: Json = {"rate_ul_s": case.rate_ul_s}
+    by_role: dict[str, dict[str, tuple[tuple[tuple[str, Json], ...], Json]]] = {
+        "pump": {
+            "initialize": ((), {}),
+            "aspirate": ((), stroke),
+            "dispense": ((("aspirate", stroke),), stroke),
+        },
+        "infusion_pump": {
+            "infuse": ((("withdraw", stroke),), stroke),
+            "withdraw": ((), stroke),
+        },
+        "continuous_pump": {
+            "start_flow": ((), flow),
+            "stop_flow": ((("start_flow", flow),), {}),
+            "deliver": ((), stroke),
+        },
+    }
+    name, arguments = usual_action(case)
+    found = by_role.get(case.role, {name: ((), arguments)})
+    return found | ({"select_port": ((), {"port_index": case.last_port})} if case.last_port else {})

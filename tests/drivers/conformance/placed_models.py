@@ -13,13 +13,14 @@ from typing import Any
 
 from drivers.base import Driver, Report
 from drivers.load import call_action, load_driver, read_spec
+from drivers.processing import _opentrons
 from drivers.transports import modbus
 from drivers.transports.opcua import transport as opcua
 from drivers.transports.s7 import transport as s7
 from drivers.transports.sila import transport as sila
 from drivers.transports.urls import make_transport
 from fixtures.instruments.models import MODELS
-from labweb.domain.errors import DeviceError
+from labweb.domain.errors import DeviceError, LabError
 from tests.fixtures.hand_bench import a_document, a_vessel
 from tests.fixtures.running import Process, until
 
@@ -85,8 +86,17 @@ class Case:
     is_instant: bool = False
     """The act is over before anything can happen to it."""
 
+    no_busy: str = ""
+    """Why its protocol cannot show that it is busy; "" where it can."""
+
+    ready: tuple[Action, ...] = ()
+    """What is done before it could do anything else, such as being busy."""
+
     starts: int = 1
     """How many starts the instrument records for one such act."""
+
+    closings: int = 0
+    """How many starts more its way to the safe state is recorded as."""
 
     asks: int = 5
     """How many exchanges one such act takes at least; a later answer cannot be lost."""
@@ -165,6 +175,11 @@ class Bench:
     def cure(self, case: Case) -> None:
         assert self._process.call("DELETE", f"/instruments/{case.model}/faults")[0] == 200
 
+    def has_struck(self, case: Case, fault: str) -> bool:
+        """Tell whether a fault that waited for its moment has met it."""
+        found = self._process.get(f"/instruments/{case.model}/faults")
+        return any(one["fault"] == fault and one["tripped"] for one in found)
+
     def state(self, case: Case) -> dict[str, Any]:
         return dict(self._process.get(f"/instruments/{case.model}")["state"])
 
@@ -172,6 +187,10 @@ class Bench:
         """List what the instrument physically started, in order."""
         found = self._process.get(f"/instruments/{case.model}/actuations?since=0")
         return [one for one in found if not verb or one["verb"] == verb]
+
+    def vessel_ul(self, name: str) -> float:
+        """Tell how much a vessel of the world holds."""
+        return float(self._process.get("/world")["vessels"][name]["volume_nl"]) / 1000
 
     def is_over(self, case: Case, verb: str = "") -> bool:
         """Tell whether nothing of this sort goes on."""
@@ -182,7 +201,9 @@ class Bench:
 
 
 @contextmanager
-def running(cases: list[Case], contents: list[dict[str, Any]] | None = None) -> Iterator[Bench]:
+def running(
+    cases: list[Case], contents: list[dict[str, Any]] | None = None, *, speed: float = SPEED
+) -> Iterator[Bench]:
     """Run one process with an instrument and a vessel of its own for each case."""
     with TemporaryDirectory(prefix="lw") as name:
         folder = Path(name)
@@ -206,7 +227,7 @@ def running(cases: list[Case], contents: list[dict[str, Any]] | None = None) -> 
         ]
         process = Process(folder)
         (folder / "bench.json").write_text(json.dumps(a_document(*entries, vessels=vessels)))
-        process.start("--speed", str(SPEED))
+        process.start("--speed", str(speed))
         bench = Bench(process, folder, sides)
         try:
             yield bench
@@ -238,7 +259,7 @@ class Doing:
     """An action that runs on a thread of its own."""
 
     def __init__(self, driver: Driver[Any, Any], act: Action) -> None:
-        self.error: DeviceError | None = None
+        self.error: LabError | None = None
         self._driver, self._act = driver, act
         self._thread = threading.Thread(target=self._run)
         self._thread.start()
@@ -247,7 +268,7 @@ class Doing:
     def is_over(self) -> bool:
         return not self._thread.is_alive()
 
-    def failure(self) -> DeviceError:
+    def failure(self) -> LabError:
         """Wait for the end, which has to be a failure."""
         self._thread.join(20)
         assert self.is_over, "the action goes on for ever"
@@ -257,15 +278,20 @@ class Doing:
     def _run(self) -> None:
         try:
             do(self._driver, self._act)
-        except DeviceError as error:
+        except LabError as error:
             self.error = error
 
 
 def impatient(monkeypatch: Any, case: Case, answer_s: float = 0.2) -> None:  # noqa: ANN401
     """Let the driver wait for an answer no longer than a test can."""
     module = importlib.import_module(case.dotted)
-    if hasattr(module, "ANSWER_S"):
-        monkeypatch.setattr(module, "ANSWER_S", answer_s)
+    for name in {"ANSWER_S", "TARE_S"} & vars(module).keys():
+        monkeypatch.setattr(module, name, answer_s)
+    if hasattr(module, "ASK_S"):
+        monkeypatch.setattr(module, "ASK_S", 2 * answer_s)
+    monkeypatch.setattr(_opentrons, "ANSWER_S", answer_s)
+    monkeypatch.setattr(_opentrons, "ASK_S", 2 * answer_s)
+    monkeypatch.setattr(_opentrons, "END_S", 10 * answer_s)
     monkeypatch.setattr(modbus, "OPEN_TIMEOUT_S", answer_s)
     monkeypatch.setattr(s7, "ANSWER_S", max(answer_s, 0.3))
     monkeypatch.setattr(sila, "ANSWER_S", max(answer_s, 0.5))
@@ -289,7 +315,7 @@ def _connects(driver: Driver[Any, Any]) -> bool:
 
 def _halts(driver: Driver[Any, Any]) -> bool:
     try:
-        driver.transport.acquire(driver)
+        driver.connect()
         driver.halt()
     except DeviceError:
         return False

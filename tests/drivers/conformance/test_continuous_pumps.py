@@ -8,6 +8,7 @@ import time
 import pytest
 
 from drivers.base import DeviceStoppedError
+from drivers.connectors._flow import deliver
 from drivers.load import read_status
 from labweb.domain.errors import Effect, PreconditionError, RejectedError
 from tests.drivers.conformance.conftest import Rig
@@ -73,6 +74,24 @@ def test_a_pump_that_runs_takes_no_delivery(rig: Rig) -> None:
         rig.call("deliver", volume_ul=200.0, rate_ul_s=500.0)
     assert caught.value.effect is Effect.NONE
     rig.call("stop_flow")
+
+
+@every_pump
+def test_a_pump_that_a_stop_stood_still_was_stopped_and_did_not_fail(rig: Rig) -> None:
+    def stopped_while_it_is_asked() -> bool:
+        rig.driver.stop()
+        return bool(read_status(rig.driver, "is_running"))
+
+    with pytest.raises(DeviceStoppedError) as caught:
+        deliver(
+            rig.driver,
+            volume_ul=2000.0,
+            rate_ul_s=500.0,
+            begin=lambda: rig.call("start_flow", rate_ul_s=500.0),
+            end=lambda: rig.call("stop_flow"),
+            is_running=stopped_while_it_is_asked,
+        )
+    assert caught.value.effect is Effect.PARTIAL
 
 
 @every_pump

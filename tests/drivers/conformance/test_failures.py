@@ -19,24 +19,15 @@ from labweb.domain.errors import (
     UnreachableError,
 )
 from tests.drivers.conformance.conftest import Rig
-from tests.drivers.conformance.instruments import CASES, Case, usual_action
+from tests.drivers.conformance.instruments import CASES, Case, actions, usual_action
 
 FOREVER_S = 100_000.0
-BUSY = {"runze_sy03b", "runze_sy01", "hamilton_ml600", "tricontinent_c3000", "runze_sv06"} | {
-    "vici_multiposition",
-    "vici_injection",
-    "idex_mxii",
-    "knauer_valve",
-    "knauer_injection_valve",
-}
-"""Instruments that tell or show that they are busy."""
-
 FROM_MEMORY = {"chemputer_pump", "chemputer_valve", "masterflex_ls"}
 """Instruments that have no query: their drivers tell what was done last."""
 
 every_driver = pytest.mark.parametrize("rig", CASES, indirect=True, ids=lambda case: case.id)
 every_busy = pytest.mark.parametrize(
-    "rig", [case for case in CASES if case.module in BUSY], indirect=True, ids=lambda case: case.id
+    "rig", [case for case in CASES if not case.no_busy], indirect=True, ids=lambda case: case.id
 )
 every_pump = pytest.mark.parametrize(
     "rig", [case for case in CASES if "pump" in case.role], indirect=True, ids=lambda case: case.id
@@ -100,6 +91,27 @@ def test_power_lost_in_mid_action_leaves_the_outcome_in_doubt(rig: Rig) -> None:
     with pytest.raises(DeviceError) as caught:
         act(rig)
     timer.join()
+    assert caught.value.effect is Effect.UNKNOWN
+
+
+@pytest.mark.parametrize("fault", ["power_loss", "no_answer"])
+@pytest.mark.parametrize(
+    ("rig", "name"),
+    [(case, name) for case in CASES for name in actions(case)],
+    indirect=["rig"],
+    ids=lambda value: value.id if isinstance(value, Case) else value,
+)
+def test_whatever_it_does_when_its_instrument_is_gone_nobody_knows_how_it_ended(
+    rig: Rig, name: str, fault: str
+) -> None:
+    before, arguments = actions(rig.case)[name]
+    for one, known in before:
+        rig.call(one, **known)
+    executes = {"executes": True} if fault == "no_answer" else {}
+    rig.inflict(fault, in_act=True, for_s=FOREVER_S, **executes)
+    with pytest.raises(DeviceError) as caught:
+        rig.call(name, **arguments)
+    assert rig.has_struck(fault)
     assert caught.value.effect is Effect.UNKNOWN
 
 

@@ -1,13 +1,20 @@
 """Each driver against the faults of its instrument: silence, noise, being busy, losing power."""
 
+from collections import Counter
 from collections.abc import Iterator
+from contextlib import suppress
+from typing import Any
 
 import pytest
 
+from drivers.base import Driver
 from drivers.load import read_spec, read_status
 from fixtures.instruments.models import MODELS
-from labweb.domain.errors import DeviceError, Effect, PreconditionError
+from labweb.domain.errors import DeviceError, Effect, LabError, PreconditionError
+from tests.drivers.conformance.analysers import PLATE_READERS
 from tests.drivers.conformance.cases import EVERY
+from tests.drivers.conformance.deeds import Deed, deeds_of
+from tests.drivers.conformance.movers import MOVERS
 from tests.drivers.conformance.placed_models import (
     Bench,
     Case,
@@ -20,6 +27,9 @@ from tests.drivers.conformance.placed_models import (
 from tests.fixtures.running import until
 
 every = pytest.mark.parametrize("case", EVERY, ids=lambda case: case.model)
+GOES_ON = [*MOVERS, *PLATE_READERS]
+"""Instruments that no halt keeps from ending what they have begun."""
+
 ACTORS = [case for case in EVERY if case.verb]
 BUSY = [case for case in EVERY if "busy" in MODELS[case.model].FAULTS and not case.refuses_late]
 every_busy = pytest.mark.parametrize("case", BUSY, ids=lambda case: case.model)
@@ -89,6 +99,8 @@ def test_a_busy_instrument_starts_nothing(
 ) -> None:
     impatient(monkeypatch, case)
     with bench.connected(case) as device:
+        for act in case.ready:
+            do(device, act)
         before = len(bench.acts(case))
         bench.inflict(case, "busy")
         error = Doing(device, case.act).failure()
@@ -137,3 +149,45 @@ def test_a_lost_answer_is_never_followed_by_a_second_try(
         started = len(bench.acts(case, case.verb)) - before
         assert started <= case.starts
         assert error.effect is not Effect.NONE or started == 0
+
+
+@pytest.mark.parametrize("fault", ["power_loss", "no_answer"])
+@pytest.mark.parametrize(
+    ("case", "deed"),
+    [(case, deed) for case in EVERY for deed in deeds_of(case)],
+    ids=lambda value: value.model if isinstance(value, Case) else value.name,
+)
+def test_whatever_it_does_when_its_instrument_is_gone_nobody_knows_how_it_ended(
+    bench: Bench, case: Case, deed: Deed, fault: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    impatient(monkeypatch, case)
+    with bench.connected(case) as device:
+        if case in GOES_ON:  # what the last test began goes on to its end
+            until(lambda: all(one["ending"] for one in bench.acts(case)))
+        for one in deed.first:
+            with suppress(LabError):
+                do(device, one)
+        act = deed.asked_of(device)
+        going = _begun(bench, case, device, deed)
+        before = Counter(one["verb"] for one in bench.acts(case))
+        is_silence = fault == "no_answer"
+        bench.inflict(
+            case, fault, for_s=1000.0, **deed.moment, **({"executes": True} if is_silence else {})
+        )
+        error = Doing(device, act).failure()
+        assert bench.has_struck(case, fault), error
+        assert error.effect is (Effect.NONE if deed.is_harmless else Effect.UNKNOWN), error
+        started = Counter(one["verb"] for one in bench.acts(case)) - before
+        assert all(count <= case.starts + case.closings for count in started.values())
+        assert is_silence or all(one["ending"] for one in bench.acts(case))
+        assert going is None or going.failure().effect is Effect.UNKNOWN
+
+
+def _begun(bench: Bench, case: Case, device: Driver[Any, Any], deed: Deed) -> Doing | None:
+    """Let begin what goes on while the fault strikes."""
+    if deed.during is None:
+        return None
+    before = len(bench.acts(case, case.verb))
+    doing = Doing(device, deed.during)
+    until(lambda: len(bench.acts(case, case.verb)) > before)
+    return doing

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -14,7 +15,7 @@ from drivers.connectors import _motion as module
 from drivers.connectors._dt import decode_reply, encode_command
 from drivers.connectors.tricontinent_c3000 import TricontinentC3000
 from drivers.transports.base import Direction
-from drivers.transports.replay import ReplayTransport
+from drivers.transports.replay import Exchange, ReplayTransport
 from labweb.domain.errors import (
     DefinitionError,
     DeviceError,
@@ -87,12 +88,13 @@ def test_a_stop_in_mid_stroke_is_partial_with_the_volume_that_moved(play: Play) 
             is_running.set()
         if direction == "out" and data == b"/1TR\r":
             # From here on the pump stands still at step 450.
-            transport._script = [
-                type(one)(one.mark, one.request, b"/0`\x03\r\n") if one.request == b"/1Q\r" else one
-                for one in transport._script
+            script = transport.script
+            script.steps = [
+                replace(one, reply=b"/0`\x03\r\n") if one.request == b"/1Q\r" else one
+                for one in script.steps
             ]
-            transport._anytime[b"/1?\r"] = b"/0`450\x03\r\n"
-            transport._anytime[b"/1?19\r"] = b"/0`1\x03\r\n"
+            for request, reply in ((b"/1?\r", b"/0`450\x03\r\n"), (b"/1?19\r", b"/0`1\x03\r\n")):
+                script.anytime[request] = Exchange(">?", request, reply)
 
     def stop() -> None:
         is_running.wait(5)

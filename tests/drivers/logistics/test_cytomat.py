@@ -1,5 +1,7 @@
 """The Cytomat against bytes of its published command table, and a plate that goes in and out."""
 
+from dataclasses import replace
+
 import pytest
 
 from drivers.logistics.cytomat import Cytomat
@@ -9,6 +11,7 @@ from tests.drivers.conformance.placed_models import do, running
 from tests.drivers.conftest import Play
 
 CASE = next(case for case in MOVERS if case.model == "cytomat")
+WITH_A_PLATE = replace(CASE, settings={"move_s": 20.0})
 
 
 def ask(command: str, answer: str) -> str:
@@ -67,7 +70,7 @@ def test_a_garbled_temperature_is_a_frame_error(play: Play, answer: str) -> None
 
 
 def test_a_plate_goes_in_and_comes_out_again() -> None:
-    with running([CASE]) as bench, bench.connected(CASE) as device:
+    with running([WITH_A_PLATE]) as bench, bench.connected(CASE) as device:
         do(device, ("initialize", {}))
         do(device, ("store_plate", {"slot_index": 7}))
         assert bench.state(CASE)["plates"] == ["7"]

@@ -1,6 +1,7 @@
 """The dashboard server against its published answers, and a simulated arm that plays programs."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import pytest
 
@@ -77,7 +78,8 @@ def test_a_garbled_answer_is_a_frame_error(play: Play) -> None:
 @pytest.fixture(scope="module")
 def bench() -> Iterator[Bench]:
     """Run an arm that a person has switched on."""
-    with running([CASE]) as bench:
+    switched_off = replace(CASE, settings={**CASE.settings, "is_released": False})
+    with running([switched_off]) as bench:
         with bench.connected(CASE) as device:
             assert isinstance(device, UrDashboard)
             device._ask("power on")

@@ -56,7 +56,8 @@ def begun(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Ord
     orders = {}
     for place, role in enumerate(ROLES):
         transport = list(CARRIERS)[place % len(CARRIERS)]
-        orders[role] = take_order(root, f"acme_{role}", role, transport)
+        folder = read_role(role).folders[0]
+        orders[role] = take_order(root, f"acme_{role}", role, transport, folder=folder)
         write_order(root, orders[role])
     return root, orders
 

@@ -323,7 +323,7 @@ def test_devices_of_one_server_share_its_line() -> None:
 CONFINED = """
 import sys
 from workers.confine import Bounds, confine
-confine(Bounds(ports=(int(sys.argv[1]),)))
+confine(Bounds(addresses=(("127.0.0.1", int(sys.argv[1])),)))
 from drivers.transports.urls import make_transport
 line = make_transport(f"opc.tcp://127.0.0.1:{sys.argv[1]}")
 line.open()

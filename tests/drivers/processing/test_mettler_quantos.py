@@ -91,8 +91,12 @@ def start() -> Iterator[Start]:
 
 def test_a_dose_is_confirmed_by_the_balance(start: Start) -> None:
     peer = Peer()
-    evidence = start(peer).dose(**DOSE).evidence
+    report = start(peer).dose(**DOSE)
+    evidence = report.evidence
     assert evidence["dosed_mg"] == evidence["said_mg"] == 50.12
+    (file,) = report.files
+    assert (file.name, file.format, file.media_type) == ("a1.xml", "none", "application/xml")
+    assert f"QRD 2 4 12 B\r\n{file.data.decode()}QRD 2 4 12 A\r\n" == DOSED
     assert (evidence["substance"], evidence["lot"], evidence["is_valid"]) == ("kcl", "l7", True)
     assert {"QRD 1 1 5 50.00", "QRD 1 1 6 1.0", "QRD 1 1 8 a1"} <= set(peer.asked)
     assert peer.asked.count("QRA 61 1") == 1
@@ -153,6 +157,16 @@ def test_a_balance_that_disagrees_with_the_dispenser_leaves_the_mass_unknown(sta
         start(peer).dose(**DOSE)
     assert (caught.value.code, caught.value.effect) == ("device.not_confirmed", Effect.UNKNOWN)
     assert caught.value.context["dosed_mg"] == 49.0
+
+
+def test_an_answer_without_a_document_leaves_the_mass_told_and_nothing_confirmed(
+    start: Start,
+) -> None:
+    broken = DOSED.replace("QRD 2 4 12 B\r\n", "").removesuffix("\r\n")
+    with pytest.raises(FrameError, match="no document") as caught:
+        start(Peer(QRD_2_4_12=broken)).dose(**DOSE)
+    assert caught.value.effect is Effect.UNKNOWN
+    assert caught.value.context["dosed_mg"] == 50.12
 
 
 def test_the_data_of_another_sample_confirm_nothing(start: Start) -> None:

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
+from xml.etree import ElementTree
 
 import pytest
 
@@ -67,7 +68,12 @@ def rig(monkeypatch: pytest.MonkeyPatch) -> Iterator[Rig]:
 
 
 def test_a_dose_is_what_the_balance_says_that_fell(rig: Rig) -> None:
-    evidence = do(rig.driver, ("dose", DOSE)).evidence
+    report = do(rig.driver, ("dose", DOSE))
+    evidence = report.evidence
+    (file,) = report.files
+    told = ElementTree.fromstring(file.data)
+    assert (file.name, told.findtext("Sample_ID")) == ("A-1.xml", "A-1")
+    assert float(told.findtext("Content") or "") == evidence["said_mg"]
     assert evidence["dosed_mg"] == pytest.approx(50.0, rel=0.06)
     assert read_status(rig.driver, "mass_mg") == pytest.approx(evidence["dosed_mg"], abs=0.1)
     assert len(rig.doses()) == 1

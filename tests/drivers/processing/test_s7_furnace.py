@@ -15,7 +15,7 @@ from drivers.processing.s7_furnace import S7Furnace
 from drivers.transports.s7 import transport as s7
 from drivers.transports.s7.codes import failure_of_item, failure_of_job
 from drivers.transports.s7.transport import S7Transport
-from drivers.transports.urls import line_key, make_transport, ports_of
+from drivers.transports.urls import addresses_of, line_key, make_transport
 from labweb.domain.errors import (
     DeviceError,
     DeviceTimeoutError,
@@ -378,4 +378,4 @@ def test_a_code_says_what_may_have_happened(
 
 def test_a_controller_has_one_line_whichever_its_rack() -> None:
     assert line_key("s7://10.0.0.7:102/0/1") == "tcp:10.0.0.7:102"
-    assert ports_of("s7://10.0.0.7:102/0/1") == (102,)
+    assert addresses_of("s7://10.0.0.7:102/0/1") == (("10.0.0.7", 102),)

@@ -314,7 +314,7 @@ CONFINED = """
 import sys
 from pathlib import Path
 from workers.confine import Bounds, confine
-confine(Bounds(ports=(int(sys.argv[1]),), readable=(Path(sys.argv[2]),)))
+confine(Bounds(addresses=(("127.0.0.1", int(sys.argv[1])),), readable=(Path(sys.argv[2]),)))
 from drivers.transports.urls import make_transport
 line = make_transport(f"sila://127.0.0.1:{sys.argv[1]}?ca={sys.argv[2]}")
 line.open()

@@ -12,6 +12,7 @@ from labweb.domain.errors import (
     DeviceTimeoutError,
     Effect,
     FrameError,
+    PreconditionError,
     RejectedError,
 )
 from tests.drivers.conftest import Play
@@ -50,6 +51,12 @@ def test_a_stop_ends_the_wait_for_a_steady_reading(play: Play) -> None:
     with pytest.raises(DeviceStoppedError) as caught:
         device.weigh()
     assert caught.value.effect is Effect.NONE
+
+
+@pytest.mark.parametrize("answer", ["S S 1.5 g", "SI S 1.5 g", "SI S     1.5 g"])
+def test_a_balance_may_repeat_the_command_in_its_answer(play: Play, answer: str) -> None:
+    device = balance(play(text=f">* SI\\r\\n\n< {answer}\\r\\n\n"))
+    assert device.weigh().evidence == {"mass_mg": 1500.0}
 
 
 def test_a_silent_tare_is_unknown(play: Play) -> None:
@@ -91,3 +98,41 @@ def test_a_weight_is_told_in_milligrams(frame: bytes, mass_mg: float) -> None:
 def test_anything_else_is_a_frame_error(frame: bytes) -> None:
     with pytest.raises(FrameError):
         decode_weight(frame, "S")
+
+
+def test_a_text_stands_on_the_display_for_a_while_and_then_the_weight_again(play: Play) -> None:
+    text = '> D "Balance 2"\\r\\n\n< D A\\r\\n\n> DW\\r\\n\n< DW A\\r\\n\n'
+    transport = play(text=text)
+    assert balance(transport).show_itself("Balance 2", 0.01).evidence == {"text": "Balance 2"}
+    assert transport.remaining == []
+
+
+@pytest.mark.parametrize("text", ["", 'a"b', "a" * 21, "Wägung", "a\r\nT"])
+def test_a_text_that_no_display_shows_sends_nothing(play: Play, text: str) -> None:
+    transport = play(text="")
+    with pytest.raises(PreconditionError):
+        balance(transport).show_itself(text, 1.0)
+    assert transport.sent == []
+
+
+def test_a_balance_without_a_display_says_so(play: Play) -> None:
+    with pytest.raises(RejectedError, match="does not know"):
+        balance(play(text='> D "B"\\r\\n\n< D L\\r\\n\n')).show_itself("B", 1.0)
+
+
+def test_a_stop_gives_the_display_back(play: Play) -> None:
+    text = '> D "B"\\r\\n\n< D A\\r\\n\n> DW\\r\\n\n< DW A\\r\\n\n'
+    transport = play(text=text)
+    device = balance(transport)
+    transport.observer = lambda direction, data: device.stop() if data[:1] == b"D" else None
+    with pytest.raises(DeviceStoppedError) as caught:
+        device.show_itself("B", 30.0)
+    assert caught.value.effect is Effect.NONE
+    assert transport.sent[-1] == b"DW\r\n"
+
+
+def test_a_text_that_stays_on_the_display_has_moved_nothing(play: Play) -> None:
+    text = '> D "B"\\r\\n\n< D A\\r\\n\n> DW\\r\\n\n'
+    with pytest.raises(DeviceTimeoutError) as caught:
+        balance(play(text=text)).show_itself("B", 0.01)
+    assert caught.value.effect is Effect.NONE

@@ -52,9 +52,14 @@ def test_every_form_in_the_documentation_is_accepted(url: str) -> None:
         "sila+local://192.168.1.60:50052",
         "sila://192.168.1.60:50052?ca=server.pem",
         "sila://192.168.1.60",
+        "http://192.168.1.21:6820?token=cluster.token",
+        "http://192.168.1.21:6820?token=/etc/shadow",
         "visa:GPIB0::8::INSTR",
         "visa://GPIB0::31::INSTR",
         "visa://GPIB0::8",
+        "visa://USB0::0x1111::0x2222::*::INSTR",
+        "visa://USB0::0x1111::0x2222::1234::0::INSTR",
+        "visa://USB0::0x1111::0x2222::1234::RAW",
         "visa://ASRL1::INSTR",
         "visa://TCPIP0::host::INSTR",
         "visa://TCPIP0::host::5025::SOCKET",
@@ -73,7 +78,10 @@ def test_serial_settings_come_from_the_url() -> None:
     assert isinstance(transport, SerialTransport)
     settings = transport.settings
     assert (settings.baud, settings.data_bits, settings.parity) == (4800, 7, "E")
-    assert (settings.stop_bits, settings.has_flow_control) == (2, True)
+    assert (settings.stop_bits, settings.flow) == (2, "rtscts")
+    slow = make_transport("serial:///dev/ttyUSB0?baud=230400&flow=xonxoff")
+    assert isinstance(slow, SerialTransport)
+    assert slow.settings.flow == "xonxoff"
 
 
 def test_a_line_keeps_its_name_when_its_link_points_elsewhere(tmp_path: Path) -> None:

@@ -10,7 +10,7 @@ from pyvisa_sim.highlevel import SimVisaLibrary  # type: ignore[import-untyped]
 
 from drivers.processing import scpi_supply
 from drivers.processing.scpi_supply import ScpiSupply
-from drivers.transports.urls import line_key, make_transport, ports_of
+from drivers.transports.urls import addresses_of, line_key, make_transport
 from drivers.transports.visa.transport import VisaTransport
 from labweb.domain.errors import (
     DefinitionError,
@@ -65,6 +65,20 @@ def test_what_is_asked_is_answered_and_seen(line: VisaTransport) -> None:
     assert seen == [("out", b"?IDN\n"), ("in", b"LSG Serial #1234\n")]
 
 
+def test_an_instrument_on_usb_is_asked_and_answers() -> None:
+    line = at("USB0::0x1111::0x2222::0x1234::INSTR")
+    assert line.line == "usb:1111:2222:0x1234"
+    line.open()
+    try:
+        assert line.exchange(b"?IDN\n", until=b"\n", timeout_s=1.0) == b"LSG Serial #1234\n"
+        assert line.exchange(b"!FREQ 50.25\n", until=b"\n", timeout_s=1.0) == b"OK\n"
+        assert line.exchange(b"?FREQ\n", until=b"\n", timeout_s=1.0) == b"50.25\n"
+    finally:
+        line.close()
+    with pytest.raises(UnreachableError, match="usb:1111:2222:0x9999"):
+        at("USB0::0x1111::0x2222::0x9999::INSTR").open()
+
+
 def test_a_setter_of_the_public_instrument_is_kept(line: VisaTransport) -> None:
     assert line.exchange(b"!FREQ 50.25\n", until=b"\n", timeout_s=1.0) == b"OK\n"
     assert line.exchange(b"?FREQ\n", until=b"\n", timeout_s=1.0) == b"50.25\n"
@@ -78,6 +92,16 @@ def test_silence_is_a_timeout_and_unknown_and_the_next_question_is_answered(
         line.exchange(b"*RST\n", until=b"\n", timeout_s=0.1)
     assert caught.value.effect is Effect.UNKNOWN
     assert line.exchange(b"?IDN\n", until=b"\n", timeout_s=1.0) == b"LSG Serial #1234\n"
+
+
+def test_where_nothing_can_be_cleared_the_rest_is_read_away(
+    line: VisaTransport, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    refuse = broken(StatusCode.error_nonsupported_operation)
+    monkeypatch.setattr(SimVisaLibrary, "clear", refuse, raising=False)
+    with pytest.raises(DeviceTimeoutError):
+        line.exchange(b"?IDN\n", until=b"never", timeout_s=0.1)
+    assert line.exchange(b"?AMP\n", until=b"\n", timeout_s=1.0) == b"1.00\n"
 
 
 def test_what_came_late_is_never_the_answer_to_the_next_question(line: VisaTransport) -> None:
@@ -141,8 +165,8 @@ def test_instruments_on_one_bus_take_turns(line: VisaTransport) -> None:
 
 
 def test_a_line_over_hislip_reaches_its_port_and_a_bus_none() -> None:
-    assert ports_of("visa://TCPIP0::10.0.0.7::hislip0::INSTR") == (4880,)
-    assert ports_of("visa://GPIB0::8::INSTR") == ()
+    assert addresses_of("visa://TCPIP0::10.0.0.7::hislip0::INSTR") == (("10.0.0.7", 4880),)
+    assert addresses_of("visa://GPIB0::8::INSTR") == ()
     assert line_key("visa://TCPIP0::10.0.0.7::hislip0::INSTR") == "tcp:10.0.0.7:4880"
     assert isinstance(make_transport("visa://GPIB0::8::INSTR"), VisaTransport)
 

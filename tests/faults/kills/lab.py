@@ -123,6 +123,7 @@ class Lab:
         self.config_file.write_bytes(msgspec.json.encode(self.config))
         create_journal(self.config.journal_path, HOST_ID)
         self.journal = Journal(self.config.journal_path)
+        self.journal.lengthen_log()
         record_boot(self.journal)
         broker = self.config.broker_url
         self.celery = Celery("server", broker=broker, set_as_current=False, fixups=[])

@@ -30,7 +30,7 @@ from tests.faults.kills.lab import Ledger
 from tests.faults.netns import Net
 from tests.faults.pump import CountingPump
 from tests.workers.bench import BOOT_ID, SPACE, Server, a_bottle, a_device, a_do, a_syringe, until
-from workers import uplink
+from workers import patience, uplink
 from workers.app import ACCEPT
 from workers.config import HostConfig, ValkeyConfig, command_queue
 from workers.host import find_valkey
@@ -96,6 +96,7 @@ class Host:
         (self.folder / "host.json").write_bytes(msgspec.json.encode(self.config))
         create_journal(self.config.journal_path, self.id)
         self.journal = Journal(self.config.journal_path)
+        self.journal.lengthen_log()
         record_boot(self.journal)
         self.celery = Celery("server", broker=broker_url, set_as_current=False, fixups=[])
         self.processes: list[ForkServerProcess] = []
@@ -278,5 +279,5 @@ def become(tag: str, names: list[str], name: str, argv: list[str], log: str) -> 
     os.environ["LABWEB_BOOT_ID"] = BOOT_ID
     Net(tag, names).enter(name)
     uplink.SILENCE_S, uplink.ACK_TIMEOUT_S, uplink.HANDSHAKE_S = 3.0, 2.0, 3.0
-    uplink.LONGEST_RETRY_S = 1.0
+    patience.LONGEST_RETRY_S = 1.0
     run_process(argv)

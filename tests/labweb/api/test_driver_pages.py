@@ -9,11 +9,12 @@ import pytest
 from django.db import connection
 from django.test.utils import CaptureQueriesContext
 
+from labweb.accounts.models import User
 from labweb.approvals.models import ApprovalRequest
 from labweb.common.clock import now
 from labweb.enrollment.models import DriverVersion
 from labweb.runs import services as run_services
-from tests.builders import Bench, an_edge
+from tests.builders import Bench, a_user, an_edge
 from tests.labweb.enrollment.driver_texts import TIMER, approved, proposed, timer
 from tests.labweb.web import call, code_of, read, signed_in
 
@@ -86,6 +87,33 @@ def test_two_versions_are_compared_line_by_line(bench: Bench) -> None:
     assert read(admin, f"/api/v1/drivers/{one.id}/changes/{nobody}", 404)["code"] == (
         "driver.not_found"
     )
+
+
+@pytest.mark.parametrize(("role", "may"), [("chemist", False), ("approver", True)])
+def test_only_who_brings_approves_or_gives_drivers_reads_their_source(
+    bench: Bench, role: str, may: bool
+) -> None:
+    one, two = proposed(bench, timer(1)), proposed(bench, timer(2))
+    shown = detail(bench, two, role)
+    assert (TIMER in shown["sources"], shown["can"]["read"]) == (may, may)
+    assert shown["actions"], "what it does is no secret"
+    client = signed_in(bench.people[role])
+    path = f"/api/v1/drivers/{two.id}/changes/{one.id}"
+    assert call(client, "GET", path).status_code == (200 if may else 403)
+
+
+def test_a_right_on_a_part_of_the_lab_offers_no_answer_about_drivers(bench: Bench) -> None:
+    """Drivers belong to no part: an answer needs the right on all of the lab."""
+    version = proposed(bench, timer())
+    a_user("admin", on=bench.node("bench_1"), name="bencher")
+    there = signed_in(User.objects.get(username="bencher"))
+    shown = read(there, f"/api/v1/drivers/{version.id}")
+    assert shown["can"] == {"read": False, "decide": False, "withdraw": False}
+    (row,) = [
+        row for row in read(there, "/api/v1/drivers")["drivers"] if row["id"] == str(version.id)
+    ]
+    assert row["can"] == shown["can"]
+    assert detail(bench, version, "approver")["can"]["decide"]
 
 
 def test_the_request_of_a_version_is_shown_until_its_answer_and_after(bench: Bench) -> None:

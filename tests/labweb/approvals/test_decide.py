@@ -11,7 +11,7 @@ from labweb.approvals.models import ApprovalRequest, Decision
 from labweb.common.clock import now
 from labweb.domain.errors import ForbiddenError, StateError
 from labweb.runs import services
-from labweb.runs.management.commands.dispatcher import Command, Monitor
+from labweb.runs.management.commands.dispatcher import Watch
 from labweb.runs.models import Run
 from tests.builders import HEAT, MOVE_WATER, Bench, a_started_run, a_user, an_edge
 
@@ -91,7 +91,8 @@ def test_a_request_whose_time_is_over_ends_its_run_and_is_written_so(bench: Benc
     run = a_started_run(bench, HEAT)
     assert services.expire_requests() == 0
     ApprovalRequest.objects.update(expires_at=now() - timedelta(seconds=1))
-    Command()._watch(Monitor())
+    for duty in Watch().duties:
+        duty()
     assert ApprovalRequest.objects.get().state == "expired"
     run.refresh_from_db()
     assert (run.state, run.ended_at is None) == ("aborted", False)

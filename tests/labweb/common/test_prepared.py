@@ -21,9 +21,11 @@ from labweb.common.prepared import (
     Question,
     Written,
     insert_rows,
+    inserting,
     prepared_cursor,
     together,
     update_row,
+    updating,
 )
 from labweb.enrollment.models import Device
 from labweb.resources.models import Resource
@@ -187,6 +189,52 @@ def test_questions_are_answered_in_order_and_each_by_itself(
     with CaptureQueriesContext(connection) if is_logged else nullcontext():
         found = together(*asked, _BY_ID.asking(id=new_id()))
     assert [[row.key for row in rows] for rows in found] == [["water"], ["waste"], ["pump_1"], []]
+
+
+def _vial(bench: Bench, key: str) -> Resource:
+    like = bench.node("water")
+    return Resource(
+        lab=bench.lab,
+        parent_id=like.parent_id,
+        key=key,
+        name=key,
+        kind="vial",
+        nature=like.nature,
+    )
+
+
+@pytest.mark.parametrize("is_logged", [False, True])
+def test_writes_are_asked_with_reads_and_seen_by_those_after_them(
+    bench: Bench, *, is_logged: bool
+) -> None:
+    water = bench.node("water")
+    made = [_vial(bench, "new one"), _vial(bench, "new two")]
+    water.name = "Tap"
+    with CaptureQueriesContext(connection) if is_logged else nullcontext(), atomic():
+        written, told, found, one = together(
+            inserting(made),
+            updating(water, "name"),
+            _BY_ID.asking(id=water.pk),
+            _BY_ID.asking(id=made[1].pk),
+        )
+    assert (written, len(told)) == ([], 1)
+    assert [row.name for row in (*found, *one)] == ["Tap", "new two"]
+    assert Resource.objects.filter(pk__in=[row.pk for row in made]).count() == len(made)
+
+
+def test_a_row_that_is_gone_undoes_what_was_written_with_it(bench: Bench) -> None:
+    made = _vial(bench, "new")
+    with pytest.raises(ObjectDoesNotExist), atomic():
+        together(inserting([made]), updating(Resource(name="nobody"), "name"))
+    assert not Resource.objects.filter(pk=made.pk).exists()
+
+
+def test_a_write_that_breaks_a_rule_undoes_those_before_it(bench: Bench) -> None:
+    water = bench.node("water")
+    made, twin = _vial(bench, "new"), _vial(bench, water.key)
+    with pytest.raises(IntegrityError), atomic():
+        together(inserting([made]), inserting([twin]), _BY_ID.asking(id=water.pk))
+    assert not Resource.objects.filter(pk=made.pk).exists()
 
 
 def test_a_question_that_fails_fails_them_all_and_the_block_around_it(bench: Bench) -> None:

@@ -19,7 +19,7 @@ from labweb.enrollment import services as enrollment_services
 from labweb.enrollment.models import Candidate, Device
 from labweb.enrollment.services import Wanted
 from labweb.resources.models import Connection, Resource
-from tests.builders import Bench, an_edge
+from tests.builders import Bench, an_edge, catalog
 from tests.labweb.enrollment.test_discovery import seen
 from tests.labweb.web import signed_in
 
@@ -87,10 +87,10 @@ def _taken_key(bench: Bench) -> Wanted:
 
 
 def _no_parts(bench: Bench) -> Wanted:
-    camera = bench.device("timer_1").driver
-    camera.spec = {**camera.spec, "roles": ["camera"]}
-    camera.save()
-    return Wanted(name="Eye", driver_digest=camera.digest, transport="virtual:timer")
+    node = bench.device("timer_1").driver
+    node.spec = {**node.spec, "roles": ["node"]}
+    node.save()
+    return Wanted(name="Rover", driver_digest=node.digest, transport="virtual:timer")
 
 
 def _too_many_ports(bench: Bench) -> Wanted:
@@ -176,3 +176,56 @@ def test_the_page_brings_the_parts_and_says_so(bench: Bench) -> None:
     enrollment_services.admit_device(
         bench.device("pump_9").id, actor=bench.people["admin"], reason="looked"
     )
+
+
+def made_of(bench: Bench, module: str, transport: str, **config: object) -> Device:
+    driver = enrollment_services.keep_driver(catalog()[module])
+    wish = Wanted(name="New", driver_digest=driver.digest, transport=transport, config=dict(config))
+    return adopted(bench, seen(bench, an_edge(bench)), wish)
+
+
+def tree_of(bench: Bench, device: Device) -> set[tuple[str, str, str]]:
+    """Return key and kind of all that came, with the key of that in which it lies."""
+    rows = Resource.objects.filter(key__startswith=device.key).select_related("parent")
+    return {(row.key, row.kind, row.parent.key if row.parent else "") for row in rows}
+
+
+def test_a_pipetting_robot_comes_with_its_deck_and_the_slots_of_its_settings(bench: Bench) -> None:
+    device = made_of(
+        bench,
+        "drivers.processing.opentrons_ot2:OpentronsOt2",
+        "http://192.0.2.7:31950",
+        pipette="p300_single_gen2",
+        mount="left",
+        deck={"1": "opentrons/opentrons_96_tiprack_300ul/1", "11": "opentrons/trough/1"},
+        min_volume_ul=20.0,
+        max_volume_ul=300.0,
+        max_rate_ul_s=150.0,
+    )
+    assert device.nodes == {"liquid_handler": str(bench.node("new").id)}
+    assert tree_of(bench, device) == {
+        ("new", "liquid_handler", "bench_1"),
+        ("new_pipette", "pipette_channel", "new"),
+        ("new_deck", "deck", "new"),
+        ("new_deck/1", "slot", "new_deck"),
+        ("new_deck/11", "slot", "new_deck"),
+    }
+    services.rebuild(bench.lab)
+    assert len(tree_of(bench, device)) == 5
+
+
+def test_a_plate_reader_comes_with_its_drawer_and_heats_what_is_in_it(bench: Bench) -> None:
+    device = made_of(
+        bench,
+        "drivers.characterization.molecular_devices_spectramax:MolecularDevicesSpectramax",
+        "serial:///dev/ttyS0?baud=9600",
+        model="plus_384",
+        rest_temperature_c=20.0,
+    )
+    reader = str(bench.node("new").id)
+    assert device.nodes == {"plate_reader": reader, "temperature_controller": reader}
+    assert tree_of(bench, device) == {
+        ("new", "plate_reader", "bench_1"),
+        ("new_drawer", "slot", "new"),
+    }
+    assert bench.node("new").config == {"max_temperature_c": 45.0}

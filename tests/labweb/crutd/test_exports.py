@@ -10,8 +10,14 @@ from typing import Any
 import pytest
 
 from labweb.accounts.selectors import User
-from labweb.domain.crutd.deliveries import parse_deliveries
+from labweb.domain.crutd.deliveries import (
+    Delivery,
+    Share,
+    parse_deliveries,
+    render_deliveries,
+)
 from labweb.domain.graph.lab_file.read import read_lab
+from labweb.domain.resources.contents import Phase
 from labweb.resources.models import Resource
 from tests.builders import Bench, a_user
 from tests.labweb.crutd.hand import nl
@@ -43,6 +49,17 @@ def test_what_was_received_reads_as_deliveries(bench: Bench) -> None:
     answer = fetched(bench.people["chemist"], "/api/v1/lots/export")
     assert answer["Content-Type"].startswith("text/csv")
     assert parse_deliveries(answer.content)
+
+
+def test_what_a_supplier_is_called_is_no_formula_and_reads_as_it_was() -> None:
+    told = Delivery(
+        lot="+w7", material="water", phase=Phase.LIQUID, shares=(Share(2, "flask_1", 5_000),),
+        supplier='=HYPERLINK("x")', number="'t Hart", purity="-1",
+    )  # fmt: skip
+    text = render_deliveries([told])
+    (row,) = csv.DictReader(io.StringIO(text))
+    assert not any(cell.startswith(("=", "+", "-", "@")) for cell in row.values())
+    assert parse_deliveries(text.encode()) == (told,)
 
 
 def test_each_row_of_the_contents_is_what_the_ledger_holds(bench: Bench) -> None:

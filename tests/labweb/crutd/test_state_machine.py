@@ -22,7 +22,10 @@ from labweb.resources import services as resource_services
 from tests.labweb.crutd.machine import LAB_FILE, LabMachine
 
 IS_SOAK = "LABWEB_SOAK" in os.environ
-BLOCKS, EXAMPLES = (20, 100) if IS_SOAK else (1, 60)
+ENOUGH = 40
+"""Examples within which every broken rule is seen."""
+
+BLOCKS, EXAMPLES = (20, 100) if IS_SOAK else (1, ENOUGH)
 """Each block has a database transaction of its own: one for all grows slower with each example."""
 
 FIRST = int(os.environ.get("LABWEB_SEED", "0")) * BLOCKS
@@ -107,7 +110,7 @@ def test_the_machine_sees_a_rule_that_is_broken(
     where, name, broken, seen = MUTANTS[mutant]
     monkeypatch.setattr(where, name, broken)
     chosen = settings(
-        max_examples=40,
+        max_examples=ENOUGH,
         stateful_step_count=STEPS,
         derandomize=True,
         database=None,

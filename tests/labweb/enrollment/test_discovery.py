@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
+from uuid import uuid4
 
 import pytest
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
+from django.db import connection
 from django.test import Client
 from pytest_django import Settings
 
@@ -18,8 +21,8 @@ from labweb.domain.errors import DefinitionError, EnrollmentError, ForbiddenErro
 from labweb.domain.messages import Sighting
 from labweb.enrollment import selectors, services
 from labweb.enrollment.models import Candidate, Device
-from labweb.runs.services.start import lab_view
-from tests.builders import Bench, Edge, an_edge, public_half
+from labweb.runs.services.picture import lab_view
+from tests.builders import Bench, Edge, an_edge, host_key, public_half
 from tests.labweb.web import signed_in
 
 
@@ -85,7 +88,10 @@ def test_what_a_host_sees_waits_in_the_inbox_and_adds_nothing(bench: Bench) -> N
 
 def test_the_inbox_of_one_host_has_an_end(bench: Bench) -> None:
     edge = an_edge(bench)
-    many = [a_sighting(serial=str(number)) for number in range(MOST_OPEN + 20)]
+    many = [
+        a_sighting(serial=str(number), address=f"tcp://192.0.{number}.9:5000")
+        for number in range(MOST_OPEN + 20)
+    ]
     for at in range(0, len(many), 50):
         services.take_sightings(edge.host_id, edge.epoch, many[at : at + 50])
     assert Candidate.objects.count() == MOST_OPEN
@@ -167,23 +173,6 @@ def test_settings_that_do_not_fit_are_listed_and_nothing_changes(bench: Bench) -
     assert (row.state, row.device) == ("new", None)
 
 
-def test_another_key_suspends_the_device_until_a_person_has_looked(bench: Bench) -> None:
-    edge, admin = an_edge(bench), bench.people["admin"]
-    device = taken_up(bench, seen(bench, edge))
-    services.admit_device(device.id, actor=admin, reason="ok")
-    rival = seen(bench, edge, address="tcp://192.0.2.66:5000")
-    device = bench.device("plate_2")
-    assert device.state == "suspended"
-    assert "192.0.2.66" in device.suspended_for
-    assert rival.key_changed_from is not None
-    assert "plate_2" not in {one.key for one in lab_view(bench.lab).devices}
-    assert AuditEntry.objects.get(action="device.key_changed").actor is None
-    again = taken_up(bench, rival)
-    assert again.pk == device.pk
-    services.admit_device(device.id, actor=admin, reason="its board was changed")
-    assert bench.device("plate_2").state == "enrolled"
-
-
 def test_a_device_without_a_key_is_not_suspended_by_rumour(bench: Bench) -> None:
     edge, admin = an_edge(bench), bench.people["admin"]
     row = seen(bench, edge, public_key="")
@@ -206,6 +195,109 @@ def test_what_was_set_aside_stays_so_and_can_be_taken_back(bench: Bench) -> None
     assert refusal.value.code == "candidate.rejected"
     services.set_candidate_aside(row.id, "new", reason="it is ours", actor=admin)
     assert taken_up(bench, row).state == "candidate"
+
+
+def another(bench: Bench, key: str = "other") -> Edge:
+    """Another host of the lab, with an open session."""
+    row = services.add_host(
+        bench.lab,
+        key=key,
+        name=key.capitalize(),
+        host_id=uuid4(),
+        public_key=public_half(host_key()),
+    )
+    edge = Edge(bench)
+    edge.host_id = row.id
+    edge.connect()
+    return edge
+
+
+def test_a_rejected_key_is_rejected_at_every_host_and_taken_back_at_every_host(
+    bench: Bench,
+) -> None:
+    edge, other, admin = an_edge(bench), another(bench), bench.people["admin"]
+    key = public_half(Ed25519PrivateKey.generate())
+    first = seen(bench, edge, public_key=key)
+    second = seen(bench, other, public_key=key)
+    services.set_candidate_aside(first.id, "rejected", reason="a stranger's", actor=admin)
+    second.refresh_from_db()
+    assert (second.state, second.reason, second.decided_by) == ("rejected", "a stranger's", admin)
+    audited = AuditEntry.objects.filter(action="device.rejected").values_list("subject", flat=True)
+    assert set(audited) == {str(first.id), str(second.id)}
+    services.set_candidate_aside(second.id, "new", reason="known after all", actor=admin)
+    first.refresh_from_db()
+    assert first.state == "new"
+
+
+def test_a_rejected_key_that_another_host_sees_is_no_news_and_suspends_nothing(
+    bench: Bench,
+) -> None:
+    edge, other, admin = an_edge(bench), another(bench), bench.people["admin"]
+    device = taken_up(bench, seen(bench, edge, serial="77"))
+    services.admit_device(device.id, actor=admin, reason="heats")
+    key = public_half(Ed25519PrivateKey.generate())
+    first = seen(bench, edge, public_key=key, serial="78")
+    services.set_candidate_aside(first.id, "rejected", reason="a stranger's", actor=admin)
+    second = seen(bench, other, public_key=key, serial="77")
+    assert (second.state, second.reason) == ("rejected", "a stranger's")
+    assert bench.device("plate_2").state == "enrolled", "a blocked key takes nothing out of service"
+    assert second not in selectors.new_candidates(bench.lab)
+
+
+def test_what_was_rejected_at_one_host_is_not_taken_up_at_another(bench: Bench) -> None:
+    edge, other, admin = an_edge(bench), another(bench), bench.people["admin"]
+    key = public_half(Ed25519PrivateKey.generate())
+    first, second = (seen(bench, one, public_key=key) for one in (edge, other))
+    Candidate.objects.filter(pk=first.pk).update(state="rejected")
+    with pytest.raises(StateError) as refusal:
+        taken_up(bench, second)
+    assert refusal.value.code == "candidate.rejected"
+    assert bench.host.name in refusal.value.message
+    Candidate.objects.filter(pk=first.pk).update(state="new")
+    taken_up(bench, second)
+    with pytest.raises(StateError) as refusal:
+        services.set_candidate_aside(first.id, "rejected", reason="x", actor=admin)
+    assert refusal.value.code == "candidate.key_in_use"
+    assert "Plate 2" in refusal.value.message
+
+
+def test_the_key_of_a_device_that_was_retired_can_be_rejected(bench: Bench) -> None:
+    edge, other, admin = an_edge(bench), another(bench), bench.people["admin"]
+    key = public_half(Ed25519PrivateKey.generate())
+    first, second = (seen(bench, one, public_key=key) for one in (edge, other))
+    device = taken_up(bench, first)
+    Device.objects.filter(pk=device.pk).update(state="retired")
+    services.set_candidate_aside(second.id, "rejected", reason="stolen", actor=admin)
+    first.refresh_from_db()
+    second.refresh_from_db()
+    assert (first.state, second.state) == ("taken_up", "rejected")
+
+
+@pytest.mark.django_db(transaction=True)
+def test_two_who_reject_a_key_at_two_hosts_wait_for_each_other(bench: Bench) -> None:
+    edge, other, admin = an_edge(bench), another(bench), bench.people["admin"]
+    key = public_half(Ed25519PrivateKey.generate())
+    rows = [seen(bench, one, public_key=key) for one in (edge, other)]
+    is_time = threading.Barrier(2)
+    failures = list[Exception]()
+
+    def reject(row: Candidate) -> None:
+        try:
+            for _ in range(10):
+                is_time.wait(20)
+                services.set_candidate_aside(row.id, "rejected", reason="no", actor=admin)
+        except Exception as error:  # noqa: BLE001 - told by the test
+            failures.append(error)
+            is_time.abort()
+        finally:
+            connection.close()
+
+    both = [threading.Thread(target=reject, args=(row,)) for row in rows]
+    for one in both:
+        one.start()
+    for one in both:
+        one.join()
+    assert not failures
 
 
 def form_of(bench: Bench, row: Candidate, **changes: Any) -> dict[str, Any]:  # noqa: ANN401
@@ -240,7 +332,12 @@ def test_the_page_takes_up_and_the_next_one_admits_what_is_ticked(bench: Bench) 
     device = bench.device("plate_2")
     review = f"/admin/enrollment/device/{device.id}/review/"
     assert (answer.status_code, answer["Location"]) == (302, review)
-    ticked = {"act": "admit", "reason": "ok", "action": ["heat_to", "stir"]}
+    ticked = {
+        "act": "admit",
+        "reason": "ok",
+        "action": ["heat_to", "stir"],
+        "seen": device.driver.digest,
+    }
     bad_limit = client.post(review, {**ticked, "limit.heat_to.temperature_c": "hot"})
     assert bad_limit.status_code == 422
     client.post(review, {**ticked, "limit.heat_to.temperature_c": "60"})
@@ -251,7 +348,8 @@ def test_the_page_admits_for_reading_only(bench: Bench) -> None:
     Device.objects.filter(key="ph_1").update(state="candidate")
     client = signed_in(bench.people["admin"])
     url = f"/admin/enrollment/device/{bench.device('ph_1').id}/review/"
-    client.post(url, {"act": "read_only", "reason": "to begin with"})
+    seen = bench.device("ph_1").driver.digest
+    client.post(url, {"act": "read_only", "reason": "to begin with", "seen": seen})
     device = bench.device("ph_1")
     assert (device.state, device.admission) == ("enrolled", {})
     assert selectors.spec_of(device).actions == ()

@@ -180,6 +180,11 @@ def another_csr() -> str:
         {"facts": {str(number): "" for number in range(17)}},
         {"facts": {"a": "x" * 201}},
         {"machine_id": "x" * 201},
+        {"machine_id": "a\x1b[2J"},
+        {"name": "Bench\u202e 1"},
+        {"name": "Bench\u3164 1"},
+        {"facts": {"system": "Linux\u2066"}},
+        {"facts": {"a\nb": "x"}},
     ],
 )
 def test_a_malformed_request_uses_no_token_up(bench: Bench, fields: dict[str, object]) -> None:

@@ -78,7 +78,7 @@ def test_what_it_told_stands_in_the_review_and_the_admission_names_it(
     assert statuses(found) == set(VALUES)
     client, device = signed_in(found.people["admin"]), found.device("ph_1")
     url = f"/admin/enrollment/device/{device.id}/review/"
-    assert client.post(url, {"act": "look"}).status_code == 302
+    assert client.post(url, {"act": "look", "seen": device.driver.digest}).status_code == 302
     page = client.get(url)
     assert page["Refresh"] == "2"
     assert "looks at it" in page.content.decode()
@@ -90,7 +90,8 @@ def test_what_it_told_stands_in_the_review_and_the_admission_names_it(
     assert "7.02" in text
     assert "passed</span>" in text
     assert "not passed" not in text
-    client.post(url, {"act": "admit", "reason": "the display shows the same"})
+    reason = "the display shows the same"
+    client.post(url, {"act": "admit", "reason": reason, "seen": row.driver.digest})
     detail = AuditEntry.objects.get(action="device.admit").detail
     assert detail["look"] == {"id": str(row.id), "failed": []}
 

@@ -48,7 +48,14 @@ def test_a_candidate_is_admitted_with_a_reason_and_then_can_be_suspended(
     found: Bench, admin: Client
 ) -> None:
     assert 'value="suspend"' not in admin.get(url_of(found)).content.decode()
-    answer = admin.post(url_of(found), {"act": "admit", "reason": "label 0815 compared"})
+    answer = admin.post(
+        url_of(found),
+        {
+            "act": "admit",
+            "reason": "label 0815 compared",
+            "seen": found.device("ph_1").driver.digest,
+        },
+    )
     assert (answer.status_code, answer["Location"]) == (302, url_of(found))
     assert found.device("ph_1").state == "enrolled"
     assert AuditEntry.objects.get(action="device.admit").reason == "label 0815 compared"
@@ -59,15 +66,29 @@ def test_a_candidate_is_admitted_with_a_reason_and_then_can_be_suspended(
     assert found.device("ph_1").state == "suspended"
 
 
+def test_nobody_admits_a_driver_that_the_page_did_not_show(found: Bench, admin: Client) -> None:
+    assert f'name="seen" value="{found.device("ph_1").driver.digest}"' in (
+        admin.get(url_of(found)).content.decode()
+    )
+    for act in ("admit", "read_only"):
+        for seen in ({"seen": "0" * 64}, {}):
+            answer = admin.post(url_of(found), {"act": act, "reason": "compared", **seen})
+            assert answer.status_code == 422
+            assert "not the one that the page showed" in answer.content.decode()
+    assert found.device("ph_1").state == "candidate"
+    assert not AuditEntry.objects.filter(action="device.admit").exists()
+
+
 def test_without_a_reason_nothing_happens_and_the_page_says_so(found: Bench, admin: Client) -> None:
-    answer = admin.post(url_of(found), {"act": "admit", "reason": "  "})
+    digest = found.device("ph_1").driver.digest
+    answer = admin.post(url_of(found), {"act": "admit", "reason": "  ", "seen": digest})
     assert answer.status_code == 422
     assert "the reason is empty" in answer.content.decode()
     assert found.device("ph_1").state == "candidate"
 
 
 def test_an_act_that_is_none_is_refused(found: Bench, admin: Client) -> None:
-    answer = admin.post(url_of(found), {"act": "retire", "reason": "old"})
+    answer = admin.post(url_of(found), {"act": "melt", "reason": "old"})
     assert answer.status_code == 403
     assert found.device("ph_1").state == "candidate"
 
@@ -149,6 +170,16 @@ def test_facts_cannot_be_changed_or_deleted_in_the_admin(found: Bench, admin: Cl
         assert admin.get(f"/admin/{path}/change/").status_code == 200
         assert admin.post(f"/admin/{path}/change/", {"name": "x"}).status_code == 403
         assert admin.post(f"/admin/{path}/delete/", {"post": "yes"}).status_code == 403
+
+
+def test_a_list_stands_under_what_it_lists_and_tells_times_as_everywhere(
+    found: Bench, admin: Client
+) -> None:
+    page = admin.get("/admin/enrollment/device/").content.decode()
+    assert "<h1>Devices</h1>" in page
+    assert "to view" not in page
+    at = found.device("ph_1").discovered_at
+    assert f"{at:%Y-%m-%d %H:%M} UTC" in page
 
 
 def test_the_page_of_a_device_is_its_review(found: Bench, admin: Client) -> None:

@@ -10,7 +10,7 @@ import msgspec
 from labweb.common.clock import now
 from labweb.crutd.models import ResourceLock
 from labweb.domain.crutd.conditions import Condition, Readings, Result, evaluate
-from labweb.domain.messages import Command, Signed, Welcome
+from labweb.domain.messages import Command, Signed, Tick, Welcome
 from labweb.domain.runs import acting, edge, relay, standing, taking
 from labweb.domain.runs.acting import Scene, Started
 from labweb.domain.runs.edge import ActionState, Report
@@ -31,6 +31,10 @@ class Host:
         self.wall_s = 1_800_000_000.0
         self.told = 0
         self.late_s = 0.0
+        self.waited_s = 0.0
+        """For how long a command has lain in the broker when it is taken."""
+
+        self.server_clock = "server-boot"
         self.reconnect()
 
     def reconnect(self) -> None:
@@ -38,15 +42,25 @@ class Host:
         self.edge.events = list(self.disk.events)
         self.edge.connect()
         welcome = Welcome(
-            epoch=self.edge.epoch, acked_seq=0, floor=0, server_at_s=0.0, mode="normal"
+            epoch=self.edge.epoch,
+            acked_seq=0,
+            floor=0,
+            server_at_s=0.0,
+            mode="normal",
+            tick=self.tick(),
         )
         with self.write() as tx:
             standing.write_welcome(tx, welcome)
+            standing.write_server_clock(tx, welcome.tick, self.now())
         with self.write() as tx:
             standing.write_armed(tx, "boot", None)
 
     def write(self) -> MemoryWrite:
         return MemoryWrite(self.disk, self.wall_s, lambda has_appended: None)
+
+    def tick(self) -> Tick:
+        """Return the moment by the server's clock, which is far from the host's own."""
+        return Tick(clock=self.server_clock, at_s=self.mono_s + 5_000_000.0)
 
     def now(self) -> Moment:
         return Moment(boot_id="boot", mono_s=self.mono_s, wall_s=self.wall_s)
@@ -55,7 +69,9 @@ class Host:
         """Take every command for this host that waits in the outbox."""
         rows = Outbox.objects.filter(host_id=self.edge.host_id, settled_at__isnull=True)
         for row in rows.order_by("id"):
-            signed, command = as_sent(row, self.edge.epoch, late_s=self.late_s)
+            sent = self.tick()
+            sent = msgspec.structs.replace(sent, at_s=sent.at_s - self.waited_s)
+            signed, command = as_sent(row, self.edge.epoch, late_s=self.late_s, sent=sent)
             with self.write() as tx:
                 taking.take_command(
                     tx, signed, command, at=self.now(), line_of=lambda device_id: "line"
@@ -103,7 +119,9 @@ def judged(
     return [(one, evaluate(one, readings, {})) for one in known]
 
 
-def as_sent(row: Outbox, epoch: int, *, late_s: float = 0.0) -> tuple[Signed, Command]:
+def as_sent(
+    row: Outbox, epoch: int, *, late_s: float = 0.0, sent: Tick | None = None
+) -> tuple[Signed, Command]:
     """Return a command of the outbox as it travels, when it is sent so late."""
     at = now() + timedelta(seconds=late_s)
 
@@ -113,9 +131,9 @@ def as_sent(row: Outbox, epoch: int, *, late_s: float = 0.0) -> tuple[Signed, Co
 
     if row.kind == "batch":
         draft = msgspec.convert(row.body, relay.BatchDraft)
-        command: Command = relay.signed_batch(draft, epoch, sign, at=at)
+        command: Command = relay.signed_batch(draft, epoch, sign, at=at, sent=sent)
     else:
-        command = relay.stamped(msgspec.convert(row.body, Command), epoch, at=at)
+        command = relay.stamped(msgspec.convert(row.body, Command), epoch, at=at, sent=sent)
     return sign(command), command
 
 

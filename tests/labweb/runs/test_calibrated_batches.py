@@ -119,6 +119,60 @@ def test_how_long_its_numbers_hold_is_said_when_a_command_is_sent_and_not_when_i
     assert not any(job.state == "complete" for job in run.jobs.all() if job.corrections)
 
 
+DAY_S = 86_400.0
+
+
+@pytest.mark.parametrize("jump_s", [0.0, DAY_S, -DAY_S])
+def test_a_command_that_lay_in_the_broker_while_its_host_was_frozen_counts_that_time(
+    run: Run, host: Host, jump_s: float
+) -> None:
+    host.waited_s = LEFT_S + 1.0
+    host.wall_s += jump_s
+    host.take()
+    while host.step():
+        pass
+    host.tell()
+    held = first_corrected(run)
+    assert (held.state, held.code) == ("held", "calibration.expired")
+    assert not any(job.state == "complete" for job in run.jobs.all() if job.corrections)
+
+
+@pytest.mark.parametrize("jump_s", [0.0, DAY_S, -DAY_S])
+def test_a_command_that_came_in_time_is_done_whatever_the_wall_clock_says(
+    run: Run, host: Host, jump_s: float
+) -> None:
+    host.waited_s = LEFT_S / 2
+    host.wall_s += jump_s
+    host.take()
+    while host.step():
+        pass
+    host.tell()
+    assert set(states(run)) == {"complete"}
+
+
+def test_a_clock_that_the_session_did_not_tell_of_decides_nothing(run: Run, host: Host) -> None:
+    """The server was restarted: its new clock begins at nought."""
+    host.server_clock, host.waited_s = "another-boot", LEFT_S + 1.0
+    host.take()
+    while host.step():
+        pass
+    host.tell()
+    assert set(states(run)) == {"complete"}
+
+
+def test_the_way_of_the_answer_counts_as_time_gone_by(host: Host) -> None:
+    """Whoever was frozen between the question and the answer takes nothing for younger."""
+    asked = host.now()
+    tick = host.tick()
+    host.mono_s += 60.0
+    with host.write() as tx:
+        standing.write_server_clock(tx, tick, asked)
+        assert tx.host_state("boot").server_ahead_s == tick.at_s - asked.mono_s
+        assert tx.host_state("another boot").server_clock == ""
+        standing.write_server_clock(tx, None, asked)
+        assert tx.host_state("boot").server_clock == ""
+
+
 def test_what_has_not_begun_is_called_back_when_its_calibration_is_withdrawn(
     run: Run, host: Host, bench: Bench, calibration: Calibration
 ) -> None:

@@ -122,6 +122,22 @@ def test_a_vessel_is_released_then_found_then_received(
     assert not Outbox.objects.filter(settled_at__isnull=True).exists()
 
 
+@pytest.mark.parametrize("view", [{"id": "no id"}, None])
+def test_a_vessel_of_which_its_host_speaks_no_sense_is_closed_and_the_host_goes_on(
+    bench: Bench,
+    flask: Resource,
+    place: Resource,
+    hosts: tuple[Edge, Edge],
+    view: dict[str, str] | None,
+) -> None:
+    made = asked(bench, flask, place)
+    body = {"transfer_id": str(made.transfer_id), "resource_id": str(flask.id)}
+    assert hosts[0].report("released", None, **body, view=view) == 1
+    assert Ticket.objects.get().code == "custody.conflict"
+    assert bench.node("flask_1").quarantined_by is not None
+    assert bench.host.state == "online"
+
+
 def test_what_its_host_keeps_stays_where_it_is(
     bench: Bench, flask: Resource, place: Resource, hosts: tuple[Edge, Edge]
 ) -> None:

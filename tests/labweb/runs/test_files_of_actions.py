@@ -155,10 +155,44 @@ def test_what_is_not_the_file_that_is_named_is_refused(lab: Bench) -> None:
     other = TABLE.replace(b"0.15", b"0.16")
     assert offered(lab, attempt, other) == UNKNOWN
     assert brought(lab, attempt, other) == UNKNOWN
+    assert Incoming.objects.get().state == "awaited", "it is missing as before"
     assert brought(lab, attempt, other, named(TABLE).sha256) == REFUSED
     assert brought(lab, attempt, TABLE[:-1], named(TABLE).sha256) == REFUSED
-    assert Incoming.objects.get().state == "awaited", "it is missing as before"
     assert File.objects.count() == 0
+    (told,) = shown(attempt, lab)
+    assert (told["state"], told["code"]) == ("lost", "file.lost"), "its host has dropped it"
+    assert "not those that the action named" in told["message"]
+    (ticket,) = crutd_selectors.open_tickets(lab.lab).filter(code="file.lost")
+    assert attempt.job.device.name in ticket.message
+
+
+def test_bytes_that_the_servers_disk_spoils_are_lost_and_open_a_ticket(
+    lab: Bench, settings: Settings
+) -> None:
+    """The host has dropped its copy by then."""
+    attempt = measured(lab, named(TABLE))
+    assert brought(lab, attempt, TABLE) == ""
+    row = Incoming.objects.get()
+    path = Path(settings.DATA_DIR) / "files" / ".waiting" / str(row.pk)
+    path.write_bytes(TABLE.replace(b"0.15", b"0.16"))
+    services.read_file(row.pk)
+    (told,) = shown(attempt, lab)
+    assert (told["state"], told["code"]) == ("lost", "file.damaged")
+    (ticket,) = crutd_selectors.open_tickets(lab.lab).filter(code="file.damaged")
+    for word in ("trace.csv", attempt.job.device.name, f"run #{attempt.job.run.number}"):
+        assert word in ticket.message
+    assert "measure again" in ticket.message
+    assert ticket.detail["sha256"] == named(TABLE).sha256
+    services.read_file(row.pk)
+    assert crutd_selectors.open_tickets(lab.lab).filter(code="file.damaged").count() == 1
+
+
+@pytest.mark.parametrize("told", ["a spectrum", "Text/CSV; charset=utf-8", "text/" + "c" * 100])
+def test_an_odd_media_type_of_an_old_journal_quarantines_nobody(lab: Bench, told: str) -> None:
+    measured(lab, msgspec.structs.replace(named(TABLE), media_type=told))
+    row = Incoming.objects.get()
+    assert row.media_type in {"text/csv", "application/octet-stream"}
+    assert enrollment_services.record_of(lab.host).quarantine == ""
 
 
 def test_a_file_that_cannot_be_read_is_kept_and_says_why(lab: Bench) -> None:
@@ -204,7 +238,6 @@ def test_the_same_bytes_of_another_action_are_another_file(lab: Bench) -> None:
     "wrong",
     [
         {"name": "../x.csv"},
-        {"media_type": "text/" + "c" * 100},
         {"sha256": "0" * 65},
     ],
 )
@@ -215,3 +248,18 @@ def test_files_that_cannot_be_quarantine_the_host_that_names_them(
         measured(lab, msgspec.structs.replace(named(TABLE), **wrong))
     assert Incoming.objects.count() == 0
     assert enrollment_services.record_of(lab.host).quarantine == "host.bad_event"
+
+
+def test_a_file_at_which_the_worker_ended_and_whose_bytes_are_gone_is_told_as_lost(
+    lab: Bench, settings: Settings
+) -> None:
+    attempt = measured(lab, named(TABLE))
+    assert brought(lab, attempt, TABLE) == ""
+    row = Incoming.objects.get()
+    Incoming.objects.update(tries=3)
+    (Path(settings.DATA_DIR) / "files" / ".waiting" / str(row.pk)).unlink()
+    services.read_file(row.pk)
+    assert shown(attempt, lab)[0]["state"] == "lost"
+    row.refresh_from_db()
+    assert (row.code, row.ended_at is not None) == ("file.damaged", True)
+    assert crutd_selectors.open_tickets(lab.lab).filter(code="file.damaged").count() == 1

@@ -17,6 +17,7 @@ from labweb.resources.models import Resource
 from labweb.runs import services
 from labweb.runs.models import Attempt, HostEvent, Job, Run
 from labweb.runs.selectors import lab_summary
+from labweb.runs.services.doubts import MOST_ALIKE
 from tests.builders import (
     HEAT,
     Bench,
@@ -154,6 +155,22 @@ def test_a_host_cannot_report_on_the_action_of_another_host(bench: Bench) -> Non
     stranger.report("accepted", attempt.id)
     assert Job.objects.get(pk=attempt.job_id).state == "dispatched"
     assert Ticket.objects.get().code == "host.unknown_action"
+
+
+def test_a_broken_host_does_not_flood_the_tickets(bench: Bench) -> None:
+    edge = an_edge(bench)
+    one = uuid4()
+    for kind in ("accepted", "started", "actuated"):
+        assert edge.report(kind, one) is not None
+    assert Ticket.objects.count() == 1, "one for the action"
+    for _ in range(40):
+        assert edge.report("accepted", uuid4()) is not None
+        body = {"transfer_id": str(uuid4()), "resource_id": str(uuid4())}
+        assert edge.report("kept", None, **body) is not None
+    tickets = Ticket.objects.values_list("code", flat=True)
+    assert sorted(set(tickets)) == ["custody.conflict", "host.unknown_action"]
+    assert len(tickets) == 2 * MOST_ALIKE
+    assert HostEvent.objects.filter(host=edge.host_id).count() >= 83, "and all stays on record"
 
 
 def test_an_action_in_doubt_quarantines_its_vessels_and_keeps_its_locks(bench: Bench) -> None:

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import json
+import threading
+from typing import Any
 from uuid import UUID
 
 import pytest
-from django.db import connection
+from django.db import OperationalError, connection
+from django.db.transaction import atomic
 from django.test.utils import CaptureQueriesContext
 
+from labweb.accounts import services as account_services
 from labweb.approvals import services as approval_services
 from labweb.crutd.models import Ticket
 from labweb.domain.errors import DefinitionError, ForbiddenError, PreconditionError, StateError
@@ -16,7 +20,8 @@ from labweb.enrollment import services as enrollment_services
 from labweb.enrollment.models import Device, DriverVersion
 from labweb.runs import services
 from labweb.runs.models import Outbox
-from tests.builders import Bench, Edge, a_started_run, an_edge, catalog, dispatched
+from labweb.runs.services import drivers
+from tests.builders import Bench, Edge, a_lab, a_started_run, an_edge, catalog, dispatched, next_job
 from tests.labweb.enrollment.driver_texts import approved, proposed, timer
 from tests.labweb.web import call, read, signed_in
 
@@ -150,7 +155,7 @@ def test_a_version_with_other_parts_than_the_lab_has_is_refused_with_each(bench:
     with pytest.raises(PreconditionError) as refusal:
         want(bench, "pump_1", version)
     lost = {one.subject for one in refusal.value.findings if one.code == "driver.parts_lost"}
-    assert lost == {"device_valve", "device.outlet"}
+    assert lost == {"pump_1_valve", "pump_1.outlet"}
     assert bench.device("pump_1").next_driver is None
 
 
@@ -196,7 +201,7 @@ def test_a_version_is_locked_while_a_device_is_given_it(bench: Bench) -> None:
     version = approved(bench, timer())
     with CaptureQueriesContext(connection) as queries:
         want(bench, "timer_1", version)
-    locking = [one["sql"] for one in queries if "FOR UPDATE" in one["sql"]]
+    locking = [one["sql"] for one in queries if "FOR NO KEY UPDATE" in one["sql"]]
     assert any('FROM "enrollment_driverversion"' in sql for sql in locking)
 
 
@@ -258,3 +263,108 @@ def test_which_version_serves_is_what_the_host_says_of_its_own_devices(bench: Be
     assert shown["is_present"] is False
     enrollment_services.note_serving(edge.host_id, edge.epoch, {})
     assert bench.device("timer_1").serving == {}
+
+
+def test_the_command_that_switches_a_device_goes_to_the_version_after(bench: Bench) -> None:
+    run, _ = a_started_run(bench), an_edge(bench)
+    key = next_job(run).device.key
+    version = a_pump(bench)
+    Device.objects.filter(key=key).update(next_driver=version, is_next_ready=True)
+    attempt = dispatched(run)
+    assert bench.device(key).driver == version
+    assert digest_sent(attempt.id) == version.digest
+
+
+@pytest.mark.django_db(transaction=True)
+def test_nobody_takes_a_version_back_while_it_takes_over(monkeypatch: pytest.MonkeyPatch) -> None:
+    bench = a_lab()
+    edge, version = an_edge(bench), a_pump(bench)
+    device = want(bench, "pump_1", version)
+    asked: list[str] = []
+    real = drivers.is_acting
+
+    def take_back() -> None:
+        try:
+            with atomic():
+                Device.objects.select_for_update(nowait=True).get(pk=device.pk)
+            asked.append("free")
+        except OperationalError:
+            asked.append("locked")
+        finally:
+            connection.close()
+
+    def between(row: Device) -> bool:
+        thread = threading.Thread(target=take_back)
+        thread.start()
+        thread.join()
+        return real(row)
+
+    monkeypatch.setattr(drivers, "is_acting", between)
+    ready(edge, device, version)
+    assert asked == ["locked"]
+    assert bench.device("pump_1").driver == version
+
+
+@pytest.mark.parametrize("state", ["candidate", "suspended"])
+def test_a_device_that_is_not_admitted_is_switched_under_the_lock_of_its_host(
+    bench: Bench, state: str
+) -> None:
+    version = approved(bench, timer())
+    Device.objects.filter(key="timer_1").update(state=state)
+    with CaptureQueriesContext(connection) as queries:
+        assert want(bench, "timer_1", version).driver == version
+    locking = [one["sql"] for one in queries if "FOR NO KEY UPDATE" in one["sql"]]
+    assert 'FROM "enrollment_edgehost"' in locking[0], "before the device, as a dispatch does"
+
+
+def test_a_suspended_device_ends_what_it_does_on_the_version_before(bench: Bench) -> None:
+    run, edge = a_started_run(bench), an_edge(bench)
+    first = dispatched(run)
+    key = first.job.device.key
+    before, version = bench.device(key).driver, a_pump(bench)
+    edge.begin(first)
+    enrollment_services.suspend_device(
+        bench.device(key).id, actor=bench.people["admin"], reason="it rattles"
+    )
+    assert want(bench, key, version).driver == before, "it acts still"
+    edge.report("actuated", first.id, report={"ok": True})
+    edge.finish(first)
+    assert bench.device(key).driver == version
+
+
+@pytest.mark.django_db(transaction=True)
+@pytest.mark.parametrize("act", ["want", "ready"])
+def test_a_run_that_names_a_device_waits_for_no_change_of_its_driver(
+    monkeypatch: pytest.MonkeyPatch, act: str
+) -> None:
+    """Both write into the chain of the audit: who waited for the other would wait for ever."""
+    bench = a_lab()
+    edge, version = an_edge(bench), a_pump(bench)
+    device = want(bench, "pump_1", version) if act == "ready" else bench.device("pump_1")
+    asked: list[str] = []
+    real = account_services.write_audit
+
+    def name_it() -> None:
+        try:
+            with atomic(), connection.cursor() as cursor:
+                key = "SELECT 1 FROM {} WHERE id = %s FOR KEY SHARE NOWAIT"
+                cursor.execute(key.format("enrollment_device"), [device.pk])
+                cursor.execute(key.format("enrollment_driverversion"), [version.pk])
+            asked.append("free")
+        except OperationalError:
+            asked.append("locked")
+        finally:
+            connection.close()
+
+    def meanwhile(*args: Any, **fields: Any) -> object:  # noqa: ANN401 - as the real one
+        thread = threading.Thread(target=name_it)
+        thread.start()
+        thread.join()
+        return real(*args, **fields)
+
+    monkeypatch.setattr(account_services, "write_audit", meanwhile)
+    if act == "want":
+        want(bench, "pump_1", version)
+    else:
+        ready(edge, device, version)
+    assert asked == ["free"]

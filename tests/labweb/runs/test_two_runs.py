@@ -6,6 +6,7 @@ from uuid import UUID
 
 import pytest
 
+from labweb.common.prepared import together
 from labweb.domain.errors import StateError
 from labweb.runs import selectors, services
 from labweb.runs.models import Attempt, Job, Outbox, Run
@@ -31,7 +32,8 @@ def test_a_second_run_waits_until_the_first_has_emptied_the_pump() -> None:
     assert services.dispatch_ready() == 1
     assert states(first.id)[1] == "dispatched"
     assert set(states(second.id)) == {"queued"}
-    held = selectors.held_elsewhere(bench.lab.id, second.id)
+    (elsewhere,) = together(selectors.asking_elsewhere(second.id))
+    held = selectors.held_elsewhere(elsewhere)
     assert set(held.values()) == {first.id}
     edge.complete(Attempt.objects.get(job__run=first, job__state="dispatched"))
     edge.work_off(first)

@@ -14,8 +14,17 @@ import pytest
 from asgiref.sync import sync_to_async
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 
+from labweb.crutd.models import Ticket
 from labweb.domain.files import FileOffer, FilePart
-from labweb.domain.messages import Ask, Events, Heartbeat, Hello, Telemetry, WithdrawAsk
+from labweb.domain.messages import (
+    PROTOCOL_VERSION,
+    Ask,
+    Events,
+    Heartbeat,
+    Hello,
+    Telemetry,
+    WithdrawAsk,
+)
 from labweb.runs import services
 from labweb.runs.models import HostEvent, Run
 from labweb.telemetry.models import File, Sample
@@ -59,6 +68,37 @@ async def test_garbage_closes_the_connection(bench: Bench, frame: str) -> None:
         await nonce_of(socket)
         await socket.send_text(frame)
         assert await socket.closed() == 4400
+
+
+async def test_a_host_of_another_version_is_refused_with_the_reason_and_one_ticket(
+    bench: Bench,
+) -> None:
+    edge = await made(bench)
+    for _ in range(2):
+        async with a_socket(PATH, origin=None) as socket:
+            nonce = await nonce_of(socket)
+            newer = msgspec.structs.replace(edge.hello(nonce), v=PROTOCOL_VERSION + 1)
+            answer = await answer_to(socket, newer)
+            assert (answer["t"], answer["code"]) == ("refuse", "host.version")
+            assert answer["message"].endswith("update the server")
+            assert await socket.closed() == 4403
+    ticket = await Ticket.objects.aget()
+    assert ticket.code == "host.version"
+    assert "update the server" in ticket.message
+
+
+async def test_a_frame_that_the_server_does_not_know_is_named_and_one_ticket_tells_of_it(
+    bench: Bench,
+) -> None:
+    edge = await made(bench)
+    for tag in ("wish_of_tomorrow", "wish_of_the_day_after"):
+        async with a_socket(PATH, origin=None) as socket:
+            await answer_to(socket, edge.hello(await nonce_of(socket)))
+            await socket.receive()
+            await socket.send_text(f'{{"t": "{tag}", "x": 1}}')
+            assert await socket.closing() == (4400, f"frame {tag}")
+    ticket = await Ticket.objects.aget()
+    assert "wish_of_tomorrow" in ticket.message
 
 
 async def test_a_frame_of_a_megabyte_closes_the_connection(bench: Bench) -> None:

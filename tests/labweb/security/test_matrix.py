@@ -27,6 +27,7 @@ from labweb.runs.models import Attempt, Calibration
 from tests.builders import PASSWORD, Bench, a_started_run, an_edge
 from tests.labweb.enrollment.driver_texts import TIMER, timer
 from tests.labweb.instrument_files import TRACE
+from tests.labweb.photos import a_photo
 from tests.labweb.security.things import one_of_each
 from tests.labweb.web import call, routes, signed_in
 from tests.labweb.web import code_of as error_code_of
@@ -104,11 +105,15 @@ API: dict[tuple[str, str], tuple[tuple[str, ...], Any]] = {
         ADMINS,
         {"version_id": "<approved>", "reason": "better"},
     ),
+    ("GET", "devices/<device>/driver/<approved>/parts"): (ADMINS, None),
+    ("POST", "devices/<showing>/show"): (WORKERS, {}),
+    ("GET", "devices/<device>/photo"): (MEMBERS, None),
+    ("POST", "devices/<device>/photo"): (ADMINS, Form()),
     ("GET", "drivers"): (MEMBERS, None),
     ("POST", "drivers"): (ADMINS, {"module": TIMER, "source": timer(9)}),
     ("POST", "drivers/reading"): (ADMINS, {"module": TIMER, "source": timer(9)}),
     ("GET", "drivers/<driver>"): (MEMBERS, None),
-    ("GET", "drivers/<driver>/changes/<since>"): (MEMBERS, None),
+    ("GET", "drivers/<driver>/changes/<since>"): (DECIDERS, None),
     ("POST", "drivers/<driver>/decision"): (DECIDERS, {"is_approved": True}),
     ("POST", "drivers/<driver>/withdraw"): (ADMINS, {"reason": "old"}),
     ("GET", "drivers/<driver>/tryouts"): (MEMBERS, None),
@@ -275,7 +280,8 @@ def send(
     with atomic():
         prepare(bench, route, ids)
         if isinstance(API[method, route][1], Form):
-            body = {**body, "file": SimpleUploadedFile("b.csv", TRACE.encode() + b"3,1,1,")}
+            data = a_photo("blue") if route.endswith("photo") else TRACE.encode() + b"3,1,1,"
+            body = {**body, "file": SimpleUploadedFile("b.csv", data)}
             answer = cast(HttpResponse, client.post(path, body))
         else:
             answer = call(client, method, path, body)

@@ -23,11 +23,12 @@ from labweb.runs import services as run_services
 from labweb.runs.models import Calibration, Custody, Run
 from labweb.runs.services.calibrating import ask_about
 from labweb.telemetry.selectors import File, Incoming
-from labweb.telemetry.services import Upload, bring, keep_file
+from labweb.telemetry.services import Upload, bring, keep_file, keep_photo
 from labweb.workflows import services as workflow_services
 from tests.builders import HEAT, Bench, a_started_run, a_user, an_edge, to_transfer
 from tests.labweb.enrollment.driver_texts import approved, proposed, timer
 from tests.labweb.instrument_files import TRACE
+from tests.labweb.photos import a_photo
 from workers.identity import signing_request
 from workers.keys import HostKey
 
@@ -211,6 +212,8 @@ def one_of_each(bench: Bench) -> dict[str, str]:
     token = enrollment_services.make_token(bench.lab, actor=bench.people["admin"])
     asking, code = a_machine_that_asks(bench)
     driver = _from_somebody(bench)
+    pictured = bench.device("timer_1")
+    keep_photo(pictured.id, io.BytesIO(a_photo()), actor=bench.people["admin"])
     return {
         "reservation": str(reservation.pk),
         **_calibrated(bench, calibration),
@@ -224,7 +227,8 @@ def one_of_each(bench: Bench) -> dict[str, str]:
         "host": str(spare.id),
         "place": str(place.id),
         "custody": str(on_its_way(bench, spare, place).id),
-        "device": str(bench.device("timer_1").id),
+        "device": str(pictured.id),
+        "showing": str(bench.device("balance_1").id),
         "resource": str(bench.node("water").id),
         "lot": str(Lot.objects.get(key="water_lot").id),
         "heater": str(bench.node("heater_1").id),

@@ -22,7 +22,8 @@ from pytest_django import Settings
 from labweb.celery import app
 from labweb.common import queue
 from labweb.common.clock import now
-from labweb.telemetry import services, tasks
+from labweb.runs import tasks
+from labweb.telemetry import services
 from labweb.telemetry.models import File, Incoming
 from labweb.telemetry.services import incoming
 from tests.builders import Bench, a_lab, a_user

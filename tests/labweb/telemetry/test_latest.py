@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from uuid import UUID
 
+from labweb.common.prepared import together
 from labweb.telemetry import selectors
 from labweb.telemetry.models import Sample
 from tests.builders import Bench
@@ -19,7 +20,9 @@ def test_the_newest_value_of_each_device_that_told_it(bench: Bench) -> None:
         _tell(first.id, "is_initialized", at, value)
     _tell(first.id, "position_ul", 9.0, 12.5)
     _tell(second.id, "position_ul", 9.0, 1.5)
-    asked = [first.id, second.id]
-    assert selectors.latest_of("is_initialized", asked) == {first.id: False}
-    assert selectors.latest_of("position_ul", asked) == {first.id: 12.5, second.id: 1.5}
-    assert selectors.latest_of("position_ul", [second.id]) == {second.id: 1.5}
+    asked = ("is_initialized", "position_ul")
+    initialized, positions = map(
+        dict, together(*(selectors.asking_latest_in(bench.lab.pk, one) for one in asked))
+    )
+    assert initialized == {first.id: False}
+    assert positions == {first.id: 12.5, second.id: 1.5}

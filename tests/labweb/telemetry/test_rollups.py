@@ -100,10 +100,10 @@ def test_a_batch_that_comes_twice_marks_nothing(device_id: UUID, begin: float) -
     assert_rolled_up(stream)
 
 
-def test_what_is_no_number_is_kept_and_rolled_up_into_nothing(
+def test_what_is_neither_number_nor_yes_or_no_is_kept_and_rolled_up_into_nothing(
     device_id: UUID, begin: float
 ) -> None:
-    for place, value in enumerate(("idle", True, {"a": [1]}, None)):
+    for place, value in enumerate(("idle", "true", {"a": [1]}, None)):
         services.take_in({device_id}, [(str(device_id), "mode", begin + place, value)])
     roll_up()
     assert Sample.objects.count() == 4
@@ -217,3 +217,43 @@ def test_the_newest_of_each_status_is_found_without_reading_the_others(
     assert set(found) == {device_id}
     assert found[device_id]["mode"] == (begin, "idle")
     assert found[device_id]["temperature_c"][0] == begin + 4
+
+
+def test_of_yes_or_no_a_bucket_tells_the_share_of_yes(device_id: UUID, begin: float) -> None:
+    said = [place % 4 == 0 for place in range(480)]
+    stream: list[Told] = [
+        (str(device_id), "is_open", begin + place * 0.25, is_open)
+        for place, is_open in enumerate(said)
+    ]
+    services.take_in({device_id}, stream)
+    roll_up()
+    assert_rolled_up([(*row[:3], float(row[3])) for row in stream])
+    hour = Rollup.objects.get(level_s=3600)
+    assert (hour.low, hour.high, hour.mean, hour.count) == (0.0, 1.0, 0.25, 480)
+
+
+def test_what_never_changed_has_no_band(device_id: UUID, begin: float) -> None:
+    stream: list[Told] = [(str(device_id), "is_open", begin + place, True) for place in range(90)]
+    services.take_in({device_id}, stream)
+    roll_up()
+    assert {(row.low, row.high, row.mean) for row in Rollup.objects.all()} == {(1.0, 1.0, 1.0)}
+
+
+def test_a_long_range_draws_the_share_and_a_text_stays_samples(
+    device_id: UUID, begin: float
+) -> None:
+    stream: list[Told] = []
+    for place in range(600):
+        at = begin + place
+        stream.append((str(device_id), "is_open", at, place < 300))
+        stream.append((str(device_id), "mode", at, "RUNNING" if place % 2 else "IDLE"))
+    services.take_in({device_id}, stream)
+    roll_up()
+    assert not Rollup.objects.filter(status="mode").exists()
+    found = selectors.curves(device_id, begin, begin + 600, points=10)
+    assert "mode" not in found, "it has more samples than fit, and no buckets"
+    shares = [point[1] for point in found["is_open"].points]
+    assert shares[:5] == [1.0] * 5
+    assert shares[5:10] == [0.0] * 5
+    samples = selectors.curves(device_id, begin, begin + 5, points=10)
+    assert [value for _, value in samples["mode"].points[:2]] == ["IDLE", "RUNNING"]

@@ -16,6 +16,8 @@ from django.core.management import CommandError, call_command
 
 from labweb.domain.workflows.recipe_plan import compile_recipe
 from tests.domain.workflows.xdl.plans import bench, recipe
+from tests.domain.workflows.xdl.test_wastes import clean, stirred, two_wastes
+from tests.domain.workflows.xdl.test_wastes import text as recipe_of_wastes
 
 ROOT = Path(__file__).parents[3]
 COMMAND = "labweb.workflows.management.commands.compile_protocol"
@@ -50,6 +52,25 @@ def test_a_plan_is_exit_code_0_and_names_its_files(tmp_path: Path) -> None:
     assert plan["recipe"]["id"] == "recipe"
     raw = (tmp_path / "graph.json").read_bytes()
     assert plan["graph_sha256"] == hashlib.sha256(raw).hexdigest()
+
+
+def test_a_recipe_on_a_rig_with_two_wastes_goes_by_what_is_declared(tmp_path: Path) -> None:
+    graph = json.dumps(stirred(two_wastes()))
+    text = recipe_of_wastes(clean("dcm"), clean("water"))
+    code, out, err = run(tmp_path, text, graph=graph)
+    assert (code, out) == (2, "")
+    assert "plan.unknown_chemistry" in err
+    stated: dict[str, Any] = {"schema": "labweb.declared/1"}
+    stated["groups"] = {"dcm": ["halogenated"], "water": ["water"], "acetone": ["ketone"]}
+    (tmp_path / "declared.json").write_text(json.dumps(stated))
+    options = ("--declared", str(tmp_path / "declared.json"), "--rinse", "acetone", "--json")
+    code, out, err = run(tmp_path, text, *options, graph=graph)
+    assert (code, err) == (0, "")
+    steps = json.loads(out)["plan"]["steps"]
+    does = [step["does"] for step in steps]
+    poured = [one["to"] for one in does if one["kind"] == "transfer" and "lot" not in one]
+    assert poured == ["waste_organic", "waste_aqueous"]
+    assert {one["to"] for one in does if one["kind"] == "clean"} == {"waste_organic"}
 
 
 def test_a_table_for_people_has_time_amounts_and_places(tmp_path: Path) -> None:
@@ -211,10 +232,35 @@ def test_what_is_stated_beside_a_recipe_binds_it(tmp_path: Path) -> None:
 
 def test_what_is_bound_by_hand_wins_over_what_is_stated(tmp_path: Path) -> None:
     declared = (STATION / "protocols/benzhydryl_acetate.declared.json").read_text("utf-8")
-    code, out, _ = planned(tmp_path, declared, "--bind", "brine=bottle_water", "water=bottle_brine")
+    swapped = ("brine=bottle_ether", "diethyl ether=bottle_brine")
+    code, out, _ = planned(tmp_path, declared, "--bind", *swapped)
     assert code == 0
     bound = json.loads(out)["plan"]["bindings"]["reagents"]
-    assert (bound["brine"], bound["water"]) == ("bottle_water", "bottle_brine")
+    assert bound["diethyl ether"] == "bottle_brine"
+    assert bound["brine"] == "bottle_ether"
+
+
+def test_what_reacts_with_water_is_not_led_over_brine_that_is_nowhere_known_to_quench_it(
+    tmp_path: Path,
+) -> None:
+    declared = (STATION / "protocols/benzhydryl_acetate.declared.json").read_text("utf-8")
+    code, out, _ = planned(tmp_path, declared, "--bind", "brine=bottle_water", "water=bottle_brine")
+    assert code == 2
+    found = [(one["code"], one["message"]) for one in json.loads(out)["findings"]]
+    told = {code for code, text in found if "acetyl chloride must not meet brine" in text}
+    assert told == {"plan.no_rinse", "plan.incompatible"}
+    carried = [text for _, text in found if "is wet with brine, which goes with it" in text]
+    assert carried, "brine that wets the lines goes with the water onto the acetyl chloride"
+
+
+def test_two_reagents_in_one_flask_are_refused_with_what_it_says_it_holds(tmp_path: Path) -> None:
+    declared = (STATION / "protocols/benzhydryl_acetate.declared.json").read_text("utf-8")
+    code, out, _ = planned(tmp_path, declared, "--bind", "water=bottle_brine")
+    assert code == 2
+    (found,) = json.loads(out)["findings"]
+    assert found["code"] == "plan.shared_flask"
+    assert "'brine' and 'water' would come out of bottle_brine" in found["message"]
+    assert found["context"]["holds"] == ["Sodium chloride, saturated in water"]
 
 
 def test_a_file_that_states_nothing_that_is_read_is_exit_code_2(tmp_path: Path) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import base64
 import gzip
 import hashlib
 import json
@@ -11,43 +10,18 @@ from typing import Any
 
 import pytest
 from django.db import connection
-from django.http import HttpResponse
 from django.test import Client
 
-from labweb.approvals.models import ApprovalRequest, Decision
+from labweb.accounts.models import User
 from labweb.common.recipes import __main__ as process
-from labweb.domain.errors import PreconditionError
+from labweb.domain.errors import LockedError
 from labweb.domain.workflows.opening import Asked
-from labweb.runs.models import Run
-from labweb.runs.services import decide_request, pause_run, resume_run, start_run
 from labweb.workflows.models import Workflow, WorkflowVersion
-from labweb.workflows.services import recipes, save_draft, save_version
-from tests.builders import Bench, an_edge, to_transfer
+from labweb.workflows.services import recipes
+from tests.builders import Bench
 from tests.domain.workflows.xdl.test_opening import RECIPE, ROW, WATER, without
-from tests.labweb.crutd.hand import delivery, done
-from tests.labweb.web import call, code_of, signed_in
-
-API = "/api/v1/recipes"
-
-
-def packed(raw: bytes) -> str:
-    return base64.b64encode(raw).decode()
-
-
-@pytest.fixture
-def chemist(bench: Bench) -> Client:
-    return signed_in(bench.people["chemist"])
-
-
-def post(client: Client, act: str, **body: object) -> HttpResponse:
-    return call(client, "POST", f"{API}/{act}", body)
-
-
-def opened(client: Client, **body: object) -> dict[str, Any]:
-    answer = post(client, "open", **body)
-    assert answer.status_code == 200, answer.content[:500]
-    found: dict[str, Any] = json.loads(answer.content)
-    return found
+from tests.labweb.web import code_of, signed_in
+from tests.labweb.workflows.asking import opened, packed, post
 
 
 def test_a_recipe_is_planned_on_the_lab_as_it_is_and_nothing_is_stored(
@@ -147,6 +121,21 @@ def test_more_recipes_than_the_server_compiles_wait_and_are_told_so(
         assert code_of(post(chemist, "open", name="x", recipe=packed(WATER))) == "recipe.busy"
 
 
+def test_one_person_has_one_place_and_leaves_the_other_to_others(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    first, other = bench.people["chemist"], bench.people["approver"]
+    monkeypatch.setattr(recipes, "WAIT_S", 0.01)
+    with recipes._place_for(first):
+        with pytest.raises(LockedError, match="of yours") as refusal, recipes._place_for(first):
+            pytest.fail("a second place")
+        assert refusal.value.code == "recipe.busy"
+        with recipes._place_for(other):
+            pass
+    with recipes._place_for(first):
+        pass
+
+
 def test_a_recipe_that_takes_too_long_is_given_up(
     chemist: Client, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -175,9 +164,9 @@ def test_no_transaction_is_open_while_a_recipe_is_read_to_be_kept(
     depths: list[int] = []
     run = recipes._run
 
-    def watched(act: str, asked: Asked) -> dict[str, Any]:
+    def watched(act: str, asked: Asked, actor: User) -> dict[str, Any]:
         depths.append(len(connection.savepoint_ids))
-        return run(act, asked)
+        return run(act, asked, actor)
 
     monkeypatch.setattr(recipes, "_run", watched)
     before = len(connection.savepoint_ids)
@@ -197,133 +186,3 @@ def test_a_long_file_name_leaves_the_digest_whole(bench: Bench, chemist: Client)
 
 def test_the_process_has_less_of_the_processor_than_the_server_waits() -> None:
     assert recipes.MOST_S > process.MAX_CPU_S
-
-
-def kept(chemist: Client, recipe: bytes = WATER) -> WorkflowVersion:
-    keys = {"Water": "water", "reactor": "reactor_1"}
-    answer = post(chemist, "keep", name="Warm", recipe=packed(recipe), bind=keys)
-    return WorkflowVersion.objects.get(pk=json.loads(answer.content)["version"]["id"])
-
-
-def test_a_version_of_a_recipe_keeps_what_its_proof_takes_for_granted(
-    bench: Bench, chemist: Client
-) -> None:
-    version = kept(chemist)
-    assert version.proved is not None
-    assert version.proved["recipe_sha256"] == hashlib.sha256(WATER).hexdigest()
-    source = version.proved["sources"][str(bench.node("water").id)]
-    assert source == {"reagent": "Water", "materials": ["water"]}
-    assert start_run(version, actor=bench.people["chemist"]).version_id == version.pk
-
-
-def test_a_recipe_does_not_start_once_its_flask_holds_something_else(
-    bench: Bench, chemist: Client
-) -> None:
-    version = kept(chemist)
-    source = {"reagent": "Water", "materials": ["acid"]}
-    other = {**(version.proved or {}), "sources": {str(bench.node("water").id): source}}
-    row = WorkflowVersion.objects.create(
-        workflow=version.workflow,
-        number=2,
-        document=version.document,
-        digest=version.digest,
-        proved=other,
-        at=version.at,
-    )
-    with pytest.raises(PreconditionError) as refusal:
-        start_run(row, actor=bench.people["chemist"])
-    assert [one.code for one in refusal.value.findings] == ["recipe.other_content"]
-
-
-def test_what_the_run_would_do_otherwise_than_is_proved_is_not_kept(
-    bench: Bench, chemist: Client
-) -> None:
-    before = Workflow.objects.count()
-    recipe = (
-        WATER.replace(b'name="Water"', b'name="Water" use_for_cleaning="true"')
-        .replace(b"<Procedure>", b'<Procedure><Add vessel="reactor" reagent="acid" volume="1 mL"/>')
-        .replace(b"</Reagents>", b'<Reagent name="acid"/></Reagents>')
-    )
-    keys = {"Water": "water", "acid": "acid", "reactor": "reactor_1"}
-    answer = post(chemist, "keep", name="Warm", recipe=packed(recipe), bind=keys)
-    assert (answer.status_code, code_of(answer)) == (422, "recipe.differs")
-    assert Workflow.objects.count() == before
-
-
-@pytest.mark.parametrize("key", ["water", "reactor_1"])
-def test_a_recipe_does_not_start_once_something_was_put_into_one_of_its_vessels(
-    bench: Bench, chemist: Client, key: str
-) -> None:
-    version = kept(chemist)
-    done(bench, delivery(bench, to=key))
-    with pytest.raises(PreconditionError) as refusal:
-        start_run(version, actor=bench.people["chemist"])
-    (found,) = refusal.value.findings
-    assert (found.code, found.context["resource_id"]) == (
-        "recipe.other_content",
-        str(bench.node(key).id),
-    )
-    assert not Run.objects.exists()
-
-
-def test_an_approval_is_refused_once_a_vessel_of_the_recipe_holds_something_else(
-    bench: Bench, chemist: Client
-) -> None:
-    version = kept(chemist, WATER.replace(b'temp="40', b'temp="60'))
-    run = start_run(version, actor=bench.people["chemist"])
-    done(bench, delivery(bench, to="water"))
-    request, approver = ApprovalRequest.objects.get(), bench.people["approver"]
-    with pytest.raises(PreconditionError) as refusal:
-        decide_request(request.id, actor=approver, is_approved=True, comment="")
-    assert [one.code for one in refusal.value.findings] == ["recipe.other_content"]
-    request.refresh_from_db()
-    run.refresh_from_db()
-    assert (request.state, run.state) == ("open", "awaiting_approval")
-    assert not Decision.objects.exists()
-    assert set(run.jobs.values_list("state", flat=True)) == {"awaiting_approval"}
-    decide_request(request.id, actor=approver, is_approved=False, comment="")
-    run.refresh_from_db()
-    assert run.state == "aborted"
-
-
-def test_a_run_does_not_go_on_with_a_vessel_that_was_changed_before_its_turn(
-    bench: Bench, chemist: Client
-) -> None:
-    person = bench.people["chemist"]
-    run = start_run(kept(chemist), actor=person)
-    pause_run(run.id, actor=person)
-    done(bench, delivery(bench, to="reactor_1"))
-    with pytest.raises(PreconditionError) as refusal:
-        resume_run(run.id, actor=person)
-    assert refusal.value.code == "recipe.other_content"
-    run.refresh_from_db()
-    assert run.pause_reasons
-
-
-def test_what_a_run_has_poured_itself_does_not_keep_it_from_going_on(
-    bench: Bench, chemist: Client
-) -> None:
-    person, edge = bench.people["chemist"], an_edge(bench)
-    run = start_run(kept(chemist), actor=person)
-    while not bench.node("reactor_1").holdings.filter(amount_nl__gt=0).exists():
-        edge.complete(to_transfer(run, edge))
-    pause_run(run.id, actor=person)
-    assert resume_run(run.id, actor=person).pause_reasons == []
-
-
-def test_a_recipe_that_is_saved_again_as_it_was_proved_keeps_its_proof(
-    bench: Bench, chemist: Client
-) -> None:
-    version, person = kept(chemist), bench.people["chemist"]
-    row = version.workflow
-
-    def saved(document: dict[str, Any]) -> WorkflowVersion:
-        row.refresh_from_db()
-        save_draft(row.id, document=document, revision=row.draft_revision, actor=person)
-        return save_version(row.id, note="", actor=person)
-
-    assert saved(version.document).pk == version.pk
-    other = saved({**version.document, "name": "Warmer"})
-    assert (other.number, other.proved) == (2, None)
-    again = saved(version.document)
-    assert (again.number, again.proved) == (3, version.proved)

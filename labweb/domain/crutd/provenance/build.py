@@ -212,10 +212,9 @@ class _Builder:
             case "read":
                 self._read(fact, name, str(operation["device_id"]))
             case "create":
-                for resource in _created(fact):
-                    if resource in self._resources:
-                        entity = f"resource/{resource}"
-                        self._bind(Bond.GENERATED, entity, name, at=fact.ended_at)
+                self._create(fact, name)
+            case "refit":
+                self._refit(fact, name, operation)
             case "delete":
                 resource = str(operation["resource_id"])
                 self._use(name, str(operation["archive_id"]), "archive", fact.started_at)
@@ -250,6 +249,28 @@ class _Builder:
             self.nodes[state] = replace(self.nodes[state], place=f"resource/{to}")
         self._now[moved] = state
 
+    def _create(self, fact: TransactionFact, name: str) -> None:
+        for resource in _created(fact):
+            if resource in self._resources:
+                self._bind(Bond.GENERATED, f"resource/{resource}", name, at=fact.ended_at)
+
+    def _refit(self, fact: TransactionFact, name: str, operation: Mapping[str, Any]) -> None:
+        """Bind parts of a device that came, went or became otherwise with its driver's version."""
+        if fact.change.get("state") != "committed":
+            return
+        for resource in map(str, operation.get("gone", ())):
+            if resource in self._resources:
+                entity = self._now.get(resource, f"resource/{resource}")
+                self._bind(Bond.INVALIDATED, entity, name, at=fact.ended_at)
+        self._create(fact, name)
+        changed = {**operation.get("back", {}), **operation.get("configs", {})}
+        for resource in sorted(map(str, changed)):
+            if resource in self._resources:
+                self._use(name, resource, "", fact.started_at)
+                state = self._state(fact, resource, {})
+                self._bind(Bond.GENERATED, state, name, at=fact.ended_at)
+                self._now[resource] = state
+
     def _read(self, fact: TransactionFact, name: str, device: str) -> None:
         job = self._jobs.get(fact.job_id)
         known = self._devices.get(device)
@@ -275,7 +296,7 @@ def _named(operation: Mapping[str, Any]) -> list[str]:
 
 def _created(fact: TransactionFact) -> list[str]:
     told = fact.change.get("created") or [fact.operation.get("resource_id", "")]
-    return [str(resource) for resource in told]
+    return [str(resource) for resource in told if resource]
 
 
 def reported(job: JobFact) -> dict[str, Fact]:

@@ -76,6 +76,13 @@ CARRIER_BY_MODEL: Mapping[str, str | None] = {
     "lab_hplc": "tcp",
     "lab_gcms": "tcp",
     "lab_ms": "tcp",
+    "emstat_pico": "pty",
+    "opentrons_ot2": "tcp",
+    "slurm_rest": "tcp",
+    "spectramax": "pty",
+    "simex_trs02a": "pty",
+    "bronkhorst_es_flow": "pty",
+    "chinwe_separator": "tcp",
 }
 """Model of simulated instrument → what carries its bytes; None needs no carrier."""
 

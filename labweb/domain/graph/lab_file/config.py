@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import msgspec
 from msgspec import Meta
@@ -14,6 +14,20 @@ from labweb.domain.resources.kinds import KINDS, is_vessel
 from labweb.domain.resources.labware.geometry import Cavity, Section, check_cavity
 
 Celsius = Annotated[float, Meta(ge=-273.15, le=3000)]
+Stream = Literal[
+    "aqueous",
+    "acid",
+    "base",
+    "organic",
+    "halogenated",
+    "oxidizer",
+    "water_reactive",
+    "cyanide",
+    "sulfide",
+    "azide",
+    "metal",
+]
+"""A stream of waste, as `resources.compatibility_table` sorts groups of substances into them."""
 
 
 class _Config(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -49,6 +63,13 @@ class CavityConfig(VesselConfig, frozen=True, kw_only=True):
     is_round: bool | None = None
     cavity: tuple[Section, ...] | None = None
     """Sections from the bottom up; absent is unknown."""
+
+
+class WasteConfig(VesselConfig, frozen=True, kw_only=True):
+    """A vessel for waste."""
+
+    takes: tuple[Stream, ...] | None = None
+    """Streams that it takes; absent: whatever a lab without divided wastes pours away."""
 
 
 class TipConfig(VesselConfig, frozen=True, kw_only=True):
@@ -122,13 +143,14 @@ _SPECIAL: Mapping[str, type[_Config]] = {
     **dict.fromkeys(("well", "tube", "trough"), CavityConfig),
     **dict.fromkeys(("plate", "tip_rack", "tube_rack", "reservoir", "carrier"), LabwareConfig),
     **dict.fromkeys(("lid", "deck"), LabwareConfig),
+    "waste": WasteConfig,
     "tip": TipConfig,
     "tip_spot": TipSpotConfig,
     "rotary_valve": RotaryValveConfig,
     "cartridge": CartridgeConfig,
-    **dict.fromkeys(("heater", "thermostat"), HeaterConfig),
-    "rotary_evaporator": HeaterStirrerConfig,
-    "stirrer": StirrerConfig,
+    **dict.fromkeys(("heater", "thermostat", "furnace", "plate_reader"), HeaterConfig),
+    **dict.fromkeys(("rotary_evaporator", "shaker"), HeaterStirrerConfig),
+    **dict.fromkeys(("stirrer", "phase_separator"), StirrerConfig),
     "heater_stirrer": HeaterStirrerConfig,
     "balance": BalanceConfig,
 }

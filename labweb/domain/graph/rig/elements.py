@@ -33,6 +33,7 @@ _NL_PER_ML = 1_000_000
 _LARGEST_NL = 10**13
 _OTHER = Sort(role=Role.OTHER)
 _ENDS = 2
+_MOST_PORTS = 64
 
 
 def sort_of(node: Mapping[str, Any]) -> Sort:
@@ -152,6 +153,32 @@ def find_common_ports(elements: Iterable[Element], tubes: Iterable[Tube]) -> lis
         else element
         for element in known.values()
     ]
+
+
+def count_ports(elements: Iterable[Element], tubes: Iterable[Tube]) -> list[Element]:
+    """Give a rotary valve the ports that its `positions` count: 1 and so on, and the common one.
+
+    A valve at which a tube is joined to yet another port keeps what is known of it: nothing.
+
+    Source:
+        `config.positions` of the multiway valves in the published Uni-Lab-OS stations.
+    """
+    joined: dict[str, set[str]] = {}
+    for tube in tubes:
+        joined.setdefault(tube.source, set()).add(tube.source_port)
+        joined.setdefault(tube.target, set()).add(tube.target_port)
+    return [_counted(element, joined.get(element.key, set())) for element in elements]
+
+
+def _counted(element: Element, joined: set[str]) -> Element:
+    config = element.attributes.get("config")
+    count = config.get("positions") if isinstance(config, Mapping) else None
+    if element.role is not Role.VALVE or element.ports is not None:
+        return element
+    if not isinstance(count, int) or isinstance(count, bool) or not 0 < count <= _MOST_PORTS:
+        return element
+    names = {str(number) for number in range(1, count + 1)} | {element.common_port or ""}
+    return replace(element, ports=frozenset(names - {""})) if joined <= names else element
 
 
 def _common(joined: list[tuple[str, Element | None]]) -> str | None:

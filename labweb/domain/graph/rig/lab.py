@@ -30,6 +30,8 @@ _ROLES: Mapping[str, Role] = {
     "vacuum_controller": Role.VACUUM,
 }
 _TRANSMITTER = "transmitter"
+_INFUSES = "infusion_pump"
+"""Role of a drive with a syringe clamped in: no plan moves liquid with it."""
 
 
 def is_lab(value: object) -> bool:
@@ -54,7 +56,7 @@ def rig_of_lab(raw: bytes) -> Rig:
     roles = {node: role for device in lab.devices for role, node in sorted(device.nodes.items())}
     elements = tuple(
         replace(
-            _ported(element_of_resource(resource, selects=resource.id in selecting), tubes),
+            _ported(_element(resource, roles.get(resource.id), resource.id in selecting), tubes),
             kind=_class_of(resource, roles.get(resource.id)),
             attributes=_attributes(lab, resource, keys) | {"is_driven": resource.id in roles},
         )
@@ -84,6 +86,12 @@ def _class_of(resource: Resource, role: str | None) -> str:
     return resource.kind
 
 
+def _element(resource: Resource, role: str | None, selects: bool) -> Element:  # noqa: FBT001 - as `selects` of `element_of_resource`
+    """Return what a resource does; a syringe that only infuses draws from no port by choice."""
+    element = element_of_resource(resource, selects=selects)
+    return replace(element, role=Role.OTHER) if role == _INFUSES else element
+
+
 def _ported(element: Element, tubes: Iterable[Tube]) -> Element:
     """Give a selector the ports that its settings count, unless a tube is at yet another."""
     count = element.attributes.get("ports_count")
@@ -97,11 +105,16 @@ def _ported(element: Element, tubes: Iterable[Tube]) -> Element:
 
 def _attributes(lab: LabFile, resource: Resource, keys: Mapping[UUID, str]) -> dict[str, Any]:
     """Return what the file says beside the plumbing: settings, what it stands on, contents."""
-    names = {
-        lot: lab.materials_by_id[lot_.material_id].name for lot, lot_ in lab.lots_by_id.items()
-    }
+    materials = {lot: lab.materials_by_id[lot_.material_id] for lot, lot_ in lab.lots_by_id.items()}
     liquid = [
-        {"liquid_type": names[lot], "liquid_volume": amount_nl / _NL_PER_ML}
+        {
+            "liquid_type": materials[lot].name,
+            "liquid_volume": amount_nl / _NL_PER_ML,
+            "material": materials[lot].key,
+            "groups": list(materials[lot].groups),
+            "incompatible_with": list(materials[lot].incompatible_with),
+            "inchikey": materials[lot].inchikey,
+        }
         for lot, amount_nl in lab.contents.get(resource.id, {}).items()
     ]
     parent = keys.get(resource.parent_id) if resource.parent_id else None

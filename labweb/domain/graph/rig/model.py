@@ -9,7 +9,7 @@ from functools import cached_property
 from typing import Any
 
 from labweb.domain.errors import Finding
-from labweb.domain.graph.elements import Element, Tube
+from labweb.domain.graph.elements import Element, Role, Tube
 from labweb.domain.graph.network import Network
 
 
@@ -41,6 +41,11 @@ class Rig:
 
     text: str | None = None
     """The document itself where the model does not hold all of it (GraphML)."""
+
+    @cached_property
+    def pumps(self) -> frozenset[str]:
+        """Return the keys of what pumps liquid."""
+        return frozenset(one.key for one in self.elements if one.role is Role.PUMP)
 
     @cached_property
     def network(self) -> Network:

@@ -14,6 +14,7 @@ from labweb.domain.graph.lab_file.guard import MAX_BYTES, MAX_NODES, decode_json
 from labweb.domain.graph.lab_file.uni_lab_os.nodes import parse_ports
 from labweb.domain.graph.rig.classes import chemputer_sort
 from labweb.domain.graph.rig.elements import (
+    count_ports,
     element_of,
     find_common_ports,
     find_defects,
@@ -92,6 +93,7 @@ def _build(value: Mapping[str, Any], format_: RigFormat, text: str | None) -> Ri
     if findings:
         raise refuse_all(findings, "the graph")
     elements = find_common_ports([element_of(key, node) for key, node in keyed], tubes)
+    elements = count_ports(elements, tubes)
     top = {name: part for name, part in value.items() if name not in ("nodes", links_field)}
     top["links_field"] = links_field
     return Rig(format_, tuple(elements), tuple(tubes), find_defects(elements, tubes), top, text)

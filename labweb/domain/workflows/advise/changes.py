@@ -5,8 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from labweb.domain.graph.topology import Medium
 from labweb.domain.workflows.advise.drawing import Drawing, NotDrawnError, Port, size_for
-from labweb.domain.workflows.on_rig.equipment import CARRIES, INERT, Equipment, Sort
+from labweb.domain.workflows.advise.wastes import add_waste
+from labweb.domain.workflows.on_rig.equipment import INERT, Equipment, Sort
 
 FIRST_ML = 100
 """Size of a vessel that is added, unless more comes into it."""
@@ -20,7 +22,7 @@ _CLASSES = {
     Sort.WASTE: ("ChemputerWaste", "waste"),
 }
 _ROOM_C = 25.0
-_NEW = frozenset({"add_flask", "add_vessel", "add_cartridge"})
+_NEW = frozenset({"add_flask", "add_vessel", "add_cartridge", "add_waste"})
 """Changes whose subject is not in the graph before."""
 
 _TWO_WAY = {Sort.REACTOR: "0", Sort.SEPARATOR: "bottom", Sort.FLASK: "0"}
@@ -48,6 +50,11 @@ class Change:
         return self.value if isinstance(self.value, tuple) else ()
 
     @property
+    def streams(self) -> list[str]:
+        """Return the streams that a waste is to take."""
+        return sorted(str(self.value).split(",")) if self.value else []
+
+    @property
     def amount(self) -> float:
         """Return how much a vessel has to hold, in millilitres."""
         return self.value if isinstance(self.value, float) else 0.0
@@ -55,7 +62,7 @@ class Change:
     @property
     def is_named(self) -> bool:
         """Tell whether the recipe itself names what is added, or how much comes into it."""
-        is_any = not self.subject or self.value == Sort.WASTE.value
+        is_any = not self.subject or self.value == Sort.WASTE.value or self.kind == "add_waste"
         return self.kind in _NEW | {"enlarge"} and not is_any
 
     def draw(self, drawing: Drawing) -> bool:
@@ -117,9 +124,14 @@ def _add_vessel(drawing: Drawing, change: Change) -> bool:
     key = drawing.add(change.subject, class_, **fields)
     if not _join_vessel(drawing, sort, key, port):
         return False
-    drawing.say(
-        "add_vessel", lambda: f"Add {sort} {key}{drawing.size(key)} at {_places(drawing, key)}", key
-    )
+    parts = drawing.parts(key)
+
+    def text() -> str:
+        told = f"Add {sort} {key}{drawing.size(key)} at {_places(drawing, key)}"
+        behind = (f"{part}{drawing.size(part)} at {_places(drawing, part)}" for part in parts[:1])
+        return told + "".join(f", with {one} behind its condenser" for one in behind)
+
+    drawing.say("add_vessel", text, key, *parts)
     return True
 
 
@@ -142,7 +154,7 @@ def _places(drawing: Drawing, key: str) -> str:
     """Return the ports of other elements that tubes join a node to, for a sentence."""
     found = []
     for tube in drawing.rig().tubes:
-        if tube.medium not in CARRIES:
+        if tube.medium is not Medium.LIQUID:
             continue
         if tube.source == key and tube.target_port:
             found.append(f"{Port(tube.target, tube.target_port)} ({tube.source_port})")
@@ -233,8 +245,9 @@ def _attach_one(drawing: Drawing, vessel: str, degrees: tuple[float, ...]) -> No
 
 
 def _join_gas(drawing: Drawing, change: Change) -> bool:
-    wanted, equipment = str(change.value), Equipment(drawing.rig())
-    gases = INERT if wanted in INERT else {wanted}
+    equipment = Equipment(drawing.rig())
+    gases = {str(change.value)} if change.value else INERT
+    wanted = max(gases)
     source = next((k for k in sorted(equipment.elements) if equipment.gas(k) in gases), None)
     is_new = source is None
     if source is None:
@@ -243,7 +256,7 @@ def _join_gas(drawing: Drawing, change: Change) -> bool:
     port = _gas_port(drawing, change.subject)
     if port is None:
         return False
-    drawing.lay(Port(source, "0"), port)
+    drawing.lay_gas(Port(source, "0"), port)
     text = f"Lead {wanted if is_new else equipment.gas(source)} from {source} to {port}"
     drawing.say("join_gas", lambda: text, source if is_new else "")
     return True
@@ -253,24 +266,23 @@ def _join_vacuum(drawing: Drawing, change: Change) -> bool:
     """Draw a vacuum line to a vessel: with a pump of its own, or from a line that is there."""
     vessel, equipment = change.subject, Equipment(drawing.rig())
     is_rotavap = equipment.sort(vessel) is Sort.ROTAVAP
-    lines = [k for k, e in sorted(drawing.nodes.items()) if e.get("class") == "ChemputerVacuum"]
-    if change.value == "own" or not lines:
+    lines = drawing.vacuum_lines()
+    if is_rotavap:
+        if change.value != "own" and lines:
+            return False
         pump = drawing.add(f"vacuum_pump_{vessel}", "CVC3000", type="vacuum")
-        if is_rotavap:
-            drawing.attach(pump, vessel)
-            drawing.say("join_vacuum", lambda: f"Join vacuum pump {pump} to {vessel}", pump)
-            return True
-        line = drawing.add(f"vacuum_{vessel}", "ChemputerVacuum", type="vacuum")
-        drawing.attach(pump, line)
-        what, adds = f"vacuum pump {pump}", (pump, line)
-    elif is_rotavap:
-        return False
+        drawing.attach(pump, vessel)
+        drawing.say("join_vacuum", lambda: f"Join vacuum pump {pump} to {vessel}", pump)
+        return True
+    if change.value == "own" or not lines:
+        adds = drawing.new_vacuum(vessel)
+        line, what = adds[-1], f"vacuum pump {adds[0]}"
     else:
-        line, what, adds = lines[0], f"vacuum from {lines[0]}", ("", "")
+        line, what, adds = lines[0], f"vacuum from {lines[0]}", ()
     port = _gas_port(drawing, vessel)
     if port is None:
         return False
-    drawing.lay(port, Port(line, "0"))
+    drawing.lay_gas(port, Port(line, "0"))
     drawing.say("join_vacuum", lambda: f"Lead {what} to {port}", *adds)
     return True
 
@@ -290,30 +302,47 @@ def _own_vacuum(drawing: Drawing, change: Change) -> bool:
 def _gas_port(drawing: Drawing, vessel: str) -> Port | None:
     """Return a free port of the valve for gas at a vessel, which is added where there is none."""
     rig, backbone = drawing.rig(), set(drawing.backbone())
+    common = {element.key: element.common_port for element in rig.elements}
     for tube in rig.tubes:
         for own, far, port in (
             (tube.source, tube.target, tube.target_port),
             (tube.target, tube.source, tube.source_port),
         ):
-            if own == vessel and port == "-1" and far not in backbone:
+            if own == vessel and port and port == common[far] and far not in backbone:
                 found = drawing.vacant_port(far)
                 if found is not None:
                     return found
-    sort = Equipment(rig).sort(vessel)
-    place = Port(vessel, "bottom") if sort is Sort.FILTER else drawing.free_port_of(vessel)
+    place = drawing.gas_place(vessel)
     if place is None:
         return None
     valve = drawing.add(f"valve_gas_{vessel}", "ChemputerValve", type="valve")
-    drawing.lay(Port(valve, "-1"), place, both=True)
+    drawing.lay_gas(Port(valve, drawing.common), place, both=True)
     text = f"Add valve {valve} for gas and vacuum, with its common port at {place}"
     drawing.say("add_valve", lambda: text, valve)
-    return Port(valve, "0")
+    return Port(valve, drawing.valve_ports(valve)[0])
+
+
+def _add_receiver(drawing: Drawing, change: Change) -> bool:
+    """Draw the flask that vapour condenses in, with a tube to drain it."""
+    vessel = change.subject
+    key = drawing.add_receiver(vessel)
+    port = drawing.free_port()
+    if port is None:
+        return False
+    drawing.lay(Port(key, "0"), port, both=True)
+
+    def text() -> str:
+        where = f"behind the condenser of {vessel}, with a tube to {port}"
+        return f"Add flask {key}{drawing.size(key)} {where}"
+
+    drawing.say("add_receiver", text, key)
+    return True
 
 
 def _add_cartridge(drawing: Drawing, change: Change) -> bool:
-    """Draw a cartridge between two valves of the backbone, or from the only one into a vessel."""
+    """Draw a cartridge between two valves of the backbone; beside a single one comes another."""
     one = drawing.free_port()
-    two = None if one is None else drawing.free_port(but_not=one.key)
+    two = None if one is None else drawing.free_port(but_not=one.key) or drawing.longer()
     if one is None or two is None:
         return False
     fields = {"type": "cartridge", "chemical": change.subject}
@@ -343,6 +372,7 @@ def _join(drawing: Drawing, change: Change) -> bool:
 _DRAW: dict[str, Callable[[Drawing, Change], bool]] = {
     "add_flask": _add_flask,
     "add_vessel": _add_vessel,
+    "add_waste": lambda drawing, change: add_waste(drawing, change.streams),
     "enlarge": _enlarge,
     "attach": _attach,
     "attach_sensor": _attach_sensor,
@@ -351,6 +381,7 @@ _DRAW: dict[str, Callable[[Drawing, Change], bool]] = {
     "join_gas": _join_gas,
     "join_vacuum": _join_vacuum,
     "own_vacuum": _own_vacuum,
+    "add_receiver": _add_receiver,
     "add_cartridge": _add_cartridge,
     "join": _join,
 }

@@ -25,7 +25,7 @@ def cures(finding: Finding) -> list[Change]:
 
 def _ways(finding: Finding, facts: Facts) -> list[Change]:
     source, target = str(facts["from"]), str(facts["to"])
-    if facts["through"]:
+    if facts["through"] and not (finding.code == "plan.no_tube" and facts["at"]):
         return []
     if finding.code == "plan.no_tube":
         end = str(facts["at"] or source)
@@ -46,7 +46,8 @@ def _vessel(facts: Facts) -> list[Change]:
 
 def _gas(facts: Facts) -> list[Change]:
     if "vessel" in facts:
-        return [Change("join_gas", str(facts["vessel"]), str(facts["gas"]))]
+        gas = "" if facts.get("is_any_inert") else str(facts["gas"])
+        return [Change("join_gas", str(facts["vessel"]), gas)]
     return [Change("add_flask", "nitrogen")]
 
 
@@ -73,8 +74,16 @@ def _shared(facts: Facts) -> list[Change]:
 
 def _condenser(facts: Facts) -> list[Change]:
     if "target" not in facts:
-        return []  # A flask on an evaporator of ours: which flask receives, nobody but people say.
+        return [Change("add_receiver", str(facts["vessel"]))]
     return [Change("attach_condenser", str(facts["vessel"]), str(facts["target"]))]
+
+
+def _waste(facts: Facts) -> list[Change]:
+    """Return one more waste: for the streams that none takes, or for what one must not get."""
+    if not facts.get("is_waste", True):
+        return []
+    liquid = str(facts.get("coming", ""))
+    return [Change("add_waste", liquid, ",".join(facts["streams"]))]
 
 
 _CURES: Mapping[str, Callable[[Facts], list[Change]]] = {
@@ -84,6 +93,8 @@ _CURES: Mapping[str, Callable[[Facts], list[Change]]] = {
         Change("add_vessel", "waste", Sort.WASTE.value),
         Change("join", str(facts["vessel"]), "out"),
     ],
+    "plan.no_stream": _waste,
+    "plan.incompatible": _waste,
     "plan.no_buffer": lambda facts: [
         Change("add_flask", ""),
         Change("join", str(facts["vessel"]), "out"),

@@ -9,10 +9,11 @@ from labweb.domain.graph.rig.model import Rig, RigFormat
 from labweb.domain.graph.rig.write import write_rig
 from labweb.domain.workflows.advise.drawing import Drawing
 from labweb.domain.workflows.advise.lab_drawing import LabDrawing
+from labweb.domain.workflows.advise.uni_drawing import UniDrawing
 
 
 def draw_rig(rig: Rig, wanted: frozenset[str] = frozenset()) -> Drawing | None:
-    """Copy a rig for drawing; None: it is neither a Chemputer graph nor a lab of ours.
+    """Copy a rig for drawing; None: nothing in it is joined.
 
     `wanted` are the reagents of the recipe, and flasks that are bound.
     """
@@ -20,9 +21,8 @@ def draw_rig(rig: Rig, wanted: frozenset[str] = frozenset()) -> Drawing | None:
         return None
     if rig.format is RigFormat.LABWEB:
         return LabDrawing(json.loads(write_rig(rig)), wanted)
-    if not any(chemputer_sort(element.kind) for element in rig.elements):
-        return None
+    is_chemputer = any(chemputer_sort(element.kind) for element in rig.elements)
     graph = json.loads(write_rig(rig, RigFormat.NODE_LINK))
     for node, element in zip(graph["nodes"], rig.elements, strict=True):
         node["id"] = element.key
-    return Drawing(graph, wanted)
+    return Drawing(graph, wanted) if is_chemputer else UniDrawing(graph, wanted)

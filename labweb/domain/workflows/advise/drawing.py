@@ -122,6 +122,38 @@ class Drawing:
         for one, other in pairs:
             self._link(one.key, other.key, f"({one.port},{other.port})")
 
+    def lay_gas(self, source: Port, target: Port, *, both: bool = False) -> None:
+        """Lay a tube for gas or vacuum."""
+        self.lay(source, target, both=both)
+
+    def gas_place(self, vessel: str) -> Port | None:
+        """Return where a tube for gas may be joined to a vessel."""
+        is_filter = Equipment(self.rig()).sort(vessel) is Sort.FILTER
+        return Port(vessel, "bottom") if is_filter else self.free_port_of(vessel)
+
+    def vacuum_lines(self) -> list[str]:
+        """Return the vacuum lines that a valve can be joined to, by id."""
+        return [k for k, e in sorted(self.nodes.items()) if e.get("class") == "ChemputerVacuum"]
+
+    def new_vacuum(self, vessel: str) -> tuple[str, ...]:
+        """Add a vacuum line for a vessel; return its pump and the line, which may be one."""
+        pump = self.add(f"vacuum_pump_{vessel}", "CVC3000", type="vacuum")
+        line = self.add(f"vacuum_{vessel}", "ChemputerVacuum", type="vacuum")
+        self.attach(pump, line)
+        return (pump, line)
+
+    def parts(self, _vessel: str) -> tuple[str, ...]:
+        """Return what came with a vessel as resources of their own, its receiver first."""
+        return ()
+
+    def add_receiver(self, _vessel: str) -> str:
+        """Add a flask that the vapour of a vessel condenses in, and return its key.
+
+        Raises:
+            NotDrawnError: Its own is a part of each rotary evaporator here.
+        """
+        raise NotDrawnError("receiver")
+
     def attach(self, device: str, vessel: str) -> None:
         """Join a device to a vessel that it acts on."""
         self._link(device, vessel, _DRY)
@@ -180,7 +212,7 @@ class Drawing:
 
     def free_port(self, *, but_not: str = "") -> Port | None:
         """Return a free port of the backbone, made by one more valve where there is none."""
-        return self.vacant_port(but_not=but_not) or self._longer(but_not)
+        return self.vacant_port(but_not=but_not) or self.longer(but_not)
 
     def idle_flask(self) -> str | None:
         """Return a flask of a reagent that the recipe does not use."""
@@ -196,6 +228,7 @@ class Drawing:
         """Return the valves with a pump that tubes join to each other: the most that there are."""
         rig = self.rig()
         roles = {element.key: element.role for element in rig.elements}
+        common = {element.key: element.common_port for element in rig.elements}
         pumped: set[str] = set()
         near: dict[str, set[str]] = {}
         for tube in rig.tubes:
@@ -205,12 +238,12 @@ class Drawing:
             ):
                 if roles[own] is Role.VALVE and roles[far] is Role.VALVE:
                     near.setdefault(own, set()).add(far)
-                if (roles[own], roles[far], port) == (Role.VALVE, Role.PUMP, self.common):
+                if (roles[own], roles[far]) == (Role.VALVE, Role.PUMP) and port == common[own]:
                     pumped.add(own)
         parts = list(_parts(sorted(pumped), near))
         return max(parts, key=len, default=[])
 
-    def _longer(self, but_not: str) -> Port | None:
+    def longer(self, but_not: str = "") -> Port | None:
         """Put one more valve with a pump in place of a flask, which moves to the new valve."""
         found = self._movable(but_not)
         if found is None:
@@ -253,12 +286,16 @@ class Drawing:
         for own, places in ends.items():
             busy.update(places if self.nodes[own].get("class") else ())
         for key, node in sorted(self.nodes.items()):
-            sort, places = str(node.get("class")).lower(), ends.get(key, set())
-            if _FLASK.search(sort) and len(places) == 1:
+            places = ends.get(key, set())
+            if self.is_flask(node) and len(places) == 1:
                 (place,) = places
                 if place.key in valves and busy[place] == 1:
                     return key, place
         return None
+
+    def is_flask(self, node: Mapping[str, Any]) -> bool:
+        """Tell whether a node is a flask that may be moved to another valve."""
+        return bool(_FLASK.search(str(node.get("class")).lower()))
 
 
 def _parts(keys: list[str], near: Mapping[str, set[str]]) -> Iterator[list[str]]:

@@ -7,15 +7,19 @@ Source:
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from labweb.domain.graph.rig.lab import COMMON_PORT
 from labweb.domain.graph.topology import Medium
 from labweb.domain.workflows.advise.drawing import Drawing, NotDrawnError, Port
+from labweb.domain.workflows.on_rig.equipment import COLLECT, GASES
 
 VALVE_PORTS = 8
 """Ports of a valve that is added, beside the common one."""
+
+RECEIVER_ML = 250
+"""Size of a flask that vapour condenses in; it is drained after each evaporation."""
 
 _UL_PER_ML = 1000
 _TUBE = "tube_"
@@ -50,11 +54,21 @@ _WORDS: Mapping[str, _Word] = {
     "IKARCTDigital": _Word(
         "heater_stirrer", *_HEATS, (("min_temperature_c", 18), ("max_temperature_c", 360))
     ),
+    "IKARV10": _Word(
+        "rotary_evaporator", config=(("min_temperature_c", 18), ("max_temperature_c", 180))
+    ),
+    "CVC3000": _Word("vacuum_controller", Medium.VACUUM, "inlet"),
+    "ChemputerCartridge": _Word("cartridge"),
 }
 """Class as a change says it → resource of a lab. What is not here a lab file has no word for, or
 no recipe is compiled for it on a lab: it is not drawn."""
 
-_CONFIG = {"min_temp": "min_temperature_c", "max_temp": "max_temperature_c"}
+_CONFIG = {"min_temp": "min_temperature_c", "max_temp": "max_temperature_c", "takes": "takes"}
+_PIECE = frozenset({"rotary_valve", "syringe_pump", "cartridge"})
+"""Kinds whose ports are named as a change says."""
+
+_GAS = "gas"
+_VAPOUR = "vapour"
 
 
 class LabDrawing(Drawing):
@@ -86,14 +100,118 @@ class LabDrawing(Drawing):
         word = _WORDS.get(class_)
         if word is None:
             raise NotDrawnError(class_)
+        if class_ == "IKARV10":
+            return self._add_evaporator(wanted, word, fields)
+        gas = GASES.get(str(fields.get("chemical")).lower())
+        if class_ == "ChemputerCartridge":
+            return self._entry(wanted, word, filling=fields["chemical"])
+        if gas and "max_volume" in fields:
+            raise NotDrawnError(gas)  # No gas comes through tubes for liquid here.
+        if gas:
+            return self._entry(wanted, replace(word, kind="bottle"), gas=gas)
         kind = "bottle" if word.kind == "flask" and fields.get("chemical") else word.kind
-        key = self._new_key(wanted)
-        config = dict(word.config)
-        config |= {_CONFIG[name]: value for name, value in fields.items() if name in _CONFIG}
-        entry = {"key": key, "name": key, "kind": kind, "parent": self._parent()}
-        self.graph["resources"].append(entry | {"config": config})
+        said: dict[str, Any] = {
+            _CONFIG[name]: value for name, value in fields.items() if name in _CONFIG
+        }
+        key = self._entry(wanted, replace(word, kind=kind), **said)
         self.alter(key, **fields)
         return key
+
+    def _entry(self, wanted: str, word: _Word, parent: str | None = None, **config: Any) -> str:  # noqa: ANN401 - as a kind takes it
+        key = self._new_key(wanted)
+        entry = {"key": key, "name": key, "kind": word.kind, "parent": parent or self._parent()}
+        self.graph["resources"].append(entry | {"config": {**dict(word.config), **config}})
+        return key
+
+    def _add_evaporator(self, wanted: str, word: _Word, fields: Mapping[str, object]) -> str:
+        """Add a rotary evaporator with a flask on it and one that its vapour condenses in."""
+        machine = self._entry(f"evaporator_{wanted}", word)
+        flask = self._entry(wanted, _WORDS["ChemputerFlask"], parent=machine)
+        self.alter(flask, max_volume=fields["max_volume"])
+        self.add_receiver(flask)
+        self.cost -= len(("flask", "receiver"))  # They are parts of the one device.
+        return flask
+
+    def add_receiver(self, vessel: str) -> str:
+        """Add a flask that the vapour of a vessel condenses in, and return its key."""
+        key = self._entry(f"{vessel}_receiver", _WORDS["ChemputerFlask"])
+        self.alter(key, max_volume=RECEIVER_ML)
+        ends = {"resource": vessel, "port": _VAPOUR}, {"resource": key, "port": "condenser"}
+        self._connection(*ends, Medium.GAS, is_two_way=False)
+        return key
+
+    def parts(self, vessel: str) -> tuple[str, ...]:
+        """Return the receiver of a flask on an evaporator that was added, and the evaporator."""
+        machine = self._entries[vessel].get("parent")
+        if machine not in self.added or self._entries[machine]["kind"] != "rotary_evaporator":
+            return ()
+        return (self._receiver(vessel), machine)
+
+    def _receiver(self, vessel: str) -> str:
+        """Return the flask that the vapour of a vessel condenses in."""
+        return next(
+            str(link["target"]["resource"])
+            for link in self.links
+            if link["source"] == {"resource": vessel, "port": _VAPOUR}
+            and link["medium"] == Medium.GAS.value
+        )
+
+    def lay_gas(self, source: Port, target: Port, *, both: bool = False) -> None:
+        """Lay a tube for gas."""
+        # What a valve is led to a vacuum by carries both ways.
+        is_vacuum = self._entries[target.key]["kind"] == "vacuum_controller"
+        ends = self._gas_end(source), self._gas_end(target)
+        self._connection(*ends, Medium.GAS, is_two_way=both or is_vacuum)
+
+    def _gas_end(self, port: Port) -> dict[str, str]:
+        entry = self._entries[port.key]
+        if entry["kind"] == "vacuum_controller":
+            return {"resource": port.key, "port": "inlet"}
+        if entry.get("config", {}).get("gas"):
+            return {"resource": port.key, "port": "outlet"}
+        return {"resource": port.key, "port": port.port}
+
+    def gas_place(self, vessel: str) -> Port:
+        """Return where a tube for gas may be joined to a vessel."""
+        used, number, name = self.used(vessel), 1, _GAS
+        while name in used:
+            number += 1
+            name = f"{_GAS}_{number}"
+        return Port(vessel, name)
+
+    def vacuum_lines(self) -> list[str]:
+        """Return the vacuum controllers that a valve is joined to: no flask has them to itself."""
+        kinds = {key: entry["kind"] for key, entry in self._entries.items()}
+        found = set()
+        for link in self.links:
+            one, other = (link[end]["resource"] for end in ("source", "target"))
+            for own, far in ((one, other), (other, one)):
+                if (kinds[own], kinds[far]) == ("vacuum_controller", "rotary_valve"):
+                    found.add(own)
+        return sorted(found)
+
+    def new_vacuum(self, vessel: str) -> tuple[str, ...]:
+        """Add a vacuum controller, which is a line by itself."""
+        return (self._entry(f"vacuum_{vessel}", _WORDS["CVC3000"]),)
+
+    def detach(self, device: str, vessel: str) -> bool:
+        """Take away the connections that join two resources directly; False: there are none."""
+        kept = [
+            n
+            for n in self.links
+            if {n["source"]["resource"], n["target"]["resource"]} != {device, vessel}
+        ]
+        is_changed = len(kept) < len(self.links)
+        self.links[:] = kept
+        self._rig = None
+        return is_changed
+
+    def is_flask(self, node: Mapping[str, Any]) -> bool:
+        """Tell whether a resource is a flask that may be moved; gas is led by its own tubes."""
+        entry = self._entries[node["id"]]
+        on = self._entries.get(str(entry.get("parent")), {}).get("kind")
+        is_gas = bool(entry.get("config", {}).get("gas"))
+        return super().is_flask(node) and not is_gas and on != "rotary_evaporator"
 
     def alter(self, key: str, **fields: object) -> None:
         """Change the size of a resource, or put a new lot of a chemical into it, until it is full.
@@ -141,21 +259,27 @@ class LabDrawing(Drawing):
         self._connect(Port(device, word.port), Port(vessel, port), word.medium, is_two_way=True)
 
     def _connect(self, source: Port, target: Port, medium: Medium, *, is_two_way: bool) -> None:
-        ends = [self._end(source), self._end(target)]
-        key = _free(f"{source.key}_{ends[0]['port']}_{target.key}", self.links)
+        self._connection(self._end(source), self._end(target), medium, is_two_way=is_two_way)
+
+    def _connection(
+        self, source: dict[str, str], target: dict[str, str], medium: Medium, *, is_two_way: bool
+    ) -> None:
+        wanted = f"{source['resource']}_{source['port']}_{target['resource']}"
         self.links.append(
-            {"key": key, "source": ends[0], "target": ends[1], "medium": medium.value}
-            | {"is_two_way": is_two_way}
+            {"key": _free(wanted, self.links), "source": source, "target": target}
+            | {"medium": medium.value, "is_two_way": is_two_way}
         )
         self._rig = None
 
     def _end(self, port: Port) -> dict[str, str]:
         """Return an end of a connection; port 0 of a vessel is its next tube."""
+        if port.port == COLLECT:
+            port = Port(self._receiver(port.key), "0")
         kind = self._entries[port.key]["kind"]
         name = port.port
         if kind == "syringe_pump":
             name = "outlet"
-        elif kind != "rotary_valve" and name == "0":
+        elif kind not in _PIECE and name in ("0", "evaporate"):
             name = self.free_port_of(port.key).port
         return {"resource": port.key, "port": name}
 

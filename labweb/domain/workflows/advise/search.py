@@ -56,7 +56,7 @@ def advise(recipe: Recipe, rig: Rig, wish: Wish | None = None) -> Advice | list[
         None. Nothing is changed but a copy.
     """
     if draw_rig(rig) is None:
-        message = "advice is drawn for Chemputer graphs and labs of ours, and this is neither"
+        message = "nothing in this graph is joined to anything: no advice is drawn into it"
         return [Finding("plan.no_advice", message)]
     return _Search(recipe, rig, wish or Wish()).run()
 
@@ -146,7 +146,7 @@ class _Search:
         for change in reversed([one for one in changes if not one.is_named]):
             fewer = tuple(one for one in changes if one != change)
             less = self._drawn(fewer)
-            if less is None or less.cost >= drawing.cost:
+            if less is None or less.cost > drawing.cost or len(less.done) >= len(drawing.done):
                 continue
             tried = self._try(less)
             if isinstance(tried, dict):
@@ -161,10 +161,14 @@ class _Search:
 
 
 def _merged(before: Changes, more: Changes) -> Changes:
-    """Join changes: each once, one size of a vessel, one thermostat for all its temperatures."""
+    """Join changes: each once, one size of a vessel, one thermostat for all its temperatures.
+
+    What no waste takes goes into one new one; each liquid that none may get beside what is in it,
+    into another.
+    """
     found: dict[tuple[str, str, object], Change] = {}
     for change in (*before, *more):
-        is_shared = change.kind in ("enlarge", "attach_thermostat")
+        is_shared = change.kind in ("enlarge", "attach_thermostat", "add_waste")
         key = (change.kind, change.subject, None if is_shared else change.value)
         other = found.get(key)
         value = change.value
@@ -172,6 +176,8 @@ def _merged(before: Changes, more: Changes) -> Changes:
             value = tuple(sorted({*change.degrees, *other.degrees}))
         elif other is not None and change.kind == "enlarge":
             value = max(change.amount, other.amount)
+        elif other is not None and change.kind == "add_waste":
+            value = ",".join(sorted({*change.streams, *other.streams}))
         found[key] = replace(change, value=value)
     return tuple(found.values())
 

@@ -9,7 +9,9 @@ from typing import Any
 from labweb.domain.units import render_volume
 from labweb.domain.workflows.unit_operations import ALL
 
-_UL_PER_ML = 1000
+WAIT = "wait"
+RINSE, PRIME, PUSH = "rinse", "prime", "push"
+"""Syringes are cleaned; the tube of a flask is filled; gas pushes out what is left in a tube."""
 
 Place = Mapping[str, Any]
 """Line and column of the recipe, or the step of the workflow."""
@@ -28,6 +30,12 @@ class Deed:
 
     rates_ul_s: tuple[float, ...] = ()
     """How fast liquid is pushed; none: nobody asked for a rate."""
+
+    pumps: tuple[str, ...] = ()
+    """Whose syringes liquid goes through; none: whoever plans the run chooses."""
+
+    added: str = field(default="", compare=False)
+    """Why the plan of a rig does it and the recipe does not say it: RINSE, PRIME or PUSH."""
 
 
 @dataclass(slots=True)
@@ -68,13 +76,14 @@ def move(
     standing: Standing,
     place: Place,
     rates_ul_s: tuple[float, ...] = (),
+    pumps: tuple[str, ...] = (),
 ) -> Deed:
     """Liquid moves: so many nanolitres, or `all`."""
     much = ALL if amount == ALL else render_volume(int(amount))
     by = f" through {', '.join(way.through)}" if way.through else ""
     text = _while(f"move {much} from {way.source} to {way.target}{by}", standing)
     what = ("move", way, amount, *standing.of(way.source, way.target))
-    return Deed(what, text, place, rates_ul_s)
+    return Deed(what, text, place, rates_ul_s, pumps)
 
 
 def _while(text: str, standing: Standing) -> str:
@@ -82,16 +91,22 @@ def _while(text: str, standing: Standing) -> str:
     return f"{text}, while {told}" if told else text
 
 
-def lower(way: Way, standing: Standing, place: Place) -> Deed:
+def lower(way: Way, standing: Standing, place: Place, pumps: tuple[str, ...] = ()) -> Deed:
     """The lower of two layers is drawn."""
     text = f"draw the lower layer of {way.source} to {way.target}"
     what = ("lower", way, *standing.of(way.source, way.target))
-    return Deed(what, _while(text, standing), place)
+    return Deed(what, _while(text, standing), place, pumps=pumps)
+
+
+def push(way: Way, amount_nl: int, place: Place, pumps: tuple[str, ...] = ()) -> Deed:
+    """Gas is pushed into a vessel."""
+    text = f"push {render_volume(amount_nl)} of gas from {way.source} into {way.target}"
+    return Deed((PUSH, way, amount_nl), text, place, pumps=pumps)
 
 
 def wait(seconds: float, standing: Standing, place: Place) -> Deed:
     """Time passes."""
-    what = ("wait", round(seconds, 6), *standing.of())
+    what = (WAIT, round(seconds, 6), *standing.of())
     return Deed(what, _while(f"wait {seconds:g} s", standing), place)
 
 
@@ -110,13 +125,6 @@ def boil(vessel: str, values: Mapping[str, float | None], place: Place) -> Deed:
     said = tuple((name, values.get(name)) for name in ("s", "mbar", "c", "rpm"))
     text = ", ".join(f"{value:g} {name}" for name, value in said if value is not None)
     return Deed(("evaporate", vessel, *said), f"evaporate {vessel}: {text}", place)
-
-
-def rinse(does: Mapping[str, Any], place: Place) -> Deed:
-    """Syringes are rinsed; no step of a workflow says that."""
-    much = f"{does['volume_ul'] / _UL_PER_ML:g} mL of {does['lot']}"
-    text = f"rinse the lines with {much} from {does['from']} into {does['to']}"
-    return Deed(("clean", does["from"], does["to"], does["volume_ul"]), text, place)
 
 
 def end(standing: Standing) -> Deed:

@@ -8,6 +8,7 @@ from typing import Any
 from labweb.domain.units import parse, parse_volume_nl
 from labweb.domain.workflows.agreement import deeds
 from labweb.domain.workflows.agreement.deeds import Deed, Place, Standing, Way
+from labweb.domain.workflows.steps import called
 from labweb.domain.workflows.unit_operations import ALL
 
 _KPA_TO_MBAR = 10
@@ -24,7 +25,7 @@ def deeds_of_workflow(document: Mapping[str, Any]) -> Iterator[Deed]:
         if kind in _STEPS:
             yield from _STEPS[kind](step["params"], standing, place)
         elif kind != _REACT:
-            yield Deed((kind, step["id"]), f"do step {step['id']}, {kind}", place)
+            yield Deed((kind, step["id"]), f"do {called(step, {})}", place)
     yield deeds.end(standing)
 
 
@@ -32,7 +33,7 @@ def _transfer(params: Params, standing: Standing, place: Place) -> Iterator[Deed
     amount = ALL if params["volume"] == ALL else parse_volume_nl(params["volume"])
     rates = (parse(params["flow_rate"], "flow_rate"),) if "flow_rate" in params else ()
     way = Way(_key(params["source"]), _key(params["target"]), _through(params))
-    yield deeds.move(way, amount, standing, place, rates)
+    yield deeds.move(way, amount, standing, place, rates, _pumps(params))
 
 
 def _start_stir(params: Params, standing: Standing, _place: Place) -> Iterator[Deed]:
@@ -75,7 +76,7 @@ def _wait(params: Params, standing: Standing, place: Place) -> Iterator[Deed]:
 def _separate(params: Params, standing: Standing, place: Place) -> Iterator[Deed]:
     yield deeds.wait(parse(params["settle_for"], "time"), standing, place)
     way = Way(_key(params["vessel"]), _key(params["target"]), _through(params))
-    yield deeds.lower(way, standing, place)
+    yield deeds.lower(way, standing, place, _pumps(params))
 
 
 def _evaporate(params: Params, _standing: Standing, place: Place) -> Iterator[Deed]:
@@ -99,6 +100,11 @@ def _evacuate_refill(params: Params, standing: Standing, place: Place) -> Iterat
             yield deeds.wait(parse(params["gas_for"], "time"), standing, place)
 
 
+def _push_gas(params: Params, _standing: Standing, place: Place) -> Iterator[Deed]:
+    way = Way(_key(params["gas"]), _key(params["target"]))
+    yield deeds.push(way, parse_volume_nl(params["volume"]), place, _pumps(params))
+
+
 _STEPS: Mapping[str, Callable[[Params, Standing, Place], Iterator[Deed]]] = {
     "transfer": _transfer,
     "start_stir": _start_stir,
@@ -110,7 +116,11 @@ _STEPS: Mapping[str, Callable[[Params, Standing, Place], Iterator[Deed]]] = {
     "separate": _separate,
     "evaporate": _evaporate,
     "evacuate_refill": _evacuate_refill,
+    "push_gas": _push_gas,
 }
+
+SAID = frozenset(_STEPS)
+"""Kinds of steps that are read as deeds by their values."""
 
 
 def _mbar(params: Params) -> float:
@@ -119,6 +129,10 @@ def _mbar(params: Params) -> float:
 
 def _through(params: Params) -> tuple[str, ...]:
     return (_key(params["through"]),) if "through" in params else ()
+
+
+def _pumps(params: Params) -> tuple[str, ...]:
+    return (_key(params["pump"]),) if "pump" in params else ()
 
 
 def _key(reference: str) -> str:

@@ -3,11 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import replace
 from decimal import Decimal
 from typing import Any
 
 from labweb.domain.workflows.agreement import deeds
-from labweb.domain.workflows.agreement.deeds import Deed, Place, Standing, Way
+from labweb.domain.workflows.agreement.deeds import (
+    PRIME,
+    PUSH,
+    RINSE,
+    WAIT,
+    Deed,
+    Place,
+    Standing,
+    Way,
+)
 from labweb.domain.workflows.unit_operations import ALL
 
 _SILENT = frozenset({"fill", "empty", "reach", "gas", "stop_gas", "lower", "raise"})
@@ -18,8 +28,22 @@ _PREPARE = "Prepare"
 Claim = Mapping[str, Any]
 
 
-def deeds_of_plan(plan: Mapping[str, Any]) -> Iterator[Deed]:
-    """Read the claims of a plan as deeds, in their order."""
+def deeds_of_plan(plan: Mapping[str, Any]) -> list[Deed]:
+    """Read the claims of a plan as deeds, in their order.
+
+    A rinse, or the filling of a tube, that stands behind waits is read in front of them: it touches
+    none of the vessels that wait, which stand just as long.
+    """
+    found: list[Deed] = []
+    for deed in _claimed(plan):
+        place = len(found)
+        while deed.added in (RINSE, PRIME) and place and found[place - 1].what[0] == WAIT:
+            place -= 1
+        found.insert(place, deed)
+    return found
+
+
+def _claimed(plan: Mapping[str, Any]) -> Iterator[Deed]:
     reading = _Reading()
     for step in plan["steps"]:
         does, of = step["does"], step["of"]
@@ -54,16 +78,27 @@ class _Reading:
         if does["kind"] == "transfer":
             way = Way(does["from"], does["to"], tuple(does.get("through", ())))
             amount = ALL if does.get("all") else _nl(does["volume_ul"])
-            return [deeds.move(way, amount, self.standing, place, _pushed(actions))]
+            rates, pumps = _pushed(actions), _pumps(actions)
+            return [deeds.move(way, amount, self.standing, place, rates, pumps)]
         if does["kind"] in _CHANGES:
             _CHANGES[does["kind"]](self, does)
             return []
         if does["kind"] in _DEEDS:
-            return _DEEDS[does["kind"]](self, does, place)
-        if does["kind"] == "clean":
-            return [deeds.rinse(does, place)]
+            made = _DEEDS[does["kind"]](self, does, place)
+            return [replace(deed, pumps=_pumps(actions)) for deed in made]
+        if does["kind"] in _ADDED:
+            return [self._added(does, actions, place)]
         named = [f"{name} {value}" for name, value in does.items() if name != "kind"]
         return [Deed((does["kind"], *named), f"{does['kind']} {', '.join(named)}", place)]
+
+    def _added(self, does: Claim, actions: Iterable[Any], place: Place) -> Deed:
+        """Return what the plan does beside the recipe: what cleans, fills and empties tubes."""
+        why, what = _ADDED[does["kind"]]
+        way, much, pumps = Way(does["from"], does["to"]), _nl(does["volume_ul"]), _pumps(actions)
+        if why == PUSH:
+            return replace(deeds.push(way, much, place, pumps), added=why)
+        moved = deeds.move(way, much, self.standing, place, pumps=pumps)
+        return replace(moved, text=f"{what} {does['lot']}: {moved.text}", added=why)
 
     def stir(self, does: Claim) -> None:
         self.standing.stirred[does["vessel"]] = does["speed_rpm"]
@@ -114,6 +149,11 @@ class _Reading:
         return [lower] if stays else [lower, deeds.move(above, ALL, self.standing, place)]
 
 
+_ADDED: Mapping[str, tuple[str, str]] = {
+    "clean": (RINSE, "rinse the lines with"),
+    "prime": (PRIME, "fill the tube of"),
+    "push": (PUSH, ""),
+}
 _CHANGES: Mapping[str, Callable[[_Reading, Claim], None]] = {
     "stir": _Reading.stir,
     "stop_stir": _Reading.stop_stir,
@@ -140,6 +180,12 @@ def _pushed(groups: Iterable[Iterable[Mapping[str, Any]]]) -> tuple[float, ...]:
         if command["action"] == "dispense"
     }
     return tuple(sorted(rates))
+
+
+def _pumps(groups: Iterable[Iterable[Mapping[str, Any]]]) -> tuple[str, ...]:
+    """Return whose syringes push, by their names."""
+    pushing = (one for group in groups for one in group if one["action"] == "dispense")
+    return tuple(sorted({one["device"] for one in pushing}))
 
 
 def _nl(microlitres: float) -> int:

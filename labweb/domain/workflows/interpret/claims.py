@@ -59,7 +59,9 @@ ALLOWED: Mapping[str, frozenset[str]] = {
     "spin": frozenset(("spin",)),
     "distill": frozenset(("distill",)),
     "clean": frozenset(("flow",)),
+    "prime": frozenset(("flow",)),
     "flush": frozenset(("gas",)),
+    "push": frozenset(("gas",)),
     "ask": frozenset(),
 }
 """Kind of a claim → what its step may do. A `check` by hand may stand anywhere."""
@@ -326,7 +328,8 @@ _CHECKS: Mapping[str, Callable[[State, Claim, Before], None]] = {
     "clean": _check_transfer,
     "separate": _check_separate,
     "filter": _check_filter,
-    "flush": _check_flush,
+    "prime": _check_transfer,
+    **dict.fromkeys(("flush", "push"), _check_flush),
     **dict.fromkeys(
         ("stir", "stop_stir", "heat", "stop_heat", "rotate", "stop_rotate"), _check_setting
     ),

@@ -134,6 +134,7 @@ def _evaporate(state: State, action: Action) -> object:
             state.complain("interpret.no_path", message, device=action.device)
             return None
         state.record.touched.add(target)
+        state.record.vapours.append((vessel, target))
         state.mix_in(target, state.held(vessel).let_go())
     if not isinstance(parameters, schema.Boiling):
         return None
@@ -203,6 +204,7 @@ def _distill(state: State, action: Action) -> object:
             state.complain("interpret.no_path", message, device=action.device)
             return None
         state.see_no_vacuum(given.to, f"{action.device} fills {given.to}")
+    state.record.vapours.append((given.from_, given.to))
     state.mix_in(given.to, state.held(given.from_).let_go())
     return (given.from_, given.to, given.duration_s, given.vapour_c)
 
@@ -263,6 +265,7 @@ def _by_hand(state: State, action: Action) -> None:
     elif action.name == "empty":
         state.held(REMOVED).add(state.held(vessel).take_everything())
         state.phases.pop(vessel, None)
+        state.reactivity.empty(vessel)
     else:
         _set_watch(state, vessel, action.device, is_on=action.name == "watch")
     state.record.effects.append(Effect(action.name, action.device, (vessel,), value, lot))

@@ -7,13 +7,16 @@ from itertools import chain
 
 from labweb.domain.errors import Finding
 from labweb.domain.graph.rig.model import Rig
-from labweb.domain.workflows.interpret.apparatus import abilities
+from labweb.domain.workflows.interpret.apparatus import abilities, vessels_of
 from labweb.domain.workflows.interpret.claims import check_claim
 from labweb.domain.workflows.interpret.deeds import act
-from labweb.domain.workflows.interpret.matter import Contents
+from labweb.domain.workflows.interpret.encounters import amounts
+from labweb.domain.workflows.interpret.filling import check_filling
+from labweb.domain.workflows.interpret.matter import NOTHING, Contents
 from labweb.domain.workflows.interpret.plan import Action, Plan, Step
 from labweb.domain.workflows.interpret.plumbing import COLLECT, Plumbing
 from labweb.domain.workflows.interpret.pneumatics import Before
+from labweb.domain.workflows.interpret.reactivity import Came, Reactivity
 from labweb.domain.workflows.interpret.rounds import Rounds
 from labweb.domain.workflows.interpret.schema import BY_HAND, TIMER, Claim
 from labweb.domain.workflows.interpret.state import (
@@ -63,6 +66,9 @@ def execute(rig: Rig, plan: Plan, graph_sha256: str = "", *, is_alone: bool = Fa
                 f"{key} is said to hold {microlitres(amount)}; the graph says {microlitres(known)}"
             )
             state.complain("interpret.capacity", message, vessel=key)
+    if not is_alone:
+        state.reactivity = Reactivity(plumbing.elements, plan, _condensing(plumbing))
+        state.findings += state.reactivity.check_declared(plan)
     _check_vessels(state, plan)
     _fill_before(state, plan)
     records, rounds = [], Rounds(state)
@@ -76,6 +82,7 @@ def execute(rig: Rig, plan: Plan, graph_sha256: str = "", *, is_alone: bool = Fa
     _check_stopped(state)
     state.findings += check_after(plan.steps, [record.touched for record in records])
     state.findings += check_totals(plan, records)
+    state.findings += check_filling(plan, plumbing, records)
     unique = {(finding.code, finding.message): finding for finding in state.findings}
     state.findings = list(unique.values())
     return state
@@ -105,6 +112,7 @@ def _check_vessels(state: State, plan: Plan) -> None:
 def _fill_before(state: State, plan: Plan) -> None:
     for key, contents in plan.contents.items():
         state.contents[key] = contents.copy()
+        state.reactivity.fill_before(key, contents)
         capacity = state.capacities.get(key)
         if capacity is not None and contents.volume.least > capacity + TOLERANCE:
             message = f"{key} holds more than it can before the first step"
@@ -123,9 +131,13 @@ def _execute_step(state: State, step: Step) -> Record:
         may_draw={key: state.running_vacuum(key, maybe=True) for key in state.exposed},
         lines={key: state.lines(key) for key in state.exposed},
     )
+    ends = (step.claim.to, step.claim.lower_to, step.claim.upper_to)
+    state.reactivity.begin(before.contents, [key for key in ends if key is not None])
     for group in step.groups:
         _execute_group(state, group)
     _conserve(state, before)
+    for found in state.reactivity.finish(_came(state, before), state.contents):
+        state.complain(found.code, found.message, vessel=found.subject)
     for key, syringe in sorted(state.syringes.items()):
         if syringe.nominal:
             message = f"{key} ends with {microlitres(syringe.nominal)} in it"
@@ -148,6 +160,56 @@ def _conserve(state: State, before: Before) -> None:
         for other in sources - {key}:
             limit.add(before.contents.get(other, Contents()))
         state.held(key).keep_within(limit)
+    _keep_all(state, before, sources | {flow.target.key for flow in flows})
+
+
+def _keep_all(state: State, before: Before, keys: set[str]) -> None:
+    """Bound each liquid from below: what is in no other vessel of the step is in this one.
+
+    Not where some of it may have gone elsewhere: by vacuum, as vapour, or by hand.
+    """
+    is_open = any(effect.name == "empty" for effect in state.record.effects)
+    is_dried = any(before.may_draw.get(k) or state.running_vacuum(k, maybe=True) for k in keys)
+    if is_open or is_dried or state.record.vapours:
+        return
+    held = [before.contents.get(key, Contents()).liquids for key in keys]
+    least = {lot: sum(h.get(lot, NOTHING).least for h in held) for lot in {*chain(*held)}}
+    most = {
+        lot: sum(state.held(key).liquids.get(lot, NOTHING).most for key in keys) for lot in least
+    }
+    for key in keys:
+        own = state.held(key)
+        own.keep_at_least(
+            {lot: least[lot] - most[lot] + r.most for lot, r in own.liquids.items() if lot in least}
+        )
+
+
+def _condensing(plumbing: Plumbing) -> set[str]:
+    """Return the vessels that vapour of a rotary evaporator runs into."""
+    makers = [key for key, e in plumbing.elements.items() if "evaporate" in abilities(e)]
+    ends = (plumbing.condenses_in(v) for key in makers for v in vessels_of(plumbing, key))
+    return {end for end in ends if end is not None}
+
+
+def _came(state: State, before: Before) -> dict[str, Came]:
+    """Return what came into each vessel in a step: no more of a lot than there was."""
+    flows, found = state.record.flows, dict[str, Came]()
+    sources = {flow.source.key for flow in flows if not flow.is_gas}
+    for flow in flows:
+        got = dict(found[flow.target.key].amounts) if flow.target.key in found else {}
+        for item, most in amounts(Contents(dict(flow.liquids), dict(flow.solids))).items():
+            there = [amounts(before.contents.get(key, Contents())).get(item, 0) for key in sources]
+            got[item] = min(got.get(item, 0) + most, sum(there))
+        got = {item: amount for item, amount in got.items() if amount}
+        found[flow.target.key] = Came(got, sources or {flow.source.key})
+    for source, target in state.record.vapours:
+        gone = amounts(Contents(before.contents.get(source, Contents()).liquids))
+        found[target] = Came(gone, (source,))
+    for effect in state.record.effects:
+        if effect.name in ("fill", "add_solid") and isinstance(effect.value, int):
+            item = (effect.lot, effect.name == "add_solid")
+            found[effect.vessels[0]] = Came({item: effect.value})
+    return found
 
 
 def _places(claim: Claim) -> Iterator[str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 UNITS_PER_NL = 10**6
@@ -114,6 +115,13 @@ class Contents:
             for lot, amount in own.items():
                 most = min(amount.most, bound.get(lot, NOTHING).most)
                 own[lot] = Range(min(amount.least, most), most)
+        self._tighten()
+
+    def keep_at_least(self, least: Mapping[str, int]) -> None:
+        """Note that there is of no lot less than so much, which is no more than there can be."""
+        for lot, amount in least.items():
+            held = self.liquids[lot]
+            self.liquids[lot] = Range(max(held.least, min(amount, held.most)), held.most)
         self._tighten()
 
     def let_go(self) -> Contents:

@@ -69,6 +69,11 @@ class Plan:
     bindings: Bindings = field(default_factory=Bindings)
     totals: Totals = field(default_factory=Totals)
     graph_sha256: str | None = None
+    groups: Mapping[str, frozenset[str]] = field(default_factory=dict)
+    """Lot → groups of substances that it is said to belong to."""
+
+    keeps_apart: bool = False
+    """It says that some of its lots must not meet."""
 
 
 def units(amount: float) -> int:
@@ -149,6 +154,8 @@ class _Reader:
             bindings=raw.bindings,
             totals=raw.totals,
             graph_sha256=raw.graph_sha256,
+            groups={lot: frozenset(words) for lot, words in raw.groups.items()},
+            keeps_apart=raw.keeps_apart,
         )
 
     def amount(self, volume_ul: float, subject: str) -> int:

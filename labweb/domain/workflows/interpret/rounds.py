@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from labweb.domain.workflows.interpret.matter import Contents
 from labweb.domain.workflows.interpret.plan import Step
+from labweb.domain.workflows.interpret.reactivity import Past
 from labweb.domain.workflows.interpret.state import State
 
 
@@ -16,6 +17,9 @@ class _End:
 
     contents: Mapping[str, Contents]
     ports: Mapping[str, str]
+    past: Past
+    """What wets syringes and valves, and what has met."""
+
     running: Mapping[str, object]
     """What has to be the same however often it went."""
 
@@ -62,6 +66,8 @@ class Rounds:
             for other in held[1:]:
                 whole = whole.span(other)
             state.contents[key] = whole
+        for end in ends:
+            state.reactivity.may_be(end.past)
         for valve in list(state.stands.ports):
             if len({end.ports.get(valve) for end in ends}) > 1:
                 del state.stands.ports[valve]
@@ -90,4 +96,4 @@ class Rounds:
             "gas": {key: state.sources(key) for key in state.exposed},
             "vacuum": {key: state.running_vacuum(key) for key in state.exposed},
         }
-        return _End(contents, dict(state.stands.ports), running)
+        return _End(contents, dict(state.stands.ports), state.reactivity.remember(), running)

@@ -59,6 +59,7 @@ class Totals(Strict, frozen=True):
     needed_ul: dict[str, Amount] | None = None
     needed_ug: dict[str, Amount] | None = None
     by_hand_count: Annotated[int, Meta(ge=0)] | None = None
+    primed_ul: dict[str, Amount] | None = None
 
 
 class Of(Strict, frozen=True):
@@ -102,6 +103,8 @@ class RawPlan(Strict, frozen=True):
     steps: list[object]
     totals: Totals
     notes: list[Sentence]
+    groups: dict[str, list[Text]] = {}
+    keeps_apart: bool = False
 
 
 class Parameters(Strict, frozen=True):
@@ -170,6 +173,12 @@ class Boiling(Parameters, frozen=True):
 
     duration_s: Duration | None = None
     most_s: Duration | None = None
+
+
+class Watching(Parameters, frozen=True):
+    """What the reading does at the boundary; unset: any change of it counts."""
+
+    reading: Literal["rises", "falls"] | None = None
 
 
 class Light(Parameters, frozen=True):
@@ -271,7 +280,7 @@ PARAMETERS: Mapping[str, type[Parameters]] = {
     "lower_flask": Parameters,
     "raise_flask": Parameters,
     "evaporate": Boiling,
-    "watch_boundary": Parameters,
+    "watch_boundary": Watching,
     "stop_watching": Parameters,
     "start_light": Light,
     "stop_light": Parameters,
@@ -361,7 +370,9 @@ CLAIMS: Mapping[str, tuple[str, str]] = {
     "spin": ("vessel duration_s", "speed_rpm acceleration_g temperature_c"),
     "distill": ("vessel to", "duration_s vapour_c"),
     "clean": ("from to volume_ul", "lot through"),
+    "prime": ("from to volume_ul lot", ""),
     "flush": ("from to volume_ul", ""),
+    "push": ("from to volume_ul", ""),
     "ask": ("text", ""),
 }
 """Kind of a claim → fields that it must have, and fields that it may have."""

@@ -9,6 +9,7 @@ from labweb.domain.errors import Finding
 from labweb.domain.workflows.interpret.apparatus import pumps_of
 from labweb.domain.workflows.interpret.matter import NOTHING, UNITS_PER_NL, Contents, Range
 from labweb.domain.workflows.interpret.plumbing import COLLECT, End, Plumbing, Stands
+from labweb.domain.workflows.interpret.reactivity import Reactivity
 
 LOST, REMOVED = "@lost", "@removed"
 """Where matter is booked that dried away, and that a person emptied out."""
@@ -85,6 +86,9 @@ class Record:
     parting: dict[str, tuple[int, int]] = field(default_factory=dict)
     """Vessel whose lower phase is drawn → the most that was there, what was drawn so far."""
 
+    vapours: list[tuple[str, str]] = field(default_factory=list)
+    """What boiled off: from which vessel into which."""
+
     is_checked: bool = False
     """A person has confirmed something in this step."""
 
@@ -125,6 +129,9 @@ class State:
 
         self.has_collecting = True
         """The collecting flask of a rotary evaporator is a vessel of its own."""
+
+        self.reactivity = Reactivity({})
+        """What is said of the chemistry of lots and wastes, and what syringes and valves keep."""
 
         self.record = Record()
         self.routes: dict[int, tuple[str, ...]] = {}

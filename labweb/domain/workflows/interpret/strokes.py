@@ -304,6 +304,7 @@ def _take_in(state: State, way: Way, taken: Contents, as_of: Syringe) -> None:
             f"{as_of.origin and as_of.origin.key}",
             device=way.action.device,
         )
+    _wet(state, way, taken, as_of.origin)
     syringe.origin, syringe.passed = as_of.origin, as_of.passed
     syringe.phases |= as_of.phases
     syringe.nominal += way.volume
@@ -315,6 +316,16 @@ def _take_in(state: State, way: Way, taken: Contents, as_of: Syringe) -> None:
     elif syringe.nominal > capacity_nl * UNITS_PER_NL:
         message = f"{way.action.device} would hold {microlitres(syringe.nominal)}"
         state.complain("interpret.overfull", message, device=way.action.device)
+
+
+def _wet(
+    state: State, way: Way, taken: Contents, origin: End | None, *, is_drawn: bool = True
+) -> None:
+    """Let liquid go over the valves of its way, and over the syringe that draws it."""
+    keys = {end.key for end in way.ports} | ({way.action.device} if is_drawn else set())
+    for key in sorted(keys - {way.end.key}):
+        for found in state.reactivity.pass_over(key, taken, origin.key if origin else ""):
+            state.complain(found.code, found.message, device=key)
 
 
 def _push_out(state: State, way: Way) -> Contents | None:
@@ -346,6 +357,9 @@ def _push(state: State, way: Way) -> None:
     state.record.flows.append(
         Flow(origin, way.end, taken.volume, way.volume, passed, taken.liquids, taken.solids, is_gas)
     )
+    _wet(state, way, taken, origin, is_drawn=False)
+    for found in state.reactivity.pour(way.end.key, taken):
+        state.complain(found.code, found.message, vessel=way.end.key)
     state.mix_in(way.end.key, taken)
     if taken.volume.most:
         state.phases.setdefault(way.end.key, set()).update(phases)

@@ -139,8 +139,9 @@ class _Binder:
     def reagents(
         self, operations: Iterable[BasicOperation], uses: Mapping[str, _Use], rinse: Iterable[str]
     ) -> dict[str, tuple[str, ...]]:
-        found = {}
-        for name, place in self._wanted(operations, uses, rinse).items():
+        found: dict[str, tuple[str, ...]] = {}
+        wanted = self._wanted(operations, uses, rinse)
+        for name, place in wanted.items():
             known = self._procedure.reagent(name)
             keys = self._flasks(Reagent(id=name, name=name) if known is None else known)
             if keys:
@@ -148,7 +149,24 @@ class _Binder:
                 self._say_where(name, keys)
             elif name not in self._given:
                 self._miss(name, place)
+        self._check_shared(found, wanted)
         return found
+
+    def _check_shared(
+        self, found: Mapping[str, tuple[str, ...]], wanted: Mapping[str, Place]
+    ) -> None:
+        """Tell which reagents would come out of one flask: that holds one of them at most."""
+        for key in sorted({key for keys in found.values() for key in keys}):
+            names = [name for name, keys in found.items() if key in keys]
+            if len(names) > 1:
+                held = sorted(self._holds(key))
+                says = f"says that it holds {', '.join(held)}" if held else "says nothing"
+                message = (
+                    f"{' and '.join(repr(name) for name in names)} would come out of {key}, which "
+                    f"{says}: a flask holds one reagent, so bind each to a flask of its own"
+                )
+                facts = {"vessel": key, "reagents": names, "holds": held}
+                self._told.tell("plan.shared_flask", message, wanted[names[-1]], **facts)
 
     def _wanted(
         self, operations: Iterable[BasicOperation], uses: Mapping[str, _Use], rinse: Iterable[str]

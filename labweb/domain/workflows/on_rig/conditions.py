@@ -7,6 +7,8 @@ from typing import Any
 
 from labweb.domain.workflows.on_rig.equipment import Sort, Thermostat
 from labweb.domain.workflows.on_rig.making import BY_HAND, TIMER, Making, estimate, say
+from labweb.domain.workflows.on_rig.meetings import most_of
+from labweb.domain.workflows.on_rig.wastes import look_at_meeting
 from labweb.domain.workflows.passes.backbone import Group
 from labweb.domain.workflows.xdl.expansion.basic import BasicOperation
 from labweb.domain.workflows.xdl.markup import Place
@@ -217,7 +219,9 @@ def evaporate(making: Making, operation: BasicOperation) -> None:
         return
     gone = making.matter.loosen(vessel)
     capacity = making.capacity_nl(collect)
-    making.matter.add(collect, gone)
+    film = making.film((), most_of(gone), collect, making.traces_out_of(vessel, {}))
+    look_at_meeting(making, vessel, collect, gone, operation.place, film)
+    making.bring(collect, gone, vessel)
     if capacity is not None and making.matter.liquid(collect).most > capacity:
         making.ask_first(f"The collecting flask of {vessel} has room for what boils off")
     given = {} if seconds is None else {name: seconds}

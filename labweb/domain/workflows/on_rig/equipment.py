@@ -19,7 +19,6 @@ from labweb.domain.graph.topology import Medium
 COLLECT = "collect"
 """Port of a rotary evaporator that its collecting flask is drawn from."""
 
-
 CARRIES = frozenset({Medium.LIQUID, Medium.VACUUM, Medium.GAS})
 """What tubes carry; all else joins devices to what they act on."""
 
@@ -223,7 +222,7 @@ class Equipment:
 
     def chemical(self, key: str) -> str:
         """Return the substance that the graph names at a node."""
-        for place in _places(self.elements[key]):
+        for place in places(self.elements[key]):
             value = place.get("chemical")
             if isinstance(value, str) and value.strip():
                 return "" if value.strip() in _NO_CHEMICAL else value.strip()
@@ -233,7 +232,7 @@ class Equipment:
         """Return which gas an element gives, "" when it gives none."""
         element = self.elements[key]
         if element.role is Role.GAS:
-            found = next((p["gas_type"] for p in _places(element) if p.get("gas_type")), "")
+            found = next((p["gas_type"] for p in places(element) if p.get("gas_type")), "")
             return GASES.get(str(found).strip().lower(), str(found))
         if element.role is Role.VESSEL:
             return GASES.get(self.chemical(key).lower(), "")
@@ -243,7 +242,7 @@ class Equipment:
         """Return how much a vessel holds; None: nobody says."""
         owner, _, part = key.partition("#")
         name = "max_volume" if not part else "collection_flask_volume"
-        for place in _places(self.elements[owner]):
+        for place in places(self.elements[owner]):
             found = volume_nl(place.get(name))
             if found is None and isinstance(place.get("capacity_ul"), int | float) and not part:
                 found = round(place["capacity_ul"] * 1000)
@@ -353,7 +352,8 @@ def _is_passive(element: Element) -> bool:
     return element.kind.lower().replace("_", "") in ("chemputervacuum", "vacuum")
 
 
-def _places(element: Element) -> Iterator[Mapping[str, Any]]:
+def places(element: Element) -> Iterator[Mapping[str, Any]]:
+    """Yield the objects of a node in which a graph may say something of it."""
     yield element.attributes
     for name in ("config", "data"):
         found = element.attributes.get(name)
@@ -374,7 +374,7 @@ def _thermostat(element: Element) -> Thermostat:
 
 
 def _numbers(element: Element, *names: str) -> Iterator[Decimal]:
-    for place, name in product(_places(element), names):
+    for place, name in product(places(element), names):
         value = place.get(name)
         if isinstance(value, int | float | str) and not isinstance(value, bool):
             try:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from labweb.domain.graph.elements import Role
+from labweb.domain.workflows.on_rig.choosing import resolve
 from labweb.domain.workflows.on_rig.conditions import number
 from labweb.domain.workflows.on_rig.equipment import INERT, Sort
 from labweb.domain.workflows.on_rig.lines import (
@@ -15,7 +16,8 @@ from labweb.domain.workflows.on_rig.lines import (
     vacuum_line,
 )
 from labweb.domain.workflows.on_rig.making import Making, say
-from labweb.domain.workflows.on_rig.moving import Move, move_all, resolve
+from labweb.domain.workflows.on_rig.moving import move_all
+from labweb.domain.workflows.on_rig.ways import Move
 from labweb.domain.workflows.passes.backbone import Command, Group
 from labweb.domain.workflows.xdl.expansion.basic import INERT_GAS, WASTE, BasicOperation
 from labweb.domain.workflows.xdl.markup import NOWHERE, Place
@@ -208,7 +210,8 @@ def _gas_line(making: Making, operation: BasicOperation, vessel: str, name: str)
         what = "an inert gas" if name == INERT_GAS else name
         message = f"no valve joins {vessel} to {what}"
         gas = max(wanted)
-        making.told.tell("plan.no_gas", message, operation.place, vessel=vessel, gas=gas)
+        facts = {"vessel": vessel, "gas": gas, "is_any_inert": name == INERT_GAS}
+        making.told.tell("plan.no_gas", message, operation.place, **facts)
     return line
 
 
@@ -228,8 +231,13 @@ def start_gas(making: Making, operation: BasicOperation) -> None:
             return
         device = end = line.end
         actions = _join(making, vessel, line)
+    for name, unit in (("flow_ml_min", "mL/min"), ("pressure_mbar", "mbar")):
+        wanted = number(operation.fields.get(name))
+        if wanted is not None:
+            making.ask_first(f"The gas from {end} to {vessel} is set to {wanted:g} {unit}")
     making.running["gas", vessel] = device
-    making.add(operation.place, {"kind": "gas", "vessel": vessel, "gas": end}, actions)
+    checks = making.take_checks()
+    making.add(operation.place, {"kind": "gas", "vessel": vessel, "gas": end}, checks + actions)
 
 
 def stop_gas(making: Making, operation: BasicOperation) -> None:

@@ -5,9 +5,13 @@ from __future__ import annotations
 import re
 from fractions import Fraction
 
+from labweb.domain.workflows.on_rig.choosing import resolve
 from labweb.domain.workflows.on_rig.conditions import number
 from labweb.domain.workflows.on_rig.making import Making, say
-from labweb.domain.workflows.on_rig.moving import Move, is_under_vacuum, look_for_room, resolve
+from labweb.domain.workflows.on_rig.meetings import most_of
+from labweb.domain.workflows.on_rig.moving import is_under_vacuum, look_for_room
+from labweb.domain.workflows.on_rig.wastes import look_at_meeting
+from labweb.domain.workflows.on_rig.ways import Move
 from labweb.domain.workflows.xdl.expansion.basic import BasicOperation
 
 _SOUND = re.compile(r"ultra_?so|sonic")
@@ -102,7 +106,10 @@ def distill(making: Making, operation: BasicOperation) -> None:
     }
     move = Move(source=vessel, target=target, place=operation.place)
     look_for_room(making, move, Fraction(0), making.matter.liquid(vessel).most)
-    making.matter.add(target, making.matter.loosen(vessel))
+    gone = making.matter.loosen(vessel)
+    film = making.film((), most_of(gone), target, making.traces_out_of(vessel, {}))
+    look_at_meeting(making, vessel, target, gone, operation.place, film)
+    making.bring(target, gone, vessel)
     does = {"kind": "distill", "vessel": vessel, "to": target, **given}
     action = say(condenser, "distill", **{"from": vessel}, to=target, **given)
     making.add(operation.place, does, [*making.take_checks(), [action]])

@@ -5,20 +5,21 @@ from __future__ import annotations
 from decimal import Decimal
 from typing import Any
 
+from labweb.domain.workflows.on_rig.choosing import resolve
 from labweb.domain.workflows.on_rig.equipment import COLLECT, Sort
 from labweb.domain.workflows.on_rig.making import BY_HAND, Making, say
-from labweb.domain.workflows.on_rig.matter import exactly
+from labweb.domain.workflows.on_rig.matter import Portion, exactly
 from labweb.domain.workflows.on_rig.moving import (
-    Move,
-    chain_of,
     conductors,
     is_under_vacuum,
     move_all,
     move_volume,
     nanolitres,
-    resolve,
 )
+from labweb.domain.workflows.on_rig.priming import prime, recover
 from labweb.domain.workflows.on_rig.rinsing import rinse
+from labweb.domain.workflows.on_rig.wastes import look_at_meeting
+from labweb.domain.workflows.on_rig.ways import Move, chain_of
 from labweb.domain.workflows.xdl.expansion.basic import KEPT, BasicOperation
 
 _UL_S_PER_ML_MIN = Decimal(1000) / Decimal(60)
@@ -43,6 +44,8 @@ def add_liquid(making: Making, operation: BasicOperation) -> None:
         return
     source = _nearest(making, flasks, target)
     if source == target:
+        message = f"{reagent} is to be added to {target}, which is the flask that it comes out of"
+        making.told.tell("plan.same_vessel", message, operation.place)
         return
     amount = _amount(making, operation, source)
     if amount is None:
@@ -59,9 +62,11 @@ def add_liquid(making: Making, operation: BasicOperation) -> None:
         push_rate_ul_s=push,
     )
     rinse(making, move, reagent)
+    prime(making, move, reagent)
     delivered = making.delivered_nl.setdefault(target, {})
     delivered[reagent] = delivered.get(reagent, 0) + amount
     move_volume(making, move, amount, lot=reagent)
+    recover(making, move)
 
 
 def _nearest(making: Making, flasks: tuple[str, ...], target: str) -> str:
@@ -98,6 +103,9 @@ def rates_of(
     over_s = fields.get("over_s")
     if isinstance(over_s, Decimal) and over_s > 0:
         push = float(round(Decimal(amount_nl) / 1000 / over_s, 6))
+    if draw == 0 or push == 0:
+        message = f"{making.operation} is to move its liquid at a rate of 0: say a time or a speed"
+        making.told.tell("unit.not_positive", message, operation.place)
     if fields.get("is_dropwise") and push is None:
         message = "dropwise says no rate: say a time or a speed as well"
         making.told.tell("xdl.left_open", message, operation.place)
@@ -130,7 +138,9 @@ def add_solid(making: Making, operation: BasicOperation) -> None:
     over_s = operation.fields.get("over_s")
     if isinstance(over_s, Decimal):
         text += f", spread over {over_s.normalize():f} s"
-    making.matter.add(target, {(lot, True): exactly(micrograms)})
+    portion: Portion = {(lot, True): exactly(micrograms)}
+    look_at_meeting(making, "", target, portion, operation.place)
+    making.bring(target, portion)
     delivered = making.delivered_ug.setdefault(target, {})
     delivered[lot] = delivered.get(lot, 0) + micrograms
     does = {"kind": "add_solid", "to": target, "lot": lot, "mass_ug": micrograms}
@@ -147,6 +157,9 @@ def transfer(making: Making, operation: BasicOperation) -> None:
         source: str | None = waiting.pop() if waiting else None
     else:
         source = resolve(making, name, "", operation.place)
+    port = port_of(operation, "from_port")
+    if source is not None:
+        source, port = _collecting(making, source, port)
     target = None if source is None else resolve(making, wanted, source, operation.place)
     if source is None or target is None or through is None:
         making.lost |= {target} if target is not None else set()
@@ -155,7 +168,6 @@ def transfer(making: Making, operation: BasicOperation) -> None:
         message = f"{name} and {wanted} are the same vessel of the rig"
         making.told.tell("plan.same_vessel", message, operation.place)
         return
-    source, port = _collecting(making, source, port_of(operation, "from_port"))
     target, to_port = _collecting(making, target, port_of(operation, "to_port"))
     volume = operation.fields.get("volume_ml")
     amount = None if volume is None else nanolitres(making, volume, operation.place)
@@ -179,11 +191,14 @@ def transfer(making: Making, operation: BasicOperation) -> None:
     if amount is None:
         if not lot:
             move_all(making, move)
+            recover(making, move)
         return
     if lot:
+        prime(making, move, lot)
         delivered = making.delivered_nl.setdefault(target, {})
         delivered[lot] = delivered.get(lot, 0) + amount
     move_volume(making, move, amount, lot=lot)
+    recover(making, move)
 
 
 def _collecting(making: Making, vessel: str, port: str | None) -> tuple[str, str | None]:

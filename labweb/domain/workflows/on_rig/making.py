@@ -2,21 +2,35 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Hashable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any
 
 from labweb.domain.workflows.on_rig.binding import Binding
+from labweb.domain.workflows.on_rig.chemistry import Chemistry
 from labweb.domain.workflows.on_rig.equipment import Equipment
-from labweb.domain.workflows.on_rig.matter import Matter
+from labweb.domain.workflows.on_rig.matter import NOTHING, Key, Matter, Portion
+from labweb.domain.workflows.on_rig.meetings import (
+    Amounts,
+    Film,
+    Meetings,
+    Pour,
+    kept_of,
+)
 from labweb.domain.workflows.passes.backbone import Command, Group
 from labweb.domain.workflows.passes.strokes import TURN_S
 from labweb.domain.workflows.xdl.expansion.basic import BasicOperation
+from labweb.domain.workflows.xdl.expansion.reading import default_number
 from labweb.domain.workflows.xdl.findings import Findings
 from labweb.domain.workflows.xdl.markup import NOWHERE, Place
 
 BY_HAND, TIMER = "@by_hand", "@timer"
+
+CLEAN_NL = int(
+    1_000_000 * default_number("rinse.volume") * default_number("rinse.incompatible_repeats")
+)
+"""What so much of other liquids has followed through a syringe or valve has left it."""
 
 _LASTING = frozenset({"wait", "evaporate", "heat_by_microwave", "spin", "distill"})
 BY_HAND_S = 300.0
@@ -57,7 +71,13 @@ class Making:
     rinses: tuple[str, ...] = ()
     """Reagents that rinse the lines."""
 
+    chemistry: Chemistry = field(default_factory=Chemistry)
+
     matter: Matter = field(default_factory=Matter)
+    meetings: Meetings = field(default_factory=Meetings)
+    leftovers: frozenset[str] = frozenset()
+    """Lots that the graph says are in vessels, and the recipe does not know."""
+
     steps: list[Draft] = field(default_factory=list)
     taken_nl: dict[str, int] = field(default_factory=dict)
     """Flask → how much was taken from it so far."""
@@ -67,6 +87,18 @@ class Making:
     rinsed_nl: dict[str, int] = field(default_factory=dict)
     wetted: dict[str, frozenset[str]] = field(default_factory=dict)
     """Syringe → lots that were in it last."""
+
+    residues: dict[str, dict[Key, Film]] = field(default_factory=dict)
+    """Syringe or valve → what may still wet it."""
+
+    went: dict[str, dict[Key, frozenset[str]]] = field(default_factory=dict)
+    """Syringe or valve → what may still wet it → vessels that it went into over it."""
+
+    unwelcome: frozenset[str] = frozenset()
+    """Lots that come into no vessel of the recipe with wet lines alone, as far as that helps."""
+
+    met_traces: set[str] = field(default_factory=set)
+    """Lots that wet lines have brought into a vessel where something came onto them later."""
 
     joined: dict[str, dict[str, str]] = field(default_factory=dict)
     """Vessel → valves that hold gas or vacuum on it, with their ports."""
@@ -109,6 +141,15 @@ class Making:
     is_in_rounds: bool = False
     readings: list[int] = field(default_factory=list)
     """Places of the readings with a window that were made in this round."""
+
+    primes: bool = False
+    """Tubes that say what they hold are filled before, and pushed out after."""
+
+    primed: set[tuple[str, Hashable]] = field(default_factory=set)
+    """Flasks with the tube at them that is full."""
+
+    primed_nl: dict[str, int] = field(default_factory=dict)
+    """Reagent → what went into wastes to fill tubes."""
 
     act: int = 0
     lane: str = ""
@@ -157,6 +198,72 @@ class Making:
         self.waits_for = frozenset()
         self.steps.append(draft)
 
+    def wet(
+        self, portion: Portion, groups: list[Group], amount_nl: int, ends: Collection[str]
+    ) -> None:
+        """Note what a step leaves in the syringes and valves that it uses, and what it washes out.
+
+        Args:
+            portion: What went over.
+            groups: Its strokes.
+            amount_nl: How much went over for certain.
+            ends: The vessels that it went into.
+        """
+        kept = kept_of(portion)
+        drawn = {c["device"] for g in groups for c in g if c["action"] == "aspirate"}
+        self.wetted |= dict.fromkeys(drawn, frozenset(lot for lot, _ in kept))
+        for part in used_parts(groups):
+            left = {
+                lot: Film(film.amount, film.washed_nl + amount_nl)
+                for lot, film in self.residues.get(part, {}).items()
+                if film.washed_nl + amount_nl < CLEAN_NL
+            }
+            new = {
+                lot: Film(max(amount, left[lot].amount if lot in left else 0))
+                for lot, amount in kept.items()
+            }
+            self.residues[part] = left | new
+            went = self.went.get(part, {})
+            self.went[part] = {lot: went.get(lot, frozenset()) for lot in left} | {
+                lot: went.get(lot, frozenset()) | {*ends} for lot in new
+            }
+
+    def bring(self, vessel: str, portion: Portion, source: str = "") -> None:
+        """Bring something into a vessel; out of no other: by hand, or it is there at first."""
+        before = self.matter.held(vessel)
+        self.matter.add(vessel, portion)
+        met = self.meetings.of(source) if source else {}
+        self.meetings.come(vessel, before, portion, met, self.matter.held(vessel))
+
+    def traces_out_of(self, source: str, drawn: Portion) -> Amounts:
+        """Return what wet lines have left in a vessel that something was drawn out of."""
+        held = self.matter.held(source)
+        before = {lot: held.get(lot, NOTHING) + drawn.get(lot, NOTHING) for lot in held | drawn}
+        return self.meetings.traces(source, before)
+
+    def film(
+        self,
+        parts: Collection[str],
+        coming: Collection[Key] = (),
+        into: str = "",
+        brought: Amounts | None = None,
+    ) -> Pour:
+        """Return what wets syringes and valves, beside the lots that come over them now.
+
+        Into a vessel of the recipe, not what went over them into that vessel alone and is in it:
+        the recipe has brought it there. What wet lines had left in a vessel is `brought` on.
+        """
+        is_own = bool(into) and not self.meetings.keeps_apart(into)
+        held = self.matter.held(into) if is_own else {}
+        inside = {lot for lot, share in held.items() if share.most}
+        amounts = {lot: amount for lot, amount in (brought or {}).items() if lot not in coming}
+        for part in parts:
+            for lot, film in self.residues.get(part, {}).items():
+                is_meant = lot in inside and self.went.get(part, {}).get(lot) == frozenset((into,))
+                if lot not in coming and not is_meant:
+                    amounts[lot] = amounts.get(lot, 0) + film.amount
+        return Pour(amounts, is_film=True)
+
     def ask_first(self, text: str, **found: str | float) -> None:
         """Let a person look before the next step; `found` is what they have then seen."""
         self.checks[text] = say(BY_HAND, "check", text=text, **found)
@@ -190,6 +297,12 @@ class Making:
     def capacity_nl(self, key: str) -> int | None:
         """Return how much a vessel holds."""
         return self.equipment.capacity_nl(key)
+
+
+def used_parts(groups: list[Group]) -> frozenset[str]:
+    """Return the syringes and valves that strokes go over: what other liquids go over as well."""
+    names = ("aspirate", "set_port")
+    return frozenset(c["device"] for group in groups for c in group if c["action"] in names)
 
 
 def say(device: str, action: str, **parameters: str | float | None) -> Command:

@@ -27,7 +27,7 @@ Key = tuple[str, bool]
 """A lot, and whether it is solid."""
 
 Portion = dict[Key, Share]
-_NOTHING = Share(Fraction(0), Fraction(0))
+NOTHING = Share(Fraction(0), Fraction(0))
 
 
 def exactly(amount: int) -> Share:
@@ -57,8 +57,8 @@ class Matter:
             here, there = self.held(key), other.held(key)
             self._held[key] = {
                 lot: Share(
-                    min(here.get(lot, _NOTHING).least, there.get(lot, _NOTHING).least),
-                    max(here.get(lot, _NOTHING).most, there.get(lot, _NOTHING).most),
+                    min(here.get(lot, NOTHING).least, there.get(lot, NOTHING).least),
+                    max(here.get(lot, NOTHING).most, there.get(lot, NOTHING).most),
                 )
                 for lot in here | there
             }
@@ -74,17 +74,24 @@ class Matter:
     def liquid(self, vessel: str) -> Share:
         """Return how much liquid is in a vessel, in nanolitres."""
         shares = [share for (_, is_solid), share in self.held(vessel).items() if not is_solid]
-        return sum(shares, _NOTHING)
+        return sum(shares, NOTHING)
 
     def add(self, vessel: str, portion: Portion) -> None:
         """Bring something in."""
         held = self._held.setdefault(vessel, {})
         for key, share in portion.items():
-            held[key] = held.get(key, _NOTHING) + share
+            held[key] = held.get(key, NOTHING) + share
 
     def empty(self, vessel: str) -> None:
         """Take everything out."""
         self._held.pop(vessel, None)
+
+    def find_at_least(self, vessel: str, amount_nl: int) -> None:
+        """Note that a person has seen at least so much, where one liquid alone is in a vessel."""
+        held = self._held.get(vessel, {})
+        if len(held) == 1:
+            ((key, share),) = held.items()
+            held[key] = Share(max(share.least, Fraction(amount_nl)), share.most)
 
     def draw(self, vessel: str, amount_nl: int, *, keeps_solids: bool = False) -> Portion:
         """Take a volume out; of known contents its share of each lot, else what it may be."""
@@ -108,10 +115,9 @@ class Matter:
                     Share(share.most - part, share.most - part),
                 )
             elif not is_known:
-                most = share.most if key[1] else min(share.most, wanted)
-                taken[key] = Share(Fraction(0), most)
+                taken[key] = _drawn(key, share, wanted, total)
                 least = Fraction(0) if key[1] else max(share.least - wanted, Fraction(0))
-                held[key] = Share(least, share.most)
+                held[key] = Share(least, share.most - taken[key].least)
         self._forget(vessel)
         return taken
 
@@ -144,6 +150,20 @@ class Matter:
         self._held[vessel] = {key: share for key, share in held.items() if share.most}
         if not self.liquid(vessel).most:
             self._layered.discard(vessel)
+
+
+def _drawn(key: Key, share: Share, wanted: Fraction, total: Share) -> Share:
+    """Return what of one lot comes along where nobody knows how the contents are mixed.
+
+    At least what all the other liquids together cannot make up, for the volume is drawn in full.
+    """
+    if key[1]:
+        return Share(Fraction(0), share.most)
+    most = min(share.most, wanted)
+    if wanted > total.least:
+        return Share(Fraction(0), most)
+    others = total.most - share.most
+    return Share(min(max(wanted - others, Fraction(0)), share.least), most)
 
 
 def plain(portion: Portion) -> list[dict[str, str | float]]:

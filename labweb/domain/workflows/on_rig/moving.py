@@ -2,145 +2,28 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from decimal import Decimal
 from fractions import Fraction
 from typing import Any
 
-from labweb.domain.graph.chain import Chain, Wanted, find_chain
 from labweb.domain.graph.elements import Role
 from labweb.domain.units import render_volume
-from labweb.domain.workflows.on_rig.equipment import COLLECT, Sort
-from labweb.domain.workflows.on_rig.making import BY_HAND, Making, say
-from labweb.domain.workflows.on_rig.matter import Portion, exactly, lots, micro
+from labweb.domain.workflows.on_rig.equipment import Sort
+from labweb.domain.workflows.on_rig.making import BY_HAND, Making, say, used_parts
+from labweb.domain.workflows.on_rig.matter import Portion, exactly, micro
+from labweb.domain.workflows.on_rig.meetings import most_of
+from labweb.domain.workflows.on_rig.wastes import look_at_meeting
+from labweb.domain.workflows.on_rig.ways import Move, route
 from labweb.domain.workflows.passes.backbone import Command, Group
-from labweb.domain.workflows.rig_transfers import TransferRequest, plan_on_rig
-from labweb.domain.workflows.xdl.expansion.basic import BUFFER, KEPT, WASTE
 from labweb.domain.workflows.xdl.markup import Place
 
 NL_PER_ML = 1_000_000
 MOST_NL = 10**12
 """Nothing in a laboratory is larger than 1000 L."""
 
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Move:
-    """A transfer that is asked for, between vessels of the rig."""
-
-    source: str
-    target: str
-    place: Place
-    through: tuple[str, ...] = ()
-    source_port: str | None = None
-    target_port: str | None = None
-    draw_rate_ul_s: float | None = None
-    push_rate_ul_s: float | None = None
-    kind: str = "transfer"
-
-
-def route(making: Making, move: Move, amount_nl: int) -> list[Group] | None:
-    """Plan the strokes of a move; None: there is no way, which is told."""
-    owner, port = _leaves(making, move.source)
-    request = TransferRequest(
-        source=owner,
-        target=move.target.partition("#")[0],
-        amount_nl=amount_nl,
-        source_port=port if owner != move.source else move.source_port or port,
-        target_port=COLLECT if "#" in move.target else move.target_port,
-        draw_rate_ul_s=move.draw_rate_ul_s,
-        push_rate_ul_s=move.push_rate_ul_s,
-        through=move.through,
-    )
-    groups, findings = plan_on_rig(making.equipment.rig, request)
-    for finding in findings:
-        message = f"{move.source} to {move.target}: {finding.message}"
-        facts = {"from": owner, "to": move.target, "through": list(move.through)}
-        making.told.tell(finding.code, message, move.place, at=finding.subject, **facts)
-    return None if findings else groups
-
-
-def _leaves(making: Making, source: str) -> tuple[str, str | None]:
-    """Return the element that is drawn from and by which port, where another leads elsewhere."""
-    owner, _, part = source.partition("#")
-    is_rotavap = making.equipment.sort(owner) is Sort.ROTAVAP
-    port = making.equipment.elements[owner].leave_by if is_rotavap else None
-    return owner, COLLECT if part else port
-
-
-def chain_of(making: Making, source: str, target: str) -> Chain | None:
-    """Return the way from one vessel to another, or None."""
-    network = making.equipment.rig.network
-    owner, port = _leaves(making, source)
-    into, _, part = target.partition("#")
-    if owner == into:
-        return None
-    wanted = Wanted(
-        source=network.index[owner],
-        target=network.index[into],
-        source_port=port,
-        target_port=COLLECT if part else None,
-    )
-    return find_chain(network, wanted)
-
-
-def choose_waste(making: Making, source: str, place: Place) -> str | None:
-    """Choose the waste that is nearest to a vessel; None: there is none, which is told."""
-    ways = [
-        (chain_of(making, source, key), key)
-        for key, sort in making.equipment.vessels.items()
-        if sort is Sort.WASTE
-    ]
-    found = [(len(chain.pumps), key) for chain, key in ways if chain is not None]
-    if not found:
-        message = f"{source} reaches no waste of the rig"
-        making.told.tell("plan.no_waste", message, place, vessel=source)
-        return None
-    return min(found)[1]
-
-
-def choose_buffer(making: Making, source: str, place: Place, waits_in: str = "") -> str | None:
-    """Choose an empty vessel that gives back what it is given; None: there is none, as is told.
-
-    The vessel that the recipe names for what waits comes first, then the nearest spare flask.
-    """
-    equipment = making.equipment
-    busy = {*making.binding.vessels.values(), *making.binding.flasks(), source}
-    busy |= {*making.buffers, *making.kept}
-    wanted = making.binding.vessels.get(waits_in)
-    found = []
-    for key, sort in equipment.vessels.items():
-        is_spare = sort is Sort.FLASK and not equipment.chemical(key) and key not in busy
-        is_spare = is_spare and not equipment.is_receiver(key)
-        is_own = key == wanted and sort is not Sort.WASTE and key != source
-        if making.matter.liquid(key).most or not (is_spare or is_own):
-            continue
-        there, back = chain_of(making, source, key), chain_of(making, key, source)
-        if there is not None and back is not None:
-            found.append((not is_own, len(there.pumps), key))
-    if not found:
-        message = f"{source} reaches no empty flask that gives back what it is given"
-        making.told.tell("plan.no_buffer", message, place, vessel=source)
-        return None
-    return min(found)[2]
-
-
-def resolve(making: Making, name: str, source: str, place: Place, waits_in: str = "") -> str | None:
-    """Return the vessel behind the name of a target, which may be a waste or a buffer."""
-    if name == WASTE:
-        return choose_waste(making, source, place)
-    if name == BUFFER:
-        found = choose_buffer(making, source, place, waits_in)
-        making.buffers += [found] if found else []
-        return found
-    if name == KEPT:
-        if not making.kept:
-            found = choose_buffer(making, source, place)
-            making.kept += [found] if found else []
-        return making.kept[0] if making.kept else None
-    if name in making.binding.vessels:
-        return making.binding.vessels[name]
-    flasks = making.binding.reagents.get(name)
-    return flasks[0] if flasks else None
+MOST_PARTS = 500
+"""Most times that a person empties a waste for one move."""
 
 
 def conductors(making: Making, name: str, place: Place) -> tuple[str, ...] | None:
@@ -180,6 +63,8 @@ def move_volume(making: Making, move: Move, amount_nl: int, lot: str = "") -> No
     if is_under_vacuum(making, move.place, move.source, move.target):
         return
     is_waste = making.equipment.sort(move.target) is Sort.WASTE
+    if is_waste and _overfills(making, move, amount_nl):
+        return
     fits = is_waste or look_for_room(making, move, Fraction(amount_nl), Fraction(amount_nl))
     left = amount_nl
     while left:
@@ -192,7 +77,7 @@ def move_volume(making: Making, move: Move, amount_nl: int, lot: str = "") -> No
         groups = route(making, move, part) if is_enough else None
         if groups is None:
             return
-        keeps = _keeps_solids(making, move)
+        keeps = keeps_solids(making, move)
         portion = making.matter.draw(move.source, part, keeps_solids=keeps)
         does = {"kind": move.kind, "from": move.source, "to": move.target, "volume_ul": micro(part)}
         does |= {"through": list(move.through) or None, "lot": lot or None}
@@ -220,6 +105,8 @@ def move_all(making: Making, move: Move) -> None:
         return
     capacity = making.capacity_nl(move.target)
     is_waste = making.equipment.sort(move.target) is Sort.WASTE
+    if is_waste and _overfills(making, move, int(liquid.most)):
+        return
     while is_waste and capacity and liquid.is_certain and liquid.most > capacity:
         before = liquid.most
         move_volume(making, replace(move, kind="transfer"), capacity)
@@ -231,13 +118,27 @@ def move_all(making: Making, move: Move) -> None:
     groups = route(making, move, most_nl)
     if groups is None:
         return
-    portion = making.matter.draw_all(move.source, keeps_solids=_keeps_solids(making, move))
+    portion = making.matter.draw_all(move.source, keeps_solids=keeps_solids(making, move))
     does = {"kind": move.kind, "from": move.source, "to": move.target, "all": True}
     does |= {"most_ul": micro(most_nl), "through": list(move.through) or None}
     if move.kind == "filter":
         does = {"kind": "filter", "vessel": move.source, "to": move.target}
         does |= {"most_ul": micro(most_nl)}
     _finish(making, move, portion, does, until(groups, "empty"))
+
+
+def _overfills(making: Making, move: Move, amount_nl: int) -> bool:
+    """Tell whether a waste would have to be emptied too often for a move, which is then told."""
+    capacity = making.capacity_nl(move.target)
+    if not capacity or amount_nl <= MOST_PARTS * capacity:
+        return False
+    message = (
+        f"{render_volume(amount_nl)} fill {move.target}, which holds {capacity / 1000:g} µL, "
+        f"more than {MOST_PARTS} times: give the rig a larger waste"
+    )
+    facts = {"vessel": move.target, "needed_ul": micro(amount_nl)}
+    making.told.tell("plan.overflow", message, move.place, **facts)
+    return True
 
 
 def until(groups: list[Group], end: str) -> list[Group]:
@@ -256,16 +157,20 @@ def _until(command: Command, end: str) -> Command:
 def _finish(
     making: Making, move: Move, portion: Portion, does: dict[str, Any], groups: list[Group]
 ) -> None:
+    brought = making.traces_out_of(move.source, portion)
+    film = making.film(used_parts(groups), most_of(portion), move.target, brought)
+    making.wet(portion, groups, round(1000 * does.get("volume_ul", 0)), {move.target})
     if move.through:
         portion = {key: share for key, share in portion.items() if not key[1]}
-    making.matter.add(move.target, portion)
-    pumps = {c["device"] for g in groups for c in g if c["action"] == "aspirate"}
-    making.wetted |= dict.fromkeys(pumps, frozenset(lots(portion)))
+    look_at_meeting(making, move.source, move.target, portion, move.place, film)
+    making.bring(move.target, portion, move.source)
+    if not making.matter.held(move.source):
+        making.meetings.drain(move.source)
     checks = making.take_checks()
-    making.add(move.place, does, [*checks, *groups, *_rejoin(making, groups)])
+    making.add(move.place, does, [*checks, *groups, *rejoin(making, groups)])
 
 
-def _rejoin(making: Making, groups: list[Group]) -> list[Group]:
+def rejoin(making: Making, groups: list[Group]) -> list[Group]:
     """Turn valves that held gas on a vessel back to where they stood."""
     turned = {c["device"] for g in groups for c in g if c["action"] == "set_port"}
     back = [
@@ -282,7 +187,7 @@ def _supply(making: Making, move: Move, wanted_nl: int, lot: str) -> int:
     held = making.matter.liquid(move.source).least
     capacity = making.capacity_nl(move.source)
     if making.needed_nl is None:
-        making.matter.add(move.source, {(lot, False): exactly(wanted_nl)})
+        making.bring(move.source, {(lot, False): exactly(wanted_nl)})
         return wanted_nl
     if held >= wanted_nl:
         return wanted_nl
@@ -308,7 +213,7 @@ def fill(making: Making, flask: str, lot: str, needed_nl: int, place: Place) -> 
     room = f"{flask} has room for {render_volume(amount)}"
     is_sure = capacity is None or held.most + amount <= capacity
     looks = [] if is_sure else [[say(BY_HAND, "check", text=room)]]
-    making.matter.add(flask, {(lot, False): exactly(amount)})
+    making.bring(flask, {(lot, False): exactly(amount)})
     text = f"Fill {render_volume(amount)} of {lot} into {flask}"
     action = say(BY_HAND, "fill", vessel=flask, lot=lot, volume_ul=amount / 1000, text=text)
     does = {"kind": "fill", "to": flask, "lot": lot, "volume_ul": amount / 1000}
@@ -326,6 +231,7 @@ def _holds(making: Making, move: Move, amount_nl: int) -> bool:
     if liquid.most >= amount_nl:
         text = f"At least {render_volume(amount_nl)} can be drawn from {move.source}"
         making.ask_first(text, vessel=move.source, least_ul=micro(amount_nl))
+        making.matter.find_at_least(move.source, amount_nl)
         return True
     message = (
         f"{render_volume(amount_nl)} is to be drawn from {move.source}, which holds at most "
@@ -366,12 +272,14 @@ def look_for_room(making: Making, move: Move, least: Fraction, most: Fraction) -
 def empty(making: Making, vessel: str, place: Place) -> None:
     """Let a person empty a waste."""
     making.matter.empty(vessel)
+    making.meetings.forget(vessel)
     action = say(BY_HAND, "empty", vessel=vessel, text=f"Empty {vessel}")
     with making.naming("Prepare"):
         making.add(place, {"kind": "empty", "vessel": vessel}, [[action]])
 
 
-def _keeps_solids(making: Making, move: Move) -> bool:
+def keeps_solids(making: Making, move: Move) -> bool:
+    """Tell whether what a move leaves behind are the solids on a filter."""
     if making.equipment.sort(move.source) is not Sort.FILTER:
         return False
     element = making.equipment.elements[move.source]

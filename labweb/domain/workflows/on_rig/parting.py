@@ -5,21 +5,23 @@ from __future__ import annotations
 from fractions import Fraction
 from typing import Any
 
+from labweb.domain.workflows.on_rig.choosing import resolve
 from labweb.domain.workflows.on_rig.equipment import Sort
 from labweb.domain.workflows.on_rig.liquids import port_of, rates_of
-from labweb.domain.workflows.on_rig.making import BY_HAND, Making, say
+from labweb.domain.workflows.on_rig.making import BY_HAND, Making, say, used_parts
 from labweb.domain.workflows.on_rig.matter import micro
+from labweb.domain.workflows.on_rig.meetings import most_of
 from labweb.domain.workflows.on_rig.moving import (
     NL_PER_ML,
-    Move,
     conductors,
     look_for_room,
     move_all,
-    resolve,
-    route,
+    nanolitres,
     until,
 )
-from labweb.domain.workflows.on_rig.rinsing import rinse
+from labweb.domain.workflows.on_rig.rinsing import clear, rinse
+from labweb.domain.workflows.on_rig.wastes import look_at_meeting
+from labweb.domain.workflows.on_rig.ways import Move, route
 from labweb.domain.workflows.passes.backbone import Command, Group
 from labweb.domain.workflows.xdl.expansion.basic import BUFFER, WASTE, BasicOperation
 from labweb.domain.workflows.xdl.markup import Place
@@ -85,18 +87,48 @@ def _draw_phases(
         return False
     for side, move in moves.items():
         does[f"{side}_through"] = list(move.through) or None
-    actions: list[Group] | None = [[_watch(making, vessel, begins=True)]]
-    actions = _drawn(making, actions, moves["lower"], most_nl, "boundary")
+    portion_nl = _portion(making, operation, most_nl)
+    if portion_nl is None:
+        return False
+    port = port_of(operation, "lower_port")
+    returns = Move(source=back, target=vessel, place=operation.place, target_port=port)
+    every = [*moves.values(), *([returns] if back else [])]
+    for move in moves.values():
+        clear(making, move, among=every)
+    conducts = str(operation.fields.get("conducting_phase") or "")
+    actions: list[Group] | None = [[_watch(making, vessel, begins=True, conducts=conducts)]]
+    count = -(-most_nl // portion_nl)
+    actions = _drawn(making, actions, moves["lower"], portion_nl, "boundary", count)
     if actions is not None:
         actions.append([_watch(making, vessel, begins=False)])
     if upper is not None:
         actions = _drawn(making, actions, moves["upper"], most_nl, "empty")
     if back:
-        move = Move(source=back, target=vessel, place=operation.place)
-        actions = _drawn(making, actions, move, most_nl, "empty")
+        actions = _drawn(making, actions, returns, most_nl, "empty")
     if actions is not None:
-        _parted(making, operation.place, does, actions)
+        reached = {end for end in (lower, upper, vessel if back else None) if end is not None}
+        _parted(making, operation.place, does, actions, reached)
     return actions is not None
+
+
+MOST_PORTIONS = 500
+"""Most portions that a phase is drawn in."""
+
+
+def _portion(making: Making, operation: BasicOperation, most_nl: int) -> int | None:
+    """Return how much of the lower phase is drawn at once; None: that cannot be, which is told."""
+    asked = operation.fields.get("step_ml")
+    if asked is None:
+        return most_nl
+    portion_nl = nanolitres(making, asked, operation.place)
+    if portion_nl is not None and -(-most_nl // portion_nl) > MOST_PORTIONS:
+        message = (
+            f"portions of {asked} mL are more than {MOST_PORTIONS}, of as much as there may be: "
+            f"{micro(most_nl) / 1000:g} mL"
+        )
+        making.told.tell("plan.too_many_rounds", message, operation.place)
+        return None
+    return None if portion_nl is None else min(portion_nl, most_nl)
 
 
 def _phase_moves(
@@ -104,6 +136,8 @@ def _phase_moves(
 ) -> dict[str, Move] | None:
     """Return how each phase goes; None: through what is not known, which is told."""
     moves = {}
+    if ends[1] is None and port_of(operation, "upper_port"):
+        making.note(f"the upper phase stays in {vessel}: upper_phase_port has no effect")
     for side, target in zip(("lower", "upper"), ends[:2], strict=True):
         name = str(operation.fields.get(f"{side}_through", ""))
         through = conductors(making, name, operation.place)
@@ -121,13 +155,20 @@ def _phase_moves(
 
 
 def _drawn(
-    making: Making, actions: list[Group] | None, move: Move, most_nl: int, end: str
+    making: Making,
+    actions: list[Group] | None,
+    move: Move,
+    most_nl: int,
+    end: str,
+    portions_count: int = 1,
 ) -> list[Group] | None:
     """Add the strokes of one phase; None: there is no way, which is told."""
-    groups = route(making, move, most_nl)
-    if groups is None or actions is None:
-        return None
-    return [*actions, *until(groups, end)]
+    for _ in range(portions_count):
+        groups = route(making, move, most_nl)
+        if groups is None or actions is None:
+            return None
+        actions = [*actions, *until(groups, end)]
+    return actions
 
 
 def _phase_ends(
@@ -158,20 +199,30 @@ def _phase_ends(
     return lower, None if upper == vessel else upper, back
 
 
-def _watch(making: Making, vessel: str, *, begins: bool) -> Command:
+_READS = {"bottom": "falls", "top": "rises"}
+"""Which phase conducts better → what the reading does when the upper one comes."""
+
+
+def _watch(making: Making, vessel: str, *, begins: bool, conducts: str = "") -> Command:
     sensor = making.equipment.conductivity(vessel)
+    if sensor is not None and not begins:
+        return say(sensor, "stop_watching")
     if sensor is not None:
-        return say(sensor, "watch_boundary" if begins else "stop_watching")
+        return say(sensor, "watch_boundary", reading=_READS.get(conducts))
     if begins:
         text = f"Watch {vessel}, and stop the drawing when the boundary of the phases comes"
+        text += f"; the {conducts} one conducts better" if conducts else ""
         return say(BY_HAND, "watch", vessel=vessel, text=text)
     text = f"The lower phase of {vessel} is out"
     return say(BY_HAND, "stop_watching", vessel=vessel, text=text)
 
 
-def _parted(making: Making, place: Place, does: dict[str, Any], actions: list[Group]) -> None:
+def _parted(
+    making: Making, place: Place, does: dict[str, Any], actions: list[Group], reached: set[str]
+) -> None:
     vessel = does["vessel"]
     whole = making.matter.liquid(vessel)
+    brought = making.traces_out_of(vessel, {})
     portion = making.matter.part(vessel)
     for side in ("lower", "upper"):
         target = does[f"{side}_to"]
@@ -179,9 +230,14 @@ def _parted(making: Making, place: Place, does: dict[str, Any], actions: list[Gr
         if does.get(f"{side}_through"):
             kept = {key: share for key, share in portion.items() if not key[1]}
         if target != vessel:
+            film = making.film(used_parts(actions), most_of(portion), target, brought)
+            look_at_meeting(making, vessel, target, kept, place, film)
             move = Move(source=vessel, target=target, place=place)
             look_for_room(making, move, Fraction(0), whole.most)
-        making.matter.add(target, kept)
+        making.bring(target, kept, vessel)
         if vessel in making.lost:
             making.lost.add(target)
+    if not making.matter.held(vessel):
+        making.meetings.drain(vessel)
+    making.wet(portion, actions, 0, reached)
     making.add(place, does, [*making.take_checks(), *actions])

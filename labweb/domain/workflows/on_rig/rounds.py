@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from decimal import Decimal
 
 from labweb.domain.workflows.on_rig import liquids
 from labweb.domain.workflows.on_rig.conditions import number, read, wait
 from labweb.domain.workflows.on_rig.making import Making
-from labweb.domain.workflows.on_rig.matter import Matter
+from labweb.domain.workflows.on_rig.matter import Key, Matter
+from labweb.domain.workflows.on_rig.meetings import Film, Meetings
 from labweb.domain.workflows.xdl.expansion.basic import BasicOperation, Kind
 from labweb.domain.workflows.xdl.markup import Place
 
@@ -29,7 +30,7 @@ def until_done(making: Making, place: Place, most: int, one_round: Callable[[], 
         making.told.tell("plan.open_loop", message, place)
         return
     making.is_in_rounds = True
-    ends: list[Matter] = []
+    ends: list[_End] = []
     turned, running = set(making.turned), None
     for number_ in range(most):
         making.readings = []
@@ -50,14 +51,28 @@ def until_done(making: Making, place: Place, most: int, one_round: Callable[[], 
     _leave(making, ends, turned)
 
 
-def _may_end(making: Making, ends: list[Matter], readings: Sequence[int]) -> None:
-    ends.append(making.matter.copy())
+_Went = Mapping[str, Mapping[Key, frozenset[str]]]
+_End = tuple[Matter, Meetings, Mapping[str, Mapping[Key, Film]], _Went]
+"""What is where when a round ends, what has met, what still wets the lines, and where it went."""
+
+
+def _may_end(making: Making, ends: list[_End], readings: Sequence[int]) -> None:
+    wet = {part: dict(lots) for part, lots in making.residues.items()}
+    went = {part: dict(lots) for part, lots in making.went.items()}
+    ends.append((making.matter.copy(), making.meetings.copy(), wet, went))
     making.skip_if = tuple(readings)
 
 
-def _leave(making: Making, ends: list[Matter], turned: set[str]) -> None:
-    for end in ends:
+def _leave(making: Making, ends: list[_End], turned: set[str]) -> None:
+    for end, met, wet, went in ends:
         making.matter.span(end)
+        making.meetings.span(met)
+        for part, lots in wet.items():
+            here = making.residues.setdefault(part, {})
+            here |= {lot: film.or_else(here.get(lot, film)) for lot, film in lots.items()}
+        for part, into in went.items():
+            known = making.went.setdefault(part, {})
+            known |= {lot: keys | known.get(lot, frozenset()) for lot, keys in into.items()}
     if ends:
         making.turned = turned
     making.skip_if, making.is_in_rounds = (), False

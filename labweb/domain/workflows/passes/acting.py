@@ -12,6 +12,7 @@ from labweb.domain.enrollment.device import Device
 from labweb.domain.errors import NotFoundError
 from labweb.domain.units import parse
 from labweb.domain.workflows.passes.correcting import ACCURACIES
+from labweb.domain.workflows.passes.decking import deck_job, moves_between_wells
 from labweb.domain.workflows.passes.draft import Drafting, DraftJob, DraftStep
 from labweb.domain.workflows.passes.roles import (
     HEAT_TOLERANCE_C,
@@ -196,13 +197,14 @@ def plan_device_action(step: Step, drafting: Drafting) -> DraftStep:
         return DraftStep(step=step)
     if INJECTION in {one.name for one in action.parameters}:
         return draft_of(step, [injection_job(step, drafting, device, READ_S)])
+    if moves_between_wells(device, name):
+        return draft_of(step, [deck_job(step, drafting, device)])
     if action.operation == "transfer" and name != "initialize":
         message = f"{name} of {device.name} moves liquid: use a Transfer, which keeps the record"
         drafting.refuse(step, "plan.moves_liquid", message, "params.action")
         return DraftStep(step=step)
-    is_reading = action.operation == "read"
-    sample_id = sample_in(step, drafting, device, is_reading=is_reading)
-    if "sample" in step.params and sample_id is None:
+    sample = sample_in(step, drafting, device, action)
+    if sample is None:
         return DraftStep(step=step)
     job = drafting.job(
         step,
@@ -210,8 +212,8 @@ def plan_device_action(step: Step, drafting: Drafting) -> DraftStep:
         name,
         step.params.get("args", {}),
         sentence=f"{device.name}: {name.replace('_', ' ')}",
-        sample_id=sample_id,
-        locks=drafting.view.vessels_on(device),
+        sample_id=sample.resource_id,
+        locks=drafting.view.vessels_on(device) | drafting.view.cells_of(device),
         estimate_s=min(action.timeout_s or READ_S, READ_S),
     )
     return draft_of(step, [job])

@@ -149,17 +149,19 @@ class Drafting:
         if problems or node_id is None or not is_in_time:
             return None
         if operation is None:
+            measured = UNSET if sample_id is None else sample_id
             operation = (
                 Read(
                     device_id=node_id,
                     statuses=read_statuses(device, action),
-                    sample_id=UNSET if sample_id is None else sample_id,
+                    sample_id=measured,
                 )
                 if spec.operation == "read"
                 else Update(
                     resource_id=node_id,
                     data=recorded_data(action, args),
                     needs_empty=action == "initialize",
+                    sample_id=measured,
                 )
             )
         return DraftJob(

@@ -49,6 +49,13 @@ OFFERS: Mapping[str, Offer] = {
 """Role by name. A device plays it when its driver declares all of these."""
 
 
+READ_BEFORE: Mapping[str, tuple[str, ...]] = {
+    "aspirate": ("is_initialized", "port_index", "volume_ul"),
+    "dispense": ("is_initialized", "port_index", "volume_ul"),
+}
+"""Statuses of pump and valve that a plan has the host read before an action starts."""
+
+
 def plays(device: Device, role: str) -> bool:
     """Tell whether a device's driver declares all that a role needs."""
     offer = OFFERS[role]
@@ -102,6 +109,22 @@ def read_statuses(device: Device, action: str) -> tuple[str, ...]:
     told = tuple(status.name for status in device.spec.statuses)
     wanted = {"weigh": ("mass_mg",), "measure": ("value_ph", "temperature_c")}.get(action, told)
     return tuple(name for name in wanted if name in told)
+
+
+READ_AFTER: Mapping[str, str] = {
+    "aspirate": "volume_ul",
+    "dispense": "volume_ul",
+    "select_port": "port_index",
+    "initialize": "is_initialized",
+    "heat_to": "temperature_c",
+    "reach_temperature": "temperature_c",
+    "heat_bath_to": "bath_temperature_c",
+    "evacuate_to": "pressure_kpa",
+    "hold": "temperature_c",
+    "stir": "speed_rpm",
+    "stop_stirring": "speed_rpm",
+}
+"""Status that a plan has the host read after an action, where the device tells it."""
 
 
 def post_conditions(device: Device, action: str, args: Mapping[str, Any]) -> tuple[Condition, ...]:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from uuid import UUID
 
 from labweb.domain.crutd.conditions import Condition
-from labweb.domain.crutd.operations import TransferLiquid
+from labweb.domain.crutd.operations import TransferLiquid, Update
 from labweb.domain.enrollment.device import Device
 from labweb.domain.units import parse, render_volume
 from labweb.domain.workflows.passes.correcting import largest_stroke_nl
@@ -42,6 +42,8 @@ class Strokes:
 
     rate_ul_s: float
     mass_check: MassCheck | None = None
+    is_gas: bool = False
+    """What is moved is no matter of the record: each stroke begins with an empty syringe."""
 
     def draw(self, operation: TransferLiquid, leg: Leg, text: str = "") -> list[DraftJob | None]:
         """Turn the valves on the way, then draw into the syringe."""
@@ -85,7 +87,7 @@ class Strokes:
             {"volume_ul": amount_ul, "rate_ul_s": self.rate_ul_s},
             sentence=f"{verb} {render_volume(operation.amount_nl)} {way} "
             f"{drafting.name(far)}{text}",
-            operation=operation,
+            operation=_of_gas(operation, is_draw=is_draw) if self.is_gas else operation,
             pre=pre,
             post=[self._syringe_holds(amount_ul if is_draw else 0.0, "pump.syringe_volume")],
             locks={*leg.route.resource_ids, *(t.node_id for t in leg.turns), *seen}
@@ -103,6 +105,12 @@ class Strokes:
             high=volume_ul,
             tolerance=syringe_tolerance_ul(self.device, self.syringe_nl),
         )
+
+
+def _of_gas(operation: TransferLiquid, *, is_draw: bool) -> Update:
+    """Return what the record keeps of a stroke of gas: nothing, but the syringe had to be empty."""
+    syringe = operation.target_id if is_draw else operation.source_id
+    return Update(resource_id=syringe, data={}, needs_empty=True)
 
 
 def _is_initialized(device: Device) -> Condition:
@@ -151,6 +159,8 @@ def make_strokes(
     device: Device,
     pump_id: UUID,
     mass_check: MassCheck | None = None,
+    *,
+    is_gas: bool = False,
 ) -> Strokes | None:
     """Find the syringe's volume and the rate of a step; note what is wrong and return None."""
     syringe_nl = _syringe(step, drafting, device, pump_id)
@@ -165,6 +175,7 @@ def make_strokes(
         stroke_nl=largest_stroke_nl(device, syringe_nl),
         rate_ul_s=rate_ul_s,
         mass_check=mass_check,
+        is_gas=is_gas,
     )
 
 

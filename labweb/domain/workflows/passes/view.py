@@ -110,3 +110,20 @@ class LabView:
                     ends = {connection.source.resource_id, connection.target.resource_id}
                     found |= {e for e in ends if e in self.tree.by_id} - nodes
         return found
+
+    def cells_of(self, device: Device) -> set[UUID]:
+        """Return the vessels to which a device's electrodes are connected.
+
+        The electrical connection ends at the vessel, or at the place in which it stands.
+        """
+        nodes = set(device.nodes.values())
+        ends = {
+            end.resource_id
+            for node in nodes
+            for connection in self.graph.by_resource.get(node, ())
+            if connection.medium == Medium.ELECTRICAL
+            for end in (connection.source, connection.target)
+        }
+        wired = [self.tree.by_id[end] for end in ends - nodes if end in self.tree.by_id]
+        there = [one for end in wired for one in (end, *self.tree.descendants(end.id))]
+        return {one.id for one in there if is_vessel(one.kind)}

@@ -31,6 +31,12 @@ class Act:
         return count if isinstance(count, int) else None
 
     @property
+    def rounds(self) -> int:
+        """Return how often the children are carried out, 0 too; once where a Monitor ends them."""
+        count = self.repeats if self.name == "Repeat" else 1
+        return 1 if count is None else count
+
+    @property
     def _is_monitored(self) -> bool:
         return any(child.is_monitor for child in self.children)
 

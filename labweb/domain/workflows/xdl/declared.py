@@ -6,7 +6,7 @@ boils off, and what a reaction makes. None of it is inferred.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Annotated, Any
 
 import msgspec
@@ -43,6 +43,9 @@ class Declared(_Strict, frozen=True, kw_only=True):
     schema: str = SCHEMA
     keys: dict[str, Key] = {}
     """Vessel, reagent, gas or filling of the recipe → key of the resource in the lab."""
+
+    groups: dict[str, list[Key]] = {}
+    """Reagent, or what lines are rinsed with → groups of substances, those of its solvent too."""
 
     waste: Key = ""
     """Where a layer goes that nobody wants."""
@@ -96,7 +99,10 @@ def check_names(declared: Declared, recipe: Recipe) -> list[Finding]:
     for procedure in (*recipe.syntheses, *recipe.blueprints.values()):
         names |= {one.id for one in procedure.hardware} | {one.id for one in procedure.reagents}
         names |= set(_texts(procedure.steps))
-    parts = {"keys": declared.keys, "receivers": declared.receivers}
+    parts: dict[str, Mapping[str, object]] = {
+        "keys": declared.keys,
+        "receivers": declared.receivers,
+    }
     return [
         Finding(_CODE, f"{name!r} is stated among the {part}; the recipe says it nowhere", "", at)
         for part, stated in parts.items()

@@ -45,6 +45,14 @@ DEFAULTS: Mapping[str, Default] = {
     "purge.time": Default("5 min", _CHEMPUTER),
     "rotavap.rotation_speed": Default("250 RPM", _CHEMPUTER),
     "rotavap.temperature": Default("25 °C", _CHEMPUTER),
+    "prime.tube_volumes": Default(
+        "2", _LABWEB + ": after one volume the front is still mixed with what was in the tube"
+    ),
+    "rinse.volume": Default("3 mL", _CHEMPUTER),
+    "rinse.repeats": Default("1", _CHEMPUTER),
+    "rinse.incompatible_repeats": Default(
+        "3", _LABWEB + ": each rinse leaves about a tenth of what was there"
+    ),
     "clean_vessel.repeats": Default("2", _CHEMPUTER),
     "clean_vessel.time": Default("1 min", _CHEMPUTER),
     "adjust_ph.mixing_time": Default("30 s", _LABWEB + ": a stirred flask of a litre is mixed"),

@@ -86,7 +86,7 @@ class _Planner:
             return max(ready, self.pids.get(str(pid), ready))
         if act.children:
             end = ready
-            for _ in range((act.repeats or 1) if act.name == "Repeat" else 1):
+            for _ in range(act.rounds):
                 end = self.lay(act.children, end)
             if act.name == "Async":
                 self.pids[str(act.values.get("pid", f"async {len(self.pids)}"))] = end

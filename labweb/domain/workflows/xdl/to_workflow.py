@@ -44,6 +44,7 @@ def to_workflow(
     name: str,
     keys: Mapping[str, str] | None = None,
     declared: Declared | None = None,
+    on_rig: bool = False,
 ) -> dict[str, Any]:
     """Turn unfolded acts into the plain data of a workflow.
 
@@ -53,13 +54,17 @@ def to_workflow(
         keys: Vessel or reagent → key of the resource in the lab, where the name is no key.
         declared: What a person states of lab and matter beside the recipe. With it, steps that
             part layers, boil solvents off or let a gas in become steps too.
+        on_rig: The rinses of a plan come in afterwards (`agreement.weaving`), those that the
+            recipe asks for among them: a ResetHandling becomes no step here.
 
     Raises:
         ProtocolError: `xdl.not_in_workflow`, `xdl.not_a_key`, `xdl.range_not_exact`,
             `xdl.not_declared` and what a workflow refuses; `findings` list all. No workflow
             comes of it.
     """
-    writer = _Writer({**({} if declared is None else declared.keys), **(keys or {})}, declared)
+    writer = _Writer(
+        {**({} if declared is None else declared.keys), **(keys or {})}, declared, on_rig
+    )
     writer.stop(writer.lay(acts))
     writer.check_declared()
     plain = {
@@ -79,6 +84,7 @@ def to_workflow(
 class _Writer:
     keys: dict[str, str]
     declared: Declared | None = None
+    on_rig: bool = False
     told: Findings = field(default_factory=Findings)
     steps: list[dict[str, Any]] = field(default_factory=list)
     edges: list[dict[str, str]] = field(default_factory=list)
@@ -185,6 +191,8 @@ class _Writer:
                 self.told.tell("xdl.not_in_workflow", message, act.place)
 
     def _simple(self, act: Act) -> list[Made]:
+        if act.name == "ResetHandling" and self.on_rig:
+            return []
         said = _SAID.get(act.name)
         if said is None:
             message = f"a workflow of labweb has no step that does what {act.name} does"

@@ -7,8 +7,11 @@ import logging
 import signal
 import threading
 import time
+from collections.abc import Callable
 from datetime import timedelta
+from functools import partial
 from types import FrameType
+from typing import TypeVar
 from uuid import UUID
 
 from django.core.management.base import BaseCommand
@@ -16,7 +19,7 @@ from django.db import DEFAULT_DB_ALIAS, connection, connections
 from django.db.backends.postgresql.base import DatabaseWrapper
 from django.db.utils import InterfaceError, OperationalError
 
-from labweb.common import wake
+from labweb.common import queue, wake
 from labweb.common.clock import now
 from labweb.common.heap import freeze_heap
 from labweb.enrollment import selectors as enrollment_selectors
@@ -28,10 +31,14 @@ from labweb.telemetry import services as telemetry_services
 
 logger = logging.getLogger(__name__)
 
-_TICK_S = 0.2
+Result = TypeVar("Result")
+
+_TICK_S = 0.1
 """How long work waits whose bell was lost."""
 
 _WATCH_EVERY_S = 1.0
+"""How often each duty of the watch is done."""
+
 _TRIM_EVERY_S = 60.0
 _LEADER_LOCK = 0x6C61_6264
 
@@ -51,6 +58,84 @@ class Monitor:
         return {host_id: at - since for host_id, (_, since) in self._seen.items()}
 
 
+class Duties:
+    """What this process does by turns: what fails keeps nothing else from its turn."""
+
+    def __init__(self) -> None:
+        self._failing = set[str]()
+
+    def do(self, name: str, duty: Callable[[], Result]) -> Result | None:
+        """Do something; None: it failed, which is said once, to a person too, until it works.
+
+        Raises:
+            Exception: The database is away (`services.is_away`).
+        """
+        try:
+            result = duty()
+        except Exception as error:
+            if services.is_away(error):
+                raise
+            if services.is_passing(error):
+                logger.warning("to %s has its next turn: %s", name, error)
+                return None
+            if name not in self._failing:
+                self._failing.add(name)
+                logger.exception("the dispatcher fails to %s; it goes on with the rest", name)
+                self.do("tell of what fails", partial(services.tell_failing, name, error))
+            return None
+        self._failing.discard(name)
+        return result
+
+
+class Watch:
+    """What is looked after once a second, one duty at a time: no bell has to wait for all."""
+
+    def __init__(self, doing: Duties | None = None) -> None:
+        self._doing = doing or Duties()
+        self._monitor = Monitor()
+        self.duties: tuple[Callable[[], object], ...] = (
+            self._watch_hosts,
+            enrollment_services.withdraw_fences,
+            services.expire_requests,
+            services.isolate_hosts,
+            services.judge_ended,
+            services.switch_waiting,
+            telemetry_services.ring_incoming,
+            telemetry_services.roll_up,
+            _tell_stops,
+        )
+        self._turn = 0
+        self._due_at = time.monotonic()
+
+    def _watch_hosts(self) -> None:
+        enrollment_services.watch_hosts(self._monitor.silent_s())
+
+    def take_turn(self) -> None:
+        """Do the next duty, if it is its time; one that fails keeps no other from its turn.
+
+        Raises:
+            Exception: The database is away (`services.is_away`).
+        """
+        at = time.monotonic()
+        if at < self._due_at:
+            return
+        gap_s = _WATCH_EVERY_S / len(self.duties)
+        self._due_at = max(self._due_at, at - _WATCH_EVERY_S) + gap_s
+        turn, self._turn = self._turn, (self._turn + 1) % len(self.duties)
+        duty = self.duties[turn]
+        name = getattr(duty, "__name__", f"duty {turn}").strip("_").replace("_", " ")
+        self._doing.do(name, duty)
+
+
+def _tell_stops() -> None:
+    """Tell hosts again of a stop that has lasted: one may have been away when it was said."""
+    for lab in resource_selectors.labs().filter(is_stopped=True):
+        if lab.stop_id is None or lab.stopped_at is None:
+            continue
+        if now() - lab.stopped_at > timedelta(seconds=1):
+            tell_stop(lab.id, lab.stop_id, str(lab.stopped_by_id))
+
+
 def close_connections() -> None:
     """Close every connection for good, and with it the leader's lock, which lives in one.
 
@@ -67,6 +152,7 @@ class Command(BaseCommand):
     """`manage.py dispatcher`."""
 
     help = "Dispatch queued jobs to edge hosts, ring their doorbells and watch over them."
+    requires_system_checks = ()
 
     _led_by: object | None = None
     """Connection that holds the leader's lock."""
@@ -80,22 +166,23 @@ class Command(BaseCommand):
 
         signal.signal(signal.SIGTERM, end)
         signal.signal(signal.SIGINT, end)
+        queue.connect()
+        services.rehearse_dispatch()
         freeze_heap()
         self.work(stop)
 
     def work(self, stop: threading.Event) -> None:
         """Look whenever the bell rings, and each tick without it, until told to stop."""
-        monitor = Monitor()
-        listener = wake.Listener()
-        watched_at = trim_at = 0.0
+        doing = Duties()
+        watch, listener = Watch(doing), wake.Listener()
+        trim_at = 0.0
         while not stop.is_set():
             try:
-                self._tick()
-                if time.monotonic() - watched_at >= _WATCH_EVERY_S:
-                    watched_at = time.monotonic()
-                    self._watch(monitor)
+                self._tick(doing)
+                watch.take_turn()
                 if time.monotonic() >= trim_at:
-                    is_more = telemetry_services.trim() >= telemetry_services.MOST_TRIMMED
+                    count = doing.do("trim telemetry", telemetry_services.trim) or 0
+                    is_more = count >= telemetry_services.MOST_TRIMMED
                     trim_at = time.monotonic() + (0.0 if is_more else _TRIM_EVERY_S)
             except (OperationalError, InterfaceError) as error:
                 logger.warning("the database is away: %s", error)
@@ -105,11 +192,11 @@ class Command(BaseCommand):
         listener.close()
         self._resign()
 
-    def _tick(self) -> None:
+    def _tick(self, doing: Duties) -> None:
         """Dispatch and publish, if no other dispatcher does."""
         if self._is_leader():
-            services.dispatch_ready()
-            services.publish_outbox()
+            doing.do("dispatch jobs", services.dispatch_ready)
+            doing.do("send commands", services.publish_outbox)
 
     def _is_leader(self) -> bool:
         """Tell whether this process leads; its lock lives as long as its connection."""
@@ -127,17 +214,3 @@ class Command(BaseCommand):
         self._led_by = None
         with contextlib.suppress(OperationalError, InterfaceError), connection.cursor() as cursor:
             cursor.execute("SELECT pg_advisory_unlock_all()")
-
-    def _watch(self, monitor: Monitor) -> None:
-        enrollment_services.watch_hosts(monitor.silent_s())
-        enrollment_services.withdraw_fences()
-        services.expire_requests()
-        services.isolate_hosts()
-        services.judge_ended()
-        telemetry_services.ring_incoming()
-        telemetry_services.roll_up()
-        for lab in resource_selectors.labs().filter(is_stopped=True):
-            if lab.stop_id is None or lab.stopped_at is None:
-                continue
-            if now() - lab.stopped_at > timedelta(seconds=1):
-                tell_stop(lab.id, lab.stop_id, str(lab.stopped_by_id))

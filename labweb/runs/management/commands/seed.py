@@ -23,6 +23,7 @@ class Command(BaseCommand):
     """`manage.py seed`."""
 
     help = "Import a lab once, and write users, devices, simulated instruments and host files."
+    requires_system_checks = ()
 
     def add_arguments(self, parser: ArgumentParser) -> None:
         """Declare the options."""

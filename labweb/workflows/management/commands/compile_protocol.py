@@ -54,7 +54,7 @@ class Command(BaseCommand):
             "--declared",
             type=Path,
             metavar="FILE",
-            help="what is stated beside the recipe (labweb.declared/1): its keys bind, --bind wins",
+            help="what is stated beside the recipe (labweb.declared/1): keys and groups",
         )
         parser.add_argument(
             "--holds",
@@ -65,6 +65,11 @@ class Command(BaseCommand):
         )
         parser.add_argument(
             "--rinse", nargs="+", default=[], metavar="REAGENT", help="rinses the lines"
+        )
+        parser.add_argument(
+            "--prime",
+            action="store_true",
+            help="fill the tubes whose volume the graph says, and push them out by gas",
         )
         parser.add_argument(
             "--blueprints", type=Path, nargs="+", default=[], help="files with blueprints it uses"
@@ -110,7 +115,8 @@ class Command(BaseCommand):
             recipe = read_recipe(raw_recipe, rig, library)
             if options["declared"] is not None:
                 stated = read_declared(_read_recipe(options["declared"]))
-                wish = replace(wish, bind={**bindings(stated, recipe), **wish.bind})
+                bound = {**bindings(stated, recipe), **wish.bind}
+                wish = replace(wish, bind=bound, groups=stated.groups)
         except LabError as error:
             self._print(error, as_json=options["json"])
             raise CommandError(f"{error.code}: {error.message}", returncode=REFUSED) from error
@@ -203,6 +209,7 @@ def _wish(options: dict[str, Any]) -> Wish:
         bind=bind,
         holds_nl=holds,
         rinse=tuple(options["rinse"]),
+        primes=options["prime"],
         parameters=parameters,
         equiv_reference=options["equiv_reference"],
         equiv_amount=options["equiv_amount"],

@@ -15,6 +15,7 @@ from labweb.domain.errors import Finding, LabError
 from labweb.domain.graph.rig.model import Rig
 from labweb.domain.graph.rig.read import read_rig
 from labweb.domain.workflows.agreement.check import check_same
+from labweb.domain.workflows.agreement.weaving import weave_rinses
 from labweb.domain.workflows.recipe_on_rig import digest, plan_recipe, read_recipe, workflow_of
 from labweb.domain.workflows.recipe_plan import Wish
 from labweb.domain.workflows.xdl.declared import bindings, read_declared
@@ -60,6 +61,9 @@ class Command(BaseCommand):
         )
         parser.add_argument(
             "--parameter", nargs="+", default=[], metavar="ID=VALUE", help="value of a Parameter"
+        )
+        parser.add_argument(
+            "--prime", action="store_true", help="fill and empty tubes, as the plan of --lab does"
         )
         parser.add_argument("--equiv-reference", default="", help="reagent that counts equivalents")
         parser.add_argument("--equiv-amount", default="", help="how much of it is one equivalent")
@@ -110,6 +114,7 @@ class Command(BaseCommand):
         wish = Wish(
             bind=keys,
             parameters=parameters,
+            primes=options["prime"],
             equiv_reference=options["equiv_reference"],
             equiv_amount=options["equiv_amount"],
         )
@@ -117,14 +122,19 @@ class Command(BaseCommand):
         declared = None
         if options["declared"] is not None:
             declared = read_declared(_read(options["declared"]))
-        plain = workflow_of(recipe, wish, name=name[:200], declared=declared)
+        plain = workflow_of(
+            recipe, wish, name=name[:200], declared=declared, on_rig=rig is not None
+        )
         if rig is not None:
             keys = {} if declared is None else bindings(declared, recipe)
             files = (options["source"], options["lab"])
             hashes = [digest(path.read_bytes()) for path in files]
             head = {"recipe": {"id": name, "sha256": hashes[0]}, "graph_sha256": hashes[1]}
-            bound = replace(wish, bind={**keys, **wish.bind})
-            check_same(plan_recipe(recipe, rig, bound, head).plan, plain)
+            groups = {} if declared is None else declared.groups
+            bound = replace(wish, bind={**keys, **wish.bind}, groups=groups)
+            plan = plan_recipe(recipe, rig, bound, head).plan
+            plain = weave_rinses(plan, plain)
+            check_same(plan, plain, rig.pumps)
         return json.dumps(plain, indent=2, ensure_ascii=False) + "\n"
 
     def _print(self, findings: Sequence[Finding], *, as_json: bool) -> None:

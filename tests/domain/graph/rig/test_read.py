@@ -280,3 +280,13 @@ def test_every_published_graph_is_written_without_a_loss() -> None:
             assert write_rig(rig) == raw, path
             assert ports_of(read_rig(write_rig(rig, RigFormat.NODE_LINK))) == ports_of(rig), path
     assert count == 186
+
+
+def test_a_syringe_of_a_drive_that_only_infuses_pumps_for_no_recipe() -> None:
+    lab = json.loads((ROOT / "fixtures/labs/starter/lab.json").read_bytes())
+    both = {"pump_1", "pump_2"}
+    pumps = {one.key for one in read_rig(json.dumps(lab).encode()).elements if one.key in both}
+    lab["devices"][0]["nodes"] = {"infusion_pump": "pump_1"}
+    roles = {one.key: one.role for one in read_rig(json.dumps(lab).encode()).elements}
+    assert pumps == both
+    assert (roles["pump_1"], roles["pump_2"]) == (Role.OTHER, Role.PUMP)

@@ -90,6 +90,81 @@ def test_what_is_missing_in_a_lab_is_drawn_into_it(
     assert sorted(kinds(advice)) == wanted
 
 
+ROTAVAP = '<Component id="rotavap" type="rotavap"/>'
+FLASK = '<Component id="flask" type="flask"/>'
+OVER = '<Transfer from_vessel="reactor" to_vessel="rotavap" volume="2 mL"/>'
+BOIL = '<Evaporate vessel="rotavap" time="5 min" temp="40 °C" pressure="100 mbar"/>'
+PURGE = '<Purge vessel="reactor" time="1 min"/>'
+REFILL = '<EvacuateAndRefill vessel="reactor" gas="argon" repeats="3"/>'
+THROUGH = '<FilterThrough from_vessel="reactor" to_vessel="flask" through="silica"/>'
+
+
+def test_a_rotary_evaporator_is_drawn_whole_with_its_receiver_and_vacuum() -> None:
+    text = recipe(ADD, OVER, BOIL, hardware=ROTAVAP)
+    advice = advised(Asked(name="r", recipe=text, graph=lab()))
+    assert kinds(advice) == ["add_vessel", "join_vacuum"]
+    first = advice["changes"][0]
+    assert first["adds"] == ["rotavap", "rotavap_receiver", "evaporator_rotavap"]
+    assert "rotavap_receiver of 250 mL at port 6 of valve_1" in first["text"]
+    after = {entry["key"]: entry for entry in json.loads(advice["graph"])["resources"]}
+    assert after["rotavap"]["parent"] == "evaporator_rotavap"
+
+
+def test_a_flask_on_an_evaporator_without_a_receiver_gets_one_that_is_drained() -> None:
+    whole = json.loads(
+        advised(Asked(name="r", recipe=recipe(ADD, OVER, BOIL, hardware=ROTAVAP), graph=lab()))[
+            "graph"
+        ]
+    )
+    gone = "rotavap_receiver"
+    whole["resources"] = [entry for entry in whole["resources"] if entry["key"] != gone]
+    whole["connections"] = [
+        c for c in whole["connections"] if gone not in {c[end]["resource"] for end in ENDS}
+    ]
+    asked = Asked(
+        name="r",
+        recipe=recipe(ADD, OVER, BOIL, hardware=ROTAVAP),
+        graph=json.dumps(whole).encode(),
+    )
+    advice = advised(asked)
+    assert kinds(advice) == ["add_receiver"]
+    assert "behind the condenser of rotavap, with a tube to port" in advice["changes"][0]["text"]
+
+
+ENDS = ("source", "target")
+
+
+@pytest.mark.parametrize(
+    ("steps", "wanted"),
+    [
+        ((ADD, PURGE), ["add_valve", "join_gas"]),
+        ((REFILL, ADD), ["add_valve", "join_gas", "join_vacuum"]),
+        ((REFILL, ADD, PURGE), ["add_valve", "join_gas", "join_vacuum"]),
+    ],
+)
+def test_gas_and_vacuum_come_by_a_valve_of_their_own(
+    steps: tuple[str, ...], wanted: list[str]
+) -> None:
+    advice = advised(Asked(name="r", recipe=recipe(*steps), graph=lab()))
+    assert kinds(advice) == wanted
+    after = json.loads(advice["graph"])
+    new = [c for c in after["connections"] if "valve_gas" in str(c)]
+    assert {c["medium"] for c in new} == {"gas"}
+    (bottle,) = [e for e in after["resources"] if e["config"].get("gas")]
+    assert "contents" not in bottle
+
+
+def test_a_cartridge_is_drawn_between_two_valves() -> None:
+    text = recipe(ADD, THROUGH, hardware=FLASK).replace(
+        b"<Reagents>", b'<Reagents><Reagent name="silica"/>'
+    )
+    bind = {"flask": "flask_1"}
+    advice = advised(Asked(name="r", recipe=text, graph=lab(), bind=bind))
+    assert kinds(advice) == ["add_valve", "add_cartridge"]
+    after = json.loads(advice["graph"])["resources"]
+    assert [e["config"] for e in after if e["kind"] == "cartridge"] == [{"filling": "silica"}]
+
+
 def test_a_published_recipe_gets_flasks_and_a_separator_and_each_says_its_port() -> None:
     bind = {"water": "water", "product": "flask_1"}
     advice = advised(Asked(name="a", recipe=RECIPE, graph=STARTER, bind=bind))
@@ -138,9 +213,8 @@ def test_a_reagent_that_is_there_under_another_case_is_left_to_a_person() -> Non
 @pytest.mark.parametrize(
     ("steps", "hardware"),
     [
-        ('<Evaporate vessel="rotavap" time="5 min"/>', '<Component id="rotavap" type="rotavap"/>'),
         ('<Irradiate vessel="reactor" time="1 min" wavelength="450 nm"/>', ""),
-        ('<Purge vessel="reactor"/>', ""),
+        ('<Filter vessel="filter"/>', '<Component id="filter" type="filter"/>'),
     ],
 )
 def test_what_a_lab_file_has_no_word_for_is_not_drawn(steps: str, hardware: str) -> None:

@@ -11,7 +11,9 @@ import pytest
 from labweb.domain.errors import LabError
 from labweb.domain.workflows.agreement.check import check_agreement, check_same
 from labweb.domain.workflows.agreement.contents import check_contents, render_proved
-from labweb.domain.workflows.opening import Asked, workflow_from
+from labweb.domain.workflows.agreement.keeping import changes_since
+from labweb.domain.workflows.agreement.weaving import weave_rinses
+from labweb.domain.workflows.opening import Asked, open_recipe, workflow_from
 from tests.domain.workflows.station import DECLARED, LAB, recipe_document, station, station_file
 from tests.domain.workflows.xdl.plans import recipe
 from tests.domain.workflows.xdl.test_opening import STARTER
@@ -24,7 +26,8 @@ KEYS = {"water": "water", "acid": "acid", "reactor": "reactor_1"}
 
 
 def document() -> dict[str, Any]:
-    copy: dict[str, Any] = json.loads(json.dumps(recipe_document()))
+    woven = weave_rinses(whole(), recipe_document())
+    copy: dict[str, Any] = json.loads(json.dumps(woven))
     return copy
 
 
@@ -100,7 +103,11 @@ def test_one_edge_that_is_missing_is_a_finding() -> None:
     other = document()
     other["edges"] = [edge for edge in other["edges"] if edge["source"] != "s2"]
     found = check_agreement(whole(), other)
-    assert "step s3 has to follow s2, and no edges say so" in {one.message for one in found}
+    told = {(one.subject, one.context["before"]): one.message for one in found}
+    said = told["s3", "s2"]
+    assert said.startswith("'Transfer 40 mL from bottle_thf to reactor")
+    assert said.endswith(", and no edges say so")
+    assert " has to follow '" in said
 
 
 def test_a_difference_says_the_line_of_the_recipe_and_the_step_of_the_workflow() -> None:
@@ -174,12 +181,124 @@ def test_stirring_and_heating_go_on_and_end_as_in_the_plan(
     assert kinds(workflow(*steps)) == wanted
 
 
-def test_what_a_plan_rinses_and_a_workflow_does_not_is_refused() -> None:
-    other = 'Add vessel="reactor" reagent="acid" volume="2 mL"'
-    with pytest.raises(LabError) as refusal:
-        workflow(ADD, other, reagent='use_for_cleaning="true"')
-    assert {finding.code for finding in refusal.value.findings} == {"recipe.differs"}
-    assert "rinse the lines with 3 mL of water" in refusal.value.findings[0].message
+ACID = 'Add vessel="reactor" reagent="acid" volume="2 mL"'
+CLEANS = 'use_for_cleaning="true"'
+
+
+def ends(found: dict[str, Any]) -> list[tuple[str, str]]:
+    return [(edge["source"], edge["target"]) for edge in found["edges"]]
+
+
+def test_what_a_plan_rinses_comes_into_the_workflow_before_the_same_deed() -> None:
+    found = workflow(ADD, ACID, reagent=CLEANS)
+    assert [step["id"] for step in found["steps"]] == ["s1", "rinse1", "s2"]
+    assert found["steps"][1]["params"] == {
+        "source": "@water",
+        "target": "@waste",
+        "volume": "3 mL",
+        "pump": "@pump_1",
+    }
+    assert {step["params"]["pump"] for step in found["steps"]} == {"@pump_1"}
+    assert ends(found) == [("s1", "rinse1"), ("rinse1", "s2")]
+
+
+def test_a_rinse_behind_a_wait_comes_before_it_for_nothing_waits_in_the_flask() -> None:
+    found = workflow(ADD, 'Wait time="5 min"', ACID, reagent=CLEANS)
+    assert [step["id"] for step in found["steps"]] == ["s1", "rinse1", "s2", "s3"]
+    assert ends(found) == [("s1", "rinse1"), ("s2", "s3"), ("rinse1", "s2")]
+
+
+def test_a_recipe_that_rinses_at_its_end_is_a_workflow_on_a_rig() -> None:
+    found = workflow(ADD, 'ResetHandling solvent="water" volume="1.5 mL" repeats="2"')
+    assert [step["id"] for step in found["steps"]] == ["s1", "rinse1", "rinse2"]
+    assert found["steps"][2]["params"]["volume"] == "1.5 mL"
+    assert ends(found) == [("s1", "rinse1"), ("rinse1", "rinse2")]
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda d: d["steps"].pop(1),
+        lambda d: d["steps"][1]["params"].update(volume="2 mL"),
+        lambda d: d["steps"][1]["params"].update(target="@reactor_1"),
+        lambda d: d["steps"][1]["params"].update(pump="@pump_2"),
+        lambda d: d["steps"][2]["params"].update(pump="@pump_2"),
+        lambda d: d["steps"][2]["params"].pop("pump"),
+    ],
+)
+def test_a_rinse_that_is_another_or_of_another_syringe_is_told(
+    change: Callable[[dict[str, Any]], object],
+) -> None:
+    text = recipe(ADD, ACID, hardware=REACTOR, reagents=("water", "acid"))
+    raw = text.replace('<Reagent id="water"/>', f'<Reagent id="water" {CLEANS}/>').encode()
+    asked = Asked(name="one", recipe=raw, graph=STARTER, bind=KEYS)
+    plan, found = open_recipe(asked)["plan"], workflow_from(asked)["document"]
+    assert check_agreement(plan, found, ["pump_1", "pump_2"]) == []
+    change(found)
+    told = check_agreement(plan, found, ["pump_1", "pump_2"])
+    assert {finding.code for finding in told} == {"recipe.differs"}
+
+
+def test_the_only_syringe_of_a_rig_need_not_be_named() -> None:
+    text = recipe(ADD, ACID, hardware=REACTOR, reagents=("water", "acid"))
+    raw = text.replace('<Reagent id="water"/>', f'<Reagent id="water" {CLEANS}/>').encode()
+    asked = Asked(name="one", recipe=raw, graph=STARTER, bind=KEYS)
+    plan, found = open_recipe(asked)["plan"], workflow_from(asked)["document"]
+    for step in found["steps"]:
+        step["params"].pop("pump")
+    assert check_agreement(plan, found, ["pump_1"]) == []
+    assert check_agreement(plan, found)
+
+
+MOVED: list[Callable[[dict[str, Any]], object]] = [
+    lambda d: d["steps"][0].update(position={"x": 7.0, "y": 9.0}),
+    lambda d: d["steps"][0].update(note="by the window"),
+    lambda d: d["steps"].reverse(),
+    lambda d: d.update(name="Another name"),
+    lambda d: d.update(execution={"on_disconnect": "continue", "max_offline_s": 60}),
+    lambda d: [edge.update(id=f"x{edge['id']}") for edge in d["edges"]],
+    lambda d: first(d, "transfer", volume="40 mL").update(volume="40000 uL"),
+]
+
+
+@pytest.mark.parametrize("change", MOVED)
+def test_layout_names_and_other_spellings_leave_the_proof(
+    change: Callable[[dict[str, Any]], object],
+) -> None:
+    other = document()
+    change(other)
+    assert changes_since(document(), other, {}) == []
+
+
+@pytest.mark.parametrize(
+    ("change", "text"),
+    [
+        (
+            lambda d: first(d, "transfer", volume="40 mL").update(volume="41 mL"),
+            "'Transfer 40 mL from bottle_thf to reactor with pump_1' was 40 mL and is 41 mL",
+        ),
+        (
+            lambda d: first(d, "react").update(duration="1 s"),
+            "duration of '",
+        ),
+        (lambda d: d["steps"].pop(0), "' was taken out"),
+        (lambda d: d["steps"].append({"id": "new", "kind": "wait"}), "'Wait …' was put in"),
+        (lambda d: d["steps"][0].update(kind="wait"), "became 'Wait …'"),
+        (lambda d: d["steps"][0].update(kind=[]), "became a step []"),
+        (lambda d: d["steps"][2].update(params=None), "and is left open"),
+        (lambda d: d["edges"].pop(0), "was taken out"),
+        (lambda d: d["edges"].append(dict(d["edges"][0])), "was put in"),
+        (lambda d: d.update(steps="none", edges=7), "was taken out"),
+    ],
+)
+def test_what_takes_the_proof_away_is_told_by_step(
+    change: Callable[[dict[str, Any]], object], text: str
+) -> None:
+    other = document()
+    change(other)
+    found = changes_since(document(), other, {})
+    assert {one.code for one in found} == {"recipe.proof_lost"}
+    assert any(text in one.message for one in found), [one.message for one in found]
 
 
 def proved() -> dict[str, Any]:

@@ -160,6 +160,14 @@ def test_a_bind_that_means_nothing_is_refused() -> None:
     assert set(reasons(recipe(ADD), bench(), wish)) == {"plan.unknown_role", "plan.unknown_vessel"}
 
 
+def test_two_reagents_that_are_bound_to_one_flask_are_refused_before_anything_is_planned() -> None:
+    both = recipe(ADD, 'Add vessel="reactor" reagent="ether" volume="5 mL"')
+    assert reasons(both, bench(), Wish(bind={"ether": "flask_water"})) == ["plan.shared_flask"]
+    assert reasons(both, bench(), Wish(bind={"ether": "flask_spare", "water": "flask_spare"})) == [
+        "plan.shared_flask"
+    ]
+
+
 def test_a_heater_that_reaches_the_temperature_is_set_awaited_and_stopped() -> None:
     plan = compiled(recipe(ADD, 'HeatChill vessel="reactor" temp="60 °C" time="1 h"'), bench())
     kinds = [does["kind"] for does in claims(plan)][2:]

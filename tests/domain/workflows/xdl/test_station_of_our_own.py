@@ -20,7 +20,7 @@ import pytest
 from labweb.domain.crutd.operations import TransferLiquid
 from labweb.domain.graph.rig.lab import render_graph
 from labweb.domain.graph.rig.read import read_rig
-from labweb.domain.workflows.advise.search import advise
+from labweb.domain.workflows.advise.search import Advice, advise
 from labweb.domain.workflows.compile import compile_workflow
 from labweb.domain.workflows.interpret.execute import execute
 from labweb.domain.workflows.interpret.plan import parse_plan
@@ -228,13 +228,16 @@ def test_a_speed_that_a_stirrer_does_not_reach_is_refused(rpm: str) -> None:
     assert reasons(text, lab(), wish) == ["plan.out_of_range"]
 
 
-def test_advice_leaves_to_people_where_vapour_goes() -> None:
+def test_advice_brings_a_receiver_and_takes_no_flask_that_is_there_for_one() -> None:
     graph = lab()
     _no_vapour(graph)
     rig = read_rig(json.dumps(graph).encode())
     found = advise(read_xdl(RECIPE), rig, WISH)
-    assert isinstance(found, list)
-    assert {one.code for one in found} >= {"plan.no_advice"}
+    assert isinstance(found, Advice)
+    (change,) = found.changes
+    assert (change["change"], change["adds"]) == ("add_receiver", ["rotavap_flask_receiver"])
+    keys = {entry["key"] for entry in json.loads(found.graph)["resources"]}
+    assert keys == {entry["key"] for entry in graph["resources"]} | set(change["adds"])
 
 
 def test_names_say_nothing() -> None:

@@ -62,7 +62,9 @@ class Kind(StrEnum):
     SEPARATE_PHASES = "separate_phases"
     """`vessel`, `lower_to`, `upper_to`, `lower_through`, `upper_through`. A phase that goes to the
     vessel itself is in it afterwards, alone. `waits_in`: where the recipe would let a phase wait
-    that goes to `@buffer`."""
+    that goes to `@buffer`. `lower_port`, `upper_port`: ports of the vessels that they go to.
+    `conducting_phase`: `top` or `bottom` conducts better. `step_ml`: the lower phase is drawn in
+    portions of that."""
 
     DRAW_FILTRATE = "draw_filtrate"
     """`vessel`, `target`, `volume_ml` (or all of it)."""

@@ -24,7 +24,7 @@ def separate(act: ActReading) -> Operations:
     """
     separator = act.text("separation_vessel")
     yield from _into(act, act.text("from_vessel"), separator)
-    rounds = max(act.count("repeats"), 1)
+    rounds = act.rounds()
     if not act.text("solvent"):
         if rounds > 1:
             act.refuse("xdl.left_open", "Separate is repeated without a solvent to shake out with")
@@ -119,7 +119,7 @@ def shake_out(act: ActReading) -> Operations:
     """Wash and Extract: as Separate, with the purpose in the name."""
     separator, is_wash = act.text("separation_vessel"), act.name == "Wash"
     yield from _into(act, act.text("vessel"), separator)
-    rounds = max(act.count("repeats"), 1)
+    rounds = act.rounds()
     for turn in range(rounds):
         volume = act.number("volume")
         yield act.make(
@@ -163,7 +163,7 @@ def wash_solid(act: ActReading) -> Operations:
     stir = act.values.get("stir", True)
     if "temp" in act.values:
         yield from to_temperature(act)
-    for _ in range(max(act.count("repeats"), 1)):
+    for _ in range(act.rounds()):
         if stir is True:
             speed = act.number("stir_speed", "filter.stir_speed")
             yield act.make(Kind.START_STIR, vessel=vessel, speed_rpm=speed)
@@ -276,7 +276,15 @@ def dissolve(act: ActReading) -> Operations:
     """Dissolve: solvent in, stir, warm when asked, for the time."""
     vessel, volume = act.text("vessel"), act.number("volume")
     act.needs("the amount of solvent", volume)
-    yield act.make(Kind.ADD_LIQUID, reagent=act.text("solvent"), vessel=vessel, volume_ml=volume)
+    yield act.make(
+        Kind.ADD_LIQUID,
+        reagent=act.text("solvent"),
+        vessel=vessel,
+        volume_ml=volume,
+        to_port=act.text("port"),
+        aspirate_ml_min=act.number("aspiration_speed"),
+        dispense_ml_min=act.number("dispense_speed"),
+    )
     speed = act.number("stir_speed", "stir_speed")
     yield act.make(Kind.START_STIR, vessel=vessel, speed_rpm=speed)
     if "temp" in act.values:

@@ -96,6 +96,16 @@ class ActReading:
         self._assumed.append(f"{name}={default}")
         return int(DEFAULTS[default].value)
 
+    def rounds(self) -> int:
+        """Return how often the act is done; none at all is told, for its matter has to go on."""
+        count = self.count("repeats")
+        if count < 1:
+            message = (
+                f"{self.act.name} is to be done {count} times: say at least 1, or leave it out"
+            )
+            self._told.tell("unit.not_positive", message, self.act.place)
+        return count
+
     def number(self, name: str, default: str = "") -> Decimal | None:
         """Return a quantity in its standard unit.
 

@@ -1,0 +1,150 @@
+"""Take what an operation needs, look whether it may be done, write that down; nothing moves."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+from uuid import UUID
+
+from django.db.transaction import atomic
+
+from labweb.common.clock import now
+from labweb.common.prepared import Question, together
+from labweb.crutd import selectors
+from labweb.crutd.models import Transaction
+from labweb.crutd.selectors import reserved
+from labweb.crutd.selectors.facts import facts_for
+from labweb.crutd.services.locking import check_free, hold_and_ask
+from labweb.crutd.services.posting import opening
+from labweb.crutd.services.recording import wait_for_others
+from labweb.domain.crutd import decide, operations
+from labweb.domain.crutd.decide import ResourceState
+from labweb.domain.crutd.lifecycle import TransactionState
+from labweb.domain.errors import PreconditionError
+from labweb.domain.runs.locks import lock_set
+from labweb.resources.selectors import Above, Lab, Resource
+
+
+@atomic
+def lock_operation(
+    operation: operations.Operation,
+    *,
+    lab: Lab,
+    targets: Collection[UUID],
+    actor_id: UUID | None,
+    job_id: UUID | None = None,
+) -> Transaction:
+    """Take the whole lock set of an operation at once, and write it down as LOCKED.
+
+    Four queries for a Transfer, however large the tree.
+
+    Raises:
+        LockedError: Somebody else uses a resource. Nothing was written.
+        PreconditionError: The operation breaks a precondition now; findings list each.
+
+    Effect:
+        None on matter. Locks hold until the transaction is settled; they never expire.
+    """
+    return lock_and_read(operation, lab, targets, actor_id=actor_id, job_id=job_id)[0]
+
+
+def lock_and_read(
+    operation: operations.Operation,
+    lab: Lab,
+    targets: Collection[UUID],
+    *,
+    actor_id: UUID | None,
+    job_id: UUID | None = None,
+) -> tuple[Transaction, Mapping[UUID, Resource], Mapping[UUID, ResourceState]]:
+    """Lock as above, inside a block of the caller's.
+
+    Returns:
+        The transaction, and rows and states under the locks; a Read has no need of states.
+    """
+    held = hold_to_open(operation, lab, targets, actor_id=actor_id, job_id=job_id)
+    together(held.opening)
+    return held.row, held.rows, {} if isinstance(operation, operations.Read) else held.states
+
+
+@dataclass(frozen=True, slots=True)
+class ToOpen:
+    """A transaction whose resources are locked, free and fit, and which is not written yet."""
+
+    row: Transaction
+    rows: Mapping[UUID, Resource]
+    states: Mapping[UUID, ResourceState]
+    opening: Question[Any]
+    """Writes it, with its locks."""
+
+
+def hold_to_open(
+    operation: operations.Operation,
+    lab: Lab,
+    targets: Collection[UUID],
+    *,
+    actor_id: UUID | None,
+    job_id: UUID | None = None,
+) -> ToOpen:
+    """Do all of the above but the writing, for a caller who writes more with it; one exchange."""
+    ids = {*operations.touched_ids(operation), *targets}
+    is_new = isinstance(operation, _NEW)
+    rows, above, (uses, *holdings) = hold_and_ask(
+        ids,
+        reserved.asking_uses(ids, actor_id),
+        *([] if is_new else [selectors.HELD.asking(ids=list(ids))]),
+    )
+    wanted = lock_set(rows, above[0])
+    check_free(rows, wanted, actor_id, reserved.uses_of(uses))
+    if isinstance(operation, operations.Read):
+        states, _ = selectors.states_and_lots(list(rows.values()), above, holdings[0])
+    else:
+        states = check_states(operation, lab, rows, above, *holdings)
+    row = Transaction(
+        lab=lab,
+        state=TransactionState.LOCKED.value,
+        name=operations.name_of(operation).value,
+        operation=operations.to_json(operation),
+        actor_id=actor_id,
+        job_id=job_id,
+        proposed_at=now(),
+    )
+    return ToOpen(row, rows, states, opening(row, wanted, operations.reservations(operation)))
+
+
+_NEW = operations.Create | operations.Receive | operations.React | operations.Refit
+"""What brings something new looks whether that is there already, one after the other."""
+
+
+def check_states(
+    operation: operations.Operation,
+    lab: Lab,
+    rows: Mapping[UUID, Resource],
+    above: Above,
+    holdings: Sequence[selectors.Holding] | None = None,
+) -> dict[UUID, ResourceState]:
+    """Check an operation on rows that are locked, and return their state; a Read needs none.
+
+    Args:
+        operation: The operation.
+        lab: Where it is done.
+        rows: What it touches.
+        above: Everything above these.
+        holdings: What they hold; None reads it.
+
+    Raises:
+        PreconditionError: The operation breaks a precondition now; findings list each.
+    """
+    if isinstance(operation, operations.Read):
+        return {}
+    if isinstance(operation, _NEW):
+        wait_for_others(lab)
+    own = list(rows.values())
+    if holdings is None:
+        states, lots = selectors.snapshot_and_lots(own, above)
+    else:
+        states, lots = selectors.states_and_lots(own, above, holdings)
+    findings = decide.check(operation, states, facts_for(operation, lab, states, lots))
+    if findings:
+        raise PreconditionError(findings[0].message, code=findings[0].code, findings=findings)
+    return states

@@ -1,0 +1,1 @@
+"""Physical graphs from one format into another, and what is lost on the way."""
