@@ -32,7 +32,7 @@ from tests.system.joining import (
     until,
 )
 from tests.system.stack import Stack, free_port, running
-from tests.system.turning import Turning, a_turning_pump, begun, take_up
+from tests.system.turning import SEEN, Turning, a_turning_pump, begun, take_up
 from workers.join import fetch_authority
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(600)]
@@ -237,7 +237,10 @@ def test_a_device_that_announces_itself_is_reviewed_and_then_serves_without_a_re
         assert taken.status_code == 302, taken.text
         device_id = DEVICE.search(taken.headers["Location"])[1]  # type: ignore[index]
         review = f"device/{device_id}/review/"
-        submit(stack, review, act="read_only", reason="to begin with")
+        seen = SEEN.search(page(stack, review))
+        assert seen is not None
+        only = submit(stack, review, act="read_only", seen=seen[1], reason="to begin with")
+        assert only.status_code == 302, only.text
 
         def readings() -> list[object]:
             got = stack.client("admin").get(f"devices/{device_id}")
