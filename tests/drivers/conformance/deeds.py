@@ -84,7 +84,8 @@ MOVE: Action = (
 HOLDING = Deed(act=("hold", {"duration_s": 5.0, "tolerance_c": 8.0}), reading="temperature_c")
 CONTROLLING = (
     Deed(act=TEMPER),
-    HOLDING,
+    # A controller that rests where it is to hold has nothing to begin.
+    replace(HOLDING, first=(TEMPER,)),
     Deed(act=("stop_control", {}), first=(TEMPER,)),
 )
 FLOW: Action = (

@@ -117,11 +117,9 @@ def test_whatever_it_does_when_its_instrument_is_gone_nobody_knows_how_it_ended(
 
 @every_pump
 def test_power_that_comes_back_at_once_is_no_success(rig: Rig) -> None:
-    timer = threading.Timer(0.02, rig.inflict, ("power_loss",), {"for_s": 0.001})
-    rig.when_acting = timer.start
+    rig.inflict("power_loss", in_act=True, for_s=0.001)
     with pytest.raises(DeviceError) as caught:
         act(rig)
-    timer.join()
     assert caught.value.effect is Effect.UNKNOWN
 
 

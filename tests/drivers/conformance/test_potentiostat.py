@@ -15,6 +15,9 @@ from tests.drivers.conformance.placed_models import Bench, Case, Doing, do, runn
 from tests.fixtures.running import until
 
 every = pytest.mark.parametrize("case", POTENTIOSTATS, ids=lambda case: case.model)
+SLOW_SWEEP = {**SWEEP, "rate_v_s": 0.002}
+"""Eight seconds of the bench's clock: what comes from outside comes before its end."""
+
 FORMAL_V = 0.2
 """Of the couple on the bench, of which 0.1 % are oxidised."""
 
@@ -81,7 +84,7 @@ def test_a_held_potential_lets_the_current_decay(bench: Bench, case: Case) -> No
 def test_a_stop_turns_the_cell_off(bench: Bench, case: Case) -> None:
     with bench.connected(case) as device:
         before = len(bench.acts(case, case.verb))
-        doing = Doing(device, ("sweep_linear", SWEEP))
+        doing = Doing(device, ("sweep_linear", SLOW_SWEEP))
         until(lambda: len(bench.acts(case, case.verb)) == before + 1, 3)
         until(lambda: read_statuses(device)["progress_ratio"] > 0, 3)
         device.stop()
@@ -104,7 +107,7 @@ def test_stopping_what_does_not_run_is_harmless(bench: Bench, case: Case) -> Non
 def test_what_goes_wrong_in_the_cell_ends_with_the_cell_off(bench: Bench, case: Case) -> None:
     with bench.connected(case) as device:
         before = len(bench.acts(case, case.verb))
-        doing = Doing(device, ("sweep_linear", SWEEP))
+        doing = Doing(device, ("sweep_linear", SLOW_SWEEP))
         until(lambda: len(bench.acts(case, case.verb)) == before + 1, 3)
         bench.inflict(case, "alarm")
         error = doing.failure()
