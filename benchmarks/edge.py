@@ -23,7 +23,7 @@ import msgspec
 from celery import Celery
 
 from drivers.load import read_spec
-from labweb.domain.messages import DeviceConfig, Do, EdgeEvent, ResourceView, Resume
+from labweb.domain.messages import Cancel, DeviceConfig, Do, EdgeEvent, ResourceView
 from tests.faults.kills.lab import Ledger
 from tests.workers.bench import ROOT, SPACE, Server
 from workers.app import ACCEPT, post
@@ -149,22 +149,24 @@ class Host:
             args={"duration_s": duration_s},
             operation={"op": "read", "device_id": str(device.id), "statuses": []},
             resources=[] if is_known else [view],
-            timeout_s=60.0,
+            timeout_s=60.0 + duration_s,
             ttl_s=3600.0,
         )
 
-    def post(self, step: Do) -> None:
+    def cancel(self, step: Do) -> None:
+        """Ask for the end of a step, whether or not it has begun."""
+        wanted = Cancel(
+            host_id=self.id,
+            epoch=self.server.epoch,
+            dseq=self.server.next_dseq(),
+            action_id=step.action_id,
+        )
+        self.post(wanted)
+
+    def post(self, command: Do | Cancel) -> None:
         """Publish as the server's relay does."""
-        signed = msgspec.to_builtins(self.server.sign(step))
+        signed = msgspec.to_builtins(self.server.sign(command))
         post(self.celery, ACCEPT, [signed], command_queue(self.id))
-
-    def hold(self) -> None:
-        """From the next session on, accept and start nothing."""
-        self.hub.will_resume = False
-
-    def resume(self) -> None:
-        """Let everything start that was accepted."""
-        self.hub.send(Resume(epoch=self.server.epoch))
 
     def events(self, kind: str) -> list[EdgeEvent]:
         """Return the events of a kind that the server has, in order."""

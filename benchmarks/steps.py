@@ -33,7 +33,13 @@ STEPS_COUNT = 200
 FLAT_COUNTS = (10, 100, 1_000, 10_000)
 LEAST_TOLD = 100
 SHORT_TIMES = 9
-"""So few steps last some milliseconds: of so many fresh hosts the one in the middle counts."""
+"""So few steps last some milliseconds: they are measured so often, and the middle one counts."""
+
+WARM_COUNT = 50
+"""So many steps a line has done before it is measured: its first ones stand by themselves."""
+
+PLUG_S = 3_600.0
+"""A step before holds the line until all are taken in and the host is at rest; it is cancelled."""
 
 QUIET_S, QUIET_SHARE = 0.5, 0.1
 """A host is at rest when it uses less of a core than this, for so long."""
@@ -62,26 +68,40 @@ class Alone:
     """Processor time of each sort of process, while they run."""
 
 
-def on_one_device(folder: Path, broker: str, count: int) -> Alone:
-    """Give the host all steps, then let it run them with no further word."""
+def on_one_device(folder: Path, broker: str, count: int) -> tuple[Alone, Alone]:
+    """Return what a line's first steps cost, and so many of the same line after them."""
     host = Host(folder, f"one{count}", broker, 1)
-    host.hold()
     with host.running():
-        began_s = time.monotonic()
-        steps = [host.a_step(host.devices[0]) for _ in range(count)]
-        for step in steps:
-            host.post(step)
-        wait_for(lambda: host.hub.counts["accepted"] == count, 60.0 + count * 0.1)
-        accept_ms = (time.monotonic() - began_s) * 1000 / count
         wait_for(lambda: _lines_count(host) == 1, START_S)
-        _wait_for_quiet(host)
-        before_s = processor_s(host.pid)
-        host.resume()
-        host.wait_for_end(steps[-1].action_id, 60.0 + count * 0.1)
-        used_s = processor_s(host.pid) - before_s
-        started, ended = host.events("started"), host.events("complete")
-        if len(ended) != count:
-            raise AssertionError(f"{len(ended)} of {count} steps are complete")
+        first = _behind_a_plug(host, WARM_COUNT)
+        times = SHORT_TIMES if count < LEAST_TOLD else 1
+        found = [_behind_a_plug(host, count) for _ in range(times)]
+    return first, sorted(found, key=lambda one: one.step_ms)[len(found) // 2]
+
+
+def _behind_a_plug(host: Host, count: int) -> Alone:
+    """Give the host all steps while its device waits, then end that and say no further word."""
+    device = host.devices[0]
+    before = host.hub.counts["accepted"]
+    plug = host.a_step(device, PLUG_S)
+    steps = [host.a_step(device) for _ in range(count)]
+    began_s = time.monotonic()
+    for step in (plug, *steps):
+        host.post(step)
+    wait_for(lambda: host.hub.counts["accepted"] == before + count + 1, 60.0 + count * 0.1)
+    accept_ms = (time.monotonic() - began_s) * 1000 / count
+    _wait_for_quiet(host)
+    before_s = processor_s(host.pid)
+    host.cancel(plug)
+    host.wait_for_end(steps[-1].action_id, 60.0 + count * 0.1)
+    used_s = processor_s(host.pid) - before_s
+    ids = {step.action_id for step in steps}
+    started, ended = (
+        [event for event in host.events(kind) if event.action_id in ids]
+        for kind in ("started", "complete")
+    )
+    if len(ended) != count:
+        raise AssertionError(f"{len(ended)} of {count} steps are complete")
     return Alone(
         step_ms=(ended[-1].at_s - started[0].at_s) * 1000 / count,
         acting_ms=mean(
@@ -90,16 +110,6 @@ def on_one_device(folder: Path, broker: str, count: int) -> Alone:
         accept_ms=accept_ms,
         processor_ms={role: time_s * 1000 / count for role, time_s in used_s.items()},
     )
-
-
-def on_fresh_hosts(folder: Path, broker: str, count: int) -> Alone:
-    """Measure a length, a short one several times."""
-    found = []
-    for number in range(SHORT_TIMES if count < LEAST_TOLD else 1):
-        own = folder / f"n{count}_{number}"
-        own.mkdir()
-        found.append(on_one_device(own, broker, count))
-    return sorted(found, key=lambda one: one.step_ms)[len(found) // 2]
 
 
 def _wait_for_quiet(host: Host) -> None:
@@ -282,8 +292,9 @@ def run(
         found.append(plain_celery(folder, broker, steps_count))
         lengths: dict[int, Alone] = {}
         for count in sorted({steps_count, *flat_counts}):
-            lengths[count] = on_fresh_hosts(folder, broker, count)
-            sys.stdout.write(f"  {count} steps: {render(lengths[count])}\n")
+            first, lengths[count] = on_one_device(folder, broker, count)
+            sys.stdout.write(f"  the first {WARM_COUNT} of a line: {render(first)}\n")
+            sys.stdout.write(f"  {count} steps after them: {render(lengths[count])}\n")
         found.append(
             Figure(
                 name=f"one device, {steps_count} steps",
