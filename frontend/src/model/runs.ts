@@ -4,7 +4,8 @@ import { toSeconds } from "./format";
 import { isActiveJob, isFinalJob, type Look } from "./states";
 import type { Departure, Job, PlannedStep, Question, Run } from "./wire";
 
-export type StepState = "planned" | "waiting" | "running" | "done" | "doubt" | "failed";
+export type StepState =
+  "planned" | "waiting" | "running" | "done" | "by hand" | "skipped" | "doubt" | "failed";
 
 export interface StepProgress {
   number: number;
@@ -23,6 +24,8 @@ const LOOKS: Record<StepState, Look> = {
   waiting: "queued",
   running: "running",
   done: "ok",
+  "by hand": "ok",
+  skipped: "idle",
   doubt: "doubt",
   failed: "error",
 };
@@ -53,9 +56,15 @@ function stateOf(jobs: readonly Job[]): StepState {
   if (jobs.some((job) => job.state === "in_doubt")) return "doubt";
   const left = jobs.filter((job) => !job.passed_by);
   if (left.some((job) => ["aborted", "stopped", "rejected"].includes(job.state))) return "failed";
-  if (jobs.length > 0 && left.every((job) => job.state === "complete")) return "done";
+  if (jobs.length > 0 && left.every((job) => job.state === "complete")) return doneAs(jobs);
   if (jobs.some((job) => isActiveJob(job.state) || job.state === "complete")) return "running";
   return "planned";
+}
+
+/** A step of which a person left out or did something is never shown as if its devices did all. */
+function doneAs(jobs: readonly Job[]): StepState {
+  if (jobs.some((job) => job.passed_by === "skip")) return "skipped";
+  return jobs.some((job) => job.passed_by === "hand") ? "by hand" : "done";
 }
 
 function held(

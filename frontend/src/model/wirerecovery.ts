@@ -9,6 +9,10 @@ export interface Recovery {
   by: string;
   at: Iso;
   note: string;
+  /** What was moved by hand. */
+  moved_nl?: number | null;
+  /** Places in the plan of what was skipped with it. */
+  with?: number[];
 }
 
 export type RecoveryName = "retry" | "change" | "done_by_hand" | "skip";

@@ -4,6 +4,7 @@ import { useState } from "react";
 import { Link } from "react-router";
 import { useRunAct } from "@/api/commands";
 import { useStatus } from "@/api/connection";
+import { runOutcome } from "@/model/decisions";
 import { missingText } from "@/model/files";
 import { formatDuration, toSeconds } from "@/model/format";
 import { executionText } from "@/model/hosts";
@@ -14,7 +15,6 @@ import {
   stepNumber,
   type StepProgress,
 } from "@/model/runs";
-import { runState } from "@/model/states";
 import type { Run } from "@/model/wire";
 import { Button, Dialog, Refused, TextField } from "@/ui/controls";
 import { Downloads } from "@/ui/downloads";
@@ -35,7 +35,7 @@ export function RunHead({ run }: { run: Run }) {
       </Link>
       <ModeChip mode={run.mode} />
       <span data-testid="run-state" data-state={run.state}>
-        <StateChip state={runState(run.state)} />
+        <StateChip state={runOutcome(run)} />
       </span>
       {doubts > 0 && <StateChip state={{ look: "doubt", word: `${doubts} in doubt` }} />}
       <i className="sp" />
@@ -200,7 +200,7 @@ export function Facts({ run, steps }: { run: Run; steps: StepProgress[] }) {
             ? `Step ${current.number} of ${steps.length}`
             : `${run.steps_done} of ${run.steps_total} steps done`}
         </dt>
-        <dd>{isOver ? runState(run.state).word : (current?.step.sentence ?? "–")}</dd>
+        <dd>{isOver ? runOutcome(run).word : (current?.step.sentence ?? "–")}</dd>
       </div>
       <div>
         <dt>Elapsed</dt>

@@ -60,8 +60,8 @@ export const words = {
       R3: "No device and no measurement tells how far it came: look at it before you decide.",
     } as Record<string, string>,
     nothingRelies: "Nothing later in this run counts on it.",
-    done: { skip: "Skipped", hand: "Done by hand", change: "Planned anew" },
   },
+  decided: "Decided by people",
   away: (count: number) =>
     count === 1
       ? "1 job from its journal will appear when it is back."
