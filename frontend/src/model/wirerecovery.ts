@@ -32,5 +32,7 @@ export interface RecoveryCard {
   /** Sentences of later jobs that use what it was to change. */
   relying: string[];
   asked_ul: number | null;
+  /** What the device has moved of it, over all its tries. */
+  moved_ul: number | null;
   params: Record<string, unknown>;
 }

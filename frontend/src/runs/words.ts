@@ -48,11 +48,20 @@ export const words = {
     title: "What becomes of it",
     mayNot: "Needs the role chemist, and a run that has not ended.",
     choose: "Choose",
-    amount: "Amount that you moved, in mL",
-    amountHelp: (ml: number) => `${ml} mL were asked for.`,
+    amount: "Amount that you moved by hand",
+    amountHelp: (asked: string) => `In mL where no unit stands. ${asked} was asked for.`,
+    amountBeside: (moved: string, asked: string, sum: string | null) =>
+      `The device has moved ${moved} of ${asked}; write what you moved besides, or 0.${
+        sum === null ? "" : ` Together: ${sum}.`
+      }`,
+    record: (amount: string) => `Record ${amount} by hand`,
+    nothingMore: "Count as done, nothing more moved",
+    param: (name: string) => name.charAt(0).toUpperCase() + name.slice(1).replaceAll("_", " "),
+    pick: "Type part of a name",
     note: "Note, required",
     noteHelp: "What you found and what you did about it.",
     then: "The run goes on when you resume it.",
+    ends: "Nothing is left to do after it: the run then ends.",
     classes: {
       R0: "The device can be asked whether it did this: compare its own count before you decide.",
       R1: "A set-point: sending it again does no harm.",

@@ -227,10 +227,15 @@ class RecoverJob(APIView):
             actor=user,
             choice=wanted.choice,
             note=wanted.note,
-            moved_nl=None if wanted.moved_ul is None else whole_nl(wanted.moved_ul),
+            moved_nl=_by_hand_nl(wanted.moved_ul),
             params=wanted.params,
         )
         return Response(render.render_run(selectors.find_run(job.run_id), user))
+
+
+def _by_hand_nl(moved_ul: float | None) -> int | None:
+    """None moved is an amount, too: the device may have moved all of it before it failed."""
+    return None if moved_ul is None else 0 if moved_ul == 0 else whole_nl(moved_ul)
 
 
 class ResolveJob(APIView):

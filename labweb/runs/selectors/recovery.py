@@ -108,6 +108,7 @@ def recovery_of(job: Job) -> dict[str, Any] | None:
         "skips": [sentences[index] for index in with_it],
         "relying": [sentences[index] for index in relying],
         "asked_ul": job.operation["amount_nl"] / 1000 if ended.is_liquid else None,
+        "moved_ul": moved_nl(job) / 1000 if ended.is_liquid else None,
         "params": _params(job),
     }
 

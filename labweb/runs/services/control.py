@@ -180,8 +180,8 @@ def resolve_job(job_id: UUID, *, actor: User, answer: str, moved_nl: int | None,
     """Send a person's answer about a job in doubt to its host, which settles it.
 
     Raises:
-        DefinitionError: The answer is none of the four, an amount is missing or more
-            than was asked for, or the note is empty.
+        DefinitionError: The answer is none of the four, an amount is missing, more than was
+            asked for or beside another answer than `partly`, or the note is empty.
         StateError: The job is not in doubt, or was answered before.
 
     Effect:
@@ -257,6 +257,9 @@ def _check_answer(job: Job, answer: str, moved_nl: int | None, note: str) -> Non
             f"answer with one of {known}; 'partly' needs an amount above zero",
             code="run.bad_answer",
         )
+    if answer != "partly" and moved_nl is not None:
+        message = f"an amount goes with 'partly' alone, not with {answer!r}"
+        raise DefinitionError(message, code="run.bad_amount")
     operation = operations.from_json(job.operation)
     if answer == "partly":
         asked = getattr(operation, "amount_nl", 0)
