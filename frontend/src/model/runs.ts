@@ -1,8 +1,8 @@
 /** What a run's jobs say about its steps, and what stands in the way. */
 
 import { toSeconds } from "./format";
-import { isActiveJob, isFinalJob, type Look } from "./states";
-import type { Departure, Job, PlannedStep, Question, Run } from "./wire";
+import { capitalise, isActiveJob, isFinalJob, type Look } from "./states";
+import type { Departure, Iso, Job, PauseReason, PlannedStep, Question, Run } from "./wire";
 
 export type StepState =
   "planned" | "waiting" | "running" | "done" | "by hand" | "skipped" | "doubt" | "failed";
@@ -129,6 +129,21 @@ export function findProblems(run: Run): Problem[] {
   }
   return problems;
 }
+
+const PAUSES: Record<string, string> = {
+  user: "Paused",
+  stopped: "Lab stopped",
+  recovery: "Waits to be resumed after a decision",
+  "server error": "The server cannot dispatch it",
+};
+
+/** Why a run is paused, in words, and who stands behind it. */
+export const pauseText = ({ kind, by }: PauseReason): string =>
+  `${PAUSES[kind] ?? capitalise(kind)}${by ? ` by ${by}` : ""}`;
+
+/** Which pauses a person sees who resumes a run: one that came later is not lifted unseen. */
+export const pausesSeen = (run: Pick<Run, "pause_reasons">): Iso[] =>
+  run.pause_reasons.map((reason) => reason.at);
 
 /** Place of a job in words: "step 4". */
 export function stepNumber(run: Pick<Run, "plan">, stepId: string): number {

@@ -2,9 +2,9 @@
 
 import { useTopics } from "@/api/live";
 import { useDevices } from "@/api/queries";
-import { findProblems, stepNumber, type Problem } from "@/model/runs";
+import { findProblems, pauseText, stepNumber, type Problem } from "@/model/runs";
 import { formatVolume, sentence } from "@/model/format";
-import { capitalise, jobState } from "@/model/states";
+import { jobState } from "@/model/states";
 import type { Job, Run } from "@/model/wire";
 import { Link } from "react-router";
 import { Glyph } from "@/ui/glyph";
@@ -161,8 +161,7 @@ function PausedCard({ run }: { run: Run }) {
         <ul className="reasons">
           {run.pause_reasons.map((reason, place) => (
             <li key={place}>
-              {capitalise(reason.kind)}
-              {reason.by && ` by ${reason.by}`}
+              {pauseText(reason)}
               <i className="sp" />
               <span className="m">
                 <At at={reason.at} seconds />

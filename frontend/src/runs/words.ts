@@ -15,6 +15,7 @@ export const words = {
   pause: "Pause",
   pausing: "Pausing – after the actions that are under way",
   resume: "Resume",
+  alsoPause: "Pause, too",
   exports: {
     crate: {
       label: "RO-Crate",
@@ -31,6 +32,7 @@ export const words = {
   abortTitle: "Abort this run",
   abortAbout:
     "No further action starts. What is under way is stopped by its device; heating and stirring that this run began is switched off where the driver declares it. Liquid stays where it is.",
+  abortDoubt: "What is in doubt stays so until a person has answered.",
   abortWhy: "Why",
   abortDo: "Abort run",
   answerFirst: "Answer what is in doubt first.",

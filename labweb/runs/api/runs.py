@@ -54,6 +54,9 @@ class Resume(msgspec.Struct, forbid_unknown_fields=True):
     departures: list[Departure] | None = None
     """How the run leaves what was proved, as the caller has seen it, to go on without a proof."""
 
+    pauses: list[str] | None = None
+    """When each pause that the caller has seen began: with one more the run is not resumed."""
+
 
 class Answer(msgspec.Struct, forbid_unknown_fields=True):
     """Body of a resolution."""
@@ -182,8 +185,8 @@ class RunAct(APIView):
         if self.act == "pause":
             services.pause_run(run_id, actor=user)
         elif self.act == "resume":
-            seen = body(request, Resume).departures
-            services.resume_run(run_id, actor=user, departures=seen)
+            seen = body(request, Resume)
+            services.resume_run(run_id, actor=user, departures=seen.departures, pauses=seen.pauses)
         else:
             services.abort_run(run_id, actor=user, reason=body(request, Reason).reason)
         return Response(render.render_run(selectors.find_run(run_id), user))

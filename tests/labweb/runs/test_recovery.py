@@ -55,6 +55,12 @@ def resume(bench: Bench, run: Run) -> int:
     return call(signed_in(bench.people["chemist"]), "POST", path, {}).status_code
 
 
+def may(bench: Bench, run: Run, who: str = "chemist") -> dict[str, bool]:
+    path = f"/api/v1/runs/{run.id}"
+    found: dict[str, bool] = signed_in(bench.people[who]).get(path).json()["can"]
+    return found
+
+
 def volume_nl(bench: Bench, key: str) -> int:
     path = f"/api/v1/resources/{bench.node(key).id}"
     return int(signed_in(bench.people["chemist"]).get(path).json()["volume_nl"])
@@ -72,6 +78,9 @@ def test_a_skipped_job_takes_the_rest_of_its_step_along_and_moves_nothing(
     assert card(bench, job)["skips"] == behind
     before, entries = volume_nl(bench, "water"), Entry.objects.count()
     assert resume(bench, run) == 409, "nobody has said what becomes of it"
+    call(signed_in(bench.people["chemist"]), "POST", f"/api/v1/runs/{run.id}/pause", {})
+    assert may(bench, run)["resume"] is False, "a button that would be refused"
+    assert may(bench, run, "approver")["pause"] is True, "another person may pause it, too"
     status, told = choose(bench, job, choice="skip")
     assert status == 200, told
     states = dict(Job.objects.filter(run=run).values_list("index", "state"))
