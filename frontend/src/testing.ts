@@ -9,4 +9,5 @@ afterEach(async () => {
   if (typeof document === "undefined") return;
   const { cleanup } = await import("@testing-library/react");
   cleanup();
+  sessionStorage.clear();
 });

@@ -5,6 +5,7 @@ import type {
   ApprovalRequest,
   CheckResult,
   Departure,
+  Iso,
   Job,
   Lab,
   LabEvent,
@@ -119,12 +120,20 @@ export async function startRun(versionId: string, planDigest: string): Promise<R
 }
 
 export type RunAct =
-  { act: "pause" } | { act: "resume"; departures?: Departure[] } | { act: "abort"; reason: string };
+  | { act: "pause" }
+  | { act: "resume"; pauses: Iso[]; departures?: Departure[] }
+  | { act: "abort"; reason: string };
+
+/** What was refused was refused for what the page does not show yet. */
+function refreshRuns(): void {
+  void client.invalidateQueries({ queryKey: keys.runs });
+}
 
 export function useRunAct(id: string): UseMutationResult<Run, Error, RunAct> {
   return useMutation({
     mutationFn: ({ act, ...body }) => call<Run>("POST", `/runs/${id}/${act}`, body),
     onSuccess: setRun,
+    onError: refreshRuns,
   });
 }
 
@@ -137,7 +146,7 @@ export interface Answer {
 export function useResolve(jobId: string, runId: string): UseMutationResult<Job, Error, Answer> {
   return useMutation({
     mutationFn: (answer) => call<Job>("POST", `/jobs/${jobId}/resolve`, answer),
-    onSuccess: () => {
+    onSettled: () => {
       void client.invalidateQueries({ queryKey: keys.run(runId) });
       void client.invalidateQueries({ queryKey: keys.home });
       void client.invalidateQueries({ queryKey: keys.resources });
@@ -156,6 +165,7 @@ export function useRecover(jobId: string): UseMutationResult<Run, Error, Recover
   return useMutation({
     mutationFn: (answer) => call<Run>("POST", `/jobs/${jobId}/recover`, answer),
     onSuccess: setRun,
+    onError: refreshRuns,
   });
 }
 

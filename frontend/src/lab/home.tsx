@@ -3,7 +3,8 @@
 import { Link, useNavigate } from "react-router";
 import { useHome } from "@/api/queries";
 import { useTopics } from "@/api/live";
-import { isLiveRun, needState, runState } from "@/model/states";
+import { runOutcome } from "@/model/decisions";
+import { isLiveRun, needState } from "@/model/states";
 import type { HostRow, Need, RunRow, WorkflowRow } from "@/model/wire";
 import { Card, Empty, Loaded } from "@/ui/card";
 import { Button } from "@/ui/controls";
@@ -195,13 +196,13 @@ function LastResults({ runs }: { runs: RunRow[] }) {
         <ol className="list">
           {runs.map((run) => (
             <li key={run.id}>
-              <StateGlyph state={runState(run.state)} />
+              <StateGlyph state={runOutcome(run)} />
               <span className="tx2">
                 <Link className="cut b" to={`/runs/${run.id}`}>
                   {run.workflow.name}
                 </Link>
                 <span className="t12 m cut">
-                  #{run.number} · {runState(run.state).word.toLowerCase()}
+                  #{run.number} · {runOutcome(run).word.toLowerCase()}
                   {run.mode === "sim" ? " · simulated" : ""}
                 </span>
               </span>

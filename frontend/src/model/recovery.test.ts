@@ -7,7 +7,7 @@ const choice = (name: RecoveryChoice["name"], why_not: string | null = null): Re
   why_not,
   consequence: "",
 });
-const draft = { choice: null, note: "", ul: Number.NaN, changed: {}, asked_ul: null };
+const draft = { choice: null, note: "", ul: null, changed: {}, asked_ul: null };
 
 describe("recovery", () => {
   it("puts trying again last among the offered after two failures", () => {

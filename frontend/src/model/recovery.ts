@@ -1,6 +1,7 @@
 /** The choices about a job that ended undone, and when one can be sent. */
 
-import type { RecoveryCard, RecoveryChoice, RecoveryName } from "./wire";
+import { isFinalJob } from "./states";
+import type { Job, RecoveryCard, RecoveryChoice, RecoveryName, Run } from "./wire";
 
 export const CHOICE_WORDS: Record<RecoveryName, string> = {
   retry: "Try again",
@@ -23,7 +24,7 @@ export function orderedChoices(card: Pick<RecoveryCard, "choices" | "tries">): R
 interface Draft {
   choice: RecoveryName | null;
   note: string;
-  ul: number;
+  ul: number | null;
   changed: Record<string, unknown>;
   asked_ul: number | null;
 }
@@ -32,11 +33,32 @@ interface Draft {
 export function whyNotSend(draft: Draft): string | null {
   if (!draft.choice) return "Choose first.";
   const needsAmount = draft.choice === "done_by_hand" && draft.asked_ul !== null;
-  if (needsAmount && !(draft.ul > 0)) return "Write how much you moved, in mL.";
+  if (needsAmount && draft.ul === null) return "Write how much you moved.";
   if (draft.choice === "change" && Object.keys(draft.changed).length === 0)
     return "Change a value first.";
   return draft.note.trim() ? null : "Write why.";
 }
+
+/** Whether nothing is left of a run after a choice: it then ends, and nobody resumes it. */
+export function endsRun(
+  run: Pick<Run, "jobs">,
+  job: Pick<Job, "id">,
+  card: Pick<RecoveryCard, "skips">,
+  choice: RecoveryName | null,
+): boolean {
+  if (choice !== "skip" && choice !== "done_by_hand") return false;
+  const left = run.jobs.filter((other) => other.id !== job.id && !isSettled(other));
+  return left.length === (choice === "skip" ? card.skips.length : 0);
+}
+
+const isSettled = (job: Job): boolean =>
+  job.state === "complete" || (isFinalJob(job.state) && job.passed_by !== null);
+
+const ID = /^[0-9a-f]{8}(-[0-9a-f]{4}){3}-[0-9a-f]{12}$/;
+
+/** Whether a value names a thing of the lab. */
+export const isId = (value: unknown): value is string =>
+  typeof value === "string" && ID.test(value);
 
 /** A changed value in the sort that it had. */
 export function readValue(text: string, before: unknown): unknown {

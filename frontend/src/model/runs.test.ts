@@ -1,6 +1,6 @@
 import { expect, test } from "vitest";
 import { evidenceRows, waitingSteps } from "./evidence";
-import { currentStep, findProblems, stepProgress } from "./runs";
+import { currentStep, findProblems, pauseText, stepProgress } from "./runs";
 import { aJob, aRun, iso } from "./samples";
 
 const doubtful = () =>
@@ -32,6 +32,14 @@ test("what is in doubt comes before what failed, and a pause last", () => {
     pause_reasons: [{ kind: "person", by: "Li Na", at: iso(9) }],
   });
   expect(findProblems(run).map((problem) => problem.kind)).toEqual(["doubt", "failed", "paused"]);
+});
+
+test("each pause says who stands behind it, in words", () => {
+  const told = (kind: string, by: string | null) => pauseText({ kind, by, at: iso(0) });
+  expect(told("user", "Li Na")).toBe("Paused by Li Na");
+  expect(told("stopped", "Wang Wei")).toBe("Lab stopped by Wang Wei");
+  expect(told("recovery", "Li Na")).toBe("Waits to be resumed after a decision by Li Na");
+  expect(told("server error", null)).toBe("The server cannot dispatch it");
 });
 
 test("the card says which steps wait for the answer", () => {

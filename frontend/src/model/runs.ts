@@ -1,10 +1,11 @@
 /** What a run's jobs say about its steps, and what stands in the way. */
 
 import { toSeconds } from "./format";
-import { isActiveJob, isFinalJob, type Look } from "./states";
-import type { Departure, Job, PlannedStep, Question, Run } from "./wire";
+import { capitalise, isActiveJob, isFinalJob, type Look } from "./states";
+import type { Departure, Iso, Job, PauseReason, PlannedStep, Question, Run } from "./wire";
 
-export type StepState = "planned" | "waiting" | "running" | "done" | "doubt" | "failed";
+export type StepState =
+  "planned" | "waiting" | "running" | "done" | "by hand" | "skipped" | "doubt" | "failed";
 
 export interface StepProgress {
   number: number;
@@ -23,6 +24,8 @@ const LOOKS: Record<StepState, Look> = {
   waiting: "queued",
   running: "running",
   done: "ok",
+  "by hand": "ok",
+  skipped: "idle",
   doubt: "doubt",
   failed: "error",
 };
@@ -53,9 +56,15 @@ function stateOf(jobs: readonly Job[]): StepState {
   if (jobs.some((job) => job.state === "in_doubt")) return "doubt";
   const left = jobs.filter((job) => !job.passed_by);
   if (left.some((job) => ["aborted", "stopped", "rejected"].includes(job.state))) return "failed";
-  if (jobs.length > 0 && left.every((job) => job.state === "complete")) return "done";
+  if (jobs.length > 0 && left.every((job) => job.state === "complete")) return doneAs(jobs);
   if (jobs.some((job) => isActiveJob(job.state) || job.state === "complete")) return "running";
   return "planned";
+}
+
+/** A step of which a person left out or did something is never shown as if its devices did all. */
+function doneAs(jobs: readonly Job[]): StepState {
+  if (jobs.some((job) => job.passed_by === "skip")) return "skipped";
+  return jobs.some((job) => job.passed_by === "hand") ? "by hand" : "done";
 }
 
 function held(
@@ -120,6 +129,21 @@ export function findProblems(run: Run): Problem[] {
   }
   return problems;
 }
+
+const PAUSES: Record<string, string> = {
+  user: "Paused",
+  stopped: "Lab stopped",
+  recovery: "Waits to be resumed after a decision",
+  "server error": "The server cannot dispatch it",
+};
+
+/** Why a run is paused, in words, and who stands behind it. */
+export const pauseText = ({ kind, by }: PauseReason): string =>
+  `${PAUSES[kind] ?? capitalise(kind)}${by ? ` by ${by}` : ""}`;
+
+/** Which pauses a person sees who resumes a run: one that came later is not lifted unseen. */
+export const pausesSeen = (run: Pick<Run, "pause_reasons">): Iso[] =>
+  run.pause_reasons.map((reason) => reason.at);
 
 /** Place of a job in words: "step 4". */
 export function stepNumber(run: Pick<Run, "plan">, stepId: string): number {

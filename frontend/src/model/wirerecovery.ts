@@ -9,6 +9,10 @@ export interface Recovery {
   by: string;
   at: Iso;
   note: string;
+  /** What was moved by hand. */
+  moved_nl?: number | null;
+  /** Places in the plan of what was skipped with it. */
+  with?: number[];
 }
 
 export type RecoveryName = "retry" | "change" | "done_by_hand" | "skip";
@@ -28,5 +32,7 @@ export interface RecoveryCard {
   /** Sentences of later jobs that use what it was to change. */
   relying: string[];
   asked_ul: number | null;
+  /** What the device has moved of it, over all its tries. */
+  moved_ul: number | null;
   params: Record<string, unknown>;
 }

@@ -1,21 +1,17 @@
 /** In doubt: what is known, the four answers, and what each of them does. */
 
-import { useState } from "react";
 import { useResolve, type Answer } from "@/api/commands";
+import { useKept } from "@/api/kept";
 import { formatVolume, toSeconds } from "@/model/format";
 import { evidenceRows, waitingSteps } from "@/model/evidence";
-import { parseQuantity, toCanonical, type UnitTables } from "@/model/quantity";
 import { stepNumber } from "@/model/runs";
 import { isFinalJob } from "@/model/states";
+import { readVolume, type Typed } from "@/model/volume";
 import type { Job, Question, Run } from "@/model/wire";
 import { Button, Refused, TextField } from "@/ui/controls";
 import { Glyph } from "@/ui/glyph";
 import { useLabTime } from "@/ui/time";
 import { words } from "./words";
-
-const VOLUME: UnitTables = {
-  volume: { canonical: "microliter", suffix: "ul", units: ["mL", "ml", "µL", "uL", "ul", "L"] },
-};
 
 type Kind = Answer["answer"];
 type Choice = [kind: Kind, label: string, effect: string];
@@ -72,33 +68,34 @@ export function Evidence({ job }: { job: Job }) {
   );
 }
 
-/** Amount in microlitres, or null while the text is no volume. */
-function readAmount(text: string, asked: number): { ul: number | null; problem: string | null } {
-  if (!text.trim()) return { ul: null, problem: null };
-  const parsed = parseQuantity(text, "volume", VOLUME, "mL");
-  if (!parsed.ok) return { ul: null, problem: parsed.reason };
-  const ul = toCanonical(parsed.quantity, "volume");
-  if (ul === null || ul <= 0) return { ul: null, problem: "Must be more than zero." };
-  if (ul >= asked) return { ul: null, problem: `Must be less than ${formatVolume(asked * 1000)}.` };
-  return { ul, problem: null };
+/** A part of what was asked for. */
+function readPart(text: string, asked: number): Typed {
+  const typed = readVolume(text);
+  if (typed.ul === null || typed.ul < asked) return typed;
+  return { ul: null, problem: `Must be less than ${formatVolume(asked * 1000)}.` };
 }
 
 type Draft = ReturnType<typeof useDraft>;
 
+interface Written {
+  kind: Kind | null;
+  amount: string;
+  note: string;
+}
+
 /** The answer being written, not sent yet. */
-function useDraft(asked: number | null) {
-  const [kind, setKind] = useState<Kind | null>(null);
-  const [amount, setAmount] = useState("");
-  const [note, setNote] = useState("");
-  const read = readAmount(amount, asked ?? 0);
-  return { kind, setKind, amount, setAmount, note, setNote, read };
+function useDraft(jobId: string, asked: number | null) {
+  const initial: Written = { kind: null, amount: "", note: "" };
+  const [written, set, forget] = useKept(`answer/${jobId}`, initial);
+  const change = (part: Partial<Written>): void => set({ ...written, ...part });
+  return { ...written, change, forget, read: readPart(written.amount, asked ?? 0) };
 }
 
 function Answers({ run, job, question }: { run: Run; job: Job; question: Question }) {
   const resolve = useResolve(job.id, run.id);
   const asked = question.asked_ul;
-  const draft = useDraft(asked);
-  const { kind, note, setNote, read } = draft;
+  const draft = useDraft(job.id, asked);
+  const { kind, note, read } = draft;
   const part = read.ul === null ? null : formatVolume(read.ul * 1000);
   const whole = asked === null ? "it as done" : formatVolume(asked * 1000);
   const why = whyNot(run, kind, read, note);
@@ -106,7 +103,7 @@ function Answers({ run, job, question }: { run: Run; job: Job; question: Questio
     if (!kind) return;
     const answer: Answer = { answer: kind, note: note.trim() };
     if (kind === "partly" && read.ul !== null) answer.moved_ul = read.ul;
-    resolve.mutate(answer);
+    resolve.mutate(answer, { onSuccess: draft.forget });
   };
   const choices = choicesFor(question, whole, part);
   return (
@@ -122,7 +119,7 @@ function Answers({ run, job, question }: { run: Run; job: Job; question: Questio
       <TextField
         label={words.doubt.note}
         value={note}
-        onChange={setNote}
+        onChange={(text) => draft.change({ note: text })}
         help={words.doubt.noteHelp}
         testId="answer-note"
       />
@@ -177,7 +174,7 @@ function Choices({
             name={`answer-${job.id}`}
             data-testid={`answer-${value}`}
             checked={draft.kind === value}
-            onChange={() => draft.setKind(value)}
+            onChange={() => draft.change({ kind: value })}
           />
           <span>
             {label}
@@ -200,8 +197,8 @@ function AmountField({ draft }: { draft: Draft }) {
         placeholder="0.00"
         aria-invalid={draft.read.problem ? true : undefined}
         value={draft.amount}
-        onFocus={() => draft.setKind("partly")}
-        onChange={(event) => draft.setAmount(event.target.value)}
+        onFocus={() => draft.change({ kind: "partly" })}
+        onChange={(event) => draft.change({ kind: "partly", amount: event.target.value })}
       />
       <span className="u">mL</span>
     </span>

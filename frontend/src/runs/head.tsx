@@ -4,6 +4,8 @@ import { useState } from "react";
 import { Link } from "react-router";
 import { useRunAct } from "@/api/commands";
 import { useStatus } from "@/api/connection";
+import { useKept } from "@/api/kept";
+import { runOutcome } from "@/model/decisions";
 import { missingText } from "@/model/files";
 import { formatDuration, toSeconds } from "@/model/format";
 import { executionText } from "@/model/hosts";
@@ -11,10 +13,10 @@ import {
   currentStep,
   findProblems,
   isHeldByProof,
+  pausesSeen,
   stepNumber,
   type StepProgress,
 } from "@/model/runs";
-import { runState } from "@/model/states";
 import type { Run } from "@/model/wire";
 import { Button, Dialog, Refused, TextField } from "@/ui/controls";
 import { Downloads } from "@/ui/downloads";
@@ -35,7 +37,7 @@ export function RunHead({ run }: { run: Run }) {
       </Link>
       <ModeChip mode={run.mode} />
       <span data-testid="run-state" data-state={run.state}>
-        <StateChip state={runState(run.state)} />
+        <StateChip state={runOutcome(run)} />
       </span>
       {doubts > 0 && <StateChip state={{ look: "doubt", word: `${doubts} in doubt` }} />}
       <i className="sp" />
@@ -65,18 +67,19 @@ function Acts({ run }: { run: Run }) {
       )}
       {isPaused && !mayResume && <span className="t12 m wide">{whyNotResume(run)}</span>}
       <span className="acts runacts">
-        {isPaused ? (
+        {isPaused && (
           <Button
             large
             testId="resume"
             disabled={act.isPending}
             why={offline ?? (mayResume ? null : whyNotResume(run))}
-            onClick={() => act.mutate({ act: "resume" })}
+            onClick={() => act.mutate({ act: "resume", pauses: pausesSeen(run) })}
           >
             <Icon name="runs" />
             {words.resume}
           </Button>
-        ) : (
+        )}
+        {(!isPaused || run.can.pause) && (
           <Button
             large
             testId="pause"
@@ -85,7 +88,7 @@ function Acts({ run }: { run: Run }) {
             onClick={() => act.mutate({ act: "pause" })}
           >
             <Icon name="pause" />
-            {act.isPending ? "Sending…" : words.pause}
+            {isPaused ? words.alsoPause : act.isPending ? "Sending…" : words.pause}
           </Button>
         )}
         <Button
@@ -125,12 +128,20 @@ function whyNotResume(run: Run): string {
 
 function AbortDialog(props: { run: Run; isOpen: boolean; onClose: () => void }) {
   const act = useRunAct(props.run.id);
-  const [reason, setReason] = useState("");
+  const [reason, setReason, forget] = useKept(`abort/${props.run.id}`, "");
   const active = props.run.jobs.filter((job) =>
-    ["accepted", "running", "completing"].includes(job.state),
+    ["dispatched", "accepted", "running", "completing"].includes(job.state),
   );
   const send = (): void =>
-    act.mutate({ act: "abort", reason: reason.trim() }, { onSuccess: props.onClose });
+    act.mutate(
+      { act: "abort", reason: reason.trim() },
+      {
+        onSuccess: () => {
+          forget();
+          props.onClose();
+        },
+      },
+    );
   return (
     <Dialog title={words.abortTitle} isOpen={props.isOpen} onClose={props.onClose}>
       <form
@@ -153,6 +164,7 @@ function AbortDialog(props: { run: Run; isOpen: boolean; onClose: () => void }) 
             </ul>
           </div>
         )}
+        {props.run.in_doubt_count > 0 && <p className="s">{words.abortDoubt}</p>}
         <TextField
           label={words.abortWhy}
           value={reason}
@@ -200,7 +212,7 @@ export function Facts({ run, steps }: { run: Run; steps: StepProgress[] }) {
             ? `Step ${current.number} of ${steps.length}`
             : `${run.steps_done} of ${run.steps_total} steps done`}
         </dt>
-        <dd>{isOver ? runState(run.state).word : (current?.step.sentence ?? "–")}</dd>
+        <dd>{isOver ? runOutcome(run).word : (current?.step.sentence ?? "–")}</dd>
       </div>
       <div>
         <dt>Elapsed</dt>

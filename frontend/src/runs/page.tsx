@@ -6,11 +6,12 @@ import { Link, useParams, useSearchParams } from "react-router";
 import { useTopics } from "@/api/live";
 import { useRun, useRunEvents } from "@/api/queries";
 import { stepProgress, type StepProgress } from "@/model/runs";
-import type { Run } from "@/model/wire";
+import type { Job, Run } from "@/model/wire";
 import { AsOf, Card, Empty, Failed, Loaded } from "@/ui/card";
 import { EventTable } from "@/ui/events";
 import { TwinChip, TwinFrame } from "@/twin/frame";
 import { Icon } from "@/ui/icons";
+import { Decisions } from "./decisions";
 import { RunFiles } from "./files";
 import { Facts, RunHead } from "./head";
 import { JobFacts } from "./job";
@@ -133,6 +134,7 @@ function Body({ run }: { run: Run }) {
             <Problems run={run} job={job} />
           </div>
           {job && <JobCard run={run} job={job} />}
+          <Decisions run={run} />
         </aside>
       </div>
     </div>
@@ -211,11 +213,11 @@ function Events(props: { run: Run; most: number | null; link: (tab: Tab) => stri
 }
 
 /** A problem card tells all of it already. */
-const hasCard = (state: string): boolean =>
-  ["in_doubt", "aborted", "rejected", "stopped"].includes(state);
+const hasCard = (job: Job): boolean =>
+  !job.passed_by && ["in_doubt", "aborted", "rejected", "stopped"].includes(job.state);
 
 function JobCard({ run, job: id }: { run: Run; job: string }) {
   const job = run.jobs.find((item) => item.id === id);
-  if (!job || hasCard(job.state)) return null;
+  if (!job || hasCard(job)) return null;
   return <JobFacts job={job} />;
 }

@@ -2,10 +2,10 @@
 
 import { useTopics } from "@/api/live";
 import { useDevices } from "@/api/queries";
-import { findProblems, stepNumber, type Problem } from "@/model/runs";
-import { sentence } from "@/model/format";
-import { capitalise, jobState } from "@/model/states";
-import type { Run } from "@/model/wire";
+import { findProblems, pauseText, stepNumber, type Problem } from "@/model/runs";
+import { formatVolume, sentence } from "@/model/format";
+import { jobState } from "@/model/states";
+import type { Job, Run } from "@/model/wire";
 import { Link } from "react-router";
 import { Glyph } from "@/ui/glyph";
 import { At } from "@/ui/time";
@@ -58,7 +58,9 @@ function ProblemCard({ run, problem }: { run: Run; problem: Problem }) {
       </div>
       <div className="pb">
         <h2>{sentence(job.message) || `${job.sentence} did not complete`}</h2>
-        <p className="s">{effectText(job.transaction?.state ?? null)}</p>
+        <p className="s" data-testid="problem-effect">
+          {effectText(job)}
+        </p>
         <Evidence job={job} />
         {job.code && <p className="mono m">{job.code}</p>}
         {job.recovery && <Recovery run={run} job={job} card={job.recovery} />}
@@ -126,13 +128,18 @@ function WaitsForDevices({ run }: { run: Run }) {
   ));
 }
 
-function effectText(transaction: string | null): string {
+function effectText({ transaction: known, recovery }: Job): string {
+  const transaction = known?.state ?? null;
   if (transaction === "rolled_back")
     return "Nothing moved: the record is as it was before this action.";
+  if (transaction === "committed" && recovery?.moved_ul && recovery.asked_ul)
+    return `${volume(recovery.moved_ul)} of ${volume(recovery.asked_ul)} moved, by the record.`;
   if (transaction === "committed") return "Part of it happened, and the record says how much.";
   if (transaction === "quarantined") return "What happened is not known yet.";
   return "It never began.";
 }
+
+const volume = (ul: number): string => formatVolume(ul * 1000);
 
 function PausedCard({ run }: { run: Run }) {
   const active = run.jobs.filter((job) =>
@@ -154,8 +161,7 @@ function PausedCard({ run }: { run: Run }) {
         <ul className="reasons">
           {run.pause_reasons.map((reason, place) => (
             <li key={place}>
-              {capitalise(reason.kind)}
-              {reason.by && ` by ${reason.by}`}
+              {pauseText(reason)}
               <i className="sp" />
               <span className="m">
                 <At at={reason.at} seconds />

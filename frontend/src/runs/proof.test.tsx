@@ -26,7 +26,7 @@ it("says what was done otherwise, and goes on only when a person says so", async
   await userEvent.click(screen.getByTestId("departed-go-on"));
   await waitFor(() => expect(sent).toHaveLength(1));
   expect(sent[0]?.path).toMatch(/resume$/);
-  expect(sent[0]?.body).toEqual({ departures: TOLD });
+  expect(sent[0]?.body).toEqual({ pauses: [], departures: TOLD });
 });
 
 it("cannot be resumed past it", () => {

@@ -1,7 +1,7 @@
 /** A run of a recipe that does something else than was proved, and who lets it go on. */
 
 import { useRunAct } from "@/api/commands";
-import { isHeldByProof } from "@/model/runs";
+import { isHeldByProof, pausesSeen } from "@/model/runs";
 import type { Run } from "@/model/wire";
 import { Button, Refused } from "@/ui/controls";
 import { Glyph } from "@/ui/glyph";
@@ -41,7 +41,13 @@ export function Departed({ run }: { run: Run }) {
               testId="departed-go-on"
               disabled={act.isPending}
               why={run.can.resume ? null : words.proof.notYet}
-              onClick={() => act.mutate({ act: "resume", departures: proof.departures })}
+              onClick={() =>
+                act.mutate({
+                  act: "resume",
+                  pauses: pausesSeen(run),
+                  departures: proof.departures,
+                })
+              }
             >
               {act.isPending ? "Sending…" : words.proof.goOn}
             </Button>

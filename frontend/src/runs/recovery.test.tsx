@@ -2,10 +2,10 @@
 /** The recovery card: choices with their consequences, and what is sent. */
 
 import { fireEvent, screen } from "@testing-library/react";
-import { expect, it } from "vitest";
-import { aJob, aRun } from "@/model/samples";
+import { expect, it, vi } from "vitest";
+import { aJob, aRow, aRun } from "@/model/samples";
 import type { RecoveryCard } from "@/model/wire";
-import { show } from "@/testpage";
+import { serve, show } from "@/testpage";
 import { Recovery } from "./recovery";
 
 const card: RecoveryCard = {
@@ -19,6 +19,7 @@ const card: RecoveryCard = {
   skips: ["Dispense 5 mL"],
   relying: ["Heat the reactor"],
   asked_ul: 5000,
+  moved_ul: 0,
   params: {},
 };
 
@@ -55,4 +56,73 @@ it("wants the amount of what was done by hand, and why", () => {
   fireEvent.change(screen.getByTestId("recover-amount"), { target: { value: "4.5" } });
   fireEvent.change(screen.getByTestId("recover-note"), { target: { value: "with a pipette" } });
   expect(screen.getByTestId("recover-send")).toBeEnabled();
+});
+
+const amount = (text: string): void => {
+  fireEvent.click(screen.getByTestId("recover-done_by_hand"));
+  fireEvent.change(screen.getByTestId("recover-amount"), { target: { value: text } });
+  fireEvent.change(screen.getByTestId("recover-note"), { target: { value: "by hand" } });
+};
+
+it.each([
+  "5,0 mL",
+  "5,000",
+  "-1 mL",
+  "1e9 L",
+  "NaN",
+  "0x10",
+  "Infinity",
+  "1e400",
+  "0",
+  "1e-9",
+  "5 g",
+])("an amount of %s by hand is refused with a reason", (text) => {
+  show(<Recovery run={aRun([job])} job={job} card={card} />);
+  amount(text);
+  expect(screen.getByTestId("recover-send")).toBeDisabled();
+  expect(screen.getByTestId("recover-amount")).toBeInvalid();
+});
+
+it("says on the button how much will stand in the record", () => {
+  show(<Recovery run={aRun([job])} job={job} card={card} />);
+  amount("250 uL");
+  expect(screen.getByTestId("recover-send")).toHaveTextContent(/Record 0.25.mL by hand/);
+});
+
+it("asks beside what the device has moved, and takes that nothing more was moved", async () => {
+  const sent = serve(() => [200, aRun([job])]);
+  show(<Recovery run={aRun([job])} job={job} card={{ ...card, moved_ul: 5000 }} />);
+  amount("0");
+  expect(screen.getByText(/has moved 5.00.mL of 5.00.mL/)).toBeInTheDocument();
+  fireEvent.click(screen.getByTestId("recover-send"));
+  await vi.waitFor(() => expect(sent).toHaveLength(1));
+  expect(sent[0]?.body).toEqual({ choice: "done_by_hand", note: "by hand", moved_ul: 0 });
+});
+
+it("says that the run ends where nothing is left after the choice", () => {
+  const queued = aJob(1, "s1", "queued");
+  show(<Recovery run={aRun([job, queued])} job={job} card={card} />);
+  fireEvent.click(screen.getByTestId("recover-done_by_hand"));
+  expect(screen.getByTestId("recover-then")).toHaveTextContent("when you resume it");
+  fireEvent.click(screen.getByTestId("recover-skip"));
+  expect(screen.getByTestId("recover-then")).toHaveTextContent("the run then ends");
+});
+
+it("keeps what was written until it is sent, though the page was left", () => {
+  const first = show(<Recovery run={aRun([job])} job={job} card={card} />);
+  amount("4 mL");
+  first.unmount();
+  show(<Recovery run={aRun([job])} job={job} card={card} />);
+  expect(screen.getByTestId("recover-amount")).toHaveValue("4 mL");
+  expect(screen.getByTestId("recover-note")).toHaveValue("by hand");
+});
+
+it("offers things of the lab by their names among the values", () => {
+  serve(() => [200, { resources: [aRow("dcd7477f-1d76-5d8e-a4db-c400a4c6604f", null)] }]);
+  const change = { name: "change" as const, why_not: null, consequence: "Plans anew." };
+  const params = { source: "dcd7477f-1d76-5d8e-a4db-c400a4c6604f", volume: "4 mL" };
+  show(<Recovery run={aRun([job])} job={job} card={{ ...card, choices: [change], params }} />);
+  fireEvent.click(screen.getByTestId("recover-change"));
+  expect(screen.getByTestId("recover-param-source")).toHaveAttribute("role", "combobox");
+  expect(screen.getByLabelText("Volume")).toHaveValue("4 mL");
 });

@@ -1,28 +1,54 @@
 /** What becomes of a job that ended undone: each choice with what it leads to. */
 
-import { useState } from "react";
 import { useRecover, type RecoveryAnswer } from "@/api/commands";
-import { CHOICE_WORDS, orderedChoices, readValue, whyNotSend } from "@/model/recovery";
+import { useKept } from "@/api/kept";
+import { useResources } from "@/api/queries";
+import { formatVolume } from "@/model/format";
+import {
+  CHOICE_WORDS,
+  endsRun,
+  isId,
+  orderedChoices,
+  readValue,
+  whyNotSend,
+} from "@/model/recovery";
+import { readVolume, type Typed } from "@/model/volume";
 import type { Job, RecoveryCard, RecoveryName, Run } from "@/model/wire";
 import { Button, Refused, TextField } from "@/ui/controls";
+import { Picker } from "@/ui/picker";
 import { words } from "./words";
+
+type Draft = ReturnType<typeof useDraft>;
+
+interface Written {
+  choice: RecoveryName | null;
+  note: string;
+  amount: string;
+  values: Record<string, string>;
+}
+
+/** What is being decided, not sent yet. */
+function useDraft(job: Job, card: RecoveryCard) {
+  const initial: Written = { choice: null, note: "", amount: "", values: {} };
+  const [written, set, forget] = useKept(`recovery/${job.id}/${card.tries}`, initial);
+  const change = (part: Partial<Written>): void => set({ ...written, ...part });
+  const read = readVolume(written.amount, (card.moved_ul ?? 0) > 0);
+  return { ...written, change, forget, read, changed: changesOf(card, written.values) };
+}
 
 export function Recovery({ run, job, card }: { run: Run; job: Job; card: RecoveryCard }) {
   const recover = useRecover(job.id);
-  const [choice, setChoice] = useState<RecoveryName | null>(null);
-  const [note, setNote] = useState("");
-  const [amount, setAmount] = useState("");
-  const [values, setValues] = useState<Record<string, string>>({});
-  const changed = changesOf(card, values);
-  const ul = Number(amount.replace(",", ".")) * 1000;
-  const draft = { choice, note, ul, changed, asked_ul: card.asked_ul };
-  const why = run.can.recover ? whyNotSend(draft) : words.recovery.mayNot;
+  const draft = useDraft(job, card);
+  const { choice, note, read, changed } = draft;
+  const asked = { choice, note, ul: read.ul, changed, asked_ul: card.asked_ul };
+  const why = run.can.recover ? whyNotSend(asked) : words.recovery.mayNot;
   const send = (): void => {
     if (!choice) return;
     const answer: RecoveryAnswer = { choice, note: note.trim() };
-    if (choice === "done_by_hand" && card.asked_ul !== null) answer.moved_ul = ul;
+    if (choice === "done_by_hand" && read.ul !== null && card.asked_ul !== null)
+      answer.moved_ul = read.ul;
     if (choice === "change") answer.params = changed;
-    recover.mutate(answer);
+    recover.mutate(answer, { onSuccess: draft.forget });
   };
   return (
     <form
@@ -33,20 +59,16 @@ export function Recovery({ run, job, card }: { run: Run; job: Job; card: Recover
         send();
       }}
     >
-      <Choices job={job} card={card} choice={choice} onChoose={setChoice} />
-      <Values
-        card={card}
-        choice={choice}
-        amount={amount}
-        onAmount={setAmount}
-        values={values}
-        onValues={setValues}
-      />
+      <p className="help" data-testid="recovery-class">
+        {words.recovery.classes[card.recovery]}
+      </p>
+      <Choices job={job} card={card} draft={draft} />
+      <Values card={card} draft={draft} />
       {choice === "skip" && <Consequences card={card} />}
       <TextField
         label={words.recovery.note}
         value={note}
-        onChange={setNote}
+        onChange={(text) => draft.change({ note: text })}
         help={words.recovery.noteHelp}
         testId="recover-note"
       />
@@ -60,13 +82,25 @@ export function Recovery({ run, job, card }: { run: Run; job: Job; card: Recover
           disabled={recover.isPending}
           why={why}
         >
-          {recover.isPending ? "Sending…" : choice ? CHOICE_WORDS[choice] : words.recovery.choose}
+          {recover.isPending ? "Sending…" : verb(choice, card, read)}
         </Button>
-        <span className="help">{words.recovery.then}</span>
+        <span className="help" data-testid="recover-then">
+          {endsRun(run, job, card, choice) ? words.recovery.ends : words.recovery.then}
+        </span>
       </div>
     </form>
   );
 }
+
+/** What is pressed says how much will stand in the record. */
+function verb(choice: RecoveryName | null, card: RecoveryCard, read: Typed): string {
+  if (!choice) return words.recovery.choose;
+  if (choice !== "done_by_hand" || card.asked_ul === null || read.ul === null)
+    return CHOICE_WORDS[choice];
+  return read.ul === 0 ? words.recovery.nothingMore : words.recovery.record(volume(read.ul));
+}
+
+const volume = (ul: number): string => formatVolume(ul * 1000);
 
 function changesOf(card: RecoveryCard, values: Record<string, string>): Record<string, unknown> {
   return Object.fromEntries(
@@ -76,26 +110,18 @@ function changesOf(card: RecoveryCard, values: Record<string, string>): Record<s
   );
 }
 
-function Choices(props: {
-  job: Job;
-  card: RecoveryCard;
-  choice: RecoveryName | null;
-  onChoose: (choice: RecoveryName) => void;
-}) {
+function Choices({ job, card, draft }: { job: Job; card: RecoveryCard; draft: Draft }) {
   return (
-    <div className="ans" role="radiogroup" aria-label={words.recovery.title}>
-      <p className="help" data-testid="recovery-class">
-        {words.recovery.classes[props.card.recovery]}
-      </p>
-      {orderedChoices(props.card).map((one) => (
-        <label key={one.name} title={one.why_not ?? undefined}>
+    <div className="ans stacked" role="radiogroup" aria-label={words.recovery.title}>
+      {orderedChoices(card).map((one) => (
+        <label key={one.name} className={one.why_not ? "off" : ""}>
           <input
             type="radio"
-            name={`recover-${props.job.id}`}
+            name={`recover-${job.id}`}
             data-testid={`recover-${one.name}`}
             disabled={one.why_not !== null}
-            checked={props.choice === one.name}
-            onChange={() => props.onChoose(one.name)}
+            checked={draft.choice === one.name}
+            onChange={() => draft.change({ choice: one.name })}
           />
           <span>{CHOICE_WORDS[one.name]}</span>
           <span className="m">{one.why_not ? `Not now: ${one.why_not}.` : one.consequence}</span>
@@ -105,36 +131,59 @@ function Choices(props: {
   );
 }
 
-function Values(props: {
-  card: RecoveryCard;
-  choice: RecoveryName | null;
-  amount: string;
-  onAmount: (text: string) => void;
-  values: Record<string, string>;
-  onValues: (values: Record<string, string>) => void;
-}) {
-  const { card, choice, values } = props;
-  if (choice === "done_by_hand" && card.asked_ul !== null) {
+function Values({ card, draft }: { card: RecoveryCard; draft: Draft }) {
+  if (draft.choice === "done_by_hand" && card.asked_ul !== null) {
     return (
       <TextField
         label={words.recovery.amount}
-        value={props.amount}
-        onChange={props.onAmount}
-        help={words.recovery.amountHelp(card.asked_ul / 1000)}
+        value={draft.amount}
+        onChange={(text) => draft.change({ amount: text })}
+        help={amountHelp(card, draft.read)}
+        error={draft.read.problem}
         testId="recover-amount"
       />
     );
   }
-  if (choice !== "change") return null;
-  return Object.entries(card.params).map(([name, value]) => (
-    <TextField
-      key={name}
-      label={name.replaceAll("_", " ")}
-      value={values[name] ?? shown(value)}
-      onChange={(text) => props.onValues({ ...values, [name]: text })}
-      testId={`recover-param-${name}`}
-    />
+  if (draft.choice !== "change") return null;
+  return Object.keys(card.params).map((name) => (
+    <Value key={name} name={name} card={card} draft={draft} />
   ));
+}
+
+function amountHelp(card: RecoveryCard, read: Typed): string {
+  const asked = volume(card.asked_ul ?? 0);
+  const moved = card.moved_ul ?? 0;
+  if (moved === 0) return words.recovery.amountHelp(asked);
+  const sum = read.ul === null ? null : volume(moved + read.ul);
+  return words.recovery.amountBeside(volume(moved), asked, sum);
+}
+
+function Value({ name, card, draft }: { name: string; card: RecoveryCard; draft: Draft }) {
+  const resources = useResources();
+  const before = card.params[name];
+  const label = words.recovery.param(name);
+  const text = draft.values[name] ?? shown(before);
+  const change = (value: string): void =>
+    draft.change({ values: { ...draft.values, [name]: value } });
+  if (!isId(before)) {
+    return (
+      <TextField label={label} value={text} onChange={change} testId={`recover-param-${name}`} />
+    );
+  }
+  const rows = (resources.data ?? []).filter((row) => !row.is_archived);
+  return (
+    <div className="field">
+      <label htmlFor={`param-${name}`}>{label}</label>
+      <Picker
+        id={`param-${name}`}
+        value={text}
+        choices={rows.map((row) => ({ value: row.id, label: row.name, note: row.kind_label }))}
+        onChange={(value) => change(value ?? shown(before))}
+        placeholder={words.recovery.pick}
+        testId={`recover-param-${name}`}
+      />
+    </div>
+  );
 }
 
 function Consequences({ card }: { card: RecoveryCard }) {

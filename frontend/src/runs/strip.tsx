@@ -11,6 +11,8 @@ const CLASSES: Record<StepState, string> = {
   waiting: "wait",
   running: "run",
   done: "done",
+  "by hand": "done",
+  skipped: "wait",
   doubt: "doubt",
   failed: "bad",
 };
@@ -52,6 +54,7 @@ export function StepStrip({ steps, picked, onPick }: StripProps) {
               </span>
               <span className="nt">{step.step.sentence}</span>
               {step.after !== null && <span className="nt m">after {step.after}</span>}
+              {isByPerson(step.state) && <span className="nt b">{step.state}</span>}
             </button>
           </li>
         ))}
@@ -60,11 +63,14 @@ export function StepStrip({ steps, picked, onPick }: StripProps) {
   );
 }
 
+/** A person left it out, or did it: whoever looks at the row must not take it for a device's work. */
+const isByPerson = (state: StepState): boolean => state === "skipped" || state === "by hand";
+
 function StepTime({ step }: { step: StepProgress }) {
   const now = useNow();
   const time = useLabTime();
   if (step.state === "doubt" && step.started_s !== null) return <>{time.minute(step.started_s)}</>;
   if (step.started_s !== null) return <>{formatDuration((step.ended_s ?? now) - step.started_s)}</>;
-  if (step.state === "waiting") return null;
+  if (step.state === "waiting" || step.state === "skipped") return null;
   return <>≈ {formatDuration(step.step.estimate_s)}</>;
 }

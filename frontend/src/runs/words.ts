@@ -15,6 +15,7 @@ export const words = {
   pause: "Pause",
   pausing: "Pausing – after the actions that are under way",
   resume: "Resume",
+  alsoPause: "Pause, too",
   exports: {
     crate: {
       label: "RO-Crate",
@@ -31,6 +32,7 @@ export const words = {
   abortTitle: "Abort this run",
   abortAbout:
     "No further action starts. What is under way is stopped by its device; heating and stirring that this run began is switched off where the driver declares it. Liquid stays where it is.",
+  abortDoubt: "What is in doubt stays so until a person has answered.",
   abortWhy: "Why",
   abortDo: "Abort run",
   answerFirst: "Answer what is in doubt first.",
@@ -48,11 +50,20 @@ export const words = {
     title: "What becomes of it",
     mayNot: "Needs the role chemist, and a run that has not ended.",
     choose: "Choose",
-    amount: "Amount that you moved, in mL",
-    amountHelp: (ml: number) => `${ml} mL were asked for.`,
+    amount: "Amount that you moved by hand",
+    amountHelp: (asked: string) => `In mL where no unit stands. ${asked} was asked for.`,
+    amountBeside: (moved: string, asked: string, sum: string | null) =>
+      `The device has moved ${moved} of ${asked}; write what you moved besides, or 0.${
+        sum === null ? "" : ` Together: ${sum}.`
+      }`,
+    record: (amount: string) => `Record ${amount} by hand`,
+    nothingMore: "Count as done, nothing more moved",
+    param: (name: string) => name.charAt(0).toUpperCase() + name.slice(1).replaceAll("_", " "),
+    pick: "Type part of a name",
     note: "Note, required",
     noteHelp: "What you found and what you did about it.",
     then: "The run goes on when you resume it.",
+    ends: "Nothing is left to do after it: the run then ends.",
     classes: {
       R0: "The device can be asked whether it did this: compare its own count before you decide.",
       R1: "A set-point: sending it again does no harm.",
@@ -60,8 +71,8 @@ export const words = {
       R3: "No device and no measurement tells how far it came: look at it before you decide.",
     } as Record<string, string>,
     nothingRelies: "Nothing later in this run counts on it.",
-    done: { skip: "Skipped", hand: "Done by hand", change: "Planned anew" },
   },
+  decided: "Decided by people",
   away: (count: number) =>
     count === 1
       ? "1 job from its journal will appear when it is back."

@@ -1,8 +1,8 @@
 /** Runs as rows; the same on Home and on the page of runs. */
 
 import { Link } from "react-router";
+import { runOutcome } from "@/model/decisions";
 import { formatDuration } from "@/model/format";
-import { runState } from "@/model/states";
 import type { RunRow } from "@/model/wire";
 import { Progress } from "./number";
 import { ModeChip, StateChip } from "./state";
@@ -33,7 +33,7 @@ export function RunTable({ runs, isHistory = false }: { runs: RunRow[]; isHistor
 }
 
 function Row({ run, isHistory }: { run: RunRow; isHistory: boolean }) {
-  const state = runState(run.state);
+  const state = runOutcome(run);
   const done = run.steps_total ? run.steps_done / run.steps_total : 0;
   const isMoving = state.look === "running";
   const look = isMoving ? (run.mode === "sim" ? "sim" : "") : "off";

@@ -109,7 +109,12 @@ def _change(job: Ended, *, is_step_untouched: bool) -> Choice:
 def _by_hand(job: Ended) -> Choice:
     why_not = "" if may_retry(job.state) else f"the job is {job.state.value}, not undone"
     text = "Counts the job as done: you did it. "
-    text += "The record moves the amount that you name." if job.is_liquid else "Nothing is sent."
+    if not job.is_liquid:
+        text += "Nothing is sent."
+    elif job.has_moved:
+        text += "The record adds the amount that you name to what the device has moved."
+    else:
+        text += "The record moves the amount that you name."
     return Choice(name="done_by_hand", why_not=why_not, consequence=text)
 
 

@@ -156,11 +156,12 @@ def render_run(run: Run, user: User) -> dict[str, Any]:
         "execution": run.plan.get("execution"),
         "hosts_away": _hosts_away(jobs),
         "can": {
-            "pause": may_run and not ended and not run.pause_reasons,
+            "pause": may_run and not ended and not selectors.has_paused(run.pause_reasons, user),
             "recover": may_run and not ended and not run.is_given_up,
             "resume": may_run
             and not ended
             and not run.lab.is_stopped
+            and not any(selectors.is_unanswered(job) for job in jobs)
             and (bool(run.pause_reasons) or any(j.state == JobState.HELD.value for j in jobs)),
             "abort": may_run and not ended,
             "resolve": Permission.RESOLVE in allowed,

@@ -54,6 +54,9 @@ class Resume(msgspec.Struct, forbid_unknown_fields=True):
     departures: list[Departure] | None = None
     """How the run leaves what was proved, as the caller has seen it, to go on without a proof."""
 
+    pauses: list[str] | None = None
+    """When each pause that the caller has seen began: with one more the run is not resumed."""
+
 
 class Answer(msgspec.Struct, forbid_unknown_fields=True):
     """Body of a resolution."""
@@ -182,8 +185,8 @@ class RunAct(APIView):
         if self.act == "pause":
             services.pause_run(run_id, actor=user)
         elif self.act == "resume":
-            seen = body(request, Resume).departures
-            services.resume_run(run_id, actor=user, departures=seen)
+            seen = body(request, Resume)
+            services.resume_run(run_id, actor=user, departures=seen.departures, pauses=seen.pauses)
         else:
             services.abort_run(run_id, actor=user, reason=body(request, Reason).reason)
         return Response(render.render_run(selectors.find_run(run_id), user))
@@ -227,10 +230,15 @@ class RecoverJob(APIView):
             actor=user,
             choice=wanted.choice,
             note=wanted.note,
-            moved_nl=None if wanted.moved_ul is None else whole_nl(wanted.moved_ul),
+            moved_nl=_by_hand_nl(wanted.moved_ul),
             params=wanted.params,
         )
         return Response(render.render_run(selectors.find_run(job.run_id), user))
+
+
+def _by_hand_nl(moved_ul: float | None) -> int | None:
+    """None moved is an amount, too: the device may have moved all of it before it failed."""
+    return None if moved_ul is None else 0 if moved_ul == 0 else whole_nl(moved_ul)
 
 
 class ResolveJob(APIView):

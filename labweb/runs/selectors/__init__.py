@@ -49,7 +49,9 @@ from labweb.runs.selectors.needs import LIVE as LIVE
 from labweb.runs.selectors.needs import runs_that_need as runs_that_need
 from labweb.runs.selectors.recovery import accepted_departures as accepted_departures
 from labweb.runs.selectors.recovery import ended_job as ended_job
+from labweb.runs.selectors.recovery import has_paused as has_paused
 from labweb.runs.selectors.recovery import is_discarded as is_discarded
+from labweb.runs.selectors.recovery import is_unanswered as is_unanswered
 from labweb.runs.selectors.recovery import later_jobs as later_jobs
 from labweb.runs.selectors.recovery import moved_nl as moved_nl
 from labweb.runs.selectors.recovery import recovery_choices as recovery_choices

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping
 from typing import Any
 from uuid import UUID
 
 import msgspec
 from django.db.models import Q
 
+from labweb.accounts.selectors import User
 from labweb.crutd.selectors import Transaction
 from labweb.domain.crutd import operations
 from labweb.domain.runs import recovery
@@ -62,6 +64,18 @@ def accepted_departures(run: Run) -> list[Departure]:
     return [msgspec.convert(row, Departure) for row in rows if isinstance(row, dict)]
 
 
+def is_unanswered(job: Job) -> bool:
+    """Tell whether a person has to say first what a job did, or what becomes of it."""
+    state = JobState(job.state)
+    return state is JobState.IN_DOUBT or (recovery.may_retry(state) and not job.passed_by)
+
+
+def has_paused(reasons: Iterable[Mapping[str, Any]], user: User) -> bool:
+    """Tell whether a person has paused a run by themselves, by its reasons."""
+    mine = (one for one in reasons if one.get("by_id") == str(user.pk))
+    return any(one["kind"] == "user" for one in mine)
+
+
 def later_jobs(job: Job) -> list[Later]:
     """Return the jobs of the run that come after a job in its plan."""
     rows = Job.objects.filter(run_id=job.run_id, index__gt=job.index).order_by("index")
@@ -108,6 +122,7 @@ def recovery_of(job: Job) -> dict[str, Any] | None:
         "skips": [sentences[index] for index in with_it],
         "relying": [sentences[index] for index in relying],
         "asked_ul": job.operation["amount_nl"] / 1000 if ended.is_liquid else None,
+        "moved_ul": moved_nl(job) / 1000 if ended.is_liquid else None,
         "params": _params(job),
     }
 

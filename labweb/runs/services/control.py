@@ -21,7 +21,7 @@ from labweb.crutd.services import Settlement
 from labweb.domain.approvals.roles import Permission
 from labweb.domain.crutd import operations
 from labweb.domain.crutd.decide import OutcomeKind
-from labweb.domain.errors import DefinitionError, StateError
+from labweb.domain.errors import DefinitionError, RevisionError, StateError
 from labweb.domain.runs.departing import Departure
 from labweb.domain.runs.edge import ANSWERS, resolve
 from labweb.domain.runs.job import FINAL, UNSTARTED, JobState, Mover, RunState
@@ -69,15 +69,24 @@ def pause_run(run_id: UUID, *, actor: User, reason: str = "user") -> Run:
 
 
 def _add_pause(run: Run, kind: str, actor: User) -> None:
-    if any(entry["kind"] == kind for entry in run.pause_reasons):
+    """Add a reason; each person's own counts, so that nobody's is lost behind another's."""
+    alike = [one for one in run.pause_reasons if one["kind"] == kind]
+    if selectors.has_paused(alike, actor) or (alike and kind != "user"):
         return
-    entry = {"kind": kind, "by": actor.printed_name, "at": now().isoformat()}
+    by = {"by": actor.printed_name, "by_id": str(actor.pk)}
+    entry = {"kind": kind, **by, "at": now().isoformat()}
     run.pause_reasons = [*run.pause_reasons, entry]
     run.save(update_fields=["pause_reasons"])
 
 
 @atomic
-def resume_run(run_id: UUID, *, actor: User, departures: Sequence[Departure] | None = None) -> Run:
+def resume_run(
+    run_id: UUID,
+    *,
+    actor: User,
+    departures: Sequence[Departure] | None = None,
+    pauses: Sequence[str] | None = None,
+) -> Run:
     """Take every pause away and queue what was held: a person says that it may go on.
 
     Args:
@@ -85,6 +94,7 @@ def resume_run(run_id: UUID, *, actor: User, departures: Sequence[Departure] | N
         actor: Who.
         departures: How the run leaves what was proved, as they have seen it: it goes on
             without a proof. None: it goes on only while it leaves nothing.
+        pauses: When each pause that they have seen began. None: they answer for all.
 
     Raises:
         StateError: The run has ended, the lab is stopped, a job is in doubt, or a job ended
@@ -92,7 +102,8 @@ def resume_run(run_id: UUID, *, actor: User, departures: Sequence[Departure] | N
         PreconditionError: A vessel that the run has not begun with holds what nobody proved the
             recipe with, or the run does something else than was proved and nobody has said
             that it goes on so. Nothing was written.
-        RevisionError: It leaves what was proved in another way than was seen.
+        RevisionError: It leaves what was proved in another way than was seen, or somebody has
+            paused it since.
     """
     run = selectors.run_for_update(run_id)
     _require(run, actor, Permission.RUN)
@@ -110,6 +121,7 @@ def resume_run(run_id: UUID, *, actor: User, departures: Sequence[Departure] | N
             code="run.cannot_go_on",
             context={"job_id": str(undone.id), "state": undone.state},
         )
+    _check_pauses_seen(run, pauses)
     check_departures(run, actor=actor, seen=departures)
     _check_untouched(run)
     run.pause_reasons = []
@@ -122,6 +134,17 @@ def resume_run(run_id: UUID, *, actor: User, departures: Sequence[Departure] | N
     run = refresh_run(run_id)
     on_commit(partial(announce, run_id))
     return run
+
+
+def _check_pauses_seen(run: Run, seen: Sequence[str] | None) -> None:
+    since = [] if seen is None else [one for one in run.pause_reasons if one["at"] not in seen]
+    if since:
+        who = since[-1]["by"] or "the server"
+        raise RevisionError(
+            f"run #{run.number} was not resumed: {who} has paused it since you looked",
+            code="run.paused_since",
+            context={"pauses": [one["at"] for one in since]},
+        )
 
 
 def _check_untouched(run: Run) -> None:
@@ -180,8 +203,8 @@ def resolve_job(job_id: UUID, *, actor: User, answer: str, moved_nl: int | None,
     """Send a person's answer about a job in doubt to its host, which settles it.
 
     Raises:
-        DefinitionError: The answer is none of the four, an amount is missing or more
-            than was asked for, or the note is empty.
+        DefinitionError: The answer is none of the four, an amount is missing, more than was
+            asked for or beside another answer than `partly`, or the note is empty.
         StateError: The job is not in doubt, or was answered before.
 
     Effect:
@@ -257,6 +280,9 @@ def _check_answer(job: Job, answer: str, moved_nl: int | None, note: str) -> Non
             f"answer with one of {known}; 'partly' needs an amount above zero",
             code="run.bad_answer",
         )
+    if answer != "partly" and moved_nl is not None:
+        message = f"an amount goes with 'partly' alone, not with {answer!r}"
+        raise DefinitionError(message, code="run.bad_amount")
     operation = operations.from_json(job.operation)
     if answer == "partly":
         asked = getattr(operation, "amount_nl", 0)

@@ -47,7 +47,8 @@ def recover_job(
     what leaves it is kept with the choice.
 
     Raises:
-        DefinitionError: No such choice, no note, or an amount that cannot be.
+        DefinitionError: No such choice, no note, an amount that cannot be, or one or values
+            beside a choice that has none.
         StateError: The choice is not offered for this job; the message says why.
         ForbiddenError: The actor may not run things on what the job uses.
         PreconditionError: What was done by hand breaks a rule of the record.
@@ -59,6 +60,7 @@ def recover_job(
     job = selectors.job_for_update(job_id)
     resource_selectors.require(actor, Permission.RUN, [UUID(node) for node in job.locks])
     _check(run, job, choice, note)
+    _check_beside(choice, moved_nl, params)
     detail: dict[str, Any] = {"choice": choice, "job_id": str(job.id), "note": note}
     if choice == "retry":
         move_job(job, JobState.QUEUED, Mover.PERSON, code="", message="", passed_by="")
@@ -93,6 +95,15 @@ def _check(run: Run, job: Job, choice: str, note: str) -> None:
         raise StateError(f"{choice}: {found.why_not}", code="run.not_offered")
 
 
+def _check_beside(choice: str, moved_nl: int | None, params: dict[str, Any] | None) -> None:
+    if moved_nl is not None and choice != "done_by_hand":
+        message = f"an amount goes with 'done_by_hand' alone, not with {choice!r}"
+        raise DefinitionError(message, code="run.bad_amount")
+    if params is not None and choice != "change":
+        message = f"values go with 'change' alone, not with {choice!r}"
+        raise DefinitionError(message, code="run.bad_choice")
+
+
 def _keep(run: Run, actor: User, detail: dict[str, Any]) -> None:
     by = {"by": actor.printed_name, "by_id": str(actor.pk), "at": now().isoformat()}
     run.recoveries = [*run.recoveries, {**detail, **by}]
@@ -117,15 +128,10 @@ def _skip(run: Run, job: Job) -> list[int]:
 
 
 def _by_hand(job: Job, actor: User, moved_nl: int | None, note: str) -> int | None:
-    """Write down what a person did instead of the device, and pass the job over."""
+    """Write down what a person did beside what the device moved, and pass the job over."""
     operation = operations.from_json(job.operation)
     if isinstance(operation, TransferLiquid):
-        if moved_nl is None or moved_nl <= 0:
-            raise DefinitionError("say how much you moved", code="run.bad_amount")
-        done = msgspec.structs.replace(operation, amount_nl=moved_nl)
-        crutd_services.carry_out(
-            done, lab=job.run.lab, actor_id=actor.pk, note=f"by hand for {job.sentence}: {note}"
-        )
+        _pour(job, operation, actor, moved_nl, note)
     elif isinstance(operation, TransferResource) and moved_nl is None:
         told = f"by hand for {job.sentence}: {note}"
         if begin_transfer(operation, actor=actor, note=told) is None:
@@ -135,3 +141,16 @@ def _by_hand(job: Job, actor: User, moved_nl: int | None, note: str) -> int | No
     job.passed_by = "hand"
     job.save(update_fields=["passed_by"])
     return moved_nl
+
+
+def _pour(
+    job: Job, operation: TransferLiquid, actor: User, moved_nl: int | None, note: str
+) -> None:
+    """Write down the liquid that a person moved; none only where the device has moved some."""
+    has_moved = selectors.moved_nl(job) > 0
+    if moved_nl is None or moved_nl < 0 or (moved_nl == 0 and not has_moved):
+        raise DefinitionError("say how much you moved", code="run.bad_amount")
+    if moved_nl:
+        done = msgspec.structs.replace(operation, amount_nl=moved_nl)
+        told = f"by hand for {job.sentence}: {note}"
+        crutd_services.carry_out(done, lab=job.run.lab, actor_id=actor.pk, note=told)

@@ -311,7 +311,8 @@ def decide_request(
     for job in Job.objects.filter(run=run, state=JobState.AWAITING_APPROVAL.value):
         move_job(job, target, Mover.SERVER)
     if is_approved and run.lab.is_stopped and not run.pause_reasons:
-        reason = {"kind": "stopped", "by": actor.printed_name, "at": now().isoformat()}
+        by = None if run.lab.stopped_by is None else run.lab.stopped_by.printed_name
+        reason = {"kind": "stopped", "by": by, "at": now().isoformat()}
         run.pause_reasons = [reason]
     run.state = RunState.QUEUED.value if is_approved else RunState.ABORTED.value
     run.ended_at = None if is_approved else now()

@@ -7,7 +7,13 @@ from uuid import UUID
 import pytest
 
 from labweb.crutd.models import Entry, ResourceLock
-from labweb.domain.errors import DefinitionError, ForbiddenError, PreconditionError, StateError
+from labweb.domain.errors import (
+    DefinitionError,
+    ForbiddenError,
+    PreconditionError,
+    RevisionError,
+    StateError,
+)
 from labweb.runs import services
 from labweb.runs.models import Outbox, Run
 from tests.builders import Bench, a_started_run, an_edge, dispatched, to_transfer
@@ -129,6 +135,34 @@ def test_a_paused_run_lets_what_acts_finish_and_sends_no_more(bench: Bench) -> N
     edge.complete(attempt)
     assert Run.objects.get(pk=run.pk).state == "paused"
     assert services.dispatch_ready() == 0
+
+
+def test_two_people_who_pause_a_run_both_stand_among_its_reasons(bench: Bench) -> None:
+    run = a_started_run(bench)
+    for name in ("chemist", "approver", "chemist"):
+        services.pause_run(run.id, actor=bench.people[name])
+    reasons = Run.objects.get(pk=run.pk).pause_reasons
+    people = [bench.people[name].printed_name for name in ("chemist", "approver")]
+    assert [one["by"] for one in reasons] == people
+    services.stop_lab(actor=bench.people["chemist"])
+    services.stop_lab(actor=bench.people["approver"])
+    kinds = [one["kind"] for one in Run.objects.get(pk=run.pk).pause_reasons]
+    assert kinds == ["user", "user", "stopped"]
+
+
+def test_a_run_that_somebody_paused_since_it_was_seen_is_not_resumed(bench: Bench) -> None:
+    run = a_started_run(bench)
+    chemist, approver = bench.people["chemist"], bench.people["approver"]
+    seen = [one["at"] for one in services.pause_run(run.id, actor=chemist).pause_reasons]
+    services.pause_run(run.id, actor=approver)
+    with pytest.raises(RevisionError) as refusal:
+        services.resume_run(run.id, actor=chemist, pauses=seen)
+    assert refusal.value.code == "run.paused_since"
+    assert approver.printed_name in refusal.value.message
+    reasons = Run.objects.get(pk=run.pk).pause_reasons
+    assert len(reasons) == 2
+    services.resume_run(run.id, actor=chemist, pauses=[one["at"] for one in reasons])
+    assert Run.objects.get(pk=run.pk).pause_reasons == []
 
 
 def test_an_aborted_run_stops_what_has_not_begun_and_cancels_what_was_sent(bench: Bench) -> None:

@@ -255,6 +255,7 @@ def test_what_a_person_gives_up_stays_quarantined(bench: Bench) -> None:
         ("perhaps", None, "I looked", "run.bad_answer"),
         ("partly", None, "I looked", "run.bad_answer"),
         ("partly", 5_000_000_000, "I looked", "run.bad_amount"),
+        ("happened", 4_000_000, "I looked", "run.bad_amount"),
         ("happened", None, " ", "run.note_missing"),
     ],
 )

@@ -55,6 +55,12 @@ def resume(bench: Bench, run: Run) -> int:
     return call(signed_in(bench.people["chemist"]), "POST", path, {}).status_code
 
 
+def may(bench: Bench, run: Run, who: str = "chemist") -> dict[str, bool]:
+    path = f"/api/v1/runs/{run.id}"
+    found: dict[str, bool] = signed_in(bench.people[who]).get(path).json()["can"]
+    return found
+
+
 def volume_nl(bench: Bench, key: str) -> int:
     path = f"/api/v1/resources/{bench.node(key).id}"
     return int(signed_in(bench.people["chemist"]).get(path).json()["volume_nl"])
@@ -72,6 +78,9 @@ def test_a_skipped_job_takes_the_rest_of_its_step_along_and_moves_nothing(
     assert card(bench, job)["skips"] == behind
     before, entries = volume_nl(bench, "water"), Entry.objects.count()
     assert resume(bench, run) == 409, "nobody has said what becomes of it"
+    call(signed_in(bench.people["chemist"]), "POST", f"/api/v1/runs/{run.id}/pause", {})
+    assert may(bench, run)["resume"] is False, "a button that would be refused"
+    assert may(bench, run, "approver")["pause"] is True, "another person may pause it, too"
     status, told = choose(bench, job, choice="skip")
     assert status == 200, told
     states = dict(Job.objects.filter(run=run).values_list("index", "state"))
@@ -122,9 +131,31 @@ def test_less_done_by_hand_than_was_asked_is_written_as_that_and_no_more(
     assert is_sound(bench)
 
 
+def test_what_a_device_moved_before_it_failed_is_told_and_never_written_twice(
+    bench: Bench, run: Run, edge: Edge
+) -> None:
+    attempt = to_transfer(run, edge)
+    before = volume_nl(bench, "water")
+    asked_nl = attempt.job.operation["amount_nl"]
+    job = fail(edge, attempt, Outcome(kind=OutcomeKind.PARTIAL, moved_nl=asked_nl))
+    shown = card(bench, job)
+    assert shown["moved_ul"] == shown["asked_ul"] == asked_nl / 1000
+    hand = next(one for one in shown["choices"] if one["name"] == "done_by_hand")
+    assert "adds the amount" in hand["consequence"]
+    entries = Entry.objects.count()
+    assert choose(bench, job, choice="done_by_hand", moved_ul=0)[0] == 200
+    assert (before - volume_nl(bench, "water"), Entry.objects.count()) == (asked_nl, entries)
+    assert resume(bench, run) == 200
+    edge.work_off(run)
+    assert Run.objects.get(pk=run.pk).state == "complete"
+    assert is_sound(bench)
+
+
 @pytest.mark.parametrize(
     ("choice", "code"),
     [
+        ({"choice": "skip", "moved_ul": 5}, "run.bad_amount"),
+        ({"choice": "retry", "params": {"volume": "2 mL"}}, "run.bad_choice"),
         ({"choice": "done_by_hand"}, "run.bad_amount"),
         ({"choice": "done_by_hand", "moved_ul": 0}, "run.bad_amount"),
         ({"choice": "done_by_hand", "moved_ul": -5}, "run.bad_amount"),
