@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import heapq
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 
@@ -12,6 +12,7 @@ from labweb.domain.graph.topology import Medium
 
 _CONDUCTING = (Role.VALVE, Role.SOLENOID)
 _PASSIVE = (Role.MANIFOLD, Role.CARTRIDGE)
+_BRANCHES = (Role.VALVE, Role.CARTRIDGE)
 _ANY = "*"
 _SOLENOID_TUBES = 2
 
@@ -79,8 +80,8 @@ class Network:
     arcs: list[list[Arc]] = field(default_factory=list)
     """Per element, each way out of it."""
 
-    joined: list[set[tuple[int, str]]] = field(default_factory=list)
-    """Per element, the ports that tubes join it to, whichever way they conduct."""
+    joined: list[set[tuple[str, int, str]]] = field(default_factory=list)
+    """Per element, own port and far end of each tube, whichever way it conducts."""
 
     tables: dict[frozenset[int], object] = field(default_factory=dict)
     """Hops that were found already, by what they may pass (`hops.table_of`)."""
@@ -101,7 +102,7 @@ class Network:
         self.arcs = [[] for _ in self.elements]
         self.joined = [set() for _ in self.elements]
         for tube in self.tubes:
-            if tube.medium is Medium.LIQUID and tube.source != tube.target:
+            if tube.medium is Medium.LIQUID:
                 self._join(tube)
         for arcs in self.arcs:
             arcs.sort(
@@ -127,46 +128,50 @@ class Network:
             self._conduct(ends[1], ends[0], back)
 
     def _conduct(self, start: tuple[int, str], end: tuple[int, str], arc: Arc) -> None:
-        self.arcs[start[0]].append(arc)
-        self.joined[start[0]].add(end)
-        self.joined[end[0]].add(start)
-        self._out_of.setdefault(self._joint(*start), set()).add(self._far(*end))
-        self._into.setdefault(self._joint(*end), set()).add(self._far(*start))
+        if start[0] != end[0]:  # a tube between two ports of one element leads nowhere else
+            self.arcs[start[0]].append(arc)
+        self.joined[start[0]].add((start[1], *end))
+        self.joined[end[0]].add((end[1], *start))
+        self._out_of.setdefault(self.joint(*start), set()).add(self._far(*end))
+        self._into.setdefault(self.joint(*end), set()).add(self._far(*start))
 
-    def _joint(self, index: int, port: str) -> tuple[int, str]:
-        """Return where tubes meet: a port, or the whole of a syringe that selects none."""
+    def joint(self, index: int, port: str) -> tuple[int, str]:
+        """Return where tubes meet: a port, or the whole of what joins all of its ports."""
         element = self.elements[index]
         bare = element.role is Role.PUMP and not element.selects
-        return (index, _ANY if bare else port)
+        return (index, _ANY if bare or element.role is Role.MANIFOLD else port)
 
     def _far(self, index: int, port: str) -> tuple[int, str]:
         """Two ports of one vessel are one place to be: its liquid is drawn or added to."""
         return (index, _ANY if self.elements[index].role is Role.VESSEL else port)
 
-    def divides(
-        self, index: int, port: str, taken: tuple[int, str] | None = None, *, drawn: bool
-    ) -> bool:
+    def divides(self, index: int, port: str, *taken: tuple[int, str], drawn: bool) -> bool:
         """Tell whether liquid drawn in (or pushed out) at a port has more than one way.
 
-        A solenoid ends a way, for it is closed wherever the liquid does not pass it.
+        A solenoid ends a way, for it is closed wherever the liquid does not pass it. So does, at
+        a manifold, what leads on to a valve, which stands elsewhere: as in carousels of cartridges.
 
         Args:
             index: The element.
             port: Port of it where tubes meet.
-            taken: Element and port at the far end of the tube that the liquid passes; None
-                asks for any of them.
+            taken: Element and port at the far end of each tube that the liquid passes there;
+                none asks for any of them.
             drawn: Liquid is drawn, not pushed.
         """
-        found = (self._into if drawn else self._out_of).get(self._joint(index, port), set())
-        if len(found) <= 1:
+        found = (self._into if drawn else self._out_of).get(self.joint(index, port), set())
+        if not taken and len(found) <= 1:
             return False
-        others = found if taken is None else found - {self._far(*taken)}
+        others = found - {self._far(*far) for far in taken}
+        if self.elements[index].role is Role.MANIFOLD:
+            others = {far for far in others if self.elements[far[0]].role not in _BRANCHES}
         return any(not self.closes(far) for far, _ in others)
 
     def closes(self, index: int) -> bool:
-        """Tell whether an element is a solenoid that joins two tubes and no more."""
-        is_solenoid = self.elements[index].role is Role.SOLENOID
-        return is_solenoid and len(self.joined[index]) <= _SOLENOID_TUBES
+        """Tell whether an element is a solenoid with a tube at either side and no more."""
+        if self.elements[index].role is not Role.SOLENOID:
+            return False
+        sides = [port for port, _, _ in self.joined[index] if port]
+        return len(self.joined[index]) <= _SOLENOID_TUBES and len(sides) == len(set(sides))
 
 
 def explore(
@@ -285,16 +290,16 @@ class Search:
 
 def _passes(network: Network, step: Step, arc: Arc, *, drawn: bool) -> str | None:
     """Return where the element stands that liquid passes from `step` to `arc`, if it can."""
-    element = network.elements[step.element]
     position = conducts(network, step.element, step.port, arc)
     if position is None:
         return None
     tube = step.arc.tube
     came_from = network.index[tube.target if step.arc.backwards else tube.source]
-    ends = ((step.port, (came_from, step.arc.own_port)), (arc.own_port, (arc.far, arc.far_port)))
-    if element.role is not Role.MANIFOLD and any(
-        network.divides(step.element, port, far, drawn=drawn) for port, far in ends
-    ):
+    ends = (
+        ((step.element, step.port), (came_from, step.arc.own_port)),
+        ((step.element, arc.own_port), (arc.far, arc.far_port)),
+    )
+    if _divides_at(network, ends, drawn=drawn):
         return None
     if step.arc.tube is arc.tube:
         return None
@@ -359,8 +364,17 @@ def _draws_elsewhere(network: Network, ports: Sequence[tuple[int, str]]) -> bool
 
     Both ends of every tube stand in `ports`, one beside the other.
     """
+    ends = [(end, ports[place ^ 1]) for place, end in enumerate(ports) if place]
+    return _divides_at(network, ends, drawn=True)
+
+
+def _divides_at(
+    network: Network, ends: Iterable[tuple[tuple[int, str], tuple[int, str]]], *, drawn: bool
+) -> bool:
+    """Tell whether liquid has yet another way at an end of a tube; beside it the other end."""
+    taken: dict[tuple[int, str], list[tuple[int, str]]] = {}
+    for near, far in ends:
+        taken.setdefault(network.joint(*near), []).append(far)
     return any(
-        network.divides(index, port, ports[place ^ 1], drawn=True)
-        for place, (index, port) in enumerate(ports)
-        if place and network.elements[index].role is not Role.MANIFOLD
+        network.divides(index, port, *fars, drawn=drawn) for (index, port), fars in taken.items()
     )

@@ -156,9 +156,15 @@ def _check_ends(
     for flow in flows:
         if flow.source.key != source or flow.target.key not in targets:
             fail(state, f"liquid goes from {flow.source.key} to {flow.target.key}")
-        if list(flow.passed) != through:
-            message = f"it goes through {list(flow.passed)}, not {through}"
+        if (passed := _passed(state, flow, through)) != through:
+            message = f"it goes through {passed}, not {through}"
             state.complain("interpret.through", message)
+
+
+def _passed(state: State, flow: Flow, named: list[str]) -> list[str]:
+    """Return what liquid went through, without manifolds that nobody speaks of."""
+    elements = state.plumbing.elements
+    return [key for key in flow.passed if key in named or elements[key].role != "manifold"]
 
 
 def _check_filter(state: State, claim: Claim, before: Before) -> None:
@@ -205,8 +211,9 @@ def _check_phase_ways(state: State, claim: Claim, before: Before) -> None:
             *resting,
         }:
             fail(state, f"liquid goes from {flow.source.key} to {flow.target.key}")
-        if list(flow.passed) != ways.get(flow.target.key, []):
-            message = f"{list(flow.passed)} is passed on the way to {flow.target.key}"
+        named = ways.get(flow.target.key, [])
+        if (passed := _passed(state, flow, named)) != named:
+            message = f"{passed} is passed on the way to {flow.target.key}"
             state.complain("interpret.through", message)
     for key in resting - {claim.vessel}:
         if not before.contents.get(key, Contents()).holds_nothing:

@@ -14,6 +14,8 @@ from labweb.domain.workflows.interpret.matter import UNITS_PER_NL
 _CARRIES = frozenset((Medium.LIQUID, Medium.GAS, Medium.VACUUM))
 _GASES = frozenset(("air", "nitrogen", "argon", "ar", "n2"))
 COLLECT = "#collect"
+_SIDES = 2
+"""Tubes of a solenoid."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -150,6 +152,14 @@ class Plumbing:
         if element.numbered and not is_numbered(port):
             return False
         return port in self.ports_of(element.key) or port in (element.ports or ())
+
+    def is_shut(self, key: str, stands: Stands) -> bool:
+        """Tell whether an element is a shut solenoid, with a tube at either side and no more."""
+        if self.elements[key].role is not Role.SOLENOID or key in stands.opened:
+            return False
+        tubes = {*self._all_tubes(key)}
+        sides = [port for port, _ in tubes if port]
+        return len(tubes) <= _SIDES and len(sides) == len(set(sides))
 
     def passes(
         self, element: Element, entered: End, stands: Stands, *, maybe: bool = False

@@ -98,11 +98,12 @@ def _find_way(state: State, action: Action) -> Way | None:
         tubes = [tube for tube in tubes if tube[0] == port]
     passed: list[str] = []
     taken: list[End] = []
-    came_from = start = End(action.device, tubes[0][0] if tubes else "")
+    here, start = action.device, End(action.device, tubes[0][0] if tubes else "")
     while True:
-        far = _only(state, action.device, came_from.key, tubes)
-        if far is None or far in taken:
+        tube = _only(state, action.device, here, tubes)
+        if tube is None or tube[1] in taken:
             return None
+        left, far = End(here, tube[0]), tube[1]
         taken.append(far)
         element = plumbing.elements[far.key]
         state.record.touched.add(far.key)
@@ -115,12 +116,14 @@ def _find_way(state: State, action: Action) -> Way | None:
         if element.role in (Role.CARTRIDGE, Role.MANIFOLD):
             passed.append(far.key)
         taken += [End(far.key, port) for port in sorted(leave) if port]
+        # Whatever else is joined to the port that liquid comes by, it flows there as well.
+        joined = leave | {far.port}
         tubes = [
             tube
             for tube in plumbing.tubes_at(far.key, pushing=pushing)
-            if tube[0] in leave and tube[1].key != came_from.key
+            if tube[0] in joined and tube != (far.port, left)
         ]
-        came_from = far
+        here = far.key
 
 
 def _stand(state: State, valve: Element) -> str | None:
@@ -132,14 +135,20 @@ def _stand(state: State, valve: Element) -> str | None:
     return stand
 
 
-def _only(state: State, pump: str, key: str, tubes: list[tuple[str, End]]) -> End | None:
-    if len(tubes) == 1:
-        return tubes[0][1]
-    if not tubes:
+def _only(
+    state: State, pump: str, key: str, tubes: list[tuple[str, End]]
+) -> tuple[str, End] | None:
+    """Return the tube that liquid takes; a solenoid that is shut ends a tube."""
+    shut = [tube for tube in tubes if state.plumbing.is_shut(tube[1].key, state.stands)]
+    ways = [tube for tube in tubes if tube not in shut] or shut
+    state.record.touched.update(end.key for _, end in shut)
+    if len(ways) == 1:
+        return ways[0]
+    if not ways:
         message = f"{pump} reaches {key}, and no tube leads on"
         state.complain("interpret.no_path", message, device=pump)
     else:
-        far = ", ".join(sorted(end.key for _, end in tubes))
+        far = ", ".join(sorted(end.key for _, end in ways))
         message = f"{pump} reaches {key}, where the flow divides between {far}"
         state.complain("interpret.divides", message, device=pump)
     return None
