@@ -309,6 +309,16 @@ def _unreadable(text: object, notation: Notation, code: str) -> UnitError:
     return UnitError(f"{text!r:.80} is no {notation.name}: {_example(notation)}", code=code)
 
 
+def steady(rate: Decimal | float) -> float:
+    """Return a rate on the grid of plans: nine significant digits, however slow it is.
+
+    Example:
+        >>> steady(Decimal("0.00002777777777")), steady(2000 / 3)
+        (2.77777778e-05, 666.666667)
+    """
+    return float(f"{rate:.9g}")
+
+
 def render_volume(amount_nl: int) -> str:
     """Write a volume for a person, in millilitres.
 

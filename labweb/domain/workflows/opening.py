@@ -18,8 +18,9 @@ from labweb.domain.workflows.advise.search import Advice, advise
 from labweb.domain.workflows.agreement.check import check_same
 from labweb.domain.workflows.agreement.proved import sources_of, vessels_of
 from labweb.domain.workflows.agreement.weaving import weave_rinses
-from labweb.domain.workflows.on_rig.binding import Binding, alike, bind, may_be
+from labweb.domain.workflows.on_rig.binding import Binding, bind, may_be
 from labweb.domain.workflows.on_rig.equipment import Equipment, Sort
+from labweb.domain.workflows.on_rig.labels import alike
 from labweb.domain.workflows.recipe_on_rig import (
     Proved,
     check_recipe,

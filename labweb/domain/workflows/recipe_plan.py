@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
 
 from labweb.domain.errors import Finding, InfeasibleError, ProtocolError
 from labweb.domain.graph.rig.model import Rig
+from labweb.domain.graph.rig.volumes import check_volumes
 from labweb.domain.workflows.on_rig import (
     conditions,
     gases,
@@ -20,16 +21,18 @@ from labweb.domain.workflows.on_rig import (
     rounds,
 )
 from labweb.domain.workflows.on_rig.binding import Binding, bind
+from labweb.domain.workflows.on_rig.charging import charge, check_charge
 from labweb.domain.workflows.on_rig.chemistry import read_chemistry
 from labweb.domain.workflows.on_rig.equipment import Equipment, Sort
 from labweb.domain.workflows.on_rig.making import BY_HAND, Making
-from labweb.domain.workflows.on_rig.matter import exactly, micro, plain
+from labweb.domain.workflows.on_rig.matter import micro, plain
 from labweb.domain.workflows.on_rig.meetings import Meetings
 from labweb.domain.workflows.on_rig.moving import fill
 from labweb.domain.workflows.on_rig.safety import shut_down
 from labweb.domain.workflows.on_rig.scheduling import critical_path_s, earlier_steps
 from labweb.domain.workflows.xdl.expansion.basic import BasicOperation, Kind
 from labweb.domain.workflows.xdl.expansion.expand import Expansion, all_operations, expand
+from labweb.domain.workflows.xdl.expansion.heeded import Heeded
 from labweb.domain.workflows.xdl.expansion.reading import default_number
 from labweb.domain.workflows.xdl.findings import Findings
 from labweb.domain.workflows.xdl.markup import NOWHERE
@@ -48,7 +51,7 @@ _HANDLERS: Mapping[Kind, Callable[[Making, BasicOperation], None]] = {
     Kind.TRANSFER: liquids.transfer,
     Kind.SEPARATE_PHASES: parting.separate_phases,
     Kind.DRAW_FILTRATE: parting.draw_filtrate,
-    Kind.RUN_COLUMN: liquids.run_column,
+    Kind.RUN_COLUMN: liquids.transfer,
     Kind.RINSE_LINES: rinsing.rinse_lines,
     Kind.FLUSH_LINES: rinsing.flush_lines,
     Kind.START_STIR: conditions.start_stir,
@@ -126,7 +129,7 @@ def compile_recipe(recipe: Recipe, rig: Rig, wish: Wish | None = None) -> dict[s
     operations = all_operations(expanded)
     binding = bind(recipe.synthesis, operations, equipment, asked.bind, told, asked.rinse)
     rinses = _rinses(recipe.synthesis, binding, asked)
-    told.all += check_holds(equipment, asked)
+    told.all += [*check_volumes(rig), *check_charge(equipment, binding, asked.holds_nl)]
     reagents = recipe.synthesis.reagents
     chemistry, strange = read_chemistry(
         equipment, reagents, binding.reagents, asked.groups, asked.holds_nl
@@ -212,15 +215,6 @@ def expand_recipe(recipe: Recipe, wish: Wish) -> tuple[Expansion, ...]:
     return expand(acts)
 
 
-def check_holds(equipment: Equipment, wish: Wish) -> list[Finding]:
-    """List what is said to be in vessels that the graph does not have."""
-    return [
-        Finding("plan.unknown_vessel", f"{key!r} is no vessel of the graph", key)
-        for key in wish.holds_nl
-        if key not in equipment.vessels
-    ]
-
-
 def _infeasible(findings: Iterable[Finding]) -> InfeasibleError:
     unique = list({(f.code, f.message, f.subject): f for f in findings}.values())
     more = f" (and {len(unique) - 1} more)" if len(unique) > 1 else ""
@@ -242,7 +236,7 @@ def _make(
     making: Making, expanded: tuple[Expansion, ...], wish: Wish
 ) -> dict[str, list[dict[str, str | float]]]:
     """Make all steps; return what was in the vessels before the first."""
-    _charge(making, wish)
+    charge(making, wish.holds_nl)
     contents = {
         key: plain(making.matter.held(key))
         for key in making.equipment.vessels
@@ -255,17 +249,6 @@ def _make(
     _Walk(making).run(expanded)
     shut_down(making)
     return contents
-
-
-def _charge(making: Making, wish: Wish) -> None:
-    """Put into the vessels what the graph and whoever asks say is in them."""
-    lots = {key: name for name, keys in making.binding.reagents.items() for key in keys}
-    for key in making.equipment.vessels:
-        for name, amount in making.equipment.contents(key):
-            making.bring(key, {(lots.get(key, name), False): exactly(amount)})
-    for key, held in wish.holds_nl.items():
-        for name, amount in held.items():
-            making.bring(key, {(name, False): exactly(amount)})
 
 
 class _Walk:
@@ -304,7 +287,15 @@ class _Walk:
             raise InfeasibleError(message, code="plan.too_many_steps")
         for text in operation.assumed:
             making.note(f"{making.operation}: {text}, of the table of defaults")
-        handler(making, operation)
+        heeded = Heeded(operation.fields)
+        handler(making, replace(operation, fields=heeded))
+        self._say_unheeded(operation, heeded.unheeded())
+
+    def _say_unheeded(self, operation: BasicOperation, names: Iterable[str]) -> None:
+        for name in names:
+            place = f"{self._making.operation} in line {operation.place.line}"
+            said = operation.fields[name]
+            self._making.note(f"{place}: nothing of this rig heeds {name} = {said}")
 
     def _until_done(self, one: Expansion) -> None:
         """Make a loop that a reading ends, as often as the table of defaults says at most."""

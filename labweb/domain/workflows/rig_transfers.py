@@ -12,7 +12,7 @@ from labweb.domain.graph.chain import Chain, Wanted, find_chain
 from labweb.domain.graph.elements import Role
 from labweb.domain.graph.lab_file.guard import decode_json
 from labweb.domain.graph.rig.model import Rig
-from labweb.domain.units import parse, parse_volume_nl
+from labweb.domain.units import parse, parse_volume_nl, steady
 from labweb.domain.workflows.passes.backbone import Group, make_groups
 from labweb.domain.workflows.passes.splitting import count_strokes
 
@@ -210,7 +210,7 @@ def _hop_rates(request: TransferRequest, chain: Chain, usual_ul_s: float) -> lis
     rates[0] = draw
     if not chain.hops[-1].passed:
         rates[-1] = push
-    return [round(rate, 6) for rate in rates]
+    return [steady(rate) for rate in rates]
 
 
 def compile_line(rig: Rig | list[Finding], line: bytes) -> dict[str, Any]:

@@ -124,6 +124,22 @@ def volume_nl(value: object) -> int | None:
     return int(amount) if is_volume else None
 
 
+def named_volume(entry: object) -> tuple[object, object] | None:
+    """Return name and volume of a liquid in a list of them, as files write it; None: it is none.
+
+    Example:
+        >>> named_volume({"liquid_type": "water", "liquid_volume": 5}), named_volume(["DMF", 2.0])
+        (('water', 5), ('DMF', 2.0))
+    """
+    if isinstance(entry, Mapping):
+        for name, volume in (("liquid_type", "liquid_volume"), ("name", "volume")):
+            if volume in entry:
+                return entry.get(name), entry[volume]
+    elif isinstance(entry, list | tuple) and len(entry) == _ENDS:
+        return entry[0], entry[1]
+    return None
+
+
 def medium_of(link: Mapping[str, Any], ends: tuple[Sort, Sort], *, chemputer: bool) -> Medium:
     """Return what a link carries, by its own type or by what it joins."""
     type_ = link.get("type")

@@ -7,6 +7,7 @@ from itertools import chain
 
 from labweb.domain.errors import Finding
 from labweb.domain.graph.rig.model import Rig
+from labweb.domain.graph.rig.volumes import check_volumes
 from labweb.domain.workflows.interpret.apparatus import abilities, vessels_of
 from labweb.domain.workflows.interpret.claims import check_claim
 from labweb.domain.workflows.interpret.deeds import act
@@ -68,7 +69,7 @@ def execute(rig: Rig, plan: Plan, graph_sha256: str = "", *, is_alone: bool = Fa
             state.complain("interpret.capacity", message, vessel=key)
     if not is_alone:
         state.reactivity = Reactivity(plumbing.elements, plan, _condensing(plumbing))
-        state.findings += state.reactivity.check_declared(plan)
+        state.findings += [*check_volumes(rig), *state.reactivity.check_declared(plan)]
     _check_vessels(state, plan)
     _fill_before(state, plan)
     records, rounds = [], Rounds(state)

@@ -5,18 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from decimal import Decimal
-from difflib import get_close_matches
 
 from labweb.domain.errors import Finding
 from labweb.domain.workflows.on_rig.equipment import Equipment, Sort
+from labweb.domain.workflows.on_rig.labels import LISTED, alike, held
 from labweb.domain.workflows.xdl.expansion.basic import BasicOperation, Kind
 from labweb.domain.workflows.xdl.findings import Findings, nearest
 from labweb.domain.workflows.xdl.markup import NOWHERE, Place
 from labweb.domain.workflows.xdl.recipe import Component, Procedure, Reagent
-
-_LISTED = 8
-_ALIKE = 0.8
-"""How much alike two labels are that one may be written for the other; 1: letter by letter."""
 
 _VESSEL_FIELDS = ("vessel", "source", "target", "lower_to", "upper_to")
 _REAGENT_FIELDS = {
@@ -86,6 +82,7 @@ def bind(
     binder = _Binder(procedure, equipment, given, told)
     reagents = binder.reagents(operations, uses, rinse)
     vessels = binder.vessels({name: use for name, use in uses.items() if name not in reagents})
+    binder.check_apart(reagents, vessels, uses)
     fillings = {name: key for name, key in given.items() if key in equipment.cartridges}
     notes = tuple(binder.notes)
     return Binding(vessels=vessels, reagents=reagents, fillings=fillings, notes=notes)
@@ -147,7 +144,10 @@ class _Binder:
             if keys:
                 found[name] = keys
                 self._say_where(name, keys)
-            elif name not in self._given:
+                self._say_label(name, keys[0], {name} if known is None else {known.id, known.name})
+            elif name in self._given:
+                self._refuse_given(name, place)
+            else:
                 self._miss(name, place)
         self._check_shared(found, wanted)
         return found
@@ -181,22 +181,54 @@ class _Binder:
             if is_reagent and name not in self._equipment.vessels:
                 wanted.setdefault(name, use.place)
         for reagent in self._procedure.reagents:
-            if reagent.values.get("use_for_cleaning") is True and self._flasks(reagent):
+            if reagent.values.get("use_for_cleaning") is not True:
+                continue
+            if reagent.id in self._given or self._flasks(reagent):
                 wanted.setdefault(reagent.id, reagent.place)
+            elif reagent.id not in wanted:
+                self.notes.append(
+                    f"no flask of the rig holds {reagent.id}, which the recipe cleans with: no "
+                    "line is rinsed with it"
+                )
         for name in rinse:
             wanted.setdefault(name, self._procedure.place)
         return wanted
 
     def _say_where(self, name: str, keys: tuple[str, ...]) -> None:
         if len(keys) > 1:
-            listed = ", ".join(keys[:_LISTED])
+            listed = ", ".join(keys[:LISTED])
             self.notes.append(
                 f"{name} is in {listed}: each vessel gets it from the one with the shortest way, "
                 "unless one is chosen by hand"
             )
 
+    def _say_label(self, name: str, key: str, own: set[str]) -> None:
+        """Note what a vessel that was chosen by hand says of itself, where it says another."""
+        other = sorted(self._holds(key) - own)
+        if name in self._given and other:
+            self.notes.append(
+                f"{name} is {key}, as chosen by hand: the label or contents of {key} say "
+                f"{', '.join(other)}"
+            )
+
+    def _refuse_given(self, name: str, place: Place) -> None:
+        """Tell that what was chosen by hand for something that holds liquid holds none."""
+        key = self._given[name]
+        if key in self._equipment.elements:
+            kind = self._equipment.elements[key].kind
+            message = f"{name} is bound to {key} ({kind}), which is no vessel: bind one for liquid"
+            self._told.tell("plan.not_a_vessel", message, place, vessel=key)
+
     def _miss(self, name: str, place: Place) -> None:
         """Tell that a reagent is nowhere, and what is there that looks like it."""
+        mixed = [key for key in self._flask_keys() if {name} < self._holds(key)]
+        if mixed:
+            held = " and ".join(sorted(self._holds(mixed[0])))
+            message = (
+                f"{mixed[0]} holds {held}, and {name!r} is needed by itself: name a flask of it"
+            )
+            self._told.tell("plan.mixed_flask", message, place, vessel=mixed[0], reagent=name)
+            return
         looks = alike(name, self._equipment)
         if looks:
             hint = "; ".join(f"{key} holds {label!r}" for key, label in looks.items())
@@ -214,14 +246,14 @@ class _Binder:
             key = self._given[reagent.id]
             return (key,) if key in self._equipment.vessels else ()
         names = {reagent.id, reagent.name}
-        return tuple(
-            key
-            for key, sort in self._equipment.vessels.items()
-            if sort in (Sort.FLASK, Sort.PLAIN) and names & self._holds(key)
-        )
+        return tuple(key for key in self._flask_keys() if set() < self._holds(key) <= names)
+
+    def _flask_keys(self) -> list[str]:
+        vessels = self._equipment.vessels.items()
+        return [key for key, sort in vessels if sort in (Sort.FLASK, Sort.PLAIN)]
 
     def _holds(self, key: str) -> set[str]:
-        return _held(self._equipment, key)
+        return held(self._equipment, key)
 
     def vessels(self, uses: Mapping[str, _Use]) -> dict[str, str]:
         found: dict[str, str] = {}
@@ -232,10 +264,41 @@ class _Binder:
             if key in self._equipment.vessels:
                 if self._fits(component, key, use):
                     found[name] = key
-            elif name not in self._given:
+                    self._say_label(name, key, {component.chemical} if component else set())
+            elif name in self._given:
+                self._refuse_given(name, use.place)
+            else:
                 open_[name] = self._candidates(component, use, name)
         self._assign(open_, found, uses)
+        self._say_shared(found)
         return found
+
+    def check_apart(
+        self,
+        reagents: Mapping[str, tuple[str, ...]],
+        vessels: Mapping[str, str],
+        uses: Mapping[str, _Use],
+    ) -> None:
+        """Tell which vessels of the recipe are the flask that a reagent comes out of."""
+        flasks = {key: name for name, keys in reagents.items() for key in keys}
+        for name, key in vessels.items():
+            if key in flasks:
+                message = (
+                    f"the vessel {name!r} would be {key}, which {flasks[key]!r} comes out of: a "
+                    "flask of a reagent holds that alone, so bind one of them to another vessel"
+                )
+                facts = {
+                    "vessel": key,
+                    "reagents": [flasks[key]],
+                    "holds": sorted(self._holds(key)),
+                }
+                self._told.tell("plan.shared_flask", message, uses[name].place, **facts)
+
+    def _say_shared(self, found: Mapping[str, str]) -> None:
+        for key in sorted({*found.values()}):
+            names = [name for name, own in found.items() if own == key]
+            if len(names) > 1:
+                self.notes.append(f"{' and '.join(names)} are one vessel of the rig, {key}")
 
     def _fits(self, component: Component | None, key: str, use: _Use) -> bool:
         kind, sort = _kind(component), self._equipment.sort(key)
@@ -269,7 +332,7 @@ class _Binder:
     def _is_full(self, key: str) -> bool:
         """Tell whether it is labelled, or a flask that holds something: no empty vessel."""
         if self._equipment.sort(key) in (Sort.FLASK, Sort.PLAIN):
-            return bool(_held(self._equipment, key))
+            return bool(held(self._equipment, key))
         return bool(self._equipment.chemical(key))
 
     def _named(self) -> set[str]:
@@ -299,7 +362,7 @@ class _Binder:
         for name, keys in left.items():
             if name in found or not open_[name]:
                 continue
-            listed = ", ".join(keys[:_LISTED])
+            listed = ", ".join(keys[:LISTED])
             message = (
                 f"{name!r} may be any of {listed}: choose one by hand"
                 if keys
@@ -312,22 +375,6 @@ class _Binder:
                 uses[name].place,
                 **facts,
             )
-
-
-def alike(name: str, equipment: Equipment) -> dict[str, str]:
-    """Return flasks whose label looks like a reagent, with the label: for a person to choose."""
-    labels: dict[str, list[tuple[str, str]]] = {}
-    for key, sort in equipment.vessels.items():
-        if sort in (Sort.FLASK, Sort.PLAIN):
-            for label in _held(equipment, key):
-                labels.setdefault(label.casefold(), []).append((key, label))
-    near = get_close_matches(name[:80].casefold(), labels, n=1, cutoff=_ALIKE)
-    return dict(labels[near[0]][:_LISTED]) if near else {}
-
-
-def _held(equipment: Equipment, key: str) -> set[str]:
-    named = equipment.chemical(key)
-    return {named} if named else {name for name, _ in equipment.contents(key)}
 
 
 def may_be(component: Component | None, sort: Sort) -> bool:

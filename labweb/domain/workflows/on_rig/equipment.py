@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from decimal import Decimal, InvalidOperation
 from enum import StrEnum
@@ -12,7 +12,7 @@ from itertools import product
 from typing import Any
 
 from labweb.domain.graph.elements import Element, Role
-from labweb.domain.graph.rig.elements import volume_nl
+from labweb.domain.graph.rig.elements import named_volume, volume_nl
 from labweb.domain.graph.rig.model import Rig, RigFormat
 from labweb.domain.graph.topology import Medium
 
@@ -388,13 +388,8 @@ def _numbers(element: Element, *names: str) -> Iterator[Decimal]:
 def _liquids(data: Mapping[str, Any]) -> Iterator[tuple[str, int]]:
     for name in ("liquid", "liquids"):
         listed = data.get(name)
-        for entry in listed if isinstance(listed, Iterable) and not isinstance(listed, str) else ():
-            if isinstance(entry, Mapping):
-                found = entry.get("liquid_type"), entry.get("liquid_volume")
-            elif isinstance(entry, list | tuple) and len(entry) == len(("name", "volume")):
-                found = entry[0], entry[1]
-            else:
-                continue
-            amount = volume_nl(found[1])
-            if isinstance(found[0], str) and found[0] and amount:
-                yield found[0], amount
+        for entry in listed if isinstance(listed, list | tuple) else ():
+            liquid, volume = named_volume(entry) or (None, None)
+            amount = volume_nl(volume)
+            if isinstance(liquid, str) and liquid and amount:
+                yield liquid, amount

@@ -5,6 +5,7 @@ from __future__ import annotations
 from decimal import Decimal
 from typing import Any
 
+from labweb.domain.units import steady
 from labweb.domain.workflows.on_rig.choosing import resolve
 from labweb.domain.workflows.on_rig.equipment import COLLECT, Sort
 from labweb.domain.workflows.on_rig.making import BY_HAND, Making, say
@@ -21,9 +22,10 @@ from labweb.domain.workflows.on_rig.rinsing import rinse
 from labweb.domain.workflows.on_rig.wastes import look_at_meeting
 from labweb.domain.workflows.on_rig.ways import Move, chain_of
 from labweb.domain.workflows.xdl.expansion.basic import KEPT, BasicOperation
+from labweb.domain.workflows.xdl.twice import rate_of
 
 _UL_S_PER_ML_MIN = Decimal(1000) / Decimal(60)
-VISCOUS_UL_S = 2000 / 60
+VISCOUS_UL_S = Decimal(2000) / 60
 """What is viscous is drawn at 2 mL/min.
 
 Source:
@@ -95,25 +97,30 @@ def rates_of(
     making: Making, operation: BasicOperation, amount_nl: int
 ) -> tuple[float | None, float | None]:
     """Return how fast to draw and to push, where the recipe says so."""
-    fields = operation.fields
-    draw = _rate(fields.get("aspirate_ml_min"))
-    if draw is None and fields.get("is_viscous"):
-        draw = VISCOUS_UL_S
-    push = _rate(fields.get("dispense_ml_min")) or _rate(fields.get("rate_ml_min"))
+    fields, said = operation.fields, dict[str, Decimal]()
     over_s = fields.get("over_s")
-    if isinstance(over_s, Decimal) and over_s > 0:
-        push = float(round(Decimal(amount_nl) / 1000 / over_s, 6))
-    if draw == 0 or push == 0:
-        message = f"{making.operation} is to move its liquid at a rate of 0: say a time or a speed"
-        making.told.tell("unit.not_positive", message, operation.place)
+    if isinstance(over_s, Decimal):
+        said["time"] = Decimal(amount_nl) / 1000 / over_s if over_s > 0 else Decimal(0)
+    for name, value in (
+        ("dispense_speed", _ul_s(fields.get("dispense_ml_min"))),
+        ("speed", _ul_s(fields.get("rate_ml_min"))),
+    ):
+        if value is not None:
+            said[name] = value
+    push = rate_of(making.operation, said, operation.place, making.told)
     if fields.get("is_dropwise") and push is None:
         message = "dropwise says no rate: say a time or a speed as well"
         making.told.tell("xdl.left_open", message, operation.place)
-    return draw, push
+    draw = _ul_s(fields.get("aspirate_ml_min"))
+    if draw is not None:
+        rate_of(making.operation, {"aspiration_speed": draw}, operation.place, making.told)
+    elif fields.get("is_viscous"):
+        draw = VISCOUS_UL_S
+    return None if draw is None else steady(draw), None if push is None else steady(push)
 
 
-def _rate(value: Any) -> float | None:  # noqa: ANN401 - a field of an operation
-    return float(round(value * _UL_S_PER_ML_MIN, 6)) if isinstance(value, Decimal) else None
+def _ul_s(ml_min: Any) -> Decimal | None:  # noqa: ANN401 - a field of an operation
+    return ml_min * _UL_S_PER_ML_MIN if isinstance(ml_min, Decimal) else None
 
 
 def port_of(operation: BasicOperation, name: str) -> str | None:
@@ -213,10 +220,3 @@ def _lot_of(making: Making, source: str) -> str:
     if source in making.binding.vessels.values():
         return ""
     return next((name for name, keys in making.binding.reagents.items() if source in keys), "")
-
-
-def run_column(making: Making, operation: BasicOperation) -> None:
-    """Move all of a vessel over a column."""
-    column = str(operation.fields.get("column", ""))
-    fields = {**operation.fields, "through": column}
-    transfer(making, BasicOperation(kind=operation.kind, fields=fields, place=operation.place))

@@ -201,6 +201,21 @@ def _check_unique(procedure: Procedure, told: Findings) -> None:
             message = f"the id {entry.id!r} is given to two things; each has its own"
             told.tell("xdl.duplicate_id", message, entry.place)
         seen.add(entry.id)
+    _check_names(procedure, told)
+
+
+def _check_names(procedure: Procedure, told: Findings) -> None:
+    """Tell of two reagents of one name: steps and flasks that say it could mean either."""
+    first: dict[str, Reagent] = {}
+    for reagent in procedure.reagents:
+        for name in sorted({reagent.id, reagent.name} - {""}):
+            other = first.setdefault(name, reagent)
+            if other.id != reagent.id:
+                message = (
+                    f"the reagents {other.id!r} at {other.place} and {reagent.id!r} at "
+                    f"{reagent.place} are both called {name!r}: give each a name of its own"
+                )
+                told.tell("xdl.duplicate_name", message, reagent.place, first=str(other.place))
 
 
 def _is_repeated(entry: Component | Reagent | Parameter, procedure: Procedure) -> bool:

@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 from decimal import Decimal
 from typing import Any
 
+from labweb.domain.units import steady
 from labweb.domain.workflows.protocol import MOST_STEPS, SCHEMA, check_workflow
 from labweb.domain.workflows.xdl.acts import Act
 from labweb.domain.workflows.xdl.declared import Declared
@@ -23,6 +24,7 @@ from labweb.domain.workflows.xdl.several_steps import SAID as SEVERAL_SAID
 from labweb.domain.workflows.xdl.several_steps import SeveralSteps
 from labweb.domain.workflows.xdl.spec import STEPS
 from labweb.domain.workflows.xdl.standing import Made, Standing
+from labweb.domain.workflows.xdl.twice import rate_of
 from labweb.domain.workflows.xdl.values import Quantity, Value
 
 _KEY = re.compile(r"[^\s@]{1,79}")
@@ -232,8 +234,10 @@ class _Writer:
         if "speed" in act.values:
             values["flow_rate"] = self._number(act, "speed", "mL/min")
         elif "time" in act.values:
-            rate = _exact(act, "volume") / max(_exact(act, "time"), Decimal(1)) * 1000
-            values["flow_rate"] = f"{round(rate, 6):f} uL/s"
+            self._number(act, "time", "s")
+        rate = rate_of(act.name, _rates_ul_s(act), act.place, self.told)
+        if rate is not None and "speed" not in act.values:
+            values["flow_rate"] = f"{Decimal(str(steady(rate))):f} uL/s"
         before = self.standing.as_said(act, vessel, list(notes))
         return [*before, ("transfer", values, notes)]
 
@@ -279,10 +283,18 @@ class _Writer:
         return ""
 
 
-def _exact(act: Act, name: str) -> Decimal:
+def _rates_ul_s(act: Act) -> dict[str, Decimal]:
+    """Return how fast an act says that it adds, by its speed and by its time."""
+    speed, time, volume = (_exact(act, name) for name in ("speed", "time", "volume"))
+    said = {} if speed is None else {"speed": speed * 1000 / 60}
+    if time is not None and volume is not None:
+        said["time"] = volume * 1000 / time if time > 0 else Decimal(0)
+    return said
+
+
+def _exact(act: Act, name: str) -> Decimal | None:
     value = act.values.get(name)
-    found = value.exact if isinstance(value, Quantity) else None
-    return Decimal(0) if found is None else found
+    return value.exact if isinstance(value, Quantity) else None
 
 
 def _plain(value: Decimal) -> str:

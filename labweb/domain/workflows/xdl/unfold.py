@@ -33,6 +33,7 @@ from labweb.domain.workflows.xdl.recipe import (
     Step,
 )
 from labweb.domain.workflows.xdl.spec import STEPS, Property, StepTable
+from labweb.domain.workflows.xdl.twice import without_second_amount
 from labweb.domain.workflows.xdl.values import (
     ParameterName,
     Quantity,
@@ -227,7 +228,7 @@ class _Unfolder:
         if given[0] == "volume" or (given[0] == "mass" and not _is_dense_liquid(step, facts)):
             # A volume is what is dispensed, whatever else is known; a mass is weighed in, unless
             # it is that of a liquid of known density.
-            return values
+            return without_second_amount(step.name, values, facts, step.place, self._told)
         if facts is not None and step.name == "AddSolid":
             facts = replace(facts, values={**facts.values, "solid": True})
         try:
@@ -235,7 +236,9 @@ class _Unfolder:
         except UnitError as error:
             self._told.tell(error.code, f"{step.name}: {error.message}", step.place)
             return values
-        return {**values, dispensed.sort: dispensed}
+        # What was measured out stands for what it was worked out of.
+        kept = {name: v for name, v in values.items() if name not in ("mass", "mol")}
+        return {**kept, dispensed.sort: dispensed}
 
     def _rounds(self, step: Step, context: Context) -> tuple[Act, ...]:
         variables: dict[str, list[tuple[str, str]]] = {}

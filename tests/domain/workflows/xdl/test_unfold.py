@@ -275,13 +275,10 @@ def test_what_is_left_open_is_refused(steps: str, args: dict[str, Any], code: st
 @pytest.mark.parametrize(
     ("step", "wanted"),
     [
-        ('<Add vessel="reactor" reagent="water" mass="3 g"/>', {"volume": 3, "mass": 3}),
+        ('<Add vessel="reactor" reagent="water" mass="3 g"/>', {"volume": 3}),
         ('<Add vessel="reactor" reagent="salt" mass="3 g"/>', {"mass": 3}),
-        (
-            '<Add vessel="reactor" reagent="water" volume="5 mL" mass="3 g"/>',
-            {"volume": 5, "mass": 3},
-        ),
-        ('<AddSolid vessel="reactor" reagent="salt" mass="3 g" mol="1 mol"/>', {"mass": 3}),
+        ('<Add vessel="reactor" reagent="water" volume="5 mL" mass="5 g"/>', {"volume": 5}),
+        ('<AddSolid vessel="reactor" reagent="salt" mass="58.4 g" mol="1 mol"/>', {"mass": 58.4}),
         ('<AddSolid vessel="reactor" reagent="salt" mol="1 mol"/>', {"mass": 58.443}),
         ('<Add vessel="reactor" reagent="water" amount="1 mol"/>', {"volume": 18}),
     ],

@@ -11,6 +11,9 @@ from labweb.domain.workflows.xdl.expansion.reading import ActReading
 
 Operations = Iterator[BasicOperation]
 
+_GRID_G = Decimal("0.000001")
+"""Masses are recorded in micrograms."""
+
 
 def add(act: ActReading) -> Operations:
     """Add: stir when asked, then add liquid or solid. A solid is known by its mass."""
@@ -21,17 +24,20 @@ def add(act: ActReading) -> Operations:
 def add_solid(act: ActReading) -> Operations:
     """AddSolid: stir when asked, then add in equal portions, spread over the time."""
     yield from stirring(act, "vessel")
-    mass, portions = act.number("mass"), max(act.count("portions"), 1)
+    mass, time, portions = act.number("mass"), act.number("time"), act.rounds("portions")
     act.needs("the mass", mass)
-    time = act.number("time")
+    share = None if mass is None else (mass / max(portions, 1)).quantize(_GRID_G)
     for portion in range(portions):
+        if mass is not None and share is not None and portion == portions - 1:
+            # The last is what is left, so that all together are the mass.
+            share = mass - share * portion
         if portion and time is not None:
             yield act.make(Kind.WAIT, seconds=time / (portions - 1))
         yield act.make(
             Kind.ADD_SOLID,
             reagent=act.text("reagent"),
             vessel=act.text("vessel"),
-            mass_g=None if mass is None else mass / portions,
+            mass_g=share,
             over_s=time if portions == 1 else None,
         )
 
@@ -112,7 +118,7 @@ def reset_handling(act: ActReading) -> Operations:
         Kind.RINSE_LINES,
         solvent=act.text("solvent"),
         volume_ml=act.number("volume"),
-        repeats=act.count("repeats"),
+        repeats=act.rounds(),
     )
 
 
@@ -131,7 +137,7 @@ def clean_vessel(act: ActReading) -> Operations:
         setpoint, low, high = temperature
         yield act.make(Kind.SET_TEMPERATURE, vessel=vessel, temperature_c=setpoint)
         yield act.make(Kind.AWAIT_TEMPERATURE, vessel=vessel, low_c=low, high_c=high)
-    for _ in range(act.count("repeats", "clean_vessel.repeats")):
+    for _ in range(act.rounds(default="clean_vessel.repeats")):
         yield act.make(
             Kind.ADD_LIQUID, reagent=act.text("solvent"), vessel=vessel, volume_ml=volume
         )
@@ -159,8 +165,10 @@ def adjust_ph(act: ActReading) -> Operations:
 
 
 def _dispense(act: ActReading, reagent: str, volume: str) -> Operations:
-    millilitres, grams = act.number(volume), act.number("mass")
-    if millilitres is None and grams is not None and not act.is_all(volume):
+    millilitres = act.number(volume)
+    is_measured = millilitres is not None or act.is_all(volume)
+    grams = None if is_measured else act.number("mass")
+    if grams is not None:
         yield act.make(
             Kind.ADD_SOLID,
             reagent=act.text(reagent),

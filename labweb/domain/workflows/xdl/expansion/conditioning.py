@@ -160,7 +160,7 @@ def evacuate_and_refill(act: ActReading) -> Operations:
     """EvacuateAndRefill: vacuum and inert gas in turn; the last is gas."""
     vessel, gas = act.text("vessel"), act.text("gas", INERT_GAS)
     name = "pressure" if "pressure" in act.values else "vacuum_pressure"
-    for _ in range(act.count("repeats", "evacuate.repeats")):
+    for _ in range(act.rounds(default="evacuate.repeats")):
         pressure = act.number(name, "evacuate.pressure")
         yield act.make(Kind.START_VACUUM, vessel=vessel, pressure_mbar=pressure)
         seconds = act.number("after_vacuum_wait_time", "evacuate.vacuum_time")

@@ -232,7 +232,7 @@ def filter_through(act: ActReading) -> Operations:
     solvent, volume = act.text("eluting_solvent"), act.number("eluting_volume")
     if solvent:
         act.needs("the eluting_volume", volume)
-        for _ in range(max(act.count("eluting_repeats"), 1)):
+        for _ in range(act.count("eluting_repeats")):
             yield act.make(Kind.ADD_LIQUID, reagent=solvent, vessel=source, volume_ml=volume)
             yield act.make(Kind.TRANSFER, source=source, target=way, through=through)
     if way != target:
@@ -246,7 +246,6 @@ def filter_to(act: ActReading) -> Operations:
         source=act.text("from_vessel"),
         target=act.text("to_vessel"),
         through=act.text("through"),
-        is_filtered=True,
     )
 
 
@@ -267,7 +266,7 @@ def run_column(act: ActReading) -> Operations:
         Kind.RUN_COLUMN,
         source=act.text("from_vessel"),
         target=act.text("to_vessel"),
-        column=act.text("column"),
+        through=act.text("column"),
         to_port=act.text("to_port"),
     )
 

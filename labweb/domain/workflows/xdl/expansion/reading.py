@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from decimal import Decimal
-from typing import Any
 
 from labweb.domain.units import read_quantity
 from labweb.domain.workflows.xdl.acts import Act
 from labweb.domain.workflows.xdl.defaults_table import DEFAULTS
 from labweb.domain.workflows.xdl.expansion.basic import BasicOperation, Field, Kind
+from labweb.domain.workflows.xdl.expansion.heeded import Heeded
 from labweb.domain.workflows.xdl.findings import Findings
 from labweb.domain.workflows.xdl.notation_table import NOTATIONS
 from labweb.domain.workflows.xdl.spec import STEPS
-from labweb.domain.workflows.xdl.values import Quantity, Value
+from labweb.domain.workflows.xdl.values import Quantity
 
 _HALF = Decimal(2)
 
@@ -22,33 +21,12 @@ _SILENT = frozenset({"comment", "queue", "purpose", "amount"})
 """Properties that no operation has to do: a queue says when, an amount is measured out by now."""
 
 
-class _Given(dict[str, Value]):
-    """The values of an act, and which of them anybody has asked for."""
-
-    def __init__(self, values: Mapping[str, Value]) -> None:
-        super().__init__(values)
-        self.asked: set[str] = set()
-
-    def __getitem__(self, name: str) -> Value:
-        self.asked.add(name)
-        return super().__getitem__(name)
-
-    def __contains__(self, name: object) -> bool:
-        self.asked.add(str(name))
-        return super().__contains__(name)
-
-    def get(self, name: str, default: Any = None) -> Any:  # noqa: ANN401 - as a dict has it
-        """Return a value, and remember that it was asked for."""
-        self.asked.add(name)
-        return super().get(name, default)
-
-
 class ActReading:
     """Reads one act and builds the basic operations of it."""
 
     def __init__(self, act: Act, told: Findings) -> None:
         self.act = act
-        self.values = _Given(act.values)
+        self.values = Heeded(act.values)
         self.name = act.name
         self._told = told
         self._assumed: list[str] = []
@@ -66,7 +44,7 @@ class ActReading:
 
     def unheeded(self) -> tuple[str, ...]:
         """Return what the recipe says of the act and nothing has asked for by now."""
-        return tuple(sorted(self.values.keys() - self.values.asked - _SILENT))
+        return tuple(name for name in self.values.unheeded() if name not in _SILENT)
 
     def text(self, name: str, default: str = "") -> str:
         """Return a name or a choice, the default when it is not given."""
@@ -96,13 +74,11 @@ class ActReading:
         self._assumed.append(f"{name}={default}")
         return int(DEFAULTS[default].value)
 
-    def rounds(self) -> int:
+    def rounds(self, name: str = "repeats", default: str = "") -> int:
         """Return how often the act is done; none at all is told, for its matter has to go on."""
-        count = self.count("repeats")
+        count = self.count(name, default)
         if count < 1:
-            message = (
-                f"{self.act.name} is to be done {count} times: say at least 1, or leave it out"
-            )
+            message = f"{name} of {self.act.name} is {count}: say at least 1, or leave the step out"
             self._told.tell("unit.not_positive", message, self.act.place)
         return count
 
