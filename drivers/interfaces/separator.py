@@ -45,6 +45,14 @@ class Separator(ABC):
         """
 
     @abstractmethod
+    def confirm_drain_closed(self) -> Report:
+        """Take the drain for closed as it stands: a person has looked, and it is.
+
+        Effect:
+            Nothing moves.
+        """
+
+    @abstractmethod
     def speed_rpm(self) -> float:
         """Tell the reading of the stirrer."""
 

@@ -152,6 +152,7 @@ EFFECTS: dict[str, dict[str, dict[str, Effect]]] = {
         "stir": {"speed_rpm": ("become", 0.0)},
         "drain_lower_phase": {"is_drain_closed": ("become", True)},
         "close_drain": {"is_drain_closed": ("become", True)},
+        "confirm_drain_closed": {"is_drain_closed": ("become", True)},
     },
     "shaker": {
         "shake": {"speed_rpm": ("take", "speed_rpm")},

@@ -1,9 +1,9 @@
 """A drain that a motor opens by a quarter turn, and what is known of one run through it.
 
 The valve stands at its motor's zero when it is closed. That is read back and never taken for
-granted. A motor that has lost its power counts from where it stands: after a silence while the
-drain was open, or a zero to which nobody sent it, its zero proves nothing, until a count away from
-zero shows that it was kept.
+granted: a motor that has lost its power counts from where it stands. So a zero proves nothing
+until a person has looked since the driver began, nor from then on that the motor tells it unasked,
+after a silence while the drain was open, or without holding its shaft.
 
 Source:
     Uni-Lab-OS, public device file `unilabos/devices/separator/chinwe.py`: 3200 pulses a turn,
@@ -17,7 +17,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Any
 
-from drivers.base import Driver
+from drivers.base import Driver, Report
 from drivers.processing._emm import (
     COUNTS_PER_TURN,
     HAS_STALLED,
@@ -41,6 +41,8 @@ NEAR_COUNTS = 364
 
 LONGEST_S = 3400.0
 """Longest time that a drain may take."""
+
+LOOK = "look at the drain, close it by hand if it is open, and confirm that it is closed"
 
 
 def make_ready(motor: Motor) -> None:
@@ -88,6 +90,24 @@ class Run:
         """
         return round(self.rate_ul_s * (time.monotonic() - self.began_s), 1)
 
+    def report(self) -> Report:
+        """Report what went where both witnesses agree.
+
+        Raises:
+            DeviceError: They do not; nobody knows.
+        """
+        by_time_ul = self.seen["by_time_ul"]
+        if self.seen["boundary"] and abs(by_time_ul - self.volume_ul) <= self.off_ul:
+            return Report(by_time_ul, self.seen, resolution_ul=2 * self.off_ul)
+        what = "was seen" if self.seen["boundary"] else "was not seen"
+        raise DeviceError(
+            f"{self.volume_ul:g} µL were to be drained; the boundary {what} when {by_time_ul:g} µL "
+            f"had run by time and rate, ± {self.off_ul:g} is allowed: the drain is closed, look "
+            "what is in which vessel",
+            code="device.no_boundary",
+            context=self.seen,
+        )
+
 
 def planned(
     volume_ul: float, *, falls: bool, rate_ul_s: float, tolerance_ratio: float, poll_s: float
@@ -124,39 +144,72 @@ class Drain:
     """Longest quarter turn."""
 
     poll_s: float
-    may_have_lost_count: bool = False
-    """Its motor fell silent in mid-drain, or tells zero unasked, and nothing else since."""
+    is_confirmed: bool = False
+    """A person has seen it closed since its driver began, and nothing put its zero in doubt."""
 
-    is_to_open: bool = False
-    """It was told to open, and not to close since."""
+    may_be_open: bool = False
+    """It was told to open, and is not shown to be closed since."""
 
-    has_left: bool = False
-    """It has told a place away from its zero since it was told to open."""
+    is_sent_to_zero: bool = False
+    """It was told to close, and not to open since."""
+
+    is_zero_odd: bool = False
+    """A zero that is told does not come from where it was sent."""
+
+    def confirm(self) -> None:
+        """Take the place where it stands for closed, and hold it there. Nothing moves.
+
+        Raises:
+            RejectedError: Its motor is in alarm.
+            DeviceError: It tells another place than zero, or does not hold.
+        """
+        self.is_confirmed = False
+        make_ready(self.motor)
+        self.motor.set_zero()
+        self.may_be_open = self.is_zero_odd = False
+        self.is_confirmed = _is_near(self.count())
+        self.make_sure()
 
     def count(self) -> int:
-        """Return where it stands; one that is away from its zero has kept its count.
+        """Return where it stands by its motor; one that is away from zero has kept its count.
 
         Zero is told twice before it counts, and so is what ends a doubt: a frame of a motor has
         no check that shows a bit that was flipped on its way.
         """
-        first = count = self.motor.position()
-        if self.may_have_lost_count or _is_near(first):
-            count = self.motor.position()
+        try:
+            first = count = self.motor.position()
+            if _is_near(first) or (self.is_zero_odd and self.is_sent_to_zero):
+                count = self.motor.position()
+        except DeviceError:
+            self.is_zero_odd |= self.may_be_open
+            raise
         if not _is_near(first) and not _is_near(count):
-            self.may_have_lost_count = False
-            self.has_left = True
-        elif _is_near(count) and self.is_to_open and self.has_left:
-            self.may_have_lost_count = True
+            self.is_zero_odd = self.may_be_open and not self.is_sent_to_zero
+        elif _is_near(count) and self.is_zero_odd:
+            self.is_confirmed = False
         return count
 
     def is_closed(self) -> bool | None:
-        """Tell whether it is at its zero; None: its motor may have lost its count."""
+        """Tell whether it is at its zero; None: nobody knows where that is."""
         is_at_zero = _is_near(self.count())
-        return None if self.may_have_lost_count else is_at_zero
+        return is_at_zero if self._is_known() else None
+
+    def refuse_unless_closed(self) -> None:
+        """Refuse to begin anything while it may be open.
+
+        Raises:
+            RejectedError: It is not shown to be closed.
+        """
+        if not self.is_closed():
+            raise RejectedError(
+                f"the drain is not shown to be closed: {LOOK}",
+                code="device.drain_open",
+                context={"valve_count": self.count()},
+            )
 
     def open(self) -> None:
         """Send it to its open place."""
-        self.is_to_open, self.has_left = True, False
+        self.may_be_open, self.is_sent_to_zero, self.is_zero_odd = True, False, False
         self.motor.go_to(self.opens, self.speed_rpm, OPEN_PULSES)
 
     def watch(self, run: Run) -> None:
@@ -169,7 +222,6 @@ class Drain:
         if abs(abs(count) - OPEN_COUNTS) <= NEAR_COUNTS:
             run.is_open = True
         elif run.is_open or time.monotonic() - run.began_s > self.limit_s:
-            self.may_have_lost_count |= _is_near(count)
             raise DeviceError(
                 "the valve does not stand where the drain is open",
                 code="device.not_reached",
@@ -182,48 +234,65 @@ class Drain:
         Raises:
             DeviceError: It is not shown to be closed.
         """
-        is_away = True
         with suppress(DeviceTimeoutError, RejectedError, FrameError):
-            is_away = not _is_near(self.count())
-        try:
-            self.tell_to_close()
-        except DeviceTimeoutError:
-            self.may_have_lost_count |= is_away
-        except (RejectedError, FrameError):
-            pass  # where the valve stands tells whether it was done
-        self.await_zero()
-        if self.may_have_lost_count:
-            raise DeviceError(
-                "its motor tells zero, and may have lost its power and its count while it was open",
-                code="device.drain_open",
-            )
+            self.begin_to_close()  # where the valve stands tells whether it was done
+        self.make_sure()
 
-    def tell_to_close(self) -> None:
-        """Send it to its zero; a motor that has stalled, or has let go, is made ready for it."""
-        self.is_to_open = False
+    def begin_to_close(self) -> None:
+        """See where it stands, then send it to its zero, whatever was seen.
+
+        A motor that was sent to open and tells zero has lost its count, or has not moved.
+
+        Raises:
+            DeviceError: It was not taken. One that has let go is not moved: somebody may have
+                turned it.
+        """
+        if not self.is_sent_to_zero:
+            self.is_sent_to_zero, self.is_zero_odd = True, self.may_be_open
+        with suppress(DeviceError):
+            self.count()
         try:
             self.motor.go_to(self.opens, self.speed_rpm, 0)
         except RejectedError:
-            if self.motor.status() & (HAS_STALLED | IS_PROTECTED):
-                self.motor.clear_stall()
+            if not self.motor.status() & (HAS_STALLED | IS_PROTECTED):
+                raise
+            self.motor.clear_stall()
             self.motor.enable()
             self.motor.go_to(self.opens, self.speed_rpm, 0)
+        except DeviceError:
+            self.is_zero_odd |= self.may_be_open
+            raise
 
-    def await_zero(self) -> None:
+    def make_sure(self) -> None:
         """Return once it stands at its zero, stopped or not.
 
         Raises:
-            DeviceError: It does not come there in time.
+            DeviceError: It does not come there in time, or nobody knows where its zero is.
         """
         deadline_s = time.monotonic() + self.limit_s
         while not _is_near(count := self.count()):
             if time.monotonic() > deadline_s:
+                self.is_sent_to_zero = False
                 raise DeviceError(
                     f"the valve stands {count} counts from where it is closed",
                     code="device.drain_open",
                     context={"valve_count": count},
                 )
             self.driver.rest(self.poll_s)
+        if not self._is_known():
+            raise DeviceError(
+                "its motor tells zero, and nobody has seen that the drain is closed there since "
+                "its driver or its motor began",
+                code="device.drain_open",
+                context={"valve_count": count},
+            )
+        self.may_be_open &= not self.is_sent_to_zero
+
+    def _is_known(self) -> bool:
+        """Tell whether its zero is where it is closed; a motor that has let go has no zero."""
+        if not self.motor.status() & IS_ENABLED:
+            self.is_confirmed = False
+        return self.is_confirmed
 
 
 def _is_near(count: int) -> bool:

@@ -25,6 +25,7 @@ ENABLE, ENABLE_MARK = 0xF3, 0xAB
 TURN, GO_TO = 0xF6, 0xFD
 STOP, STOP_MARK = 0xFE, 0x98
 CLEAR_STALL, CLEAR_MARK = 0x0E, 0x52
+SET_ZERO, ZERO_MARK = 0x0A, 0x6D
 VERSION, SPEED, POSITION, STATUS = 0x1F, 0x35, 0x36, 0x3A
 DIRECTIONS: Mapping[str, int] = {"CW": 0x00, "CCW": 0x01}
 Direction = Literal["CW", "CCW"]
@@ -243,6 +244,10 @@ class Motor:
     def clear_stall(self) -> None:
         """End a stall protection that has struck; it stands."""
         self._tell(CLEAR_STALL, encode_frame(self.address, CLEAR_STALL, bytes((CLEAR_MARK,))))
+
+    def set_zero(self) -> None:
+        """Let the place where it stands be its zero; it stands."""
+        self._tell(SET_ZERO, encode_frame(self.address, SET_ZERO, bytes((ZERO_MARK,))))
 
     def _tell(self, function: int, frame: bytes) -> None:
         decode_taken(self._exchange(function, frame), self.address, function)

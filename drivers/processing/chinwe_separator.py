@@ -5,7 +5,8 @@ Quality: bronze, simulated instrument.
 Safe state: drain closed, stirrer stands; on a lost link both stay: an open drain goes on running.
 
 Gravity drains and nothing meters it: two witnesses have to agree on what went, the boundary at the
-neck and the time by the lab's own drain rate. Whether the drain is closed is read back (`_drain`).
+neck and the time by the lab's own drain rate. Whether the drain is closed is read back from where
+a person has confirmed that it is (`_drain`): a motor does not know where it stood without power.
 
 Source:
     Uni-Lab-OS, public device file `unilabos/devices/separator/chinwe.py`: bus, addresses, roles,
@@ -23,7 +24,7 @@ import msgspec
 
 from drivers.base import DeviceStoppedError, Driver, Range, Report, action, before_acting, status
 from drivers.interfaces.separator import Separator
-from drivers.processing._drain import Drain, Run, make_ready, planned
+from drivers.processing._drain import LOOK, Drain, Run, make_ready, planned
 from drivers.processing._emm import HAS_STALLED, IS_ENABLED, IS_PROTECTED, Motor
 from drivers.processing._xkc import Level, LevelSensor
 from drivers.transports.base import ByteTransport
@@ -38,10 +39,8 @@ from drivers.waiting import (
 from labweb.domain.errors import (
     DefinitionError,
     DeviceError,
-    DeviceTimeoutError,
     Effect,
     RejectedError,
-    UnreachableError,
 )
 
 SPEED_TOLERANCE_RPM = 5.0
@@ -49,7 +48,6 @@ SETTLED_LOOKS = 5
 """Readings in a row that a settled phase gives at the neck."""
 
 STANDING_RPM = 0.5
-LOOK = "look at the drain, close it by hand if it is open, and let its driver begin anew"
 
 Volume = Annotated[float, Range(1.0, 10_000_000.0)]
 Count = Annotated[int, Range(0, 65_535)]
@@ -146,12 +144,12 @@ class ChinweSeparator(Driver[ByteTransport, Config], Separator):
         self._sensor.identify()
 
     def halt(self) -> None:
-        """Close the drain, then stop the stirrer; return once the valve stands at its zero."""
+        """Close the drain, then stop the stirrer; return once the drain is shown to be closed."""
         try:
-            self._drain.tell_to_close()
+            self._drain.begin_to_close()
         finally:
             self._stop_stirrer()
-        self._drain.await_zero()
+        self._drain.make_sure()
 
     @status(every_s=2.0)
     def speed_rpm(self) -> float:
@@ -160,7 +158,7 @@ class ChinweSeparator(Driver[ByteTransport, Config], Separator):
 
     @status(every_s=2.0)
     def is_drain_closed(self) -> bool | None:
-        """Tell whether the valve is at its zero; None: its motor may have lost its count."""
+        """Tell whether the valve is at its zero; None: nobody knows where its zero is."""
         return self._drain.is_closed()
 
     @status(every_s=2.0)
@@ -194,7 +192,7 @@ class ChinweSeparator(Driver[ByteTransport, Config], Separator):
         refuse_beyond("speed", speed_rpm, 0.0, self.config.max_speed_rpm)
         turns = refuse_between_steps("speed", speed_rpm, 1.0)
         with before_acting():
-            self._refuse_unless_closed()
+            self._drain.refuse_unless_closed()
             make_ready(self._stirrer)
         self._begin_to_turn(turns)
         wanted = Wanted(speed_rpm, min(SPEED_TOLERANCE_RPM, speed_rpm / 2), "rpm")
@@ -244,7 +242,7 @@ class ChinweSeparator(Driver[ByteTransport, Config], Separator):
             self._drain.open()
             run.is_taken = True
             self._await_boundary(run)
-        return self._confirmed(run)
+        return run.report()
 
     @action(timeout_s=60.0, recovery="R1")
     def close_drain(self) -> Report:
@@ -260,11 +258,27 @@ class ChinweSeparator(Driver[ByteTransport, Config], Separator):
             self._drain.close()
             return Report(evidence={"is_drain_closed": True, "valve_count": self._drain.count()})
 
+    @action(timeout_s=60.0, recovery="R3")
+    def confirm_drain_closed(self) -> Report:
+        """Take the drain for closed where its valve stands: a person has looked, and it is.
+
+        Needed once after the driver or the motor began: no one else can tell.
+
+        Raises:
+            RejectedError: The motor of the valve is in alarm (NONE).
+            DeviceError: It was not taken, or the motor does not hold; nobody knows (UNKNOWN).
+
+        Effect:
+            Nothing moves. The motor holds the valve, and its zero is here.
+        """
+        self._drain.confirm()
+        return Report(evidence={"is_drain_closed": True, "valve_count": self._drain.count()})
+
     def _refuse_unless_ready(self, run: Run) -> None:
         """Refuse to open the drain unless all stands and a settled lower phase is at the neck."""
         if speed_rpm := self.speed_rpm():
             raise RejectedError(f"the stirrer turns at {speed_rpm:g} rpm: it has to stand")
-        self._refuse_unless_closed()
+        self._drain.refuse_unless_closed()
         for _ in range(SETTLED_LOOKS):
             level = self._lower_phase(falls=run.falls)
             run.seen = {f"first_{name}": value for name, value in level.items()}
@@ -285,14 +299,6 @@ class ChinweSeparator(Driver[ByteTransport, Config], Separator):
                 context=_seen(level),
             )
         return _seen(level)
-
-    def _refuse_unless_closed(self) -> None:
-        if not self._drain.is_closed():
-            raise RejectedError(
-                f"the drain is not shown to be closed: {LOOK}",
-                code="device.drain_open",
-                context={"valve_count": self._drain.count()},
-            )
 
     def _await_boundary(self, run: Run) -> None:
         """Watch the open drain; return once the signal crosses, or it cannot agree any more.
@@ -325,8 +331,6 @@ class ChinweSeparator(Driver[ByteTransport, Config], Separator):
                 self._drain.close()
             raise
         run.seen["by_time_ul"] = run.by_time_ul()
-        if isinstance(failure, DeviceTimeoutError | UnreachableError):
-            self._drain.may_have_lost_count = True
         try:
             self._drain.close()
         except DeviceError as second:
@@ -342,20 +346,6 @@ class ChinweSeparator(Driver[ByteTransport, Config], Separator):
             failure.effect = Effect.PARTIAL if is_stop else Effect.UNKNOWN
             failure.context.update(run.seen)
             raise failure
-
-    def _confirmed(self, run: Run) -> Report:
-        """Report what went where both witnesses agree; else nobody knows."""
-        by_time_ul = run.seen["by_time_ul"]
-        if run.seen["boundary"] and abs(by_time_ul - run.volume_ul) <= run.off_ul:
-            return Report(by_time_ul, run.seen, resolution_ul=2 * run.off_ul)
-        what = "was seen" if run.seen["boundary"] else "was not seen"
-        raise DeviceError(
-            f"{run.volume_ul:g} µL were to be drained; the boundary {what} when {by_time_ul:g} µL "
-            f"had run by time and rate, ± {run.off_ul:g} is allowed: the drain is closed, look "
-            "what is in which vessel",
-            code="device.no_boundary",
-            context=run.seen,
-        )
 
     def _begin_to_turn(self, speed_rpm: int) -> None:
         own = self.config

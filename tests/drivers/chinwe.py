@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable
+
 from drivers.processing._xkc import crc_of
 from drivers.processing.chinwe_separator import ChinweSeparator
+from drivers.transports.replay import ReplayTransport
 
 CONFIG = {
     "vessel_ul": 250_000.0,
@@ -52,11 +55,36 @@ def place(told: str, mark: str = ">") -> str:
     return ask("05366b", told, mark) * looks
 
 
-FLAGS = ask("053a6b", "053a036b")
+def flags(told: str = "03", mark: str = ">") -> str:
+    return ask("053a6b", f"053a{told}6b", mark)
+
+
+LET_GO, STRUCK = flags("02"), flags("0d")
 STANDS = ask("04fe98006b", "04fe026b") + speed(0)
-READY = speed(0) + place(AT_ZERO) + level(WATER) * 5 + FLAGS
-CLOSED = place(A_QUARTER) + ask(CLOSES, TAKEN) + place(HALFWAY) + place(AT_ZERO)
+SHUT = place(AT_ZERO) + flags()
+"""The valve is at its zero, and its motor holds it there."""
+
+CONFIRMED = flags() + ask("050a6d6b", "050a026b") + place(AT_ZERO) + SHUT + place(AT_ZERO)
+READY = speed(0) + SHUT + level(WATER) * 5 + flags()
+CLOSED = place(A_QUARTER) * 2 + ask(CLOSES, TAKEN) + place(HALFWAY) + SHUT
 
 
 def separator(transport: object, **config: object) -> ChinweSeparator:
     return ChinweSeparator(transport, {**CONFIG, **config})  # type: ignore[arg-type]
+
+
+def confirmed(play: Callable[..., ReplayTransport], text: str, **config: object) -> ChinweSeparator:
+    """Return a separator whose drain a person has seen closed."""
+    before = CONFIRMED.replace(flags(), "") if flags(mark=">?") in text else CONFIRMED
+    device = separator(play(text=before + text), **config)
+    device.confirm_drain_closed()
+    return device
+
+
+def draining(signals: Iterable[int], told: str = A_QUARTER) -> str:
+    return "".join(level(signal) + place(told) for signal in signals)
+
+
+def replayed(device: ChinweSeparator) -> ReplayTransport:
+    assert isinstance(device.transport, ReplayTransport)
+    return device.transport

@@ -43,6 +43,7 @@ DOES: dict[str, tuple[Call, ...]] = {
         Call("stop_shaking", {}),
     ),
     "chinwe_separator": (
+        Call("confirm_drain_closed", {}),
         Call("stir", {"speed_rpm": 300.0, "duration_s": 0.1}),
         Call("close_drain", {}),
     ),

@@ -361,6 +361,7 @@ SEPARATORS = [
             "poll_s": 0.1,
         },
         settings={"drain_ul_s": 20.0},
+        at_first=(("confirm_drain_closed", {}),),
         ports=("vessel", "outlet"),
         act=("stir", {"speed_rpm": 300.0, "duration_s": 5.0}),
         verb="motor",

@@ -138,7 +138,7 @@ DEEDS: dict[str, tuple[Deed, ...]] = {
     "separator": (
         Deed(act=("stir", {"speed_rpm": 300.0, "duration_s": 5.0})),
         Deed(act=("drain_lower_phase", {"volume_ul": 2000.0, "reading": "falls"})),
-        *_alone("close_drain", after=0),
+        *_alone("close_drain", "confirm_drain_closed", after=0),
     ),
     "power_supply": (Deed(act=SUPPLY), Deed(act=("stop_supply", {}), first=(SUPPLY,))),
     "chromatography": (

@@ -92,6 +92,9 @@ class Case:
     ready: tuple[Action, ...] = ()
     """What is done before it could do anything else, such as being busy."""
 
+    at_first: tuple[Action, ...] = ()
+    """What a person has to say before it knows where it stands."""
+
     starts: int = 1
     """How many starts the instrument records for one such act."""
 
@@ -159,11 +162,13 @@ class Bench:
             self.inflict(case, "power_loss", for_s=0.5)
         driver = self.driver(case, **config)
         until(lambda: _connects(driver), 3)
+        for act in case.at_first:
+            do(driver, act)
         try:
             yield driver
         finally:
             self.cure(case)
-            until(lambda: _halts(driver), 3)
+            until(lambda: _halts(driver, case.at_first), 3)
             driver.close()
 
     def inflict(self, case: Case, fault: str, **options: object) -> None:
@@ -313,9 +318,11 @@ def _connects(driver: Driver[Any, Any]) -> bool:
     return True
 
 
-def _halts(driver: Driver[Any, Any]) -> bool:
+def _halts(driver: Driver[Any, Any], at_first: tuple[Action, ...]) -> bool:
     try:
         driver.connect()
+        for act in at_first:
+            do(driver, act)
         driver.halt()
     except DeviceError:
         return False

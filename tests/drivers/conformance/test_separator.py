@@ -43,11 +43,13 @@ class Rig:
 
     def __init__(self, process: Process) -> None:
         self.process = process
-        self.device = ChinweSeparator(
-            make_transport(f"tcp://127.0.0.1:{process.port_of('it')}"),  # type: ignore[arg-type]
-            CONFIG,
-        )
+        self.device = self.driver()
         self.device.connect()
+        self.device.confirm_drain_closed()
+
+    def driver(self) -> ChinweSeparator:
+        transport = make_transport(f"tcp://127.0.0.1:{self.process.port_of('it')}")
+        return ChinweSeparator(transport, CONFIG)  # type: ignore[arg-type]
 
     def held_ul(self, vessel: str) -> dict[str, float]:
         found = self.process.get("/world")["vessels"][vessel]
@@ -174,6 +176,23 @@ def test_power_that_comes_back_with_the_drain_open_is_no_closed_drain(rig: Rig) 
     assert rig.tells("opening") == 1.0
     with pytest.raises(DeviceError, match="not shown to be closed"):
         rig.device.drain_lower_phase(LOWER_UL, "rises")
+
+
+def test_a_driver_that_begins_beside_a_motor_that_begins_claims_no_closed_drain(rig: Rig) -> None:
+    rig.begin()
+    rig.inflict("power_loss", for_s=8.0)
+    until(lambda: "is_drain_closed" in told(rig))
+    rig.device.close()
+    anew = rig.driver()
+    anew.connect()
+    assert rig.tells("opening") == 1.0
+    assert anew.is_drain_closed() is None
+    with pytest.raises(RejectedError, match="confirm that it is closed"):
+        anew.drain_lower_phase(LOWER_UL, "rises")
+    with pytest.raises(DeviceError) as caught:
+        anew.close_drain()
+    assert (caught.value.code, caught.value.effect) == ("device.drain_open", Effect.UNKNOWN)
+    anew.close()
 
 
 def told(rig: Rig) -> dict[str, Any]:
