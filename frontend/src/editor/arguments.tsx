@@ -4,7 +4,7 @@ import { useId, useState, type ReactNode } from "react";
 import { setParam } from "@/model/document";
 import { parseQuantity, toCanonical } from "@/model/quantity";
 import type { DeviceAction, Schema, UnitTable } from "@/model/wire";
-import { FieldNote, useActions, type FieldProps } from "./fields";
+import { FieldNote, useActions, type FieldProps } from "./field";
 import { useEditor } from "./store";
 
 type Values = Record<string, unknown>;

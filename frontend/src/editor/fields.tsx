@@ -5,21 +5,13 @@ import { amountsOf, amountsText } from "@/model/amounts";
 import { setParam } from "@/model/document";
 import { formatVolume } from "@/model/format";
 import { findChoices } from "@/model/tree";
-import type { ResourceRow, Schema, WorkflowStep } from "@/model/wire";
+import type { ResourceRow, Schema } from "@/model/wire";
 import { Icon, iconOf } from "@/ui/icons";
 import { Picker, type Choice } from "@/ui/picker";
 import { quantityProblem, QuantityField } from "@/ui/quantityfield";
 import { ArgumentsField } from "./arguments";
+import { FieldNote, useActions, type FieldProps } from "./field";
 import { useEditor } from "./store";
-
-export interface FieldProps {
-  step: WorkflowStep;
-  name: string;
-  schema: Schema;
-  isRequired: boolean;
-  /** What the server says about this field. */
-  problems: string[];
-}
 
 export function fieldsOf(schema: Schema): [name: string, field: Schema][] {
   return Object.entries(schema.properties ?? {}).sort(
@@ -54,19 +46,6 @@ export function StepField(props: FieldProps) {
       <Control {...props} id={id} isInvalid={problems.length > 0} />
       <FieldNote problems={problems} help={schema["x-help"]} />
     </div>
-  );
-}
-
-export function FieldNote({ problems, help }: { problems: string[]; help?: string | undefined }) {
-  if (problems.length === 0) return <p className="help">{help}</p>;
-  return (
-    <>
-      {problems.map((problem) => (
-        <p key={problem} className="help bad" role="alert">
-          {problem}
-        </p>
-      ))}
-    </>
   );
 }
 
@@ -216,15 +195,6 @@ function ActionField(props: FieldProps & { id: string; isInvalid: boolean }) {
       testId="field-action"
     />
   );
-}
-
-/** Actions of the device that a step names. */
-export function useActions(step: WorkflowStep) {
-  const device = useEditor((state) => {
-    const row = state.resources.find((r) => r.id === step.params.device);
-    return state.devices.find((d) => d.id === row?.device?.id);
-  });
-  return device?.actions ?? [];
 }
 
 export function Group({ title, children }: { title: string; children: ReactNode }) {

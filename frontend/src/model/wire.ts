@@ -1,21 +1,24 @@
 /** What crosses the border between server and browser; named as the server names it. */
 
+export type * from "./wirebase";
 export type * from "./wirelab";
 export type * from "./wiredrivers";
 export type * from "./wirerecovery";
+import type {
+  DeviceAction,
+  Finding,
+  Id,
+  Iso,
+  JobState,
+  Plan,
+  Schema,
+  SentencePart,
+  Version,
+  WorkflowDocument,
+} from "./wirebase";
 import type { RunFile } from "./wirefiles";
 import type { DeviceRow, HostRow } from "./wirelab";
 import type { Recovery, RecoveryCard } from "./wirerecovery";
-
-export type Id = string;
-export type Iso = string;
-
-export interface Finding {
-  code: string;
-  message: string;
-  subject: string;
-  context: Record<string, unknown>;
-}
 
 export interface Refusal {
   code: string;
@@ -96,31 +99,6 @@ export interface StepPort {
   label: string;
 }
 
-/** The parts of JSON Schema 2020-12 that steps and drivers use. */
-export interface Schema {
-  type?: string | string[];
-  title?: string;
-  description?: string;
-  properties?: Record<string, Schema>;
-  required?: string[];
-  enum?: unknown[];
-  default?: unknown;
-  minimum?: number;
-  maximum?: number;
-  maxLength?: number;
-  additionalProperties?: boolean | Schema;
-  items?: Schema;
-  "x-label"?: string;
-  "x-help"?: string;
-  "x-order"?: number;
-  "x-advanced"?: boolean;
-  "x-quantity"?: string;
-  "x-unit"?: string;
-  /** `all` may stand in the place of a volume. */
-  "x-all"?: boolean;
-  "x-resource"?: { holds?: string; kind?: string[]; acts?: boolean };
-}
-
 export interface UnitOperation {
   kind: string;
   label: string;
@@ -129,13 +107,6 @@ export interface UnitOperation {
   inputs: StepPort[];
   outputs: StepPort[];
   params: Schema;
-}
-
-export interface DeviceAction {
-  name: string;
-  label: string;
-  doc: string;
-  schema: Schema;
 }
 
 export interface PaletteDevice {
@@ -158,29 +129,6 @@ export interface Steps {
   units: Record<string, UnitTable>;
 }
 
-export interface WorkflowStep {
-  id: string;
-  kind: string;
-  params: Record<string, unknown>;
-  position: { x: number; y: number };
-  note?: string;
-}
-
-export interface WorkflowEdge {
-  id: string;
-  source: string;
-  source_port: string;
-  target: string;
-  target_port: string;
-}
-
-export interface WorkflowDocument {
-  schema: string;
-  name: string;
-  steps: WorkflowStep[];
-  edges: WorkflowEdge[];
-}
-
 export interface WorkflowRow {
   id: Id;
   name: string;
@@ -193,52 +141,11 @@ export interface WorkflowRow {
   last_run: { id: Id; number: number; state: string; ended_at: Iso | null } | null;
 }
 
-export interface Version {
-  id: Id;
-  number: number;
-  note: string;
-  author: string | null;
-  at: Iso;
-  document?: WorkflowDocument;
-}
-
 export interface Workflow extends WorkflowRow {
   draft: WorkflowDocument;
   draft_revision: number;
   versions: Version[];
   can_edit: boolean;
-}
-
-export interface SentencePart {
-  text: string;
-  strong?: boolean;
-  sort?: string;
-}
-
-export interface PlannedJob {
-  index: number;
-  step_id: string;
-  sentence: string;
-  device: { id: Id; name: string };
-  action: string;
-  args: Record<string, unknown>;
-  after: number[];
-  estimate_s: number;
-}
-
-export interface PlannedStep {
-  step_id: string;
-  kind: string;
-  sentence: string;
-  estimate_s: number;
-}
-
-export interface Plan {
-  digest: string;
-  estimate_s: number;
-  steps: PlannedStep[];
-  jobs: PlannedJob[];
-  notes: string[];
 }
 
 export interface CheckResult {
@@ -291,22 +198,6 @@ export type RunState =
   | "completing"
   | "complete"
   | "aborted";
-
-export type JobState =
-  | "draft"
-  | "awaiting_approval"
-  | "queued"
-  | "held"
-  | "suspended"
-  | "dispatched"
-  | "accepted"
-  | "running"
-  | "completing"
-  | "in_doubt"
-  | "complete"
-  | "aborted"
-  | "stopped"
-  | "rejected";
 
 export interface Question {
   text: string;

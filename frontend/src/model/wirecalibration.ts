@@ -1,6 +1,6 @@
 /** Calibrations as the server tells of them. */
 
-import type { Finding } from "./wire";
+import type { Finding } from "./wirebase";
 
 export type CalibrationState =
   "measuring" | "failed" | "awaiting" | "accepted" | "rejected" | "withdrawn";

@@ -1,6 +1,6 @@
 /** What crosses the border about drivers; named as the server names it. */
 
-import type { DeviceAction, Id, Iso, Schema } from "./wire";
+import type { DeviceAction, Id, Iso, Schema } from "./wirebase";
 import type { Tried } from "./wiretryouts";
 
 export type DriverStateName = "proposed" | "approved" | "rejected" | "withdrawn";

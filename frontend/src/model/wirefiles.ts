@@ -1,6 +1,6 @@
 /** What crosses the border about kept files and readings. */
 
-import type { Finding, Id, Iso } from "./wire";
+import type { Finding, Id, Iso } from "./wirebase";
 
 interface Named {
   id: Id;

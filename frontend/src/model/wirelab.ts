@@ -1,6 +1,6 @@
 /** What crosses the border about approvals, resources, devices and hosts. */
 
-import type { DeviceAction, Id, Iso, JobState, Plan } from "./wire";
+import type { DeviceAction, Id, Iso, JobState, Plan } from "./wirebase";
 import type { CalibrationChange } from "./wirecalibration";
 import type { DriverUse } from "./wiredrivers";
 

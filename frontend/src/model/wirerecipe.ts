@@ -1,6 +1,6 @@
 /** What crosses the border about recipes that are opened on a rig. */
 
-import type { Finding, Id, Version } from "./wire";
+import type { Finding, Id, Version } from "./wirebase";
 
 /** What a finding is about: the recipe, the graph, both together, what was asked, what is stated. */
 export interface RecipeFinding extends Finding {

@@ -1,6 +1,6 @@
 /** What crosses the border about jobs that ended undone. */
 
-import type { Id, Iso } from "./wire";
+import type { Id, Iso } from "./wirebase";
 
 /** What a person chose about a job that ended undone. */
 export interface Recovery {

@@ -1,7 +1,7 @@
 /** What the report of a run is on the wire. */
 
 import type { FileReading } from "./wirefiles";
-import type { Id } from "./wire";
+import type { Id } from "./wirebase";
 
 export interface AccountRow {
   /** `vessel`, or a nominal account such as REACTION. */

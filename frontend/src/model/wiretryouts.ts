@@ -1,6 +1,6 @@
 /** What crosses the border about drivers on trial; named as the server names it. */
 
-import type { Id, Iso, Schema } from "./wire";
+import type { Id, Iso, Schema } from "./wirebase";
 
 export interface SimulatedModel {
   model: string;
