@@ -73,7 +73,7 @@ test.each(["5", "0", "7 mL", "2,5"])("an amount of %s is refused with a reason",
 test("an answer that is under way is not asked again", () => {
   serve(() => [200, {}]);
   show(card({ answer_sent: true }));
-  expect(screen.getByTestId("answer-sent")).toBeInTheDocument();
+  expect(screen.getByTestId("answer-sent")).toHaveTextContent(/^An answer is on its way/);
   expect(screen.queryByRole("radio")).toBeNull();
 });
 

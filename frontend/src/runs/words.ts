@@ -128,7 +128,7 @@ export const words = {
     discard: "I cannot tell",
     note: "Note, required",
     noteHelp: "What you saw: scale, balance, camera, level.",
-    sent: "Your answer is on its way to the host.",
+    sent: "An answer is on its way to the host. It stands here once the host has it.",
     mayNot: "Resolving needs the role chemist.",
   },
 } as const;
