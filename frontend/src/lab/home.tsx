@@ -202,8 +202,8 @@ function LastResults({ runs }: { runs: RunRow[] }) {
                   {run.workflow.name}
                 </Link>
                 <span className="t12 m cut">
-                  #{run.number} · {runOutcome(run).word.toLowerCase()}
-                  {run.mode === "sim" ? " · simulated" : ""}
+                  #{run.number} · {run.mode === "sim" ? "SIM · " : ""}
+                  {runOutcome(run).word.toLowerCase()}
                 </span>
               </span>
               <span className="m t12">
