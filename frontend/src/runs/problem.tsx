@@ -159,6 +159,11 @@ function PausedCard({ run }: { run: Run }) {
             Still under way: {job.device.name}, {job.sentence}
           </p>
         ))}
+        {run.pause_reasons.some((reason) => reason.kind === "stopped") && (
+          <p className="s" data-testid="halted">
+            {words.halted}
+          </p>
+        )}
         <ul className="reasons">
           {run.pause_reasons.map((reason, place) => (
             <li key={place}>

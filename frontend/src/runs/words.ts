@@ -14,6 +14,8 @@ export const words = {
   },
   pause: "Pause",
   pausing: "Pausing – after the actions that are under way",
+  halted:
+    "The stop halted every device: stirring, heating or flow that an earlier action began may be off, though the record still tells its set-point. Look at the devices before you resume.",
   resume: "Resume",
   alsoPause: "Pause, too",
   exports: {
