@@ -219,9 +219,9 @@ def watch(
     try:
         driver.pause(0)
         while not is_idle():
-            driver.pause(POLL_S)
             if time.monotonic() > deadline_s:
                 raise DeviceError(f"still busy after {limit_s:g} s", code="device.slow")
+            driver.pause(POLL_S)
         driver.pause(0)
     except DeviceError as error:
         if error.code in {"device.slow", DeviceStoppedError.default_code}:

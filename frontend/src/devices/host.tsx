@@ -3,11 +3,18 @@
 import { useState } from "react";
 import { Link, useParams } from "react-router";
 import { useArrival, useHostAct, type HostAct } from "@/api/commands";
+import { useKept } from "@/api/kept";
 import { useTopics } from "@/api/live";
 import { useHost } from "@/api/queries";
 import { toSeconds } from "@/model/format";
-import { moveText, sessionState, skewText, standingText } from "@/model/hosts";
-import { jobState } from "@/model/states";
+import {
+  lagText,
+  moveText,
+  sessionState,
+  skewText,
+  standingText,
+  stateAtHost,
+} from "@/model/hosts";
 import type { Host } from "@/model/wire";
 import { AsOf, Card, Empty, Failed } from "@/ui/card";
 import { Button, Dialog, Refused, TextField } from "@/ui/controls";
@@ -81,7 +88,7 @@ function Session({ host }: { host: Host }) {
         </dd>
         <dt>Journal not synced</dt>
         <dd className="num" data-testid="host-lag">
-          {host.journal_lag} {host.journal_lag === 1 ? "event" : "events"}
+          {lagText(host)}
         </dd>
         <dt>Read up to event</dt>
         <dd className="num">{host.acked_seq}</dd>
@@ -129,7 +136,7 @@ function Jobs({ host }: { host: Host }) {
                   </Link>
                 </td>
                 <td>
-                  <StateChip state={jobState(job.state)} />
+                  <StateChip state={stateAtHost(host, job.state)} />
                 </td>
                 <td className="r m wide">
                   <At at={job.state_at} seconds />
@@ -271,7 +278,7 @@ function whyNoFence(isFenceable: boolean, isMine: boolean): string {
 
 function ActDialog(props: { host: Host; act: HostAct["act"]; onClose: () => void }) {
   const { host, act, onClose } = props;
-  const [reason, setReason] = useState("");
+  const [reason, setReason, forget] = useKept(`host/${host.id}/${act}`, "");
   const send = useHostAct(host.id);
   const about = words.host.about[act];
   return (
@@ -282,7 +289,12 @@ function ActDialog(props: { host: Host; act: HostAct["act"]; onClose: () => void
           event.preventDefault();
           send.mutate(
             { act, reason: reason.trim(), withWork: act === "revoke" && host.jobs.length > 0 },
-            { onSuccess: onClose },
+            {
+              onSuccess: () => {
+                forget();
+                onClose();
+              },
+            },
           );
         }}
       >

@@ -4,14 +4,14 @@ import { Link, useNavigate } from "react-router";
 import { useHome } from "@/api/queries";
 import { useTopics } from "@/api/live";
 import { runOutcome } from "@/model/decisions";
+import { lagText, sessionState } from "@/model/hosts";
 import { isLiveRun, needState } from "@/model/states";
 import type { HostRow, Need, RunRow, WorkflowRow } from "@/model/wire";
 import { Card, Empty, Loaded } from "@/ui/card";
 import { Button } from "@/ui/controls";
 import { Glyph } from "@/ui/glyph";
 import { Icon } from "@/ui/icons";
-import { Figure } from "@/ui/number";
-import { StateGlyph } from "@/ui/state";
+import { StateChip, StateGlyph } from "@/ui/state";
 import { Age, At, Since, useLabTime, useNow } from "@/ui/time";
 import { RunTable } from "@/ui/runtable";
 import { BenchGrid } from "@/ui/devicetile";
@@ -202,8 +202,8 @@ function LastResults({ runs }: { runs: RunRow[] }) {
                   {run.workflow.name}
                 </Link>
                 <span className="t12 m cut">
-                  #{run.number} · {runOutcome(run).word.toLowerCase()}
-                  {run.mode === "sim" ? " · simulated" : ""}
+                  #{run.number} · {run.mode === "sim" ? "SIM · " : ""}
+                  {runOutcome(run).word.toLowerCase()}
                 </span>
               </span>
               <span className="m t12">
@@ -259,6 +259,15 @@ function Host({ host }: { host: HostRow }) {
   return (
     <Card title={words.home.hosts} note={host.name}>
       <div className="host">
+        <span className="s">State</span>
+        <span className="wf">
+          <StateChip state={sessionState(host.state)} />
+          {host.away_since_at && (
+            <span>
+              since <At at={host.away_since_at} />
+            </span>
+          )}
+        </span>
         <span className="s">Last heard</span>
         <span>
           <Age at_s={toSeconds(host.last_seen_at)} />
@@ -266,10 +275,7 @@ function Host({ host }: { host: HostRow }) {
         <span className="s">Devices</span>
         <span className="num">{host.devices_count}</span>
         <span className="s">Journal not synced</span>
-        <Figure
-          value={String(host.journal_lag)}
-          unit={host.journal_lag === 1 ? "event" : "events"}
-        />
+        <span className="num">{lagText(host)}</span>
       </div>
     </Card>
   );

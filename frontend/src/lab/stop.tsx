@@ -1,9 +1,9 @@
 /** Stop lab: one press, no question; who has acknowledged; and the way back. */
 
-import { useState } from "react";
 import { create } from "zustand";
 import { useStopLab, useResetLab } from "@/api/commands";
 import { useStatus } from "@/api/connection";
+import { useKept } from "@/api/kept";
 import { toSeconds } from "@/model/format";
 import { stopTook } from "@/model/hosts";
 import type { Lab, StopHost, User } from "@/model/wire";
@@ -102,12 +102,12 @@ function HostAck({ host, isLate }: { host: StopHost; isLate: boolean }) {
 }
 
 function ResetDialog({ isOpen, onClose }: { isOpen: boolean; onClose: () => void }) {
-  const [reason, setReason] = useState("");
+  const [reason, setReason, forget] = useKept("reset", "");
   const reset = useResetLab();
   const send = (): void => {
     reset.mutate(reason.trim(), {
       onSuccess: () => {
-        setReason("");
+        forget();
         onClose();
       },
     });

@@ -1,7 +1,8 @@
 /** What is known of a job whose outcome is not, in rows a person can read. */
 
 import { THIN, formatArguments, plain, sentence, toSeconds } from "./format";
-import type { Job, Run } from "./wire";
+import { isSetpoint } from "./telemetry";
+import type { ConditionResult, DeviceRow, Job, Run } from "./wire";
 
 export interface EvidenceRow {
   label: string;
@@ -22,7 +23,11 @@ const HIDDEN = new Set([
 ]);
 
 /** Rows from a job's command, report, conditions and answer. */
-export function evidenceRows(job: Job, clock: (at: number) => string): EvidenceRow[] {
+export function evidenceRows(
+  job: Job,
+  clock: (at: number) => string,
+  device: Pick<DeviceRow, "link" | "readings"> | null = null,
+): EvidenceRow[] {
   const rows: EvidenceRow[] = [];
   const sent = toSeconds(job.started_at);
   const args = formatArguments(job.args);
@@ -36,8 +41,9 @@ export function evidenceRows(job: Job, clock: (at: number) => string): EvidenceR
   const ended = toSeconds(job.ended_at);
   rows.push({
     label: "Completion",
-    text: sentence(job.message) || (ended === null ? "not seen" : `reported ${clock(ended)}`),
+    text: problemText(job) || (ended === null ? "not seen" : `reported ${clock(ended)}`),
   });
+  rows.push(...toldRows(device, clock));
   rows.push(...reportRows(job.evidence.report ?? {}, clock));
   for (const [word, results] of [
     ["Before", job.evidence.pre],
@@ -45,16 +51,55 @@ export function evidenceRows(job: Job, clock: (at: number) => string): EvidenceR
   ] as const) {
     if (!Array.isArray(results)) continue;
     for (const result of results) {
-      const name = result.name.split(".").at(-1) ?? result.name;
       rows.push({
-        label: `${word}: ${name.replaceAll("_", " ")}`,
-        text: [result.message, result.verdict].filter(Boolean).join(", "),
+        label: `${word}: ${nameOf(result)}`,
+        text: [conditionText(result), result.verdict].filter(Boolean).join(", "),
       });
     }
   }
   const answer = job.evidence.resolution;
   if (answer) rows.push({ label: "Answer", text: flat(answer) });
   return unique(rows);
+}
+
+const nameOf = (result: ConditionResult): string =>
+  (result.name.split(".").at(-1) ?? result.name).replaceAll("_", " ");
+
+const RANGE = /^(\S+) to (\S+)$/;
+
+/** What was seen and wanted, with units, where the host told both as numbers. */
+export function conditionText({ message, evidence }: ConditionResult): string {
+  const { status, value, wanted } = evidence ?? {};
+  if (typeof status !== "string" || typeof value !== "number" || typeof wanted !== "string")
+    return message;
+  const range = RANGE.exec(wanted);
+  const ends = (range ? [range[1], range[2]] : [wanted]).map(Number);
+  if (!ends.every(Number.isFinite)) return message;
+  const told = [...new Set(ends.map((end) => value_(status, end)))].join(" to ");
+  return `${formatArguments({ [status]: value })}, wanted ${told}`;
+}
+
+/** What kept an action from its end, as a person says it; empty: nothing did, or nobody knows. */
+export function problemText(job: Pick<Job, "message" | "evidence">): string {
+  const results = [...(job.evidence.pre ?? []), ...(job.evidence.post ?? [])];
+  const broken = results.find((result) => result.message === job.message);
+  if (!job.message || !broken) return sentence(job.message);
+  return sentence(`${nameOf(broken)}: ${conditionText(broken)}`);
+}
+
+/** What the device tells, whenever that was: a plunger may still move while one answers. */
+function toldRows(
+  device: Pick<DeviceRow, "link" | "readings"> | null,
+  clock: (at: number) => string,
+): EvidenceRow[] {
+  if (!device) return [];
+  const told = device.readings.flatMap(({ status, value, at_s }) =>
+    typeof value === "number" && at_s !== null && !isSetpoint(status)
+      ? [`${formatArguments({ [status]: value })} at ${clock(at_s)}`]
+      : [],
+  );
+  if (device.link !== "online") told.push("it does not answer now");
+  return told.length ? [{ label: "The device tells", text: told.join("; ") }] : [];
 }
 
 const SYMBOLS = { volume: "µL", ph: "pH", temperature: "°C" } as const;

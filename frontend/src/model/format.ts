@@ -217,6 +217,7 @@ function formatArgument(name: string, value: unknown): string {
     if (!name.endsWith(suffix)) continue;
     const noun = words(name.slice(0, -suffix.length));
     if (unit === "µL") return `${noun} ${formatVolume(value * 1000)}`;
+    if (unit === "nL") return `${noun} ${formatVolume(value)}`;
     return `${noun} ${formatNumber(value)}${THIN}${unit}`;
   }
   return `${words(name)} ${formatNumber(value)}`;

@@ -73,3 +73,12 @@ test("ticks are round and few", () => {
   expect(found.every((at) => at % 600 === 0)).toBe(true);
   expect(share(window, BEGIN_S - 50)).toBe(0);
 });
+
+test("what a host does that works alone is expected, not known", () => {
+  const jobs = [aJob(0, "a", "running", { started_at: iso(0) }), aJob(1, "a", "complete")];
+  const host = { id: "h", name: "Host 1", since_at: iso(1), jobs_count: 1, job_ids: ["j0", "j1"] };
+  const looks = (hosts_away: (typeof host)[]) =>
+    scheduleJobs(aRun(jobs, { hosts_away }), BEGIN_S + 5).map((bar) => bar.look);
+  expect(looks([])[0]).toBe("run");
+  expect(looks([host])[0]).toBe("away");
+});

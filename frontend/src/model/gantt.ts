@@ -4,7 +4,7 @@ import { toSeconds } from "./format";
 import { isActiveJob, isFinalJob } from "./states";
 import type { Job, Run } from "./wire";
 
-export type BarLook = "done" | "run" | "plan" | "doubt" | "bad";
+export type BarLook = "done" | "run" | "away" | "plan" | "doubt" | "bad";
 
 export interface Bar {
   job: Job;
@@ -32,7 +32,7 @@ const ROUND_S = [1, 2, 5, 10, 15, 30, 60, 120, 300, 600, 900, 1800, 3600, 7200, 
 
 /** When each job starts and ends: as measured, else as the plan lets expect from now on. */
 export function scheduleJobs(
-  run: Pick<Run, "jobs" | "started_at" | "state" | "plan">,
+  run: Pick<Run, "jobs" | "started_at" | "state" | "plan" | "hosts_away">,
   now: number,
 ): Bar[] {
   const ordered = [...run.jobs].sort((a, b) => a.index - b.index);
@@ -40,11 +40,12 @@ export function scheduleJobs(
   const free = new Map<string, number>();
   const isOver = run.state === "complete" || run.state === "aborted";
   const bars: Bar[] = [];
+  const away = new Set(run.hosts_away.flatMap((host) => host.job_ids));
   const places = new Map(run.plan.steps.map((step, place) => [step.step_id, `${place + 1}`]));
   const bar = (job: Job, start: number, end: number): Bar => ({
     job,
     label: places.get(job.step_id) ?? "",
-    look: lookOf(job),
+    look: away.has(job.id) && isActiveJob(job.state) ? "away" : lookOf(job),
     start_s: start,
     end_s: Math.max(end, start),
   });

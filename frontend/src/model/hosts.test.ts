@@ -1,5 +1,14 @@
 import { describe, expect, it } from "vitest";
-import { executionText, moveText, sessionState, skewText, standingText, stopTook } from "./hosts";
+import {
+  executionText,
+  lagText,
+  moveText,
+  sessionState,
+  skewText,
+  standingText,
+  stateAtHost,
+  stopTook,
+} from "./hosts";
 
 const host = { state: "isolated", name: "bench 2", journal_lag: 0, jobs: [], reason: null };
 
@@ -19,6 +28,16 @@ describe("a host's standing", () => {
     }
     expect(sessionState("fenced")).toEqual({ look: "doubt", word: "Declared lost" });
     expect(sessionState("new_state").word).toBe("New state");
+  });
+
+  it("claims no lag and no state of work that nobody has heard since", () => {
+    const heard = { state: "online", journal_lag: 1 };
+    expect(lagText(heard)).toBe("1 event");
+    expect(lagText({ ...heard, state: "isolated" })).toBe("not known, 1 event when last heard");
+    expect(stateAtHost(heard, "running").word).toBe("Running");
+    const away = stateAtHost({ state: "isolated" }, "running");
+    expect(away).toEqual({ look: "offline", word: "Running when last heard" });
+    expect(stateAtHost({ state: "isolated" }, "suspended").word).toBe("Suspended");
   });
 
   it("says since when a host works alone", () => {

@@ -1,7 +1,7 @@
 /** How a host stands: the word for its session, and what is worth a sentence. */
 
 import { formatDuration } from "./format";
-import { capitalise, type State } from "./states";
+import { capitalise, isActiveJob, jobState, type State } from "./states";
 import type { Host } from "./wire";
 
 const SESSION: Record<string, State> = {
@@ -53,6 +53,21 @@ export function standingText(host: Standing, since: string | null): string {
     default:
       return "It has not been heard of yet.";
   }
+}
+
+const UNHEARD = new Set(["suspect", "isolated", "quarantined", "fenced", "revoked"]);
+
+/** How much of a journal the server has not read; of a host that is not heard nobody knows. */
+export function lagText(host: Pick<Host, "state" | "journal_lag">): string {
+  const told = `${host.journal_lag} ${host.journal_lag === 1 ? "event" : "events"}`;
+  return UNHEARD.has(host.state) ? `not known, ${told} when last heard` : told;
+}
+
+/** State of a job at its host; of a host that works alone only the last word is known. */
+export function stateAtHost(host: Pick<Host, "state">, job: string): State {
+  const state = jobState(job);
+  if (host.state !== "isolated" || !isActiveJob(job)) return state;
+  return { look: "offline", word: `${state.word} when last heard` };
 }
 
 /** Where a vessel is on its way between two hosts. */

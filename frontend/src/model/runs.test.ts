@@ -1,5 +1,5 @@
 import { expect, test } from "vitest";
-import { evidenceRows, waitingSteps } from "./evidence";
+import { conditionText, evidenceRows, problemText, waitingSteps } from "./evidence";
 import { currentStep, findProblems, pauseText, stepProgress } from "./runs";
 import { aJob, aRun, iso } from "./samples";
 
@@ -64,6 +64,34 @@ test("evidence is told in words with units, and keys of the machine are left out
     { label: "Moved", text: "4.86\u202fmL" },
     { label: "Before: valve at source", text: "port is 3, pass" },
   ]);
+});
+
+test("what the device tells stands with its time, and that it does not answer", () => {
+  const readings = [
+    { status: "volume_ul", label: "Volume", unit: "µL", value: 2018.333, at_s: 1_800_000_007 },
+    { status: "is_initialized", label: "", unit: "", value: true, at_s: 1_800_000_007 },
+  ];
+  const told = (link: "online" | "offline") =>
+    evidenceRows(aJob(0, "a", "in_doubt"), (at) => `t${at - 1_800_000_000}`, { link, readings });
+  const label = "The device tells";
+  expect(told("online")).toContainEqual({ label, text: "volume 2.02\u202fmL at t7" });
+  const text = "volume 2.02\u202fmL at t7; it does not answer now";
+  expect(told("offline")).toContainEqual({ label, text });
+});
+
+test("a condition that failed is told with units, as the reason too", () => {
+  const result = {
+    name: "pump.syringe_before",
+    verdict: "fail",
+    message: "volume_ul is 2000.0, wanted 0.0 to 0.0",
+    evidence: { value: 2000, status: "volume_ul", wanted: "0.0 to 0.0" },
+  };
+  const text = "volume 2.00\u202fmL, wanted 0.00\u202fmL";
+  expect(conditionText(result)).toBe(text);
+  expect(conditionText({ ...result, evidence: {} })).toBe(result.message);
+  const job = aJob(0, "a", "rejected", { message: result.message, evidence: { pre: [result] } });
+  expect(problemText(job)).toBe(`Syringe before: ${text}`);
+  expect(problemText(aJob(0, "a", "aborted", { message: "it is stuck" }))).toBe("It is stuck");
 });
 
 test("a number that a calibration made right stands as asked and as sent", () => {

@@ -17,7 +17,7 @@ import type {
   WorkflowDocument,
 } from "./wirebase";
 import type { RunFile } from "./wirefiles";
-import type { DeviceRow, HostRow } from "./wirelab";
+import type { DeviceRow, HostAway, HostRow } from "./wirelab";
 import type { Recovery, RecoveryCard } from "./wirerecovery";
 
 export interface Refusal {
@@ -281,6 +281,6 @@ export interface Run extends RunRow {
   waits_for: { id: Id; number: number } | null;
   /** What the workflow declares for hosts that cannot hear the server; null: nothing. */
   execution: { on_disconnect: string; max_offline_s: number } | null;
-  hosts_away: { id: Id; name: string; since_at: Iso | null; jobs_count: number }[];
+  hosts_away: HostAway[];
   can: { pause: boolean; resume: boolean; abort: boolean; resolve: boolean; recover: boolean };
 }

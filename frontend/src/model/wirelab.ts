@@ -279,6 +279,15 @@ export interface HostJob {
   state_at: Iso | null;
 }
 
+/** A host that works alone: of its jobs in a run only what was last heard is known. */
+export interface HostAway {
+  id: Id;
+  name: string;
+  since_at: Iso | null;
+  jobs_count: number;
+  job_ids: Id[];
+}
+
 export interface Host extends HostRow {
   floor: number;
   last_dseq: number;

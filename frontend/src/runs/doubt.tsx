@@ -2,6 +2,8 @@
 
 import { useResolve, type Answer } from "@/api/commands";
 import { useKept } from "@/api/kept";
+import { useTopics } from "@/api/live";
+import { useDevices } from "@/api/queries";
 import { formatVolume, toSeconds } from "@/model/format";
 import { evidenceRows, waitingSteps } from "@/model/evidence";
 import { stepNumber } from "@/model/runs";
@@ -56,9 +58,13 @@ export function DoubtCard({ run, job, question }: { run: Run; job: Job; question
 
 export function Evidence({ job }: { job: Job }) {
   const time = useLabTime();
+  const devices = useDevices();
+  useTopics("devices");
+  const isOpen = job.state === "in_doubt" || Boolean(job.recovery);
+  const device = isOpen ? devices.data?.find((one) => one.id === job.device.id) : null;
   return (
     <dl className="kv t12">
-      {evidenceRows(job, (at) => time.second(at)).map((row) => (
+      {evidenceRows(job, (at) => time.second(at), device ?? null).map((row) => (
         <div className="kvrow" key={row.label}>
           <dt>{row.label}</dt>
           <dd>{row.text}</dd>

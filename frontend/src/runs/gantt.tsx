@@ -103,7 +103,8 @@ function BarMark(props: {
   const width = share(gantt, bar.end_s) - left;
   const took = formatDuration(bar.end_s - bar.start_s);
   const state = jobState(bar.job.state);
-  const title = `${bar.label} ${bar.job.sentence} · ${state.word}, ${took}`;
+  const word = bar.look === "away" ? `${state.word} when last heard` : state.word;
+  const title = `${bar.label} ${bar.job.sentence} · ${word}, ${took}`;
   return (
     <Hint text={title}>
       <button

@@ -3,7 +3,8 @@
 import { useTopics } from "@/api/live";
 import { useDevices } from "@/api/queries";
 import { findProblems, pauseText, stepNumber, type Problem } from "@/model/runs";
-import { formatVolume, sentence } from "@/model/format";
+import { problemText } from "@/model/evidence";
+import { formatVolume } from "@/model/format";
 import { jobState } from "@/model/states";
 import type { Job, Run } from "@/model/wire";
 import { Link } from "react-router";
@@ -57,7 +58,7 @@ function ProblemCard({ run, problem }: { run: Run; problem: Problem }) {
         </span>
       </div>
       <div className="pb">
-        <h2>{sentence(job.message) || `${job.sentence} did not complete`}</h2>
+        <h2>{problemText(job) || `${job.sentence} did not complete`}</h2>
         <p className="s" data-testid="problem-effect">
           {effectText(job)}
         </p>
@@ -158,6 +159,11 @@ function PausedCard({ run }: { run: Run }) {
             Still under way: {job.device.name}, {job.sentence}
           </p>
         ))}
+        {run.pause_reasons.some((reason) => reason.kind === "stopped") && (
+          <p className="s" data-testid="halted">
+            {words.halted}
+          </p>
+        )}
         <ul className="reasons">
           {run.pause_reasons.map((reason, place) => (
             <li key={place}>

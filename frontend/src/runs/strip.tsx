@@ -69,8 +69,9 @@ const isByPerson = (state: StepState): boolean => state === "skipped" || state =
 function StepTime({ step }: { step: StepProgress }) {
   const now = useNow();
   const time = useLabTime();
+  if (step.state === "skipped") return null;
   if (step.state === "doubt" && step.started_s !== null) return <>{time.minute(step.started_s)}</>;
   if (step.started_s !== null) return <>{formatDuration((step.ended_s ?? now) - step.started_s)}</>;
-  if (step.state === "waiting" || step.state === "skipped") return null;
+  if (step.state === "waiting") return null;
   return <>≈ {formatDuration(step.step.estimate_s)}</>;
 }

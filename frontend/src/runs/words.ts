@@ -14,6 +14,8 @@ export const words = {
   },
   pause: "Pause",
   pausing: "Pausing – after the actions that are under way",
+  halted:
+    "The stop halted every device: stirring, heating or flow that an earlier action began may be off, though the record still tells its set-point. Look at the devices before you resume.",
   resume: "Resume",
   alsoPause: "Pause, too",
   exports: {
@@ -128,7 +130,7 @@ export const words = {
     discard: "I cannot tell",
     note: "Note, required",
     noteHelp: "What you saw: scale, balance, camera, level.",
-    sent: "Your answer is on its way to the host.",
+    sent: "An answer is on its way to the host. It stands here once the host has it.",
     mayNot: "Resolving needs the role chemist.",
   },
 } as const;

@@ -219,8 +219,10 @@ def _hosts_away(jobs: list[Job]) -> list[dict[str, Any]]:
         if host.state != SessionState.ISOLATED.value or JobState(job.state) in FINAL:
             continue
         entry = {"id": str(host.id), "name": host.name, "since_at": iso(host.away_since_at)}
-        known = found.setdefault(host.id, {**entry, "jobs_count": 0})
-        known["jobs_count"] += JobState(job.state) in AT_EDGE
+        known = found.setdefault(host.id, {**entry, "jobs_count": 0, "job_ids": []})
+        if JobState(job.state) in AT_EDGE:
+            known["jobs_count"] += 1
+            known["job_ids"].append(str(job.id))
     return list(found.values())
 
 

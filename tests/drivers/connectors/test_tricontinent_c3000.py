@@ -242,6 +242,20 @@ def test_a_pump_that_stays_busy_is_halted_and_told_how_far_it_came(
     assert caught.value.context["moved_ul"] == 500.0
 
 
+def test_a_motion_that_ended_while_nobody_could_look_is_not_called_slow(
+    play: Play, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # The host was halted for longer than the motion may take, between two looks.
+    monkeypatch.setattr(module, "SLACK_S", -2.9)
+    monkeypatch.setattr(module, "POLL_S", 0.2)
+    text = (
+        ready()
+        + "> /1V300A600R\\r\n< /0@\\x03\\r\\n\n> /1Q\\r\n< /0@\\x03\\r\\n\n"
+        + "> /1Q\\r\n< /0`\\x03\\r\\n\n> /1?\\r\n< /0`600\\x03\\r\\n\n"
+    )
+    assert pump(play(text=text)).aspirate(1000.0, 500.0).moved_ul == 1000.0
+
+
 @pytest.mark.parametrize(
     ("volume_ul", "rate_ul_s", "code"),
     [

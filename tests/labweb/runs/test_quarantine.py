@@ -15,6 +15,7 @@ from labweb.runs import services
 from labweb.runs.models import Attempt, Job, Outbox
 from labweb.runs.services.dispatch import send_cancel
 from tests.builders import Bench, Edge, a_started_run, an_edge, dispatched, next_job, to_transfer
+from tests.labweb.web import signed_in
 
 
 def state_of(attempt: Attempt) -> str:
@@ -159,6 +160,8 @@ def test_what_waits_for_an_isolated_host_is_suspended_and_what_was_sent_is_not(
     assert state_of(attempt) == "dispatched"
     waiting = run.jobs.exclude(pk=attempt.job_id)
     assert set(waiting.values_list("state", flat=True)) == {"suspended"}
+    told = signed_in(bench.people["chemist"]).get(f"/api/v1/runs/{run.id}").json()["hosts_away"]
+    assert [(one["jobs_count"], one["job_ids"]) for one in told] == [(1, [str(attempt.job_id)])]
     assert services.isolate_hosts() == 0
     enrollment_services.beat(edge.host_id, edge.epoch, {})
     services.isolate_hosts()
