@@ -119,6 +119,14 @@ def test_a_flask_that_nothing_leads_into_is_refused() -> None:
     assert "conducts one way" in finding["message"]
 
 
+def test_a_break_that_is_met_twice_is_told_once() -> None:
+    graph = chemputer(
+        "flask_a:0 > valve_1:0", "pump_1:0 = valve_1:-1", "valve_1:5 > waste_b:0",
+        "valve_1:-1 = pump_2:0",
+    )  # fmt: skip
+    assert codes_of(graph, "flask_a", "waste_b") == ["plan.tee"]
+
+
 def test_two_outer_ports_of_a_valve_are_never_joined() -> None:
     graph = chemputer(
         "flask_a:0 > valve_1:0", "valve_1:1 > valve_2:0", "valve_2:-1 = pump_1:0",
