@@ -9,7 +9,7 @@ import math
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from decimal import Decimal
+from decimal import Decimal, InvalidOperation
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
@@ -19,8 +19,10 @@ from labweb.domain.errors import UnitError
 if TYPE_CHECKING:
     import pint
 
-_QUANTITY = re.compile(r"^([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(\S.*)$")
+_QUANTITY = re.compile(r"^([+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?)\s*(\S.*)$")
+_COMMA = re.compile(r"[0-9],[0-9]")
 _LONGEST_TEXT = 64
+_MOST_EXPONENT = 15
 
 
 @cache
@@ -124,7 +126,7 @@ def _split(text: object, wanted: Dimension) -> tuple[Decimal, str]:
             code="unit.not_text",
         )
     stripped = text.strip().replace("\u2009", " ").replace("\u2212", "-")
-    if re.match(r"^[+-]?\d+,\d", stripped):
+    if _COMMA.search(stripped):
         raise UnitError(f"{text!r}: write a decimal point, not a comma", code="unit.comma")
     match = _QUANTITY.match(stripped)
     if match is None:
@@ -133,10 +135,19 @@ def _split(text: object, wanted: Dimension) -> tuple[Decimal, str]:
             f"'5 {next(iter(wanted.units))}'",
             code="unit.unreadable",
         )
-    number = Decimal(match.group(1))
-    if abs(number.adjusted()) > 15:
-        raise UnitError(f"{text!r} is out of any laboratory's range", code="unit.not_finite")
-    return number, match.group(2).strip()
+    return _number(match.group(1), text), match.group(2).strip()
+
+
+def _number(digits: str, text: object) -> Decimal:
+    """Return the number that digits write, unless it is beyond any laboratory."""
+    beyond = UnitError(f"{text!r} is out of any laboratory's range", code="unit.not_finite")
+    try:
+        number = Decimal(digits)
+    except InvalidOperation as error:  # an exponent that nothing can be computed with
+        raise beyond from error
+    if abs(number.adjusted()) > _MOST_EXPONENT:
+        raise beyond
+    return number
 
 
 @dataclass(frozen=True, slots=True)
@@ -232,7 +243,6 @@ def read_quantity(text: object, notation: Notation) -> Reading:
 
 
 _MINUS = "\u2212\u2013\ufe63\uff0d"
-_COMMA = re.compile(r"[0-9],[0-9]")
 _VAGUE = re.compile(
     r"\b(?:drops?|drop-?wise|pinch(?:es)?|few|some|several|spatula\w*|portions?|trace|excess|catalytic"
     r"|ca|circa|about|approx\w*|minimal|little)\b|[~\u2248\u00b1<>\u2264\u2265]|\+/-"
@@ -264,9 +274,7 @@ def _value_of(plain: str, text: str, notation: Notation, default_unit: str) -> D
     match = _SIGNED.match(plain.strip())
     if match is None:
         raise _unreadable(text, notation, "unit.unreadable")
-    number = Decimal(match["number"])
-    if abs(number.adjusted()) > 15:
-        raise UnitError(f"{text!r} is out of any laboratory's range", code="unit.not_finite")
+    number = _number(match["number"], text)
     unit = _unit_of(match["unit"].strip() or default_unit, text, notation)
     factor, offset = _scale(unit, notation.standard)
     value = _rounded(number * factor + offset)

@@ -50,7 +50,9 @@ def find_breaks(network: Network, wanted: Wanted, defects: tuple[Finding, ...]) 
     way = [source.key, *(elements[step.element].key for step in steps)]
     for each in (flaw for step in steps for flaw in step.flaws):
         context = {"source": source.key, "target": target.key, "reached": each.element, "way": way}
-        findings.append(Finding(each.code, each.tell(), each.element, context))
+        finding = Finding(each.code, each.tell(), each.element, context)
+        if finding not in findings:  # a way out and back again meets the same break twice
+            findings.append(finding)
     if not findings:
         message = (
             f"no way from {source.key} to {target.key} fits what is asked: "

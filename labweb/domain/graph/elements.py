@@ -91,7 +91,13 @@ class Element:
             return None
         pair = frozenset((entered, left))
         if self.positions:
-            return next((name for name, pairs in self.positions.items() if pair in pairs), None)
+            # A position that joins one of the two to a third port, too, would divide the flow.
+            found = (
+                name
+                for name, pairs in self.positions.items()
+                if pair in pairs and not any(other & pair for other in pairs - {pair})
+            )
+            return next(found, None)
         if self.common_port is None or self.common_port not in pair:
             return None
         other = left if entered == self.common_port else entered

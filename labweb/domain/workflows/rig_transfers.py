@@ -25,6 +25,9 @@ Source:
 FULL_STROKE_S = 20.0
 """A full syringe takes at least this long."""
 
+_LEAST_UL_S = 1e-6
+"""Rates are written to so much."""
+
 MOST_COMMANDS = 100_000
 """Most commands that one transfer is planned with."""
 
@@ -74,7 +77,8 @@ def parse_request(line: bytes) -> TransferRequest | list[Finding]:
     return _parse(value)
 
 
-def _parse(value: Mapping[str, Any]) -> TransferRequest | list[Finding]:
+def _parse(given: Mapping[str, Any]) -> TransferRequest | list[Finding]:
+    value = {name: part for name, part in given.items() if part is not None or name in _NEEDED}
     found = [
         Finding("request.malformed", f"{name}: is not a field of a transfer", name)
         for name in sorted(set(value) - _FIELDS)
@@ -121,6 +125,9 @@ def _rate(value: Mapping[str, Any], name: str, found: list[Finding]) -> float | 
         return None
     if rate_ul_s <= 0:
         found.append(Finding("unit.not_positive", f"{name}: is not positive", name))
+    elif rate_ul_s < _LEAST_UL_S:
+        message = f"{name}: {value[name]!r} is slower than any pump: at least 0.000001 uL/s is read"
+        found.append(Finding("unit.out_of_range", message, name))
     return rate_ul_s
 
 

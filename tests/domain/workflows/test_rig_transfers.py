@@ -75,7 +75,11 @@ def test_a_rate_that_is_asked_for_is_the_rate() -> None:
         (b'{"from":"a","to":"b","volume":"two drops"}', ["volume"]),
         (b'{"from":"a","to":"b","volume":"1,5 mL"}', ["volume"]),
         (b'{"from":"a","to":"b","volume":"-5 mL"}', ["volume"]),
+        (b'{"from":"a","to":"b","volume":"1.500,5 mL"}', ["volume"]),
+        (b'{"from":"a","to":"b","volume":"1e99999999999999999999 mL"}', ["volume"]),
+        (b'{"from":"a","to":"b","volume":null}', ["volume"]),
         (b'{"from":"a","to":"b","volume":"1 mL","through":"c"}', ["through"]),
+        (b'{"from":"a","to":"b","volume":"1 mL","rate":"1e-12 mL/min"}', ["rate"]),
         (b'{"from":"a","to":"b","volume":"1 mL","rate":"0 mL/min"}', ["rate"]),
         (b'{"from":"a","from":"c","to":"b","volume":"1 mL"}', [""]),
         (b'{"from":"\xff","to":"b","volume":"1 mL"}', [""]),
@@ -89,6 +93,12 @@ def test_a_malformed_line_is_told_field_by_field(line: bytes, subjects: list[str
     assert [finding["subject"] for finding in answer["findings"]] == subjects
     assert all(f["code"].startswith(("request.", "unit.")) for f in answer["findings"])
     assert all(set(f) == {"code", "message", "subject"} for f in answer["findings"])
+
+
+def test_a_field_that_is_null_is_left_out() -> None:
+    fields = ("from_port", "to_port", "through", "rate", "draw_rate", "push_rate")
+    plain = steps_of(TWO, "flask_a", "reactor_b", "1 mL")
+    assert steps_of(TWO, "flask_a", "reactor_b", "1 mL", **dict.fromkeys(fields)) == plain
 
 
 def test_ends_that_are_no_vessels_are_refused() -> None:
@@ -107,6 +117,14 @@ def test_a_flask_that_nothing_leads_into_is_refused() -> None:
     (finding,) = answer["findings"]
     assert (finding["code"], finding["subject"]) == ("plan.no_tube", "flask_a")
     assert "conducts one way" in finding["message"]
+
+
+def test_a_break_that_is_met_twice_is_told_once() -> None:
+    graph = chemputer(
+        "flask_a:0 > valve_1:0", "pump_1:0 = valve_1:-1", "valve_1:5 > waste_b:0",
+        "valve_1:-1 = pump_2:0",
+    )  # fmt: skip
+    assert codes_of(graph, "flask_a", "waste_b") == ["plan.tee"]
 
 
 def test_two_outer_ports_of_a_valve_are_never_joined() -> None:

@@ -223,6 +223,19 @@ def planned(tmp_path: Path, declared: str, *options: str) -> tuple[int, str, str
     return run(tmp_path, text, "--json", *given, graph=graph)
 
 
+def test_an_option_that_is_given_again_is_one_more(tmp_path: Path) -> None:
+    bind = ("--bind", "reactor=nowhere", "--bind", "water=nothing")
+    code, out, _ = run(tmp_path, recipe(ADD), "--json", *bind)
+    told = " ".join(finding["message"] for finding in json.loads(out)["findings"])
+    assert (code, "nowhere" in told, "nothing" in told) == (2, True, True)
+
+
+def test_what_a_vessel_holds_is_given_once(tmp_path: Path) -> None:
+    holds = ("--holds", "reactor=water:5 mL", "reactor=water:6 mL")
+    code, out, err = run(tmp_path, recipe(ADD), *holds)
+    assert (code, out, "given twice" in err) == (1, "", True)
+
+
 def test_what_is_stated_beside_a_recipe_binds_it(tmp_path: Path) -> None:
     declared = (STATION / "protocols/benzhydryl_acetate.declared.json").read_text("utf-8")
     code, out, err = planned(tmp_path, declared)

@@ -9,6 +9,8 @@ import sys
 from pathlib import Path
 from typing import Any
 
+import pytest
+
 from tests.domain.workflows.rigs import chemputer
 
 ROOT = Path(__file__).parents[3]
@@ -59,3 +61,44 @@ def test_a_refused_graph_is_exit_code_1_and_every_line_is_told_why(tmp_path: Pat
     assert code == 1
     assert [a["findings"][0]["code"] for a in answers] == ["graph.duplicate_id"] * 2
     assert "flask_a" in stderr
+
+
+def test_answers_that_cannot_be_written_are_exit_code_1(tmp_path: Path) -> None:
+    (tmp_path / "graph.json").write_text(json.dumps(GRAPH))
+    (tmp_path / "requests.jsonl").write_text(GOOD)
+    command = [sys.executable, "manage.py", "compile_transfers"]
+    with Path("/dev/full").open("w") as full:
+        done = subprocess.run(
+            [*command, str(tmp_path / "graph.json"), str(tmp_path / "requests.jsonl")],
+            cwd=ROOT,
+            stdout=full,
+            stderr=subprocess.PIPE,
+            text=True,
+            timeout=120,
+            check=False,
+        )
+    assert done.returncode == 1
+    assert "cannot write the answers: No space left on device" in done.stderr
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["compile_transfers", "graph.json"],
+        ["interpret"],
+        ["compile_protocol", "recipe.xdl"],
+        ["convert_graph", "in", "out", "--to", "nothing"],
+        ["convert_protocol", "in", "out", "--speed"],
+    ],
+)
+def test_words_that_a_command_does_not_understand_are_exit_code_1(words: list[str]) -> None:
+    done = subprocess.run(
+        [sys.executable, "manage.py", *words],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+    )
+    assert (done.returncode, done.stdout) == (1, "")
+    assert "usage: manage.py" in done.stderr

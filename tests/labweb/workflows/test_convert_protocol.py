@@ -165,3 +165,10 @@ def test_it_runs_where_no_database_is(tmp_path: Path) -> None:
         [*program, *missing], cwd=ROOT, env=os.environ | nowhere, check=False, capture_output=True
     )
     assert refused.returncode == 1
+
+
+def test_a_graph_that_is_none_is_exit_code_1(tmp_path: Path) -> None:
+    (tmp_path / "graph.json").write_text("{}")
+    with pytest.raises(CommandError, match=r"lab_file\.no_nodes") as caught:
+        convert(tmp_path, "", "--to", "workflow", "--lab", str(tmp_path / "graph.json"))
+    assert caught.value.returncode == 1

@@ -87,3 +87,15 @@ def test_answers_of_compile_transfers_are_judged_line_by_line(tmp_path: Path) ->
     assert code == 2
     assert {finding["subject"] for finding in found} == {"line 2"}
     assert {f["code"] for f in found} == {"interpret.syringe_not_empty", "interpret.claim"}
+
+
+def test_a_line_that_is_no_request_is_rightly_refused(tmp_path: Path) -> None:
+    requests = tmp_path / "requests.jsonl"
+    lines = ["nonsense", json.dumps({"from": "a", "to": "b", "volume": "1 mL", "through": 5})]
+    requests.write_text("\n".join(lines))
+    both = json.dumps({"ok": False, "findings": []})
+    assert run(tmp_path, f"{both}\n{both}", "--request", str(requests))[:2] == (0, "proved")
+    both = json.dumps({"ok": True, "steps": []})
+    code, stdout, _ = run(tmp_path, f"{both}\n{both}", "--request", str(requests), "--json")
+    found = [(finding["subject"], finding["code"]) for finding in json.loads(stdout)["findings"]]
+    assert (code, found) == (2, [("line 1", "lab_file.json"), ("line 2", "interpret.shape")])

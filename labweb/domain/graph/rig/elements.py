@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
-from decimal import Decimal, InvalidOperation
+from decimal import Decimal, InvalidOperation, Overflow
 from functools import lru_cache
 from typing import Any
 
@@ -80,8 +80,8 @@ def element_of(key: str, node: Mapping[str, Any]) -> Element:
 def _text(places: list[Mapping[str, Any]], name: str) -> str | None:
     for place in places:
         value = place.get(name)
-        if isinstance(value, str) and value:
-            return value
+        if isinstance(value, str | int) and not isinstance(value, bool) and value != "":
+            return str(value)
     return None
 
 
@@ -118,7 +118,7 @@ def volume_nl(value: object) -> int | None:
         return None
     try:
         amount = Decimal(str(value).strip()) * _NL_PER_ML
-    except InvalidOperation:
+    except (InvalidOperation, Overflow):
         return None
     is_volume = amount.is_finite() and 0 <= amount < _LARGEST_NL
     return int(amount) if is_volume else None

@@ -27,7 +27,6 @@ from labweb.domain.graph.rig.lab import is_lab, rig_of_lab
 from labweb.domain.graph.rig.model import Rig, RigFormat
 from labweb.domain.graph.topology import Medium
 
-_VALVE_PORT = "-1"
 _GZIP = b"\x1f\x8b"
 _GZIP_WINDOW = 31
 """Says to zlib that a gzip head comes first."""
@@ -131,7 +130,8 @@ def _keyed(
         key = _key(node.get("id"))
         if key is None:
             subject = f"nodes[{place}]"
-            findings.append(Finding("lab_file.node_id", f"{subject}: id is missing", subject))
+            given = f"its id {node['id']!r:.80} is no text" if node.get("id") else "id is missing"
+            findings.append(Finding("lab_file.node_id", f"{subject}: {given}", subject))
         else:
             found.append((key, node))
     counts = Counter(key for key, _ in found)
@@ -188,8 +188,7 @@ def _tube(
     if one_ended:
         # One number is the valve's: of the only valve, or of the one that the link leaves.
         valve_at_target = sorts[1].role.value == "valve" and sorts[0].role.value != "valve"
-        port = source_port or _VALVE_PORT
-        source_port, target_port = ("", port) if valve_at_target else (port, "")
+        source_port, target_port = ("", source_port) if valve_at_target else (source_port, "")
         if sorts[0].role.value != "valve":
             source_port = ""
     medium = medium_of(link, sorts, chemputer=chemputer)
@@ -210,7 +209,7 @@ def _tube(
 def _is_one_ended(link: Mapping[str, Any]) -> bool:
     """Tell whether a link names one port for both ends, as rigs of 2018 do."""
     port = link.get("port")
-    if isinstance(port, bool | Mapping) or port is None:
+    if isinstance(port, bool) or not isinstance(port, str | int):
         return False
     text = str(port).strip()
     return bool(text) and not text.startswith("(")

@@ -12,6 +12,9 @@ from labweb.domain.graph.lab_file.guard import refuse
 from labweb.domain.graph.rig.graphml import GRAPHML, JSON_KEY
 from labweb.domain.graph.rig.model import Rig, RigFormat
 
+_UNHELD = re.compile(r"[\x00-\x08\x0b\x0c\x0e-\x1f\ud800-\udfff\ufffe\uffff]")
+"""What no XML holds, and so no id, port or name of a field in it."""
+
 _PLAIN = re.compile(r"[^\x00-\x08\x0b\x0c\x0d\x0e-\x1f\ud800-\udfff\ufffe\uffff]*")
 _FOR_NODES, _FOR_LINKS = "node", "edge"
 
@@ -26,7 +29,8 @@ def write_rig(rig: Rig, wanted: RigFormat | None = None) -> bytes:
 
     Raises:
         LabFileError: `lab_file.format`: a `lab.json` is written from a lab, and is no other
-            format, because a rig knows neither devices nor contents.
+            format, because a rig knows neither devices nor contents. `lab_file.text`: an id, or
+            the name of a field, has a character that GraphML cannot hold.
     """
     wanted = wanted or rig.format
     if wanted is rig.format and rig.text is not None:
@@ -69,6 +73,10 @@ def _graphml(rig: Rig, value: Mapping[str, Any]) -> bytes:
     root.append(graph)
     indent(root)
     text: str = tostring(root, encoding="unicode")
+    if (unheld := _UNHELD.search(text)) is not None:
+        around = text[max(0, unheld.start() - 20) : unheld.end()]
+        message = f"GraphML cannot hold the last character of {around!r}: give it another name"
+        raise refuse("lab_file.text", message)
     return f"<?xml version='1.0' encoding='UTF-8'?>\n{text}".encode()
 
 

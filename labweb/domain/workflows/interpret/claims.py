@@ -12,6 +12,7 @@ from labweb.domain.workflows.interpret.pneumatics import (
     Before,
     check_conditions,
     check_gas,
+    check_settings,
     check_stop_gas,
     check_vacuum,
     check_vent,
@@ -250,12 +251,13 @@ def _check_setting(state: State, claim: Claim, before: Before) -> None:
     found = {table[device] for device in devices if device in table}
     if found != (set() if wanted is None else {wanted}):
         fail(state, f"{claim.vessel} has {sorted(found)} and not {wanted} ({claim.kind})")
+    check_settings(state, action, wanted)
 
 
 def _check_reach(state: State, claim: Claim, before: Before) -> None:
     del before
     windows = [effect.value for effect in _effects(state, "await_temperature")]
-    if (claim.low_c, claim.high_c) not in windows:
+    if {*windows} != {(claim.low_c, claim.high_c)}:
         fail(state, f"nothing waits until {claim.vessel} is in the window")
 
 

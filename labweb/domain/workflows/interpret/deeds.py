@@ -82,11 +82,11 @@ def _stop_temperature(state: State, action: Action) -> object:
 
 def _start_vacuum(state: State, action: Action) -> object:
     parameters = action.parameters
-    if isinstance(parameters, schema.Pressure):
-        state.vacuums[action.device] = Vacuum(
-            is_running=True, pressure_mbar=parameters.pressure_mbar
-        )
-    return None
+    if not isinstance(parameters, schema.Pressure):
+        return None
+    pressure_mbar = parameters.pressure_mbar
+    state.vacuums[action.device] = Vacuum(is_running=True, pressure_mbar=pressure_mbar)
+    return pressure_mbar
 
 
 def _stop_vacuum(state: State, action: Action) -> object:

@@ -16,7 +16,7 @@ from labweb.domain.workflows.interpret.filling import check_filling
 from labweb.domain.workflows.interpret.matter import NOTHING, Contents
 from labweb.domain.workflows.interpret.plan import Action, Plan, Step
 from labweb.domain.workflows.interpret.plumbing import COLLECT, Plumbing
-from labweb.domain.workflows.interpret.pneumatics import Before
+from labweb.domain.workflows.interpret.pneumatics import FOR_GAS, Before
 from labweb.domain.workflows.interpret.reactivity import Came, Reactivity
 from labweb.domain.workflows.interpret.rounds import Rounds
 from labweb.domain.workflows.interpret.schema import BY_HAND, TIMER, Claim
@@ -143,8 +143,10 @@ def _execute_step(state: State, step: Step) -> Record:
         if syringe.nominal:
             message = f"{key} ends with {microlitres(syringe.nominal)} in it"
             state.complain("interpret.syringe_not_empty", message, device=key)
-    for key in sorted(record.solenoids & state.stands.opened):
+    opened = record.solenoids | (set() if step.claim.kind in FOR_GAS else record.opened)
+    for key in sorted(opened & state.stands.opened):
         state.complain("interpret.solenoid_open", f"{key} is left open", device=key)
+    record.touched.update(_places(step.claim))
     if all(_is_place(state, key) for key in _places(step.claim)):
         check_claim(state, step.claim, before)
     return record
@@ -238,7 +240,7 @@ def _execute_group(state: State, group: tuple[Action, ...]) -> None:
     seen: set[tuple[str, str]] = set()
     for action in known:
         sort = "" if action.name in TURN | PLUNGER else action.name
-        if action.device not in (BY_HAND, TIMER) and (action.device, sort) in seen:
+        if action.device != BY_HAND and (action.device, sort) in seen:
             message = f"{action.device} is asked for two things at once"
             state.complain("interpret.device_twice", message, device=action.device)
         seen.add((action.device, sort))

@@ -11,6 +11,8 @@ from labweb.domain.workflows.interpret.schema import Claim
 from labweb.domain.workflows.interpret.state import State
 
 PUMP_WORDS = frozenset(("start_vacuum", "stop_vacuum", "vent"))
+FOR_GAS = frozenset(("vacuum", "vent", "gas", "stop_gas"))
+"""Kinds of claims that speak of gas and vacuum."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,8 +44,16 @@ def check_vacuum(state: State, claim: Claim, before: Before) -> None:
     for pump in pumps & state.running_pumps():
         if state.vacuums[pump].pressure_mbar != claim.pressure_mbar:
             fail(state, f"{pump} draws to {state.vacuums[pump].pressure_mbar} mbar")
+    check_settings(state, "start_vacuum", claim.pressure_mbar)
     _check_pumps(state, pumps)
     _check_also(state, claim, before)
+
+
+def check_settings(state: State, action: str, wanted: object) -> None:
+    """Refuse what a step sets on the way to what it claims: matter sees that, too."""
+    for effect in state.record.effects:
+        if effect.name == action and effect.value != wanted:
+            fail(state, f"{effect.device} is set to {effect.value} on the way, not to {wanted}")
 
 
 def _check_also(state: State, claim: Claim, before: Before) -> None:
@@ -111,9 +121,8 @@ def check_stop_gas(state: State, claim: Claim, before: Before) -> None:
 
 def check_conditions(state: State, claim: Claim, before: Before) -> None:
     """Refuse gas and vacuum that come or go where the claim does not say so."""
-    speaks = {"vacuum", "vent", "gas", "stop_gas"}
     for vessel in state.exposed:
-        if claim.kind in speaks and vessel == claim.vessel:
+        if claim.kind in FOR_GAS and vessel == claim.vessel:
             continue
         if state.sources(vessel) != before.sources.get(vessel, set()):
             message = f"gas on {vessel} comes or goes in a {claim.kind}"

@@ -12,7 +12,7 @@ from labweb.domain.workflows.interpret.execute import execute
 from labweb.domain.workflows.interpret.matter import UNITS_PER_NL, Contents, Range
 from labweb.domain.workflows.interpret.plan import Action, Plan, Step, parse_groups
 from labweb.domain.workflows.interpret.plumbing import Plumbing
-from labweb.domain.workflows.interpret.schema import Claim
+from labweb.domain.workflows.interpret.schema import TIMER, Claim
 
 _LOT = "asked"
 
@@ -26,15 +26,16 @@ def check_answer(rig: Rig, request: bytes, answer: bytes) -> list[Finding]:
     Raises:
         LabFileError: A line is no JSON.
     """
-    asked, answered = decode_json(request), decode_json(answer)
+    answered = decode_json(answer)
     if not isinstance(answered, dict) or not isinstance(answered.get("ok"), bool):
         return [Finding("interpret.shape", "the answer has no ok")]
     if not answered["ok"]:
         return []
+    asked = decode_json(request)
     if not isinstance(asked, dict):
         return [Finding("interpret.shape", "the request is no object")]
     findings: list[Finding] = []
-    groups = parse_groups(answered.get("steps"), findings)
+    groups = _without_waits(parse_groups(_timed(rig, answered.get("steps")), findings))
     try:
         volume_nl = parse_volume_nl(asked.get("volume"))
     except LabError as error:
@@ -42,11 +43,36 @@ def check_answer(rig: Rig, request: bytes, answer: bytes) -> list[Finding]:
         return findings
     ends = [asked.get("from"), asked.get("to")]
     through = asked.get("through") or []
-    if not all(isinstance(word, str) for word in (*ends, *through)):
+    words = [*ends, *through] if isinstance(through, list) else [None]
+    if not all(isinstance(word, str) for word in words):
         findings.append(Finding("interpret.shape", "from, to and through are ids"))
     if findings:
         return findings
     return _execute(rig, asked, groups, volume_nl)
+
+
+def _timed(rig: Rig, steps: object) -> object:
+    """Return steps in which the timer waits for each device that does nothing else meanwhile."""
+    keys = {element.key for element in rig.elements}
+
+    def timed(group: object) -> object:
+        if not isinstance(group, list) or not all(isinstance(part, dict) for part in group):
+            return group
+        devices = [part.get("device") for part in group]
+        alone = {key for key in devices if isinstance(key, str) and devices.count(key) == 1} & keys
+        return [
+            part | {"device": TIMER}
+            if part.get("action") == "wait" and str(part.get("device")) in alone
+            else part
+            for part in group
+        ]
+
+    return [timed(group) for group in steps] if isinstance(steps, list) else steps
+
+
+def _without_waits(groups: tuple[tuple[Action, ...], ...]) -> tuple[tuple[Action, ...], ...]:
+    """Leave out what only waits: a transfer says nothing of time."""
+    return tuple(tuple(one for one in group if one.name != "wait") for group in groups)
 
 
 def _execute(

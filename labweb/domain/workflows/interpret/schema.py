@@ -14,6 +14,7 @@ Amount = Annotated[float, Meta(ge=0, le=1e13)]
 Positive = Annotated[float, Meta(gt=0, le=1e13)]
 Duration = Annotated[float, Meta(ge=0, le=1e9)]
 Celsius = Annotated[float, Meta(ge=-273.15, le=10_000)]
+StepId = Annotated[int, Meta(ge=1)]
 Speed = Annotated[float, Meta(gt=0, le=1e6)]
 
 
@@ -82,13 +83,13 @@ class RawAction(Strict, frozen=True):
 class RawStep(Strict, frozen=True):
     """A step whose claim and actions are not read yet."""
 
-    id: Annotated[int, Meta(ge=1)]
+    id: StepId
     of: Of
     does: dict[str, object]
     actions: list[object]
-    after: list[int]
+    after: list[StepId]
     estimate_s: Duration
-    skip_if: list[int] = []
+    skip_if: list[StepId] = []
 
 
 class RawPlan(Strict, frozen=True):

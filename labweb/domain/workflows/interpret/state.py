@@ -77,6 +77,9 @@ class Record:
     solenoids: set[str] = field(default_factory=set)
     """Solenoids that liquid of this step went through."""
 
+    opened: set[str] = field(default_factory=set)
+    """Solenoids that this step has opened."""
+
     touched: set[str] = field(default_factory=set)
     """Devices and vessels: what must not be used by two steps at once."""
 

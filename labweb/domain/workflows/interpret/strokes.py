@@ -54,6 +54,7 @@ def turn(state: State, action: Action) -> None:
         state.record.turned.add(action.device)
     elif action.name == "open":
         state.stands.opened.add(action.device)
+        state.record.opened.add(action.device)
     else:
         state.stands.opened.discard(action.device)
 

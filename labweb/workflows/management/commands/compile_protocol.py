@@ -9,7 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from django.core.management.base import BaseCommand, CommandError
+from django.core.management.base import CommandError
 
 from labweb.domain.errors import Finding, LabError, LabFileError, UnitError
 from labweb.domain.graph.rig.read import read_rig
@@ -21,13 +21,14 @@ from labweb.domain.workflows.xdl.declared import bindings, read_declared
 from labweb.domain.workflows.xdl.markup import MAX_BYTES
 from labweb.domain.workflows.xdl.to_workflow import parse_pairs
 from labweb.workflows.management.commands.compile_transfers import read_graph
+from labweb.workflows.management.file_command import MANY, FileCommand
 
 REFUSED = 2
 _BY_HAND = {"plan.no_reagent", "plan.no_vessel", "plan.vessel_ambiguous"}
 _HOUR_S, _MINUTE_S = 3600, 60
 
 
-class Command(BaseCommand):
+class Command(FileCommand):
     """`manage.py compile_protocol`."""
 
     help = (
@@ -35,7 +36,6 @@ class Command(BaseCommand):
         "valve and device in order, with time, amounts and what a person does. Exit code: 0 there "
         "is a plan, 2 it is refused with every reason, 1 a file cannot be read. Needs no database."
     )
-    requires_system_checks = ()
 
     def add_arguments(self, parser: ArgumentParser) -> None:
         """Declare the options."""
@@ -47,9 +47,7 @@ class Command(BaseCommand):
             metavar="GRAPH",
             help="JSON or GraphML of a Chemputer or Uni-Lab-OS, or a lab.json",
         )
-        parser.add_argument(
-            "--bind", nargs="+", default=[], metavar="ROLE=VESSEL", help="vessel or flask to use"
-        )
+        parser.add_argument("--bind", **MANY, metavar="ROLE=VESSEL", help="vessel or flask to use")
         parser.add_argument(
             "--declared",
             type=Path,
@@ -58,25 +56,18 @@ class Command(BaseCommand):
         )
         parser.add_argument(
             "--holds",
-            nargs="+",
-            default=[],
+            **MANY,
             metavar="VESSEL=REAGENT:VOLUME",
             help="what a vessel of the graph holds before the first step",
         )
-        parser.add_argument(
-            "--rinse", nargs="+", default=[], metavar="REAGENT", help="rinses the lines"
-        )
+        parser.add_argument("--rinse", **MANY, metavar="REAGENT", help="rinses the lines")
         parser.add_argument(
             "--prime",
             action="store_true",
             help="fill the tubes whose volume the graph says, and push them out by gas",
         )
-        parser.add_argument(
-            "--blueprints", type=Path, nargs="+", default=[], help="files with blueprints it uses"
-        )
-        parser.add_argument(
-            "--parameter", nargs="+", default=[], metavar="ID=VALUE", help="value of a Parameter"
-        )
+        parser.add_argument("--blueprints", type=Path, **MANY, help="files with blueprints it uses")
+        parser.add_argument("--parameter", **MANY, metavar="ID=VALUE", help="value of a Parameter")
         parser.add_argument("--equiv-reference", default="", help="reagent that counts equivalents")
         parser.add_argument("--equiv-amount", default="", help="how much of it is one equivalent")
         parser.add_argument(
@@ -200,6 +191,8 @@ def _wish(options: dict[str, Any]) -> Wish:
             reagent, colon, volume = rest.rpartition(":")
             if not (vessel and equals and reagent and colon):
                 raise CommandError(f"--holds {text}: write VESSEL=REAGENT:VOLUME")
+            if reagent in holds.get(vessel, {}):
+                raise CommandError(f"--holds {text}: {reagent} in {vessel} is given twice")
             holds.setdefault(vessel, {})[reagent] = parse_volume_nl(volume)
     except ValueError as error:
         raise CommandError(str(error)) from error

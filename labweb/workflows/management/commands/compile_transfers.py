@@ -10,19 +10,20 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, BinaryIO
 
-from django.core.management.base import BaseCommand, CommandError
+from django.core.management.base import CommandError
 
 from labweb.domain.errors import Finding, LabFileError
 from labweb.domain.graph.lab_file.guard import MAX_BYTES
 from labweb.domain.graph.rig.model import Rig
 from labweb.domain.graph.rig.read import read_rig, unpacked
 from labweb.domain.workflows.rig_transfers import MOST_LINE_BYTES, compile_line
+from labweb.workflows.management.file_command import FileCommand
 
 REFUSED = 2
 """Exit code when at least one line was refused."""
 
 
-class Command(BaseCommand):
+class Command(FileCommand):
     """`manage.py compile_transfers`."""
 
     help = (
@@ -30,7 +31,6 @@ class Command(BaseCommand):
         "one JSON line for each, in order. Exit code: 0 all compiled, 2 some refused, 1 GRAPH or "
         "REQUESTS cannot be read."
     )
-    requires_system_checks = ()
 
     def add_arguments(self, parser: ArgumentParser) -> None:
         """Declare the options."""
@@ -56,20 +56,24 @@ class Command(BaseCommand):
         except LabFileError as error:
             problem = f"{error.code}: {error.message}"
             rig = list(error.findings) or [Finding(error.code, error.message)]
-        is_refused = False
-        try:
-            with _open(options["requests"]) as stream:
-                for line in _lines(stream):
-                    answer = compile_line(rig, line)
-                    is_refused |= not answer["ok"]
-                    text = json.dumps(answer, separators=(",", ":"))
-                    self.stdout.write(text)
-        except OSError as error:
-            raise CommandError(f"cannot read {options['requests']}: {error.strerror}") from error
+        is_refused = self._answer(rig, options["requests"])
         if problem:
             raise CommandError(problem)
         if is_refused:
             sys.exit(REFUSED)
+
+    def _answer(self, rig: Rig | list[Finding], requests: str) -> bool:
+        """Write an answer to each line; tell whether one was refused."""
+        is_refused = False
+        try:
+            for line in _read_lines(requests):
+                answer = compile_line(rig, line)
+                is_refused |= not answer["ok"]
+                self.stdout.write(json.dumps(answer, separators=(",", ":")))
+            self.stdout.flush()
+        except OSError as error:
+            raise CommandError(f"cannot write the answers: {error.strerror}") from error
+        return is_refused
 
 
 def read_graph(path: Path) -> bytes:
@@ -85,6 +89,14 @@ def _open(name: str) -> Iterator[BinaryIO]:
     else:
         with Path(name).open("rb") as stream:
             yield stream
+
+
+def _read_lines(name: str) -> Iterator[bytes]:
+    try:
+        with _open(name) as stream:
+            yield from _lines(stream)
+    except OSError as error:
+        raise CommandError(f"cannot read {name}: {error.strerror}") from error
 
 
 def _lines(stream: BinaryIO) -> Iterator[bytes]:

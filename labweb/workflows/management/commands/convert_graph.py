@@ -8,14 +8,15 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from django.core.management.base import BaseCommand, CommandError
+from django.core.management.base import CommandError
 
 from labweb.domain.errors import Finding, LabError
 from labweb.domain.workflows.graph_formats.convert import Target, convert
 from labweb.workflows.management.commands.compile_transfers import read_graph
+from labweb.workflows.management.file_command import FileCommand
 
 
-class Command(BaseCommand):
+class Command(FileCommand):
     """`manage.py convert_graph`."""
 
     help = (
@@ -23,7 +24,6 @@ class Command(BaseCommand):
         "nothing is written unless --lossy is given. Exit code: 0 written, 2 refused or written "
         "with losses, 1 a file cannot be read or written, or OUT is there already."
     )
-    requires_system_checks = ()
 
     def add_arguments(self, parser: ArgumentParser) -> None:
         """Declare the options."""

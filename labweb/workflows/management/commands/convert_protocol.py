@@ -9,9 +9,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from django.core.management.base import BaseCommand, CommandError
+from django.core.management.base import CommandError
 
-from labweb.domain.errors import Finding, LabError
+from labweb.domain.errors import Finding, LabError, LabFileError
 from labweb.domain.graph.rig.model import Rig
 from labweb.domain.graph.rig.read import read_rig
 from labweb.domain.workflows.agreement.check import check_same
@@ -24,12 +24,13 @@ from labweb.domain.workflows.xdl.recipe import Recipe
 from labweb.domain.workflows.xdl.to_workflow import parse_pairs
 from labweb.domain.workflows.xdl.write import VERSIONS, render_as
 from labweb.workflows.management.commands.compile_transfers import read_graph
+from labweb.workflows.management.file_command import MANY, FileCommand
 
 _XDL = {f"xdl-{version}": version for version in VERSIONS} | {"xdl-1": "1.0", "xdl-2": "2.0"}
 _FORMS = (*_XDL, "json", "workflow")
 
 
-class Command(BaseCommand):
+class Command(FileCommand):
     """`manage.py convert_protocol`."""
 
     help = (
@@ -37,19 +38,14 @@ class Command(BaseCommand):
         "workflow of labweb. Nothing is lost or guessed: a recipe that cannot be said there is "
         "refused with every reason. Needs no database."
     )
-    requires_system_checks = ()
 
     def add_arguments(self, parser: ArgumentParser) -> None:
         """Declare the options."""
         parser.add_argument("source", type=Path, metavar="IN", help="recipe to read")
         parser.add_argument("target", type=Path, metavar="OUT", help="file that is not there yet")
         parser.add_argument("--to", choices=_FORMS, default="xdl-2.0", help="form to write")
-        parser.add_argument(
-            "--blueprints", type=Path, nargs="+", default=[], help="files with blueprints it uses"
-        )
-        parser.add_argument(
-            "--bind", nargs="+", default=[], metavar="NAME=KEY", help="key of a vessel or reagent"
-        )
+        parser.add_argument("--blueprints", type=Path, **MANY, help="files with blueprints it uses")
+        parser.add_argument("--bind", **MANY, metavar="NAME=KEY", help="key of a vessel or reagent")
         parser.add_argument(
             "--declared", type=Path, help="what a person states of lab and matter, for a workflow"
         )
@@ -59,9 +55,7 @@ class Command(BaseCommand):
             metavar="GRAPH",
             help="refuse a workflow that would not do what the plan on this graph is proved to do",
         )
-        parser.add_argument(
-            "--parameter", nargs="+", default=[], metavar="ID=VALUE", help="value of a Parameter"
-        )
+        parser.add_argument("--parameter", **MANY, metavar="ID=VALUE", help="value of a Parameter")
         parser.add_argument(
             "--prime", action="store_true", help="fill and empty tubes, as the plan of --lab does"
         )
@@ -73,8 +67,8 @@ class Command(BaseCommand):
         """Convert, or say why not.
 
         Raises:
-            CommandError: Exit code 1: a file cannot be read or written. Exit code 2: the recipe
-                is refused. Nothing was written.
+            CommandError: Exit code 1: a file cannot be read or written, or is no graph. Exit code
+                2: the recipe is refused. Nothing was written.
         """
         target: Path = options["target"]
         if target.exists():
@@ -84,7 +78,8 @@ class Command(BaseCommand):
         except LabError as error:
             findings = error.findings or (Finding(error.code, error.message),)
             self._print(findings, as_json=options["json"])
-            raise CommandError(f"{error.code}: {error.message}", returncode=2) from error
+            code = 1 if isinstance(error, LabFileError) else 2
+            raise CommandError(f"{error.code}: {error.message}", returncode=code) from error
         try:
             with target.open("x", encoding="utf-8") as file:
                 file.write(text)

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from django.core.management.base import BaseCommand, CommandError
+from django.core.management.base import CommandError
 
 from labweb.domain.errors import Finding, LabError, LabFileError, ProtocolError
 from labweb.domain.graph.lab_file.guard import MAX_BYTES
@@ -20,19 +20,19 @@ from labweb.domain.workflows.interpret.execute import check_plan
 from labweb.domain.workflows.interpret.plan import parse_plan
 from labweb.domain.workflows.interpret.request import check_answer
 from labweb.workflows.management.commands.compile_transfers import read_graph
+from labweb.workflows.management.file_command import FileCommand
 
 NOT_PROVED = 2
 """Exit code when there is a finding."""
 
 
-class Command(BaseCommand):
+class Command(FileCommand):
     """`manage.py interpret`."""
 
     help = (
         "Execute PLAN symbolically on GRAPH and compare what came of it with what each step "
         "claims. Exit code: 0 proved, 2 not proved, 1 a file cannot be read. Needs no database."
     )
-    requires_system_checks = ()
 
     def add_arguments(self, parser: ArgumentParser) -> None:
         """Declare the options."""

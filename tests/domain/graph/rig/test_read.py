@@ -194,6 +194,38 @@ def test_one_number_on_a_link_is_the_port_of_its_valve() -> None:
     ]
 
 
+@pytest.mark.parametrize("port", [[], ["0", "3"], 3.0, True])
+def test_what_names_no_port_is_the_name_of_none(port: object) -> None:
+    nodes = [{"id": "f", "class": "ChemputerFlask"}, {"id": "v", "class": "ChemputerValve"}]
+    rig = read_rig(node_link(nodes, [{"source": "f", "target": "v", "port": port}]))
+    assert ports_of(rig) == [("f", "", "v", "", False)]
+
+
+@pytest.mark.parametrize("volume", ["1e999999", "1e99999999999999999999", "NaN", "25 mL", True])
+def test_what_is_no_volume_is_not_the_size_of_a_syringe(volume: object) -> None:
+    node = {"id": "p", "class": "virtual_transfer_pump", "config": {"max_volume": volume}}
+    assert read_rig(node_link([node], [])).elements[0].capacity_nl is None
+
+
+def test_a_common_port_may_be_a_number() -> None:
+    node = {"id": "v", "class": "virtual_multiway_valve", "config": {"common_port": 0}}
+    assert read_rig(node_link([node], [])).elements[0].common_port == "0"
+
+
+def test_a_position_that_joins_three_ports_is_never_turned_to() -> None:
+    joins = {"all": [["1", "2"], ["2", "3"]], "one": [["1", "2"], ["3", "4"]], "none": [["1", "3"]]}
+    node = {"id": "v", "class": "virtual_valve", "config": {"joins": joins}}
+    (valve,) = read_rig(node_link([node], [])).elements
+    assert [valve.position("1", "2"), valve.position("2", "3"), valve.position("3", "1")] == [
+        *("one", None, "none")
+    ]
+
+
+def test_an_id_of_another_type_is_told_as_it_stands() -> None:
+    (finding,) = refusal(node_link([{"id": 1.5}], [])).findings
+    assert (finding.code, "1.5" in finding.message) == ("lab_file.node_id", True)
+
+
 @pytest.mark.parametrize(
     ("raw", "code"),
     [
@@ -251,6 +283,15 @@ def test_a_node_link_graph_survives_graphml(fields: list[dict[str, Any]], top: o
     rig = read_rig(node_link(nodes, links, graph=top))
     again = read_rig(write_rig(rig, RigFormat.GRAPHML))
     assert json.loads(write_rig(again, RigFormat.NODE_LINK)) == json.loads(write_rig(rig))
+
+
+@pytest.mark.parametrize("node", [{"id": "a\x01"}, {"id": "a\ufffe"}, {"id": "a", "b\x02": 1}])
+def test_a_character_that_xml_cannot_hold_is_refused_and_not_written(node: dict[str, Any]) -> None:
+    rig = read_rig(node_link([node], []))
+    with pytest.raises(LabFileError) as caught:
+        write_rig(rig, RigFormat.GRAPHML)
+    assert caught.value.findings[0].code == "lab_file.text"
+    assert read_rig(write_rig(rig)).elements == rig.elements
 
 
 def published() -> list[Path]:

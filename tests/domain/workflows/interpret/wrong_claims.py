@@ -28,6 +28,19 @@ def seen(**found: object) -> dict[str, Any]:
     return {"does": right.EVAPORATE["does"], "actions": groups}
 
 
+def twice(right_step: dict[str, Any], **first: object) -> dict[str, Any]:
+    """The same step, which does something else before."""
+    (action,) = right_step["actions"][-1]
+    other = {**action, "parameters": {**action["parameters"], **first}}
+    return {**right_step, "actions": [[other], *right_step["actions"]]}
+
+
+def opening(right_step: dict[str, Any]) -> dict[str, Any]:
+    """The same step, which opens a solenoid that nothing goes through."""
+    return {**right_step, "actions": [[act("solenoid open")], *right_step["actions"]]}
+
+
+VACUUM_AFTER_WATER = plan(right.TO_REACTOR, right.VACUUM, right.VENT, flask_water=WATER)
 WRONG: list[tuple[str, dict[str, Any]]] = [
     ("overflow", plan(right.TO_REACTOR, flask_water=WATER, reactor={"ether": 84_000.001})),
     ("overflow", plan(right.ASK, reactor={"ether": 100_000.001})),
@@ -205,6 +218,19 @@ WRONG: list[tuple[str, dict[str, Any]]] = [
     ("shape", plan(seen(vessel="rotavap"))),
     ("shape", plan(seen(least_ul=5))),
     ("off_grid", plan(seen(vessel="rotavap", least_ul=0.0001))),
+    ("solenoid_open", plan(opening(right.WAIT))),
+    ("solenoid_open", plan(opening(right.TO_REACTOR), flask_water=WATER)),
+    (
+        "device_twice",
+        plan(step("wait", [[act("@timer wait", duration_s=30)] * 2], duration_s=60)),
+    ),
+    ("claim", plan(twice(right.HEAT, temperature_c=200), right.STOP_HEAT)),
+    ("claim", plan(twice(right.STIR, speed_rpm=2_000), right.STOP_STIR)),
+    ("claim", plan(twice(right.ROTATE, speed_rpm=280), right.STOP_ROTATE)),
+    ("claim", plan(twice(right.VACUUM_R, pressure_mbar=1), right.VENT_R)),
+    ("claim", plan(right.HEAT, twice(right.REACH, high_c=90, low_c=0), right.STOP_HEAT)),
+    ("unordered", of_step(VACUUM_AFTER_WATER, 1, after=[])),
+    ("unordered", of_step(plan(right.ADD_SOLID, right.GAS, right.STOP_GAS), 1, after=[])),
     ("left_running", plan(right.STIR)),
     ("left_running", plan(right.HEAT)),
     ("left_running", plan(right.VACUUM)),

@@ -41,6 +41,8 @@ WRONG: list[tuple[str, dict[str, Any]]] = [
     ("order", of_step(right.RIGHT["gas"], 1, id=7)),
     ("order", of_step(right.RIGHT["gas"], 1, after=[2])),
     ("unordered", of_step(right.RIGHT["gas"], 1, after=[])),
+    ("shape", of_step(right.RIGHT["gas"], 1, after=[0])),
+    ("shape", of_step(right.RIGHT["gas"], 1, skip_if=[-1])),
     ("off_grid", move(carry("0", "0", 0.0001))),
     ("other_graph", with_fields(right.RIGHT["gas"], graph_sha256="1" * 64)),
     ("capacity", with_fields(right.RIGHT["gas"], capacities_ul={"reactor": 100_001.0})),

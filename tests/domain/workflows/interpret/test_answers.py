@@ -1,4 +1,4 @@
-"""Tubes that meet at one port: what is joined there counts, unless a shut solenoid ends it."""
+"""Answers to requests: tubes that meet at one port, and devices that wait."""
 
 from __future__ import annotations
 
@@ -101,3 +101,22 @@ def test_a_manifold_that_nobody_names_may_lie_behind_a_cartridge() -> None:
     )  # fmt: skip
     steps = ask(graph, "flask_a", "waste_b", "1 mL", through=["cartridge_c"])["steps"]
     assert not found(graph, steps, through=["cartridge_c"])
+
+
+def wait(device: str) -> dict[str, Any]:
+    return act(f"{device} wait", duration_s=5)
+
+
+@pytest.mark.parametrize("device", ["@timer", "pump_1", "valve_1"])
+def test_a_device_may_wait_between_strokes_and_while_others_move(device: str) -> None:
+    graph = chemputer(*VALVE)
+    assert not found(graph, [*STROKE[:2], [wait(device)], *STROKE[2:]])
+    if device != "pump_1":
+        assert not found(graph, [STROKE[0], [*STROKE[1], wait(device)], *STROKE[2:]])
+
+
+def test_nothing_waits_while_it_moves_and_nobody_waits_who_is_not_there() -> None:
+    graph = chemputer(*VALVE)
+    moving = [STROKE[0], [*STROKE[1], wait("pump_1")], *STROKE[2:]]
+    assert found(graph, moving) == {"interpret.unknown_action"}
+    assert found(graph, [[wait("nobody")], *STROKE]) == {"interpret.unknown_action"}
