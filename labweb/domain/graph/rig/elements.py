@@ -114,14 +114,20 @@ def volume_nl(value: object) -> int | None:
         >>> volume_nl("25.0"), volume_nl(-1.0), volume_nl("much")
         (25000000, None, None)
     """
+    number = decimal(value)
+    amount = None if number is None else number * _NL_PER_ML
+    return int(amount) if amount is not None and 0 <= amount < _LARGEST_NL else None
+
+
+def decimal(value: object) -> Decimal | None:
+    """Return a number as a file says it, as number or text; None: it is none."""
     if isinstance(value, bool) or not isinstance(value, int | float | str):
         return None
     try:
-        amount = Decimal(str(value).strip()) * _NL_PER_ML
+        found = Decimal(str(value).strip())
     except InvalidOperation:
         return None
-    is_volume = amount.is_finite() and 0 <= amount < _LARGEST_NL
-    return int(amount) if is_volume else None
+    return found if found.is_finite() else None
 
 
 def named_volume(entry: object) -> tuple[object, object] | None:

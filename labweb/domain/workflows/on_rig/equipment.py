@@ -5,14 +5,14 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from decimal import Decimal, InvalidOperation
+from decimal import Decimal
 from enum import StrEnum
 from functools import cached_property
 from itertools import product
 from typing import Any
 
 from labweb.domain.graph.elements import Element, Role
-from labweb.domain.graph.rig.elements import named_volume, volume_nl
+from labweb.domain.graph.rig.elements import decimal, named_volume, volume_nl
 from labweb.domain.graph.rig.model import Rig, RigFormat
 from labweb.domain.graph.topology import Medium
 
@@ -234,7 +234,7 @@ class Equipment:
         if element.role is Role.GAS:
             found = next((p["gas_type"] for p in places(element) if p.get("gas_type")), "")
             return GASES.get(str(found).strip().lower(), str(found))
-        if element.role is Role.VESSEL:
+        if element.role is Role.VESSEL and "flask" in element.kind.lower():
             return GASES.get(self.chemical(key).lower(), "")
         return ""
 
@@ -375,14 +375,9 @@ def _thermostat(element: Element) -> Thermostat:
 
 def _numbers(element: Element, *names: str) -> Iterator[Decimal]:
     for place, name in product(places(element), names):
-        value = place.get(name)
-        if isinstance(value, int | float | str) and not isinstance(value, bool):
-            try:
-                found = Decimal(str(value).strip())
-            except InvalidOperation:
-                continue
-            if found.is_finite():
-                yield found
+        found = decimal(place.get(name))
+        if found is not None:
+            yield found
 
 
 def _liquids(data: Mapping[str, Any]) -> Iterator[tuple[str, int]]:
