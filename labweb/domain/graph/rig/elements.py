@@ -146,6 +146,16 @@ def named_volume(entry: object) -> tuple[object, object] | None:
     return None
 
 
+def listed_liquids(said: Mapping[str, Any]) -> list[object]:
+    """Return what an object of a node lists as liquid in it, as it stands; one alone is a list."""
+    found: list[object] = [said] if "liquid_volume" in said else []
+    for name in ("liquid", "liquids"):
+        value = said.get(name)
+        if value is not None and value != "":
+            found += value if isinstance(value, list | tuple) else [value]
+    return found
+
+
 def medium_of(link: Mapping[str, Any], ends: tuple[Sort, Sort], *, chemputer: bool) -> Medium:
     """Return what a link carries, by its own type or by what it joins."""
     type_ = link.get("type")
