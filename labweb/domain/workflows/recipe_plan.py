@@ -28,8 +28,10 @@ from labweb.domain.workflows.on_rig.making import BY_HAND, Making
 from labweb.domain.workflows.on_rig.matter import micro, plain
 from labweb.domain.workflows.on_rig.meetings import Meetings
 from labweb.domain.workflows.on_rig.moving import fill
+from labweb.domain.workflows.on_rig.reagents import check_reagents, say_unheeded
 from labweb.domain.workflows.on_rig.safety import shut_down
 from labweb.domain.workflows.on_rig.scheduling import critical_path_s, earlier_steps
+from labweb.domain.workflows.on_rig.stated import check_nodes
 from labweb.domain.workflows.xdl.expansion.basic import BasicOperation, Kind
 from labweb.domain.workflows.xdl.expansion.expand import Expansion, all_operations, expand
 from labweb.domain.workflows.xdl.expansion.heeded import Heeded
@@ -126,11 +128,13 @@ def compile_recipe(recipe: Recipe, rig: Rig, wish: Wish | None = None) -> dict[s
     asked = wish or Wish()
     expanded = expand_recipe(recipe, asked)
     equipment, told = Equipment(rig), Findings()
-    operations = all_operations(expanded)
+    operations = tuple(all_operations(expanded))
     binding = bind(recipe.synthesis, operations, equipment, asked.bind, told, asked.rinse)
     rinses = _rinses(recipe.synthesis, binding, asked)
-    told.all += [*check_volumes(rig), *check_charge(equipment, binding, asked.holds_nl)]
+    told.all += [*check_volumes(rig), *check_nodes(equipment)]
+    told.all += check_charge(equipment, binding, asked.holds_nl)
     reagents = recipe.synthesis.reagents
+    check_reagents(reagents, operations, told)
     chemistry, strange = read_chemistry(
         equipment, reagents, binding.reagents, asked.groups, asked.holds_nl
     )
@@ -158,7 +162,8 @@ def compile_recipe(recipe: Recipe, rig: Rig, wish: Wish | None = None) -> dict[s
         raise _infeasible([*told.all, *rig.defects[:_MOST_DEFECTS]])
     for defect in rig.defects:
         making.note(defect.message)
-    for text in (*binding.notes, *_undriven(making)):
+    unheeded = say_unheeded(recipe.synthesis, operations)
+    for text in (*binding.notes, *unheeded, *_undriven(making)):
         making.note(text)
     return _render(making, contents)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
-from decimal import Decimal, InvalidOperation, Overflow
+from decimal import Decimal, InvalidOperation
 from functools import lru_cache
 from typing import Any
 
@@ -30,7 +30,7 @@ _MEDIA: Mapping[str, Medium] = {
     "vacuum": Medium.VACUUM,
 }
 _NL_PER_ML = 1_000_000
-_LARGEST_NL = 10**13
+_LARGEST_ML = 10_000_000
 _OTHER = Sort(role=Role.OTHER)
 _ENDS = 2
 _MOST_PORTS = 64
@@ -114,14 +114,21 @@ def volume_nl(value: object) -> int | None:
         >>> volume_nl("25.0"), volume_nl(-1.0), volume_nl("much")
         (25000000, None, None)
     """
+    number = decimal(value)
+    if number is None or not 0 <= number < _LARGEST_ML:
+        return None
+    return int(number * _NL_PER_ML)
+
+
+def decimal(value: object) -> Decimal | None:
+    """Return a number as a file says it, as number or text; None: it is none."""
     if isinstance(value, bool) or not isinstance(value, int | float | str):
         return None
     try:
-        amount = Decimal(str(value).strip()) * _NL_PER_ML
-    except (InvalidOperation, Overflow):
+        found = Decimal(str(value).strip())
+    except InvalidOperation:
         return None
-    is_volume = amount.is_finite() and 0 <= amount < _LARGEST_NL
-    return int(amount) if is_volume else None
+    return found if found.is_finite() else None
 
 
 def named_volume(entry: object) -> tuple[object, object] | None:
@@ -138,6 +145,16 @@ def named_volume(entry: object) -> tuple[object, object] | None:
     elif isinstance(entry, list | tuple) and len(entry) == _ENDS:
         return entry[0], entry[1]
     return None
+
+
+def listed_liquids(said: Mapping[str, Any]) -> list[object]:
+    """Return what an object of a node lists as liquid in it, as it stands; one alone is a list."""
+    found: list[object] = [said] if "liquid_volume" in said else []
+    for name in ("liquid", "liquids"):
+        value = said.get(name)
+        if value is not None and value != "":
+            found += value if isinstance(value, list | tuple) else [value]
+    return found
 
 
 def medium_of(link: Mapping[str, Any], ends: tuple[Sort, Sort], *, chemputer: bool) -> Medium:

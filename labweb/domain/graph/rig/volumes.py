@@ -7,11 +7,12 @@ from typing import Any
 
 from labweb.domain.errors import Finding
 from labweb.domain.graph.elements import Element, Role
-from labweb.domain.graph.rig.elements import named_volume, volume_nl
+from labweb.domain.graph.rig.elements import listed_liquids, named_volume, volume_nl
 from labweb.domain.graph.rig.model import Rig
 
 _SIZES = ("max_volume", "collection_flask_volume")
 _LEVEL = "current_volume"
+_LISTED = "liquid"
 
 
 def check_volumes(rig: Rig) -> list[Finding]:
@@ -44,24 +45,29 @@ def _check_element(element: Element) -> Iterator[Finding]:
             what = " and ".join(repr(value) for value in values)
             message = f"`{name}` of node {element.key} is said twice, {what}: say it once"
             yield _finding(message, element.key, name)
-    for place in said:
-        for name in ("liquid", "liquids"):
-            yield from _check_liquids(element.key, name, place.get(name))
+    entries = [entry for place in said for entry in listed_liquids(place)]
+    yield from _check_liquids(element.key, entries)
+    levels = [volume_nl(place[_LEVEL]) for place in said if _is_said(place.get(_LEVEL))]
+    read = [volume_nl((named_volume(entry) or ("", None))[1]) for entry in entries]
+    total = sum(amount for amount in read if amount)
+    if entries and None not in read and any(level != total for level in levels):
+        message = f"`{_LEVEL}` of node {element.key} is not the sum of the liquids that it lists"
+        yield _finding(message, element.key, _LEVEL)
 
 
-def _check_liquids(key: str, name: str, listed: object) -> Iterator[Finding]:
-    for entry in listed if isinstance(listed, list | tuple) else ():
+def _check_liquids(key: str, entries: list[object]) -> Iterator[Finding]:
+    for entry in entries:
         read = named_volume(entry)
         if read is None:
-            message = f"`{name}` of node {key} has {entry!r:.80}, which is no name with a volume"
-            yield _finding(message, key, name)
+            message = f"node {key} lists {entry!r:.80} as liquid, which is no name with a volume"
+            yield _finding(message, key, _LISTED)
             continue
         liquid, value = read
-        bad = list(_unreadable("node", key, name, value))
+        bad = list(_unreadable("node", key, _LISTED, value))
         yield from bad
         if not bad and volume_nl(value) and not (isinstance(liquid, str) and liquid):
-            message = f"`{name}` of node {key} has {value!r} mL of something without a name"
-            yield _finding(message, key, name)
+            message = f"node {key} lists {value!r} mL of a liquid without a name"
+            yield _finding(message, key, _LISTED)
 
 
 def _places(attributes: Mapping[str, Any]) -> Iterator[Mapping[str, Any]]:

@@ -12,7 +12,7 @@ from labweb.domain.graph.topology import Medium
 from labweb.domain.workflows.interpret.matter import UNITS_PER_NL
 
 _CARRIES = frozenset((Medium.LIQUID, Medium.GAS, Medium.VACUUM))
-_GASES = frozenset(("air", "nitrogen", "argon", "ar", "n2"))
+_GASES = frozenset(("air", "nitrogen", "argon", "ar", "n2", "hydrogen", "h2"))
 COLLECT = "#collect"
 _SIDES = 2
 """Tubes of a solenoid."""
@@ -97,8 +97,7 @@ class Plumbing:
         element = self.elements.get(key)
         if element is None:
             return False
-        chemical = element.attributes.get("chemical")
-        is_named = isinstance(chemical, str) and chemical.strip().lower() in _GASES
+        is_named = _label(element).lower() in _GASES
         is_flask = element.role is Role.VESSEL and "flask" in element.kind.lower()
         return element.role is Role.GAS or (is_named and is_flask)
 
@@ -211,6 +210,16 @@ class Plumbing:
 
     def _all_tubes(self, key: str) -> list[tuple[str, End]]:
         return self._forth.get(key, []) + self._back.get(key, [])
+
+
+def _label(element: Element) -> str:
+    """Return what the graph says at a node that is in it."""
+    inner = (element.attributes.get(name) for name in ("config", "data"))
+    for place in (element.attributes, *(one for one in inner if isinstance(one, Mapping))):
+        chemical = place.get("chemical")
+        if isinstance(chemical, str) and chemical.strip():
+            return chemical.strip()
+    return ""
 
 
 def is_evaporator(element: Element) -> bool:

@@ -31,7 +31,14 @@ def check_charge(equipment: Equipment, binding: Binding, held_nl: Held) -> Itera
     for key in held_nl:
         if key not in equipment.vessels:
             yield Finding("plan.unknown_vessel", f"{key!r} is no vessel of the graph", key)
-    flasks = {key: name for name, keys in binding.reagents.items() for key in keys}
+    for key in sorted(equipment.rig.pumps):
+        held = equipment.contents(key)
+        if held:
+            message = (
+                f"{key} is said to hold {render_volume(sum(amount for _, amount in held))}, and a "
+                "plan begins with empty syringes: empty it, or correct what is stated"
+            )
+            yield Finding("plan.syringe_not_empty", message, key)
     for key in equipment.vessels:
         stated = list(_stated(equipment, binding, key, held_nl))
         total, capacity = sum(amount for _, amount in stated), equipment.capacity_nl(key)
@@ -44,10 +51,11 @@ def check_charge(equipment: Equipment, binding: Binding, held_nl: Held) -> Itera
                 "in it before the first step: correct what is stated"
             )
             yield Finding("plan.stated_overfull", message, key, {"vessel": key})
-        others = sorted({lot for lot, amount in stated if amount} - {flasks.get(key, "")})
-        if key in flasks and others:
+        reagent = _reagent(binding, key)
+        others = sorted({lot for lot, amount in stated if amount} - {reagent})
+        if reagent and others:
             message = (
-                f"{flasks[key]} comes out of {key}, in which {', '.join(others)} is said to be as "
+                f"{reagent} comes out of {key}, in which {', '.join(others)} is said to be as "
                 "well: a flask holds one reagent"
             )
             yield Finding("plan.mixed_flask", message, key, {"vessel": key, "lots": others})
@@ -56,7 +64,11 @@ def check_charge(equipment: Equipment, binding: Binding, held_nl: Held) -> Itera
 def _stated(
     equipment: Equipment, binding: Binding, key: str, held_nl: Held
 ) -> Iterator[tuple[str, int]]:
-    lots = (name for name, keys in binding.reagents.items() if key in keys)
-    lot = next(lots, "")
+    lot = _reagent(binding, key)
     yield from ((lot or name, amount) for name, amount in equipment.contents(key))
     yield from held_nl.get(key, {}).items()
+
+
+def _reagent(binding: Binding, key: str) -> str:
+    """Return the reagent that comes out of a vessel, "" where none does."""
+    return next((name for name, keys in binding.reagents.items() if key in keys), "")

@@ -49,7 +49,4 @@ def resolve(making: Making, name: str, source: str, place: Place, waits_in: str 
             found = choose_buffer(making, source, place)
             making.kept += [found] if found else []
         return making.kept[0] if making.kept else None
-    if name in making.binding.vessels:
-        return making.binding.vessels[name]
-    flasks = making.binding.reagents.get(name)
-    return flasks[0] if flasks else None
+    return making.bound(name, place)

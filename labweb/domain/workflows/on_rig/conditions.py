@@ -23,12 +23,13 @@ EVAPORATION_S = 1800.0
 
 def start_stir(making: Making, operation: BasicOperation) -> None:
     """Stir; a rotary evaporator turns its flask instead."""
-    vessel, speed = making.vessel(operation), operation.fields.get("speed_rpm")
+    vessel = making.vessel(operation)
     if vessel is None:
         return
     if making.equipment.sort(vessel) is Sort.ROTAVAP:
         start_rotation(making, operation)
         return
+    speed = above_zero(making, operation, "speed_rpm")
     stirrer = making.equipment.stirrer(vessel)
     if stirrer is None:
         message = f"nothing stirs {vessel}"
@@ -36,8 +37,8 @@ def start_stir(making: Making, operation: BasicOperation) -> None:
         return
     _look_at_speed(making, operation, stirrer)
     making.running["stir", vessel] = stirrer
-    does = {"kind": "stir", "vessel": vessel, "speed_rpm": number(speed)}
-    making.add(operation.place, does, [[say(stirrer, "stir", speed_rpm=number(speed))]])
+    does = {"kind": "stir", "vessel": vessel, "speed_rpm": speed}
+    making.add(operation.place, does, [[say(stirrer, "stir", speed_rpm=speed)]])
 
 
 def _look_at_speed(making: Making, operation: BasicOperation, device: str) -> None:
@@ -68,7 +69,7 @@ def stop_stir(making: Making, operation: BasicOperation) -> None:
 def start_rotation(making: Making, operation: BasicOperation) -> None:
     """Turn the flask of a rotary evaporator."""
     vessel = _rotavap(making, operation)
-    speed = number(operation.fields.get("speed_rpm"))
+    speed = above_zero(making, operation, "speed_rpm")
     if vessel is not None:
         device = making.equipment.evaporator(vessel)
         _look_at_speed(making, operation, device)
@@ -243,7 +244,7 @@ def start_light(making: Making, operation: BasicOperation) -> None:
         making.told.tell("plan.no_lamp", message, operation.place, vessel=vessel)
         return
     names = ("wavelength_nm", "power_w", "intensity_percent")
-    given: dict[str, Any] = {name: number(operation.fields.get(name)) for name in names}
+    given: dict[str, Any] = {name: above_zero(making, operation, name) for name in names}
     given["color"] = operation.fields.get("color")
     making.running["light", vessel] = lamp
     does = {"kind": "light", "vessel": vessel}
@@ -298,6 +299,15 @@ def ask(making: Making, operation: BasicOperation) -> None:
 def await_lane(making: Making, operation: BasicOperation) -> None:
     """Let the next step wait for what runs beside."""
     making.waits_for |= {f"async {operation.fields.get('pid')}"}
+
+
+def above_zero(making: Making, operation: BasicOperation, name: str) -> float | None:
+    """Return a number of an operation as JSON has it; one that is not above zero is told."""
+    found = number(operation.fields.get(name))
+    if found is not None and found <= 0:
+        message = f"{making.operation}: {name} is {found:g}, and has to be more than 0"
+        making.told.tell("unit.not_positive", message, operation.place)
+    return found
 
 
 def number(value: object) -> float | None:

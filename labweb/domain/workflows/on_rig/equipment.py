@@ -5,14 +5,14 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from decimal import Decimal, InvalidOperation
+from decimal import Decimal
 from enum import StrEnum
 from functools import cached_property
 from itertools import product
 from typing import Any
 
 from labweb.domain.graph.elements import Element, Role
-from labweb.domain.graph.rig.elements import named_volume, volume_nl
+from labweb.domain.graph.rig.elements import decimal, listed_liquids, named_volume, volume_nl
 from labweb.domain.graph.rig.model import Rig, RigFormat
 from labweb.domain.graph.topology import Medium
 
@@ -234,7 +234,7 @@ class Equipment:
         if element.role is Role.GAS:
             found = next((p["gas_type"] for p in places(element) if p.get("gas_type")), "")
             return GASES.get(str(found).strip().lower(), str(found))
-        if element.role is Role.VESSEL:
+        if element.role is Role.VESSEL and "flask" in element.kind.lower():
             return GASES.get(self.chemical(key).lower(), "")
         return ""
 
@@ -252,13 +252,12 @@ class Equipment:
 
     def contents(self, key: str) -> list[tuple[str, int]]:
         """Return what the graph says is in a vessel: names and nanolitres."""
-        element = self.elements[key]
-        level = volume_nl(element.attributes.get("current_volume"))
-        if level:
+        said = list(places(self.elements[key]))
+        level = next((v for v in (volume_nl(p.get("current_volume")) for p in said) if v), 0)
+        listed = [liquid for place in said for liquid in _liquids(place)]
+        if level and (self.chemical(key) or not listed):
             return [(self.chemical(key) or f"contents of {key}", level)]
-        data = element.attributes.get("data")
-        found = list(_liquids(data)) if isinstance(data, Mapping) else []
-        return [(name, amount) for name, amount in found if amount]
+        return listed
 
     def stirrer(self, key: str) -> str | None:
         """Return what stirs a vessel."""
@@ -375,21 +374,14 @@ def _thermostat(element: Element) -> Thermostat:
 
 def _numbers(element: Element, *names: str) -> Iterator[Decimal]:
     for place, name in product(places(element), names):
-        value = place.get(name)
-        if isinstance(value, int | float | str) and not isinstance(value, bool):
-            try:
-                found = Decimal(str(value).strip())
-            except InvalidOperation:
-                continue
-            if found.is_finite():
-                yield found
+        found = decimal(place.get(name))
+        if found is not None:
+            yield found
 
 
-def _liquids(data: Mapping[str, Any]) -> Iterator[tuple[str, int]]:
-    for name in ("liquid", "liquids"):
-        listed = data.get(name)
-        for entry in listed if isinstance(listed, list | tuple) else ():
-            liquid, volume = named_volume(entry) or (None, None)
-            amount = volume_nl(volume)
-            if isinstance(liquid, str) and liquid and amount:
-                yield liquid, amount
+def _liquids(said: Mapping[str, Any]) -> Iterator[tuple[str, int]]:
+    for entry in listed_liquids(said):
+        liquid, volume = named_volume(entry) or (None, None)
+        amount = volume_nl(volume)
+        if isinstance(liquid, str) and liquid and amount:
+            yield liquid, amount

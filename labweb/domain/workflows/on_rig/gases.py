@@ -36,6 +36,7 @@ def start_vacuum(making: Making, operation: BasicOperation) -> None:
         actions = [[say(controller[0], "set_supply", port=controller[1], supply="vacuum")]]
         making.evacuated[vessel] = ""
         making.running["vacuum", vessel] = controller[0]
+        _say_unset(making, vessel, controller[0], pressure)
     else:
         found = _vacuum_line(making, operation, vessel)
         if found is None:
@@ -48,11 +49,21 @@ def start_vacuum(making: Making, operation: BasicOperation) -> None:
                 does["also"] = list(making.also[vessel]) or None
             actions += _close_others(making, vessel, line, pump)
             actions += [[say(pump, "start_vacuum", pressure_mbar=pressure)]]
+        else:
+            _say_unset(making, vessel, line.end, pressure)
         actions += _join(making, vessel, line)
         making.evacuated[vessel] = pump or ""
         making.running["vacuum", vessel] = pump or line.end
     making.matter.loosen(vessel)
     making.add(operation.place, does, actions)
+
+
+def _say_unset(making: Making, vessel: str, source: str, pressure: float | None) -> None:
+    if pressure is not None:
+        making.note(
+            f"{making.operation}: the vacuum of {source} on {vessel} is as it is, and no device "
+            f"sets it to {pressure:g} mbar"
+        )
 
 
 def _vacuum_line(

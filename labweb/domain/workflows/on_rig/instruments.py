@@ -6,7 +6,7 @@ import re
 from fractions import Fraction
 
 from labweb.domain.workflows.on_rig.choosing import resolve
-from labweb.domain.workflows.on_rig.conditions import number
+from labweb.domain.workflows.on_rig.conditions import above_zero, number
 from labweb.domain.workflows.on_rig.making import Making, say
 from labweb.domain.workflows.on_rig.meetings import most_of
 from labweb.domain.workflows.on_rig.moving import is_under_vacuum, look_for_room
@@ -54,8 +54,8 @@ def microwave(making: Making, operation: BasicOperation) -> None:
         message = f"no microwave heats {vessel}"
         making.told.tell("plan.no_microwave", message, operation.place, vessel=vessel)
         return
-    names = ("temperature_c", "power_w")
-    given = {name: number(operation.fields.get(name)) for name in names}
+    given = {"temperature_c": number(operation.fields.get("temperature_c"))}
+    given["power_w"] = above_zero(making, operation, "power_w")
     given["duration_s"] = number(operation.fields.get("seconds"))
     making.ask_first(
         f"{vessel} is closed, and bears the pressure that its contents have at "
@@ -75,8 +75,9 @@ def spin(making: Making, operation: BasicOperation) -> None:
         message = f"{vessel} is no centrifuge"
         making.told.tell("plan.no_centrifuge", message, operation.place, vessel=vessel)
         return
-    names = ("speed_rpm", "acceleration_g", "temperature_c")
-    given = {name: number(operation.fields.get(name)) for name in names}
+    names = ("speed_rpm", "acceleration_g")
+    given = {name: above_zero(making, operation, name) for name in names}
+    given["temperature_c"] = number(operation.fields.get("temperature_c"))
     given["duration_s"] = number(operation.fields.get("seconds"))
     making.ask_first(f"The rotor of {vessel} is balanced")
     making.matter.spin(vessel)

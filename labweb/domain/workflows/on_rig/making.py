@@ -289,10 +289,18 @@ class Making:
                 "xdl.left_open", f"{self.operation} does not say the {name}", operation.place
             )
             return None
-        if wanted in self.binding.vessels:
-            return self.binding.vessels[wanted]
-        flasks = self.binding.reagents.get(wanted)
-        return flasks[0] if flasks else None
+        return self.bound(wanted, operation.place)
+
+    def bound(self, name: str, place: Place) -> str | None:
+        """Return what a name of the recipe is bound to; nothing is left out without a finding."""
+        if name in self.binding.vessels:
+            return self.binding.vessels[name]
+        flasks = self.binding.reagents.get(name)
+        if flasks:
+            return flasks[0]
+        if not self.told.all:
+            self.told.tell("plan.no_vessel", f"the rig has no vessel for {name!r}", place)
+        return None
 
     def capacity_nl(self, key: str) -> int | None:
         """Return how much a vessel holds."""

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from labweb.domain.errors import Finding
+from labweb.domain.graph.rig.elements import decimal
 from labweb.domain.workflows.on_rig.equipment import Equipment, places
 
 
@@ -58,6 +59,38 @@ def check_materials(equipment: Equipment) -> Iterator[Finding]:
             for name in ("groups", "incompatible_with"):
                 if entry.get(name) not in (None, "") and _words(entry[name]) is None:
                     yield _odd(f"{entry['liquid_type']} in {key}", name)
+
+
+_LIMITS = (
+    ("min_temp", "max_temp"),
+    ("min_temperature_c", "max_temperature_c"),
+    ("min_speed_rpm", "max_speed_rpm"),
+)
+"""What a graph says of the least and most of a device."""
+
+
+def check_nodes(equipment: Equipment) -> Iterator[Finding]:
+    """Yield a finding for each label or limit of a node that is none, or is said in two ways."""
+    for key, element in equipment.elements.items():
+        said = list(places(element))
+        labels = [place["chemical"] for place in said if place.get("chemical") not in (None, "")]
+        if not all(isinstance(label, str) for label in labels) or len({*map(str, labels)}) > 1:
+            yield _bad(key, "chemical", labels, "one text")
+        for names in _LIMITS:
+            ends = [[place[n] for place in said if place.get(n) not in (None, "")] for n in names]
+            numbers = [[decimal(value) for value in values] for values in ends]
+            for name, values, read in zip(names, ends, numbers, strict=True):
+                if None in read or len({*read}) > 1:
+                    yield _bad(key, name, values, "one number")
+            low, high = (next((v for v in read if v is not None), None) for read in numbers)
+            if low is not None and high is not None and low > high:
+                yield _bad(key, names[0], ends[0], f"at most `{names[1]}`, {high:f}")
+
+
+def _bad(key: str, name: str, values: list[object], wanted: str) -> Finding:
+    what = " and ".join(f"{value!r:.60}" for value in values)
+    message = f"`{name}` of node {key} is {what}; it has to be {wanted}"
+    return Finding("graph.bad_value", message, key, {"element": key, "field": name})
 
 
 def materials_in(equipment: Equipment, key: str) -> Iterator[Stated]:

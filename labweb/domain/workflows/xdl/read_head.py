@@ -13,6 +13,10 @@ from labweb.domain.workflows.xdl.spec import COMPONENT, METADATA, PARAMETER, REA
 from labweb.domain.workflows.xdl.step_table import EARLY_COMPONENTS, PARAMETER_TYPES
 from labweb.domain.workflows.xdl.values import Value, read_amount, read_value
 
+_HABITS = (
+    *("aqueous_cleaning_solvent", "auto_clean", "filter_dead_volume_method"),
+    "organic_cleaning_solvent",
+)
 _SECTIONS = ("Metadata", "Hardware", "Parameters", "Reagents", "Procedure")
 
 
@@ -33,6 +37,7 @@ def read_head(element: Element, told: Findings, *, is_blueprint: bool) -> Proced
         parameters=tuple(p for p in parameters if p is not None),
         base_scale=_base_scale(sections.get("Procedure"), told, is_blueprint=is_blueprint),
         graph_sha256=element.text_of("graph_sha256"),
+        habits=tuple(n for n in _HABITS if element.text_of(n).lower() not in ("", "false")),
         place=element.place,
     )
     _check_unique(procedure, told)

@@ -94,6 +94,9 @@ class Procedure:
     graph_sha256: str = ""
     """Compiled for this graph alone; "" for a recipe that is not compiled."""
 
+    habits: tuple[str, ...] = ()
+    """Attributes by which recipes before 0.4 ask a platform to clean of its own accord."""
+
     place: Place = field(default=NOWHERE, compare=False)
 
     def component(self, name: str) -> Component | None:

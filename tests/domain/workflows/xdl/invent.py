@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
 from hypothesis import strategies as st
 
+from labweb.domain.resources.compatibility_table import STREAMS
 from tests.domain.workflows.rigs import CLASSES
 
-REAGENTS = ("water", "ether", "acid")
+REAGENTS = ("water", "ether", "acid", "base")
 VESSELS = ("reactor", "filter", "separator", "rotavap", "flask_spare")
 CAPACITIES_ML = (500, 200, 60, 20)
 PLUMBED = (
     "flask_water:0 >", "flask_ether:0 >", "flask_acid:0 >", "< waste_1:0", "< waste_2:0",
+    "flask_base:0 >",
     "reactor:0 =", "< filter:top", "filter:bottom >", "separator:bottom =", "rotavap:evaporate =",
     "rotavap:collect >", "flask_spare:0 =", "< cartridge_c:in", "cartridge_c:out >", "rotor:0 =",
 )  # fmt: skip
@@ -38,14 +41,37 @@ CHEMICALS = {
     "flask_water": "water",
     "flask_ether": "ether",
     "flask_acid": "acid",
+    "flask_base": "base",
     "flask_argon": "argon",
     "cartridge_c": "celite",
 }
+
+USUAL: Mapping[str, tuple[str, ...]] = {
+    "water": ("water",),
+    "ether": ("ether",),
+    "acid": ("acid", "water"),
+    "base": ("base", "water"),
+}
+OTHERS = (
+    ("halogenated",), ("haloform",), ("oxidizer", "water"), ("cyanide", "water"), ("azide",),
+    ("water_reactive", "ether"), ("alcohol",), ("salt", "water"), ("metal", "water"), (),
+)  # fmt: skip
+"""What a flask may say beside the usual: much of it must not meet the rest."""
+
+TAKEN = (
+    ("aqueous", "acid"), ("aqueous", "base"), ("organic",), ("organic", "halogenated"),
+    tuple(sorted(set(STREAMS.values()) - {""})), (),
+)  # fmt: skip
+LEFT = (("acid",), ("base",), ("water",), ("oxidizer",), ("organic",))
+"""What a waste may say that is in it from before."""
 
 STEPS = (
     'Add vessel="{v}" reagent="{r}" volume="{ml} mL"',
     'Add vessel="reactor" reagent="{r}" volume="{ml} mL" stir="true"',
     'Add vessel="{v}" reagent="{r}" volume="{ml} mL"',
+    'Add vessel="reactor" reagent="{r}" volume="{ml} mL"',
+    'Transfer from_vessel="reactor" to_vessel="{w}" volume="all" rinsing_solvent="{r}" '
+    'rinsing_volume="{ml} mL"',
     'AddSolid vessel="{v}" reagent="salt" mass="1 g"',
     'Transfer from_vessel="{v}" to_vessel="{w}" volume="all"',
     'Transfer from_vessel="{v}" to_vessel="{w}" volume="{ml} mL"',
@@ -71,6 +97,7 @@ STEPS = (
     'Transfer from_vessel="rotavap" to_vessel="{w}" volume="all" from_port="collect"',
     "PurgeBackbone",
 )
+CLEANS = ' use_for_cleaning="true"'
 LOOPS = (
     ("{}", 8),
     ('<Repeat repeats="2">{}</Repeat>', 1),
@@ -116,6 +143,8 @@ def rigs(draw: st.DrawFn) -> dict[str, Any]:
         for one, a, two, b, both in links
         for one, a, two, b in [(one, a, two, b), *([(two, b, one, a)] if both else [])]
     ]
+    if draw(st.integers(0, 3)):
+        _declare(nodes, draw)
     gone = draw(st.sets(st.sampled_from(DEVICES), max_size=2))
     for key, class_, vessels in DEVICES:
         near = [vessel for vessel in vessels.split() if vessel in nodes]
@@ -126,6 +155,22 @@ def rigs(draw: st.DrawFn) -> dict[str, Any]:
         "nodes": list(nodes.values()),
         "links": [{"id": n, **link} for n, link in enumerate(joined)],
     }
+
+
+def _declare(nodes: dict[str, dict[str, Any]], draw: st.DrawFn) -> None:
+    """Let flasks say groups, and wastes what they take and what is left in them."""
+    for name, usual in USUAL.items():
+        if f"flask_{name}" in nodes:
+            odd = not draw(st.integers(0, 3))
+            nodes[f"flask_{name}"]["groups"] = [*(draw(st.sampled_from(OTHERS)) if odd else usual)]
+    for key in ("waste_1", "waste_2"):
+        if key not in nodes:
+            continue
+        if draw(st.booleans()):
+            nodes[key]["takes"] = [*draw(st.sampled_from(TAKEN))]
+        if not draw(st.integers(0, 3)):
+            left = {"chemical": f"rest of {key}", "current_volume": draw(st.sampled_from((1, 15)))}
+            nodes[key] |= left | {"groups": [*draw(st.sampled_from(LEFT))]}
 
 
 def _node(key: str, draw: st.DrawFn) -> dict[str, Any]:
@@ -144,15 +189,20 @@ def _node(key: str, draw: st.DrawFn) -> dict[str, Any]:
 @st.composite
 def recipes(draw: st.DrawFn) -> str:
     """Draw a recipe of a few steps; most begin with something in the reactor."""
-    steps = [_step(draw, text) for text in draw(st.lists(st.sampled_from(STEPS), max_size=3))]
+    steps = [_step(draw, text) for text in draw(st.lists(st.sampled_from(STEPS), max_size=4))]
     loops = [wrap for wrap, times in LOOPS for _ in range(times)]
     body = "".join(draw(st.sampled_from(loops)).format(step) for step in steps)
     begin = _step(draw, STEPS[0].replace("{v}", "reactor")) if draw(st.integers(0, 11)) else ""
+    begin += _step(draw, STEPS[0]) if draw(st.integers(0, 2)) else ""
     hardware = "".join(
         f'<Component id="{vessel}" type="{vessel.partition("_")[0]}"/>' for vessel in VESSELS
     )
     hardware += '<Component id="rotor" type="centrifuge"/>'
-    reagents = "".join(f'<Reagent id="{name}"/>' for name in (*REAGENTS, "salt"))
+    cleaning = {name for name in ("water", "ether") if draw(st.booleans())}
+    reagents = "".join(
+        f'<Reagent id="{name}"{CLEANS if name in cleaning else ""}/>'
+        for name in (*REAGENTS, "salt")
+    )
     return (
         f"<Synthesis><Hardware>{hardware}</Hardware><Reagents>{reagents}</Reagents>"
         f"<Procedure>{begin}{body}</Procedure></Synthesis>"

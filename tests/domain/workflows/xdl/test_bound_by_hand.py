@@ -127,3 +127,10 @@ def test_a_flask_with_a_mixture_is_no_flask_of_one_of_its_parts_unless_it_is_cho
     assert plan["notes"] == [
         "water is flask_water, as chosen by hand: the label or contents of flask_water say ether"
     ]
+
+
+def test_two_reagents_in_a_flask_that_holds_one_are_told_once() -> None:
+    both = 'Add vessel="reactor" reagent="ether" volume="5 mL"'
+    graph = saying("flask_water", current_volume=50)
+    found = reasons(recipe(ADD, both), graph, Wish(bind={"ether": "flask_water"}))
+    assert found == ["plan.shared_flask"]

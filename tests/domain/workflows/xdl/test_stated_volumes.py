@@ -104,6 +104,35 @@ def test_a_liquid_in_a_list_is_in_its_vessel_however_it_is_written() -> None:
         assert plan["contents"]["separator"][0]["volume_ul"] == 5000.0
 
 
+@pytest.mark.parametrize(
+    "said",
+    [
+        {"config": {"current_volume": 5, "chemical": "ether"}},
+        {"data": {"current_volume": 5}, "chemical": "ether"},
+        {"data": {"liquid_type": "ether", "liquid_volume": 5}},
+        {"data": {"liquid": {"liquid_type": "ether", "liquid_volume": 5}}},
+        {"current_volume": 5, "data": {"liquid": [["ether", 5.0]]}},
+    ],
+)
+def test_what_is_in_a_vessel_is_in_it_wherever_its_node_says_so(said: dict[str, object]) -> None:
+    contents = compiled(recipe(ADD), stating("separator", **said))["contents"]["separator"]
+    assert contents == [{"lot": "ether", "phase": "liquid", "volume_ul": 5000.0}]
+
+
+@pytest.mark.parametrize("listed", ["water", 5, [["water", 5]]])
+def test_a_list_of_liquids_that_is_none_or_differs_from_the_level_is_refused(
+    listed: object,
+) -> None:
+    graph = stating("separator", current_volume=7, data={"liquid": listed})
+    assert {subject for subject, _ in found(graph)} == {"separator"}
+    assert reasons(recipe(ADD), graph) == ["graph.bad_volume"]
+
+
+def test_a_syringe_that_is_said_to_hold_something_is_refused() -> None:
+    assert reasons(recipe(ADD), stating("pump_1", current_volume=5)) == ["plan.syringe_not_empty"]
+    assert claims(compiled(recipe(ADD), stating("pump_1", current_volume=0)), "transfer")
+
+
 def test_the_verifier_proves_nothing_on_such_a_graph() -> None:
     plan = compiled(recipe(ADD), bench())
     rig = read_rig(json.dumps(stating("reactor", max_volume="much")).encode())

@@ -74,7 +74,8 @@ def _expanded(act: Act, told: Findings) -> Expansion:
     children = tuple(_expanded(child, told) for child in act.children)
     operation = OPERATIONS.get(act.name)
     if act.is_blueprint or (operation is not None and operation.expand is None and children):
-        return Expansion(act=act, children=children)
+        undone = tuple(name for name in ("on_finish",) if name in act.values)
+        return Expansion(act=act, children=children, unheeded=undone)
     if operation is None or operation.expand is None:
         message = f"nothing says what {act.name} does with matter"
         told.tell("xdl.not_expanded", message, act.place)
