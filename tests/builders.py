@@ -64,6 +64,20 @@ def public_half(key: Ed25519PrivateKey) -> str:
     return base64.b64encode(key.public_key().public_bytes_raw()).decode()
 
 
+def off(tube: Connection) -> operations.Disconnect:
+    """Return what takes a connection off that somebody has seen to be empty."""
+    return operations.Disconnect(
+        connection_id=tube.pk,
+        key=tube.key,
+        source_id=tube.source_id,
+        source_port=tube.source_port,
+        target_id=tube.target_id,
+        target_port=tube.target_port,
+        medium=tube.medium,
+        is_seen_empty=True,
+    )
+
+
 @dataclass
 class Bench:
     """A lab with shorthand for what tests ask for."""
@@ -79,7 +93,10 @@ class Bench:
     def unplug(self, key: str) -> Resource:
         """Take every tube and wire off a resource, so that it may be carried; return it."""
         row = self.node(key)
-        Connection.objects.filter(Q(source=row) | Q(target=row)).delete()
+        for tube in Connection.objects.filter(Q(source=row) | Q(target=row)):
+            crutd_services.carry_out(
+                off(tube), lab=self.lab, actor_id=self.people["admin"].pk, note="taken off"
+            )
         return row
 
     def device(self, key: str) -> Device:

@@ -7,6 +7,9 @@ Safe state: the drive stands; on a lost link a stroke ends at its target volume.
 Every stroke sets diameter, target and rate, reads them back, and then runs to the target. The pump
 knows neither what is in the syringe nor where its plunger stands.
 
+No accuracy of a volume is stated: no figure of the maker was found. The pump moves its block, and
+diameter and fit of the syringe make a volume of that.
+
 Source:
     Harvard Apparatus, Pump 11 Elite user's guide, section "Command set".
 """

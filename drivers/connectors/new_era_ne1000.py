@@ -8,6 +8,9 @@ Every stroke sets diameter, volume, rate and direction, reads volume and rate ba
 to the volume. Numbers have four digits at most, so a volume is rounded to that and `moved_ul` says
 what went. The pump knows neither what is in the syringe nor where its plunger stands.
 
+No accuracy of a volume is stated: no figure of the maker was found. The pump moves its block, and
+diameter and fit of the syringe make a volume of that.
+
 Source:
     New Era Pump Systems, NE-1000 series user manual, sections "RS-232 protocol" and "Commands".
 """

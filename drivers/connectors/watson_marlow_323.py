@@ -1,17 +1,19 @@
 """Watson-Marlow 323Du peristaltic pump.
 
-Protocol: RS-232, 9600 8N1, pump number, command, CR; setters are silent, RS answers model, speed,
-direction, running flag and `!`.
+Protocol: RS-232, 9600 8N2 (`format=8N2` in its address), pump number, command, CR, which the pump
+echoes; RS answers model, speed, direction, running flag and `!` behind its echo.
 Quality: bronze, simulated instrument.
 Safe state: the pump stands; on a lost link it goes on, no watchdog is known.
 
-Setters have no answer, so each is proved by the answer to RS that follows it.
+Setters have no answer but their echo, so each is proved by the answer to RS that follows it. An
+echo that does not come, or comes otherwise, is a command that the pump may have read otherwise.
 
 No accuracy of a flow is stated: the pump is told a speed in whole rpm, and tube and head make
 a flow of it.
 
 Source:
-    Watson-Marlow, 323Du user manual, section "RS232 commands".
+    Watson-Marlow, 323E, 323S, 323U and 323Du user manual, p. 27, "RS232 settings" (2 stop bits,
+    echo on) and "RS232 command modes" (10 ms between commands).
 """
 
 from __future__ import annotations
@@ -31,6 +33,9 @@ from labweb.domain.errors import DeviceError, Effect, FrameError, RejectedError
 MODEL = "323Du"
 END = b"!"
 ANSWER_S = 1.0
+GAP_S = 0.01
+"""Least time between two commands."""
+
 SLOWEST_RPM, STEP_RPM = 3.0, 0.1
 """Lowest speed, and what one digit of SP is."""
 
@@ -82,11 +87,29 @@ def decode_status(frame: bytes) -> Told:
         >>> decode_status(b"323Du 50.0 CW 1 !")
         Told(model='323Du', speed_rpm=50.0, direction='CW', is_running=True)
     """
-    match = re.search(rb"(\w+) +(\d{1,4}(?:\.\d+)?) +(CW|CCW) +([01]) +!\Z", frame)
+    match = re.fullmatch(rb"\s*(\w+) +(\d{1,4}(?:\.\d+)?) +(CW|CCW) +([01]) +!", frame)
     if match is None:
         raise FrameError("answer is no status of the pump", context={"frame": frame.hex()})
     model, speed, direction, running = (part.decode("ascii") for part in match.groups())
     return Told(model, float(speed), direction, running == "1")
+
+
+def decode_echo(answer: bytes, frame: bytes) -> bytes:
+    r"""Return what follows the echo of a command.
+
+    Raises:
+        FrameError: Another echo, or none: the pump may have read another command.
+
+    Example:
+        >>> decode_echo(b"1RS\r323Du 50.0 CW 1 !", b"1RS\r")
+        b'323Du 50.0 CW 1 !'
+    """
+    if not answer.startswith(frame):
+        raise FrameError(
+            "the pump does not echo what it was sent: its echo has to be on",
+            context={"sent": frame.hex(), "frame": answer.hex()},
+        )
+    return answer.removeprefix(frame)
 
 
 class WatsonMarlow323(Driver[ByteTransport, Config], ContinuousPump):
@@ -192,7 +215,10 @@ class WatsonMarlow323(Driver[ByteTransport, Config], ContinuousPump):
 
     def _status(self) -> Told:
         frame = encode_command(self.config.address_index, "RS")
-        return decode_status(self.transport.exchange(frame, until=END, timeout_s=ANSWER_S))
+        answer = self.transport.exchange(frame, until=END, timeout_s=ANSWER_S, gap_s=GAP_S)
+        return decode_status(decode_echo(answer, frame))
 
     def _send(self, command: str) -> None:
-        self.transport.send(encode_command(self.config.address_index, command))
+        frame = encode_command(self.config.address_index, command)
+        echo = self.transport.exchange(frame, until=frame[-1:], timeout_s=ANSWER_S, gap_s=GAP_S)
+        decode_echo(echo, frame)

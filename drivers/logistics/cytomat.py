@@ -7,6 +7,8 @@ Safe state: the handler ends the move that it has begun; there is no command tha
 The overview register tells when a move is over. A plate may be anywhere after a move that
 failed, so its outcome is unknown and a person looks.
 
+No accuracy is stated: of the climate's temperature no figure of the maker was found.
+
 Source:
     Thermo Scientific, Cytomat automation manual, tables of commands, errors and registers.
 """

@@ -7,6 +7,9 @@ Safe state: fingers stand, and hold what they hold; on a lost link they end thei
 What is between the fingers the gripper tells by where they were stopped. A thing that slips out
 later is not seen until the fingers move again.
 
+No accuracy is stated: of the width no figure of the maker was found, and fingertips have a part in
+it. The number that the gripper tells is one of 256 steps.
+
 Source:
     Robotiq, 2F-85 instruction manual, section 4 "Control": robot output registers (rACT, rGTO, rPR,
     rSP, rFR), robot input registers (gACT, gGTO, gSTA, gOBJ, gFLT, gPR, gPO, gCU); section 6,

@@ -7,6 +7,9 @@ Safe state: output off; on a lost link it goes on.
 Voltages are in steps of 10 mV, currents of 1 mA. The RD6006P has finer steps in the same
 registers and is refused.
 
+No accuracy is stated: no figure of the maker was found; a unit keeps a calibration that its owner
+may set.
+
 Source:
     Registers as the public driver riden-modbus has them.
 """

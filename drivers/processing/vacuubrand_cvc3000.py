@@ -7,6 +7,8 @@ Safe state: control and pump off, vent valve shut; on a lost link the controller
 Connecting chooses the CVC 3000 command set and echoes. A wrong command then has no answer
 at all. Pressures are set in whole mbar.
 
+No accuracy is stated: of the pressure no figure of the maker was found.
+
 Source:
     Vacuubrand, instructions for use of CVC 3000, section "RS 232", command tables.
 """

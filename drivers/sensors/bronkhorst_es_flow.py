@@ -22,8 +22,9 @@ from typing import ClassVar
 
 import msgspec
 
-from drivers.base import Driver, Report, action, before_acting, status
+from drivers.base import Driver, Report, action, status
 from drivers.interfaces.flow_sensor import FlowSensor
+from drivers.sensors._transmitter import Transmitter, measured
 from drivers.transports.modbus import RegisterTransport
 from labweb.domain.errors import FrameError, RejectedError
 
@@ -90,10 +91,9 @@ def decode_text(registers: tuple[int, ...]) -> str:
         raise FrameError(message, context={"registers": list(registers)}) from error
 
 
-class BronkhorstEsFlow(Driver[RegisterTransport, Config], FlowSensor):
+class BronkhorstEsFlow(Transmitter, Driver[RegisterTransport, Config], FlowSensor):
     """One meter in one line."""
 
-    transport_type: ClassVar[type] = RegisterTransport
     config_type: ClassVar[type[msgspec.Struct]] = Config
 
     def identify(self) -> None:
@@ -105,9 +105,6 @@ class BronkhorstEsFlow(Driver[RegisterTransport, Config], FlowSensor):
                 f"the meter {told!r} answers, expected {wanted!r}", context={"serial": told}
             )
         self._unit()
-
-    def halt(self) -> None:
-        """Nothing to send: a meter moves nothing."""
 
     @status(every_s=2.0)
     def flow_ul_s(self) -> float:
@@ -121,9 +118,7 @@ class BronkhorstEsFlow(Driver[RegisterTransport, Config], FlowSensor):
         Effect:
             None.
         """
-        self.refuse_if_stopped()
-        with before_acting():
-            return Report(evidence={"flow_ul_s": self._read()})
+        return measured(self, lambda: {"flow_ul_s": self._read()})
 
     def _read(self) -> float:
         unit = self._unit()

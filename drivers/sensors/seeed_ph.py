@@ -15,16 +15,15 @@ from typing import Annotated, ClassVar, Literal, NamedTuple
 
 import msgspec
 
-from drivers.base import Accuracy, Driver, Range, Report, action, before_acting, status
+from drivers.base import Accuracy, Driver, Range, Report, action, status
 from drivers.interfaces.sensor import PhSensor
+from drivers.sensors._transmitter import Transmitter, measured, signed
 from drivers.transports.modbus import RegisterTransport
 from labweb.domain.errors import FrameError
 
 FIRST_REGISTER = 0
 REGISTERS_COUNT = 2
 HUNDREDTHS = 100.0
-SIGN_BIT = 0x8000
-WORD = 0x10000
 
 LOWEST_C, HIGHEST_C = -55.0, 150.0
 HIGHEST_PH = 14.0
@@ -58,8 +57,7 @@ def decode_registers(registers: tuple[int, ...]) -> Measurement:
         Measurement(value_ph=7.01, temperature_c=25.12)
     """
     raw_temperature, raw_ph = registers
-    signed = raw_temperature - WORD if raw_temperature & SIGN_BIT else raw_temperature
-    measurement = Measurement(raw_ph / HUNDREDTHS, signed / HUNDREDTHS)
+    measurement = Measurement(raw_ph / HUNDREDTHS, signed(raw_temperature) / HUNDREDTHS)
     is_real = LOWEST_C <= measurement.temperature_c <= HIGHEST_C
     if not is_real or measurement.value_ph > HIGHEST_PH:
         raise FrameError(
@@ -69,18 +67,14 @@ def decode_registers(registers: tuple[int, ...]) -> Measurement:
     return measurement
 
 
-class SeeedPh(Driver[RegisterTransport, Config], PhSensor):
+class SeeedPh(Transmitter, Driver[RegisterTransport, Config], PhSensor):
     """One pH sensor."""
 
-    transport_type: ClassVar[type] = RegisterTransport
     config_type: ClassVar[type[msgspec.Struct]] = Config
 
     def identify(self) -> None:
         """Read once: this sensor has no name, so plausible readings must do."""
         self._read()
-
-    def halt(self) -> None:
-        """Nothing to send: a sensor moves nothing."""
 
     @status(every_s=2.0)
     def value_ph(self) -> Annotated[float, Accuracy(absolute=0.1)]:
@@ -99,9 +93,7 @@ class SeeedPh(Driver[RegisterTransport, Config], PhSensor):
         Effect:
             None.
         """
-        self.refuse_if_stopped()
-        with before_acting():
-            return Report(evidence=dict(self._read()._asdict()))
+        return measured(self, lambda: self._read()._asdict())
 
     def _read(self) -> Measurement:
         registers = self.transport.read_registers(

@@ -17,15 +17,15 @@ from typing import Annotated, ClassVar, Literal, NamedTuple
 
 import msgspec
 
-from drivers.base import Accuracy, Driver, Report, action, before_acting, status
+from drivers.base import Accuracy, Driver, Report, action, status
 from drivers.interfaces.conductivity_sensor import ConductivitySensor
 from drivers.interfaces.tds_sensor import TdsSensor
+from drivers.sensors._transmitter import Transmitter, measured, signed
 from drivers.transports.modbus import RegisterTransport
 from labweb.domain.errors import FrameError
 
 FIRST_REGISTER, REGISTERS_COUNT = 0, 5
 HUNDREDTHS = 100.0
-SIGN_BIT, WORD = 0x8000, 0x10000
 LOWEST_C, HIGHEST_C = -55.0, 150.0
 HIGHEST_TDS_PPM = 20_000
 
@@ -57,9 +57,8 @@ def decode_registers(registers: tuple[int, ...]) -> Measurement:
         1413.0
     """
     raw_temperature, high, low, salinity, tds = registers
-    signed = raw_temperature - WORD if raw_temperature & SIGN_BIT else raw_temperature
     measurement = Measurement(
-        signed / HUNDREDTHS, float(high * WORD + low), float(salinity), float(tds)
+        signed(raw_temperature) / HUNDREDTHS, float((high << 16) + low), float(salinity), float(tds)
     )
     is_real = LOWEST_C <= measurement.temperature_c <= HIGHEST_C
     if not is_real or measurement.tds_ppm > HIGHEST_TDS_PPM:
@@ -70,18 +69,14 @@ def decode_registers(registers: tuple[int, ...]) -> Measurement:
     return measurement
 
 
-class SeeedTds(Driver[RegisterTransport, Config], ConductivitySensor, TdsSensor):
+class SeeedTds(Transmitter, Driver[RegisterTransport, Config], ConductivitySensor, TdsSensor):
     """One sensor of conductivity and dissolved solids."""
 
-    transport_type: ClassVar[type] = RegisterTransport
     config_type: ClassVar[type[msgspec.Struct]] = Config
 
     def identify(self) -> None:
         """Read once: this sensor has no name, so plausible readings must do."""
         self._read()
-
-    def halt(self) -> None:
-        """Nothing to send: a sensor moves nothing."""
 
     @status(every_s=2.0)
     def conductivity_us_cm(self) -> Annotated[float, Accuracy(ratio=0.05)]:
@@ -105,9 +100,7 @@ class SeeedTds(Driver[RegisterTransport, Config], ConductivitySensor, TdsSensor)
         Effect:
             None.
         """
-        self.refuse_if_stopped()
-        with before_acting():
-            return Report(evidence=dict(self._read()._asdict()))
+        return measured(self, lambda: self._read()._asdict())
 
     def _read(self) -> Measurement:
         registers = self.transport.read_registers(

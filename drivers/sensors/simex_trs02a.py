@@ -18,15 +18,15 @@ from typing import Annotated, ClassVar
 
 import msgspec
 
-from drivers.base import Accuracy, Driver, Report, action, before_acting, status
+from drivers.base import Accuracy, Driver, Report, action, status
 from drivers.interfaces.temperature_sensor import TemperatureSensor
+from drivers.sensors._transmitter import Transmitter, measured, signed
 from drivers.transports.modbus import RegisterTransport
 from labweb.domain.errors import FrameError, RejectedError
 
 RESULT, RESULT_AND_STATUS = 0x01, 2  # 6.1: the status is the next register
 IDENTITY, MODEL_ID = 0x21, 0x0076  # 6.1
 TENTHS = 10.0
-SIGN_BIT, WORD = 0x8000, 0x10000
 LOWEST_C, HIGHEST_C = -50.0, 550.0  # chapter 3
 
 BROKEN, SHORT = 0xA0, 0x60
@@ -70,7 +70,7 @@ def decode_registers(registers: tuple[int, ...]) -> float:
         -1.0
     """
     raw, told = registers
-    temperature_c = (raw - WORD if raw & SIGN_BIT else raw) / TENTHS
+    temperature_c = signed(raw) / TENTHS
     wrong = faults_of(told)
     if wrong:
         raise RejectedError(
@@ -85,10 +85,9 @@ def decode_registers(registers: tuple[int, ...]) -> float:
     return temperature_c
 
 
-class SimexTrs02a(Driver[RegisterTransport, Config], TemperatureSensor):
+class SimexTrs02a(Transmitter, Driver[RegisterTransport, Config], TemperatureSensor):
     """One transducer with its probe."""
 
-    transport_type: ClassVar[type] = RegisterTransport
     config_type: ClassVar[type[msgspec.Struct]] = Config
 
     def identify(self) -> None:
@@ -99,9 +98,6 @@ class SimexTrs02a(Driver[RegisterTransport, Config], TemperatureSensor):
                 f"a device of code 0x{told:04X} answers; a TRS-02a has 0x{MODEL_ID:04X}",
                 context={"identity": told},
             )
-
-    def halt(self) -> None:
-        """Nothing to send: a sensor moves nothing."""
 
     @status(every_s=2.0)
     def temperature_c(self) -> Annotated[float, Accuracy()]:
@@ -115,9 +111,7 @@ class SimexTrs02a(Driver[RegisterTransport, Config], TemperatureSensor):
         Effect:
             None.
         """
-        self.refuse_if_stopped()
-        with before_acting():
-            return Report(evidence={"temperature_c": self._read()})
+        return measured(self, lambda: {"temperature_c": self._read()})
 
     def _read(self) -> float:
         return decode_registers(self.transport.read_registers(RESULT, RESULT_AND_STATUS))

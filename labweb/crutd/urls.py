@@ -12,7 +12,6 @@ urlpatterns = [
     path("resources/contents", exports.ContentsExport.as_view()),
     path("lots/export", exports.LotsExport.as_view()),
     path("lab/export", exports.LabExport.as_view()),
-    path("operations/check", api.OperationCheck.as_view()),
     path("resources/<uuid:resource_id>", api.ResourceDetail.as_view()),
     path("resources/<uuid:resource_id>/lineage", api.Lineage.as_view()),
     path("resources/<uuid:resource_id>/stock", desk.Stock.as_view()),

@@ -144,6 +144,9 @@ _REPLAYED = (
 )  # fmt: skip
 """Fields of a resource that events tell of."""
 
+_LINKED = ("key", "source", "source_port", "target", "target_port", "medium")
+"""The same of a connection."""
+
 
 def rewrite(
     lab: Lab,
@@ -151,11 +154,15 @@ def rewrite(
     connections: Sequence[Connection],
     materials: Sequence[Material],
     lots: Sequence[Lot],
-    parted: Collection[UUID] = (),
 ) -> None:
-    """Write resources as they are told, parents first, and what is gone of the rest.
+    """Write resources and connections as they are told, and what is gone of the rest.
 
-    Connections that were parted since are taken off.
+    Args:
+        lab: Where they are.
+        nodes: Every resource, parents first.
+        connections: Every connection; one that is not told is taken off.
+        materials: What the import brought.
+        lots: What the import brought.
     """
     missing = {row.pk for row in nodes} - set(
         Resource.objects.filter(lab=lab).values_list("pk", flat=True)
@@ -167,9 +174,10 @@ def rewrite(
     Resource.objects.bulk_update([row for row in nodes if row.pk not in missing], _REPLAYED)
     Material.objects.bulk_create(materials, ignore_conflicts=True)
     Lot.objects.bulk_create(lots, ignore_conflicts=True)
-    part(parted)
-    left = [row for row in connections if row.pk not in parted]
-    Connection.objects.bulk_create(left, ignore_conflicts=True)
+    Connection.objects.filter(lab=lab).exclude(pk__in=[row.pk for row in connections]).delete()
+    Connection.objects.bulk_create(
+        connections, update_conflicts=True, unique_fields=["id"], update_fields=_LINKED
+    )
 
 
 def rewrite_lots(operation: Operation, lab: Lab) -> None:

@@ -70,6 +70,7 @@ urlpatterns = [
     path("reservations/<uuid:reservation_id>/end", reservations.EndReservation.as_view()),
     path("resources/<uuid:resource_id>/reservations", reservations.ResourceReservations.as_view()),
     path("operations", custody.Operations.as_view()),
+    path("operations/check", custody.OperationsCheck.as_view()),
     path("resources/<uuid:resource_id>/custody", custody.InWhoseHands.as_view()),
     path("resources/<uuid:resource_id>/handover", custody.HandOvers.as_view()),
     path("handovers/<uuid:custody_id>/arrived", custody.Arrival.as_view()),

@@ -68,6 +68,61 @@ def test_a_machine_and_a_device_are_admitted_page_by_page(
         come_back(admin, rival, heard, port, rival.code(machine.folder))
 
 
+def test_nobody_admits_a_driver_that_was_changed_while_the_review_stood_open(
+    chromium: Browser, stack: Stack, folder: Path
+) -> None:
+    rows = stack.client("admin").get("devices")["devices"]
+    device_id = next(row["id"] for row in rows if row["key"] == "ph_1")
+    with (
+        visiting(chromium, stack, "admin") as admin,
+        visiting(chromium, stack, "admin") as other,
+        visiting(chromium, stack, "approver") as approver,
+    ):
+        review = f"admin/enrollment/device/{device_id}/review/"
+        admin.open(review)
+        shown = admin.page.locator("input[name=seen]").first.input_value()
+        admin.page.fill("#reason", "label and display compared")
+        give_another_driver(other, approver, stack, device_id, folder)
+        press(admin, "Admit")
+        expect(admin.page.get_by_role("alert")).to_contain_text("not the one that the page showed")
+        assert 422 in admin.refusals
+        assert stack.client("admin").get(f"devices/{device_id}")["state"] == "candidate"
+        admin.open(review)
+        assert admin.page.locator("input[name=seen]").first.input_value() != shown
+        admin.page.fill("#reason", "what it may do now was read anew")
+        press(admin, "Admit")
+        expect(admin.page.get_by_text("is admitted").first).to_be_visible()
+
+
+def give_another_driver(
+    admin: Visitor, approver: Visitor, stack: Stack, device_id: str, folder: Path
+) -> None:
+    """Bring another version of the device's driver, have it approved, and give it to the device."""
+    device = stack.client("admin").get(f"devices/{device_id}")
+    present = stack.client("admin").get(f"drivers/{device['driver']['version_id']}")
+    file = folder / f"{present['module'].rpartition('.')[2]}.py"
+    file.write_text(f"{present['sources'][present['module']]}\n# brought meanwhile\n")
+    admin.open("drivers")
+    admin.press("bring-driver")
+    with admin.page.expect_file_chooser() as chooser:
+        admin.press("driver-input")
+    chooser.value.set_files(file)
+    admin.at("driver-class").select_option(present["module"].split(".")[1])
+    admin.at("driver-note").fill("brought meanwhile")
+    admin.press("driver-propose")
+    admin.page.wait_for_url(re.compile(r"/drivers/[0-9a-f-]{36}$"))
+    approver.open(admin.page.url.removeprefix(stack.url))
+    approver.at("driver-changes").locator(".endmark").scroll_into_view_if_needed()
+    approver.press("driver-approve")
+    expect(approver.at("driver")).to_have_attribute("data-state", "approved")
+    expect(admin.at("driver")).to_have_attribute("data-state", "approved")
+    place = admin.page.locator(f"[data-testid=driver-place][data-device={device['key']}]")
+    admin.press(place.get_by_test_id("driver-change"))
+    admin.at("change-reason").fill("brought meanwhile")
+    admin.press("change-send")
+    expect(place).to_contain_text("has this version")
+
+
 def let_in(admin: Visitor, machine: Machine) -> None:
     """Make a token, join with it, mistype the code once, and admit."""
     page, stack = admin.page, machine.stack

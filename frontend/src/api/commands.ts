@@ -11,6 +11,7 @@ import type {
   LabEvent,
   RecoveryName,
   Run,
+  SeenConnection,
   Session,
   Ticket,
   Version,
@@ -215,6 +216,20 @@ export function useCarry(): UseMutationResult<unknown, Error, Carrying> {
       void client.invalidateQueries({ queryKey: ["custody"] });
       void client.invalidateQueries({ queryKey: keys.resources });
       void client.invalidateQueries({ queryKey: keys.hosts });
+    },
+  });
+}
+
+export type TakingOff = SeenConnection & { is_seen_empty: boolean; note: string };
+
+/** Tell that a connection was taken off; it is gone from the lab's graph. */
+export function useDisconnect(): UseMutationResult<unknown, Error, TakingOff> {
+  return useMutation({
+    mutationFn: ({ note, ...seen }) =>
+      call("POST", "/operations", { operation: { op: "disconnect", ...seen }, note }),
+    onSuccess: () => {
+      void client.invalidateQueries({ queryKey: ["custody"] });
+      void client.invalidateQueries({ queryKey: keys.resources });
     },
   });
 }

@@ -11,6 +11,7 @@ import { EventTable } from "@/ui/events";
 import { Glyph } from "@/ui/glyph";
 import { Amount, FillBar } from "@/ui/number";
 import { Carry, OnItsWay } from "./custody";
+import { TakeOff } from "./disconnect";
 import { RecordReaction } from "./reaction";
 import { Reserve, ReservedBy } from "./reservations";
 import { TakeStock, type StockAsked } from "./stock";
@@ -79,7 +80,7 @@ function Details(props: { resource: Resource; isShort: boolean; ask: StockAsked 
       {ask && <ReservedBy key={`reserved ${resource.id}`} resource={resource} />}
       {resource.holds_liquid && <ContentsTable resource={resource} />}
       <WellsNow resource={resource} />
-      <Facts resource={resource} isShort={isShort} />
+      <Facts resource={resource} isShort={isShort} mayAct={ask !== undefined} />
       {!isShort && (
         <>
           <h3 className="sub">Events</h3>
@@ -113,7 +114,8 @@ export function Wells({ resource, rows }: { resource: ResourceRow; rows: Resourc
   );
 }
 
-function Facts({ resource, isShort }: { resource: Resource; isShort: boolean }) {
+function Facts(props: { resource: Resource; isShort: boolean; mayAct: boolean }) {
+  const { resource, isShort, mayAct } = props;
   return (
     <dl className="kv">
       {resource.device && (
@@ -132,8 +134,13 @@ function Facts({ resource, isShort }: { resource: Resource; isShort: boolean }) 
       <dd className="mono">{resource.id}</dd>
       <dt>Place</dt>
       <dd>{place(resource.pose)}</dd>
-      {resource.ports.map((port, index) => (
-        <PortRow key={index} port={port} />
+      {resource.ports.map((port) => (
+        <PortRow
+          key={port.connection.connection_id}
+          port={port}
+          resource={resource}
+          mayAct={mayAct}
+        />
       ))}
       {!isShort &&
         Object.entries({ ...resource.config, ...resource.data }).map(([name, value]) => (
@@ -178,7 +185,8 @@ export function ContentsTable({ resource }: { resource: ResourceRow }) {
   );
 }
 
-function PortRow({ port }: { port: Resource["ports"][number] }) {
+function PortRow(props: { port: Resource["ports"][number]; resource: Resource; mayAct: boolean }) {
+  const { port, resource, mayAct } = props;
   return (
     <>
       <dt>Port {port.port}</dt>
@@ -190,7 +198,8 @@ function PortRow({ port }: { port: Resource["ports"][number] }) {
         ) : (
           "closed"
         )}{" "}
-        <span className="m">{port.medium}</span>
+        <span className="m">{port.medium}</span>{" "}
+        {mayAct && <TakeOff resource={resource} port={port} />}
       </dd>
     </>
   );

@@ -106,6 +106,17 @@ export const words = {
     massOut: "Made",
     residue: "Residue, stays in REACTION",
   },
+  disconnect: {
+    button: "Take off…",
+    title: "Take apart",
+    mayNot: "Needs the right to admit devices on both of its ends.",
+    about: "Take it off at the bench first. Then no way of the lab goes through",
+    empty: "I have looked: nothing is in it.",
+    reason: "Why is it taken off?",
+    sayBoth: "Look that nothing is in it, and write why.",
+    sayWhy: "Write why.",
+    send: "It is taken off",
+  },
   custody: {
     button: "Carry…",
     title: "Carry",

@@ -94,12 +94,29 @@ export interface ResourceRow {
   pose: Record<string, unknown> | null;
 }
 
+/** All of a connection as it is shown; it is taken off only while it still is so. */
+export interface SeenConnection {
+  connection_id: Id;
+  key: string;
+  source_id: Id;
+  source_port: string;
+  target_id: Id;
+  target_port: string;
+  medium: string;
+}
+
 export interface Resource extends ResourceRow {
   config: Record<string, unknown>;
   data: Record<string, unknown>;
   extra: Record<string, unknown>;
   size_mm: unknown;
-  ports: { port: string; to: { id: Id; name: string; port: string } | null; medium: string }[];
+  ports: {
+    port: string;
+    to: { id: Id; name: string; port: string } | null;
+    medium: string;
+    connection: SeenConnection;
+    may_disconnect: boolean;
+  }[];
   events: LabEvent[];
 }
 

@@ -23,7 +23,7 @@ from labweb.crutd.selectors.past import Past, as_it_was
 from labweb.domain.approvals.roles import Permission
 from labweb.domain.crutd import operations
 from labweb.domain.crutd.ledger import Amount
-from labweb.domain.errors import DefinitionError, NotFoundError
+from labweb.domain.errors import DefinitionError, Finding, NotFoundError
 from labweb.domain.resources.contents import LotId
 from labweb.domain.resources.kinds import KINDS, is_vessel
 from labweb.domain.resources.tree import in_tree_order
@@ -81,7 +81,8 @@ class ResourceDetail(APIView):
         row = visible(request, resource_id)
         lab = resource_selectors.the_lab()
         seen = resource_selectors.allowed_ids(user_of(request), Permission.VIEW)
-        ends = resource_selectors.connections_of(lab).select_related("source", "target")
+        mine = resource_selectors.allowed_ids(user_of(request), Permission.ADMIT)
+        ends = resource_selectors.connections_at(lab, [row.id])
         ports = [
             {
                 "port": edge.source_port if edge.source_id == row.id else edge.target_port,
@@ -89,10 +90,19 @@ class ResourceDetail(APIView):
                 if edge.source_id == row.id
                 else render_end(edge.source, edge.source_port),
                 "medium": edge.medium,
+                "connection": {
+                    "connection_id": str(edge.id),
+                    "key": edge.key,
+                    "source_id": str(edge.source_id),
+                    "source_port": edge.source_port,
+                    "target_id": str(edge.target_id),
+                    "target_port": edge.target_port,
+                    "medium": edge.medium,
+                },
+                "may_disconnect": {edge.source_id, edge.target_id} <= mine,
             }
             for edge in ends
-            if row.id in {edge.source_id, edge.target_id}
-            and {edge.source_id, edge.target_id} <= seen
+            if {edge.source_id, edge.target_id} <= seen
         ]
         events = selectors.events_of(lab, resource_id=row.id)[:_MOST_EVENTS]
         return Response(
@@ -128,11 +138,15 @@ class HandOperations(APIView):
         act = body(request, Act)
         user = user_of(request)
         require_act(user, act.operation)
-        row = services.carry_out(
-            act.operation, lab=resource_selectors.the_lab(), actor_id=user.pk, note=act.note
-        )
+        row = self.carry_out(act, user)
         event = row.events.get()
         return Response({"transaction_id": str(row.id), **render_events([event])[0]}, status=201)
+
+    def carry_out(self, act: Act, user: User) -> selectors.Transaction:
+        """Do it; the floor above asks more of some operations."""
+        return services.carry_out(
+            act.operation, lab=resource_selectors.the_lab(), actor_id=user.pk, note=act.note
+        )
 
 
 class OperationCheck(APIView):
@@ -145,9 +159,12 @@ class OperationCheck(APIView):
         act = body(request, Act)
         user = user_of(request)
         require_act(user, act.operation)
+        return Response({"findings": [finding.to_json() for finding in self.findings(act, user)]})
+
+    def findings(self, act: Act, user: User) -> list[Finding]:
+        """List them; the floor above asks more of some operations."""
         lab = resource_selectors.the_lab()
-        findings = services.check_operation(act.operation, lab=lab, actor_id=user.pk)
-        return Response({"findings": [finding.to_json() for finding in findings]})
+        return services.check_operation(act.operation, lab=lab, actor_id=user.pk)
 
 
 def require_act(user: User, operation: operations.Operation) -> None:
@@ -155,6 +172,8 @@ def require_act(user: User, operation: operations.Operation) -> None:
     wanted = Permission.RUN
     if isinstance(operation, operations.Correct):
         wanted = Permission.RESOLVE
+    elif isinstance(operation, operations.Disconnect):
+        wanted = Permission.ADMIT
     ids = set(operations.touched_ids(operation))
     seen = resource_selectors.allowed_ids(user, Permission.VIEW)
     for resource_id in sorted(ids - seen):
@@ -306,6 +325,8 @@ def _summary(
             return f"{names.get('source')} → {names.get('target')}, {text}"
         case "transfer_resource" if operation["from_id"] == operation["to_id"]:
             return f"{names.get('subject')}: handed to another host at {names.get('target')}"
+        case "disconnect":
+            return f"{operation['key']}: {names.get('source')}, {names.get('target')} taken apart"
         case "transfer_resource" | "restore":
             return f"{names.get('subject')}: {names.get('source')} → {names.get('target')}"
         case "update":

@@ -10,8 +10,10 @@ from zoneinfo import ZoneInfo
 
 from labweb.common.clock import now
 from labweb.crutd.selectors import held_locks, snapshot
+from labweb.crutd.selectors.owning import joins_parts_of
 from labweb.crutd.selectors.reserved import reservations_on
 from labweb.domain.crutd import operations
+from labweb.domain.crutd.replay import link
 from labweb.domain.crutd.snapshot import Facts, LotState, MaterialState, ResourceState
 from labweb.domain.resources.contents import LotId, Phase
 from labweb.domain.runs.locks import conflicts, lock_set
@@ -37,6 +39,8 @@ def facts_for(
     carried = operation if isinstance(operation, operations.TransferResource) else None
     if isinstance(operation, operations.Refit):
         return _refit_facts(operation, lab)
+    if isinstance(operation, operations.Disconnect):
+        return _link_facts(operation, lab)
     wanted = {lot for state in states.values() for lot in (*state.contents, *state.masses)}
     if isinstance(operation, operations.Correct):
         wanted |= {LotId(lot) for lot in (*operation.measured_nl, *operation.measured_ug)}
@@ -86,6 +90,17 @@ def _refit_facts(refit: operations.Refit, lab: Lab) -> Facts:
         is_taken=bool(resource_selectors.taken_keys(lab, keys))
         or resource_selectors.rows(ids).exists(),
         taken_tubes=resource_selectors.taken_tubes(lab, refit),
+    )
+
+
+def _link_facts(disconnect: operations.Disconnect, lab: Lab) -> Facts:
+    """Return the connection as it is, and the device whose inner one it is."""
+    rows = resource_selectors.connections_of(lab).filter(pk=disconnect.connection_id)
+    there = next(iter(resource_selectors.to_graph(rows).connections), None)
+    return Facts(
+        on=today(lab),
+        connection=None if there is None else tuple(link(there).values()),
+        is_inside_of=joins_parts_of(lab, disconnect.source_id, disconnect.target_id),
     )
 
 

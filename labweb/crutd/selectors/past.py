@@ -15,7 +15,7 @@ from django.db.models import Max, Sum
 from labweb.crutd.models import Entry, Event, Holding, LabBase, Transaction
 from labweb.crutd.selectors.chain import events_in_order
 from labweb.domain.crutd.ledger import Account, Amount
-from labweb.domain.crutd.replay import Happening, Node, Replay, begin, differences, fold
+from labweb.domain.crutd.replay import Happening, Node, Replay, begin, differences, fold, link
 from labweb.domain.errors import DefinitionError, Finding, ReconcileError
 from labweb.domain.graph.lab_file.model import LabFile
 from labweb.domain.resources.contents import LotId
@@ -96,7 +96,9 @@ def kept(lab: Lab) -> Replay:
             amount = balances.get(key, Amount()) + Amount(sign * row["nl"], sign * row["ug"])
             balances[key] = amount
     states = Transaction.objects.filter(lab=lab).values_list("id", "state")
-    return Replay(nodes, balances, {str(key): state for key, state in states})
+    rows = resource_selectors.connections_of(lab)
+    links = {one.id: link(one) for one in resource_selectors.to_graph(rows).connections}
+    return Replay(nodes, balances, {str(key): state for key, state in states}, links)
 
 
 def _node(row: Resource) -> Node:

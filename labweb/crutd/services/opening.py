@@ -112,8 +112,14 @@ def hold_to_open(
     return ToOpen(row, rows, states, opening(row, wanted, operations.reservations(operation)))
 
 
-_NEW = operations.Create | operations.Receive | operations.React | operations.Refit
-"""What brings something new looks whether that is there already, one after the other."""
+_NEW = (
+    operations.Create
+    | operations.Receive
+    | operations.React
+    | operations.Refit
+    | operations.Disconnect
+)
+"""What changes more than rows that are locked looks what is there one after the other."""
 
 
 def check_states(

@@ -178,16 +178,16 @@ def _write_rows(lab: Lab, base: LabFile, told: Replay) -> None:
     nodes = list(told.nodes.values())
     imported = rows_of(lab, base)
     by_id = {row.id: row for row in imported.resources}
+    tubes = {row.id: row for row in imported.connections}
     resource_services.rewrite(
         lab,
         [_resource(lab, node, by_id.get(node.id)) for node in _parents_first(nodes)],
         [
-            *imported.connections,
-            *(resource_services.connection_of(lab, link) for link in told.links.values()),
+            tubes.get(key) or resource_services.connection_of(lab, link)
+            for key, link in told.links.items()
         ],
         imported.materials,
         imported.lots,
-        told.parted,
     )
     for event in events_in_order(lab):
         operation = operations.from_json(event.body["operation"])

@@ -10,15 +10,13 @@ import msgspec
 from django.db.transaction import atomic
 
 from labweb.crutd.selectors import snapshot
+from labweb.crutd.selectors.owning import own_parts
 from labweb.crutd.selectors.reserved import reservations_on
 from labweb.crutd.services.locking import hold
 from labweb.crutd.services.recording import wait_for_others
 from labweb.crutd.services.transactions import carry_out, check_operation
 from labweb.domain.crutd.operations import Delete, Refit
-from labweb.domain.enrollment.spec import DriverSpec
 from labweb.domain.errors import Finding
-from labweb.domain.graph.injection import injected
-from labweb.enrollment import selectors as enrollment_selectors
 from labweb.enrollment.selectors import Device
 from labweb.resources import selectors as resource_selectors
 
@@ -51,7 +49,7 @@ def hold_leaving(device: Device) -> Leaving:
         LockedError: Somebody uses one of them just now.
     """
     wait_for_others(device.lab)
-    parts = _own_parts(device)
+    parts = own_parts(device)
     within = resource_selectors.descendants(parts) if parts else set()
     archive = resource_selectors.archive_of(device.lab)
     bound = {UUID(node) for node in device.nodes.values()}
@@ -64,22 +62,6 @@ def hold_leaving(device: Device) -> Leaving:
         staying=frozenset(bound - within),
         archive_id=None if archive is None else archive.id,
     )
-
-
-def _own_parts(device: Device) -> set[UUID]:
-    spec = msgspec.convert(device.driver.spec, DriverSpec)
-    made = injected(spec, device.config, key=device.key, name=device.name)
-    kinds = {
-        UUID(device.nodes[role]): part.kind
-        for part in made.parts
-        for role in part.roles
-        if role in device.nodes
-    }
-    ids = kinds.keys() - enrollment_selectors.nodes_of_others(device)
-    rows = resource_selectors.rows(ids).filter(lab=device.lab, is_archived=False)
-    own = {row.id for row in rows if row.kind == kinds[row.id]}
-    above = resource_selectors.ancestors(own)
-    return {one for one in own if not own.intersection(above[one])}
 
 
 def check_leaving(leaving: Leaving) -> list[Finding]:

@@ -197,6 +197,8 @@ def _apply(
     _place(change)
     if isinstance(operation, operations.Refit) and change.state is TransactionState.COMMITTED:
         resource_services.rejoin(operation, row.lab)
+    if isinstance(operation, operations.Disconnect) and change.state is TransactionState.COMMITTED:
+        resource_services.part([operation.connection_id])
     if change.released:
         resource_services.release(change.released)
     if change.quarantined:

@@ -8,10 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
+from labweb.domain.crutd.disconnecting import check_disconnect
 from labweb.domain.crutd.operations import (
     Correct,
     Create,
     Delete,
+    Disconnect,
     Dispose,
     Operation,
     React,
@@ -71,6 +73,8 @@ def _check_own(operation: Operation, snapshot: Snapshot, facts: Facts | None) ->
             return _check_update(operation, snapshot)
         case Refit():
             return check_refit(operation, snapshot, facts)
+        case Disconnect():
+            return check_disconnect(operation, snapshot, facts)
         case Read():
             return []
         case _:

@@ -22,6 +22,7 @@ from labweb.domain.crutd.operations import (
     Correct,
     Create,
     Delete,
+    Disconnect,
     Dispose,
     Operation,
     React,
@@ -163,12 +164,12 @@ def settle(operation: Operation, snapshot: Snapshot, outcome: Outcome) -> Change
 
 
 def _settle_placed(
-    operation: Create | Read | Update | TransferResource | Delete | Restore | Refit,
+    operation: Create | Read | Update | TransferResource | Delete | Restore | Refit | Disconnect,
     outcome: Outcome,
 ) -> Change:
     committed = TransactionState.COMMITTED
     match operation:
-        case Read():
+        case Read() | Disconnect():
             return Change(state=committed)
         case Update():
             merged = {**operation.data, **outcome.data}

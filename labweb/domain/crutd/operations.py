@@ -12,13 +12,14 @@ import msgspec
 from msgspec import Meta
 
 from labweb.domain.crutd.ledger import Account
+from labweb.domain.crutd.particulars import Amount as Amount
+from labweb.domain.crutd.particulars import Joint as Joint
+from labweb.domain.crutd.particulars import Name as Name
+from labweb.domain.crutd.particulars import Portion as Portion
+from labweb.domain.crutd.particulars import Product as Product
+from labweb.domain.crutd.particulars import Share as Share
+from labweb.domain.crutd.particulars import Text as Text
 from labweb.domain.resources.contents import Phase
-
-Amount = Annotated[int, Meta(ge=0, le=999_999_999_999_999)]
-"""Whole nanolitres or micrograms: at most a cubic metre, or a tonne."""
-
-Name = Annotated[str, Meta(min_length=1, max_length=500)]
-Text = Annotated[str, Meta(max_length=500)]
 
 
 class OperationName(StrEnum):
@@ -120,14 +121,6 @@ class TransferMass(msgspec.Struct, frozen=True, tag="transfer_mass", tag_field="
     """What the person means to move; a vessel that holds anything else is refused."""
 
 
-class Portion(msgspec.Struct, frozen=True, kw_only=True):
-    """What of a delivery comes into one vessel: in the unit of its phase."""
-
-    resource_id: UUID
-    amount_nl: Amount = 0
-    amount_ug: Amount = 0
-
-
 class Receive(msgspec.Struct, frozen=True, tag="receive", tag_field="op", kw_only=True):
     """Take a delivery in: a new lot, out of RECEIPT into one vessel or several."""
 
@@ -164,30 +157,6 @@ class Dispose(msgspec.Struct, frozen=True, tag="dispose", tag_field="op", kw_onl
     amount_ug: Amount | None = None
 
 
-class Share(msgspec.Struct, frozen=True, kw_only=True):
-    """What a reaction consumed of one lot: in the unit that the lot is counted in."""
-
-    lot_id: UUID
-    amount_nl: Amount = 0
-    amount_ug: Amount = 0
-    mass_ug: Amount | None = None
-    """What it weighs; needed for a liquid of which nobody stated the density."""
-
-
-class Product(msgspec.Struct, frozen=True, kw_only=True):
-    """A new lot that a reaction made, in the unit of its phase."""
-
-    lot_id: UUID
-    material_id: UUID
-    key: Name
-    phase: Phase
-    amount_nl: Amount = 0
-    amount_ug: Amount = 0
-    mass_ug: Amount | None = None
-    number: Text = ""
-    purity: Text = ""
-
-
 class React(msgspec.Struct, frozen=True, tag="react", tag_field="op", kw_only=True):
     """Record a reaction in a vessel: reactants go into REACTION, products come out of it.
 
@@ -202,18 +171,6 @@ class React(msgspec.Struct, frozen=True, tag="react", tag_field="op", kw_only=Tr
     residue_ug: Amount = 0
     basis: UUID | msgspec.UnsetType = msgspec.UNSET
     """Lot of which one mole gives at most one mole of the first product: the yield is on it."""
-
-
-class Joint(msgspec.Struct, frozen=True, kw_only=True):
-    """A connection between two parts of one device."""
-
-    id: UUID
-    key: Name
-    source_id: UUID
-    source_port: Text
-    target_id: UUID
-    target_port: Text
-    medium: Text
 
 
 class Refit(msgspec.Struct, frozen=True, tag="refit", tag_field="op", kw_only=True):
@@ -250,6 +207,22 @@ class Refit(msgspec.Struct, frozen=True, tag="refit", tag_field="op", kw_only=Tr
     """Connections that are no more."""
 
 
+class Disconnect(msgspec.Struct, frozen=True, tag="disconnect", tag_field="op", kw_only=True):
+    """Take a connection off the physical graph. Moves no matter: nothing may be in it."""
+
+    connection_id: UUID
+    key: Name
+    source_id: UUID
+    source_port: Text
+    target_id: UUID
+    target_port: Text
+    medium: Text
+    """All as the person saw it: what has become otherwise is not taken off."""
+
+    is_seen_empty: bool = False
+    """A person has looked, and nothing is in the tube. No record tells what a tube holds."""
+
+
 Operation = (
     Create
     | Read
@@ -264,6 +237,7 @@ Operation = (
     | Dispose
     | React
     | Refit
+    | Disconnect
 )
 
 HandOperation = (
@@ -277,6 +251,7 @@ HandOperation = (
     | Correct
     | Dispose
     | React
+    | Disconnect
 )
 """What a person may do by hand and tell of."""
 
@@ -294,6 +269,7 @@ _NAMES: dict[type, OperationName] = {
     Dispose: OperationName.TRANSFER,
     React: OperationName.UPDATE,
     Refit: OperationName.UPDATE,
+    Disconnect: OperationName.DELETE,
 }
 
 
@@ -311,7 +287,7 @@ def touched_ids(operation: Operation) -> tuple[UUID, ...]:
             ids = {operation.device_id}
         case Update() | Correct() | Dispose() | React():
             ids = {operation.resource_id}
-        case TransferLiquid() | TransferMass():
+        case TransferLiquid() | TransferMass() | Disconnect():
             ids = {operation.source_id, operation.target_id}
         case TransferResource() | Restore():
             ids = {operation.resource_id, operation.from_id, operation.to_id}
@@ -351,7 +327,7 @@ def reservations(operation: Operation) -> tuple[Reservation, ...]:
 def subjects_of(operation: Operation) -> tuple[tuple[UUID, str], ...]:
     """Return the resources that an event of the operation concerns, each with its role."""
     match operation:
-        case TransferLiquid() | TransferMass():
+        case TransferLiquid() | TransferMass() | Disconnect():
             return ((operation.source_id, "source"), (operation.target_id, "target"))
         case TransferResource() | Restore():
             return (

@@ -18,6 +18,7 @@ from labweb.domain.crutd.ledger import Amount, Posting, book, posting_from, vess
 from labweb.domain.crutd.lifecycle import TransactionState
 from labweb.domain.errors import Finding, ReconcileError
 from labweb.domain.graph.lab_file.model import LabFile
+from labweb.domain.graph.topology import Connection
 from labweb.domain.resources.contents import LotId
 from labweb.domain.resources.kinds import KINDS
 
@@ -60,10 +61,7 @@ class Replay:
     """State of each transaction that an event tells of."""
 
     links: dict[UUID, Mapping[str, Any]] = field(default_factory=dict)
-    """Connections that came with devices; those of the import are not here."""
-
-    parted: set[UUID] = field(default_factory=set)
-    """Connections that went with a part of a device; the import may tell of some."""
+    """Connections, those of the import among them."""
 
     def contents(self, vessel: UUID) -> dict[LotId, Amount]:
         """Return what a vessel holds, by lot."""
@@ -87,7 +85,21 @@ def begin(lab: LabFile) -> Replay:
             data=resource.data,
             pose=None if resource.pose is None else resource.pose.to_json(),
         )
+    replay.links = {one.id: link(one) for one in lab.connections}
     return replay
+
+
+def link(connection: Connection) -> Mapping[str, Any]:
+    """Return a connection as events tell of one."""
+    return {
+        "id": str(connection.id),
+        "key": connection.key,
+        "source_id": str(connection.source.resource_id),
+        "source_port": connection.source.port,
+        "target_id": str(connection.target.resource_id),
+        "target_port": connection.target.port,
+        "medium": connection.medium.value,
+    }
 
 
 def fold(replay: Replay, events: Iterable[Happening]) -> Replay:
@@ -144,6 +156,8 @@ def _create(replay: Replay, event: Happening) -> None:
     if event.body["operation"].get("op") == "refit":
         _refit(replay, event.body, created)
         return
+    if event.body["operation"].get("op") == "disconnect":
+        _disconnect(replay, event.body)
     if not created:
         return
     operation = operations.from_json(event.body["operation"])
@@ -168,10 +182,14 @@ def _refit(replay: Replay, body: Mapping[str, Any], created: set[str]) -> None:
     replay.nodes |= {one.resource_id: _made(one) for one in operation.added}
     for link_id in operation.parted:
         replay.links.pop(link_id, None)
-        replay.parted.add(link_id)
     for joint in operation.joined:
         replay.links[joint.id] = msgspec.to_builtins(joint)
-        replay.parted.discard(joint.id)
+
+
+def _disconnect(replay: Replay, body: Mapping[str, Any]) -> None:
+    """Take a connection off."""
+    if TransactionState(body["change"]["state"]) is TransactionState.COMMITTED:
+        del replay.links[UUID(body["operation"]["connection_id"])]
 
 
 def _made(create: operations.Create) -> Node:
@@ -223,6 +241,7 @@ def differences(told: Replay, kept: Replay) -> list[Finding]:
         *_tree_differences(told.nodes, kept.nodes),
         *_ledger_differences(told.balances, kept.balances),
         *_state_differences(told.states, kept.states),
+        *_link_differences(told.links, kept.links),
     ]
 
 
@@ -252,6 +271,16 @@ def _ledger_differences(
                 f"the events tell {one.nl} nL and {one.ug} µg"
             )
             yield Finding("rebuild.ledger", text, account, {"lot": lot})
+
+
+def _link_differences(
+    told: Mapping[UUID, Mapping[str, Any]], kept: Mapping[UUID, Mapping[str, Any]]
+) -> Iterator[Finding]:
+    for key in sorted(told.keys() | kept.keys()):
+        one, other = told.get(key), kept.get(key)
+        if one != other:
+            text = f"connection {key} is {other or 'not there'}, the events tell {one or 'of none'}"
+            yield Finding("rebuild.graph", text, str(key))
 
 
 _LIVE = frozenset(state.value for state in TransactionState) - {"committed", "rolled_back"}

@@ -118,5 +118,11 @@ class Facts:
     reserved: Mapping[UUID, str] = field(default_factory=dict)
     """Who has reserved a part that goes, and until when."""
 
+    connection: tuple[str, ...] | None = None
+    """One that is to be taken off, as it is: id, key, both ends with their ports, medium."""
+
+    is_inside_of: str = ""
+    """Device of which both of its ends are parts; "": none."""
+
     held: Mapping[UUID, str] = field(default_factory=dict)
     """Transaction that uses a resource now."""

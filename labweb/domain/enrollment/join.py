@@ -207,9 +207,19 @@ class Admitted(msgspec.Struct, frozen=True, tag="admitted", tag_field="t", kw_on
 JoinFrame = Offer | Waiting | Admitted | Refuse
 
 
+def is_name(text: str) -> bool:
+    """Tell whether a text names a machine or a device so that nobody takes it for another.
+
+    Example:
+        >>> is_name("Bench 9"), is_name("Bench\u202e9"), is_name("--")
+        (True, False, False)
+    """
+    return bool(key_of_name(text)) and len(text) <= LONGEST_NAME and is_legible(text)
+
+
 def check_ask(ask: Ask) -> str:
     """Say what is wrong with a request before its token is looked at; "" means nothing."""
-    if not key_of_name(ask.name) or len(ask.name) > LONGEST_NAME or not is_legible(ask.name):
+    if not is_name(ask.name):
         return f"the name has 1 to {LONGEST_NAME} legible signs, a letter or digit among them"
     if len(ask.csr) > LONGEST_CSR_BYTES:
         return f"the signing request is longer than {LONGEST_CSR_BYTES} bytes"

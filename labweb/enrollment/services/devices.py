@@ -16,6 +16,7 @@ from labweb.common.clock import now
 from labweb.domain.approvals.roles import Permission
 from labweb.domain.enrollment.admission import Admission, check_admission
 from labweb.domain.enrollment.reviewing import KeptReview, check_kept
+from labweb.domain.enrollment.wording import refuse_no_reason
 from labweb.domain.errors import DefinitionError, StateError
 from labweb.enrollment import selectors
 from labweb.enrollment.models import Device, DriverVersion
@@ -172,13 +173,7 @@ def check_review(row: Device, actor: User, reason: str) -> None:
         DefinitionError: No reason was given, or one that is no text.
     """
     resource_selectors.require(actor, Permission.ADMIT, selectors.node_ids(row))
-    if not reason.strip():
-        raise DefinitionError("say what you checked: the reason is empty", code="device.no_reason")
-    if "\0" in reason:
-        raise DefinitionError(
-            "the reason holds the sign of code 0, which no text has: write it again",
-            code="device.no_reason",
-        )
+    refuse_no_reason(reason, "say what you checked", code="device.no_reason")
 
 
 def _check_seen(row: Device, digest: str) -> None:

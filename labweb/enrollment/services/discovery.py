@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 from functools import partial
 from typing import Any
@@ -16,14 +17,18 @@ from labweb.accounts.selectors import User
 from labweb.common import feed
 from labweb.common.clock import new_id, now
 from labweb.domain.approvals.roles import Permission
-from labweb.domain.enrollment.join import is_code, key_of_name
+from labweb.domain.enrollment.join import LONGEST_NAME, is_code, is_name, key_of_name
 from labweb.domain.enrollment.spec import DriverSpec, check_config
+from labweb.domain.enrollment.wording import is_text, refuse_no_reason
 from labweb.domain.errors import DefinitionError, EnrollmentError, StateError
 from labweb.enrollment import selectors
 from labweb.enrollment.models import Candidate, Device, DriverVersion
 from labweb.enrollment.services.joining import require_admission
 from labweb.enrollment.services.link import tell_host
 from labweb.resources import selectors as resource_selectors
+
+_LONGEST_TRANSPORT = 300
+"""As the column has room for."""
 
 
 @atomic
@@ -95,8 +100,7 @@ def _is_in_use(one: Candidate) -> bool:
 def _open_candidate(candidate_id: UUID, actor: User, reason: str) -> Candidate:
     row = hold_candidate(selectors.find_candidate(candidate_id))
     require_admission(actor, row.lab)
-    if not reason.strip():
-        raise DefinitionError("say what you checked: the reason is empty", code="device.no_reason")
+    refuse_no_reason(reason, "say what you checked", code="device.no_reason")
     if row.state == Candidate.State.TAKEN_UP:
         raise StateError("it was taken up before: see its device", code="candidate.taken_up")
     return row
@@ -166,10 +170,12 @@ def compare_code(candidate_id: UUID, *, typed: str, reason: str, actor: User) ->
     Raises:
         NotFoundError: There is no such candidate.
         ForbiddenError: The actor may not admit there.
+        DefinitionError: No reason was given.
         EnrollmentError: The code differs.
     """
     row = selectors.find_candidate(candidate_id)
     require_admission(actor, row.lab)
+    refuse_no_reason(reason, "say what you checked", code="device.no_reason")
     code = selectors.code_of_candidate(row)
     expected = code or row.serial or row.address
     is_same = is_code(typed, code) if code else typed.strip() == expected
@@ -192,6 +198,7 @@ def take_up_compared(candidate_id: UUID, wanted: Wanted, *, reason: str, actor: 
     if row.state == Candidate.State.REJECTED or said is not None:
         where = "" if said is None or said.host_id == row.host_id else f" at {said.host.name}"
         raise StateError(f"it was rejected{where}: take it back first", code="candidate.rejected")
+    _refuse_unkept(wanted)
     driver = DriverVersion.objects.filter(digest=wanted.driver_digest).first()
     if driver is None:
         raise DefinitionError("choose one of the drivers that were read", code="candidate.driver")
@@ -224,6 +231,22 @@ def take_up_compared(candidate_id: UUID, wanted: Wanted, *, reason: str, actor: 
     )
     on_commit(partial(feed.publish, "devices", {"device_id": str(device.id)}))
     return device
+
+
+def _refuse_unkept(wanted: Wanted) -> None:
+    """Refuse what no record can hold, and a name that nobody can tell from another."""
+    config = json.dumps(wanted.config)
+    if not is_text(wanted.driver_digest, wanted.label) or "\\u0000" in config:
+        raise DefinitionError(
+            "label or settings hold the sign of code 0, which no text has: write them again",
+            code="candidate.incomplete",
+        )
+    if wanted.name and not is_name(wanted.name):
+        text = f"the name has 1 to {LONGEST_NAME} legible signs, a letter or digit among them"
+        raise DefinitionError(text, code="candidate.incomplete")
+    if len(wanted.transport) > _LONGEST_TRANSPORT or not wanted.transport.isprintable():
+        text = f"the address of the carrier has at most {_LONGEST_TRANSPORT} printable signs"
+        raise DefinitionError(text, code="candidate.incomplete")
 
 
 def give_parts(

@@ -25,6 +25,7 @@ from labweb.domain.enrollment.bundle import (
     encode_bundle,
 )
 from labweb.domain.enrollment.spec import DriverSpec
+from labweb.domain.enrollment.wording import refuse_no_reason
 from labweb.domain.errors import (
     ConformanceError,
     DefinitionError,
@@ -294,8 +295,7 @@ def withdraw_driver(version_id: UUID, *, actor: User, reason: str) -> DriverVers
     row = selectors.driver_for_update(version_id)
     root = resource_selectors.root_of(resource_selectors.the_lab())
     resource_selectors.require(actor, Permission.ADMIT, [root.id])
-    if not reason.strip():
-        raise DefinitionError("say why: the reason is empty", code="driver.no_reason")
+    refuse_no_reason(reason, "say why", code="driver.no_reason")
     users = sorted(selectors.users_of_driver(row).values_list("key", flat=True))
     if users:
         text = f"{row} is used by {', '.join(users)}: give them another version first"

@@ -12,7 +12,8 @@ from labweb.accounts.selectors import User
 from labweb.common import feed
 from labweb.common.clock import now
 from labweb.domain.approvals.roles import Permission
-from labweb.domain.errors import DefinitionError, ForbiddenError, StateError
+from labweb.domain.enrollment.wording import refuse_no_reason
+from labweb.domain.errors import ForbiddenError, StateError
 from labweb.domain.runs.session import (
     FENCED_CODE,
     SessionState,
@@ -124,5 +125,4 @@ def revoke_host(host_id: UUID, *, actor: User, reason: str) -> EdgeHost:
 def _check_actor(row: EdgeHost, actor: User, reason: str) -> None:
     root = resource_selectors.root_of(row.lab)
     resource_selectors.require(actor, Permission.ADMIT, [root.id])
-    if not reason.strip():
-        raise DefinitionError("say what you know: the reason is empty", code="host.no_reason")
+    refuse_no_reason(reason, "say what you know", code="host.no_reason")

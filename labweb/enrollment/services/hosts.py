@@ -16,7 +16,8 @@ from labweb.common import feed, signing
 from labweb.common.clock import new_id, now, tick
 from labweb.common.wake import wake_dispatcher
 from labweb.domain.approvals.roles import Permission
-from labweb.domain.errors import DefinitionError, EnrollmentError, StateError
+from labweb.domain.enrollment.wording import refuse_no_reason
+from labweb.domain.errors import EnrollmentError, StateError
 from labweb.domain.messages import (
     PROTOCOL_VERSION,
     DeviceConfig,
@@ -125,8 +126,7 @@ def readmit_host(host_id: UUID, *, actor: User, reason: str) -> EdgeHost:
     row = selectors.host_for_update(host_id)
     root = resource_selectors.root_of(row.lab)
     resource_selectors.require(actor, Permission.ADMIT, [root.id])
-    if not reason.strip():
-        raise DefinitionError("say what you checked: the reason is empty", code="host.no_reason")
+    refuse_no_reason(reason, "say what you checked", code="host.no_reason")
     if row.state not in CLOSED:
         raise StateError(f"{row.name} is {row.state}", code="host.not_quarantined")
     keep_record(row, readmitted(record_of(row)))

@@ -28,11 +28,13 @@ from labweb.domain.enrollment.join import (
     check_ask,
     find_known,
     is_code,
+    is_name,
     is_secret,
     key_of_name,
     render_token,
     secret_hash,
 )
+from labweb.domain.enrollment.wording import refuse_no_reason
 from labweb.domain.errors import DefinitionError, EnrollmentError, StateError
 from labweb.domain.messages import Refuse
 from labweb.domain.runs.session import SessionState, readmitted
@@ -81,8 +83,8 @@ def make_token(
     if not 0 < lifetime_s <= LONGEST_TOKEN_S:
         text = f"a token lives for more than 0 and at most {LONGEST_TOKEN_S / 60:g} minutes"
         raise DefinitionError(text, code="join.lifetime")
-    if name and (not key_of_name(name) or len(name) > LONGEST_NAME):
-        text = f"the name has 1 to {LONGEST_NAME} signs, a letter or digit among them"
+    if name and not is_name(name):
+        text = f"the name has 1 to {LONGEST_NAME} legible signs, a letter or digit among them"
         raise DefinitionError(text, code="join.name")
     secret = secrets.token_hex(SECRET_BYTES)
     at = now()
@@ -233,6 +235,7 @@ def admit_request(request_id: UUID, *, typed: str, reason: str, actor: User) -> 
     """
     row = selectors.find_request(request_id)
     require_admission(actor, row.lab)
+    refuse_no_reason(reason, "say what you checked", code="host.no_reason")
     if not is_code(typed, selectors.code_of_request(row)):
         with atomic():
             account_services.write_audit(
@@ -319,8 +322,7 @@ def reject_request(request_id: UUID, *, reason: str, actor: User) -> JoinRequest
 def _undecided(request_id: UUID, actor: User, reason: str) -> JoinRequest:
     row = selectors.request_for_update(request_id)
     require_admission(actor, row.lab)
-    if not reason.strip():
-        raise DefinitionError("say what you checked: the reason is empty", code="host.no_reason")
+    refuse_no_reason(reason, "say what you checked", code="host.no_reason")
     if row.state != JoinRequest.State.WAITING:
         raise StateError(f"{row.name} was {row.state} before", code="join.answered")
     return row

@@ -26,7 +26,8 @@ from labweb.common.clock import now
 from labweb.domain.approvals.roles import Permission
 from labweb.domain.enrollment.replacement import Waiting, check_replacement
 from labweb.domain.enrollment.spec import DriverSpec
-from labweb.domain.errors import DefinitionError, Finding, PreconditionError, StateError
+from labweb.domain.enrollment.wording import refuse_no_reason
+from labweb.domain.errors import Finding, PreconditionError, StateError
 from labweb.domain.graph.refit import decision_of, find_changes, list_changes
 from labweb.enrollment import selectors
 from labweb.enrollment.models import Device, DriverVersion, EdgeHost
@@ -80,8 +81,7 @@ def want_driver(
     """
     device = selectors.device_for_update(device_id)
     resource_selectors.require(actor, Permission.ADMIT, selectors.node_ids(device))
-    if not reason.strip():
-        raise DefinitionError("say why: the reason is empty", code="driver.no_reason")
+    refuse_no_reason(reason, "say why", code="driver.no_reason")
     # Locked: who withdraws it sees that this device is to have it, or this sees that it is gone.
     version = selectors.driver_for_update(version_id)
     _check_choice(device, version)

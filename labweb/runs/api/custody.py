@@ -10,18 +10,21 @@ from rest_framework.request import Request
 from rest_framework.response import Response
 from rest_framework.views import APIView
 
-from labweb.accounts.selectors import user_of
+from labweb.accounts.selectors import User, user_of
 from labweb.common.render import iso
 from labweb.common.requests import body
-from labweb.crutd.api import Act, HandOperations, require_act, visible
+from labweb.crutd.api import Act, HandOperations, OperationCheck, require_act, visible
+from labweb.crutd.selectors import Transaction
 from labweb.domain.approvals.roles import Permission
-from labweb.domain.crutd.operations import TransferResource
+from labweb.domain.crutd.operations import Disconnect, TransferResource
+from labweb.domain.errors import Finding
 from labweb.domain.resources.kinds import KINDS
 from labweb.domain.runs.custody import CustodyState
 from labweb.enrollment.selectors import EdgeHost
 from labweb.resources import selectors as resource_selectors
 from labweb.runs import selectors, services
 from labweb.runs.selectors import Custody
+from labweb.runs.services.disconnecting import check_disconnect, disconnect
 
 _PLACES = sorted(name for name, kind in KINDS.items() if kind.is_place and name != "archive")
 
@@ -50,6 +53,23 @@ class Operations(HandOperations):
             if made is not None:
                 return Response({"handover": {"id": str(made.id), "state": made.state}}, status=202)
         return super().post(request)
+
+    def carry_out(self, act: Act, user: User) -> Transaction:
+        """Ask the runs, too, before a connection is taken off."""
+        if isinstance(act.operation, Disconnect):
+            return disconnect(act.operation, actor=user, note=act.note)
+        return super().carry_out(act, user)
+
+
+class OperationsCheck(OperationCheck):
+    """What speaks against an operation, runs included."""
+
+    def findings(self, act: Act, user: User) -> list[Finding]:
+        """Ask the runs, too, before a connection is taken off."""
+        if isinstance(act.operation, Disconnect):
+            lab = resource_selectors.the_lab()
+            return check_disconnect(act.operation, lab=lab, actor_id=user.pk)
+        return super().findings(act, user)
 
 
 class InWhoseHands(APIView):

@@ -11,8 +11,8 @@ from labweb.domain.errors import DeviceError, DeviceTimeoutError, Effect, FrameE
 from tests.drivers.conftest import Play
 
 CONFIG = {"per_turn_ul": 800.0}
-STANDS = "> 1RS\\r\n< 323Du 0.0 CW 0 !\\r\n"
-SET = "> 1SP 37.5\\r\n> 1RR\\r\n"
+STANDS = "> 1RS\\r\n< 1RS\\r323Du 0.0 CW 0 !\\r\n"
+SET = "> 1SP 37.5\\r\n< 1SP 37.5\\r\n> 1RR\\r\n< 1RR\\r\n"
 
 
 def test_a_transcript_of_a_flow(play: Play) -> None:
@@ -24,19 +24,20 @@ def test_a_transcript_of_a_flow(play: Play) -> None:
 
 def test_another_model_is_refused(play: Play) -> None:
     with pytest.raises(RejectedError, match="323Du"):
-        WatsonMarlow323(play(text="> 1RS\\r\n< 530Du 0.0 CW 0 !\\r\n"), CONFIG).connect()
+        WatsonMarlow323(play(text="> 1RS\\r\n< 1RS\\r530Du 0.0 CW 0 !\\r\n"), CONFIG).connect()
 
 
 @pytest.mark.parametrize("held", ["30.0 CW", "37.5 CCW"])
 def test_a_setting_that_was_not_taken_starts_nothing(play: Play, held: str) -> None:
-    text = SET + f"> 1RS\\r\n< 323Du {held} 0 !\\r\n"
+    text = SET + f"> 1RS\\r\n< 1RS\\r323Du {held} 0 !\\r\n"
     with pytest.raises(RejectedError) as caught:
         WatsonMarlow323(play(text=text), CONFIG).start_flow(500.0)
     assert caught.value.effect is Effect.NONE
 
 
 def test_a_pump_that_was_told_to_run_and_stands_is_in_doubt(play: Play) -> None:
-    text = SET + "> 1RS\\r\n< 323Du 37.5 CW 0 !\\r\n> 1GO\\r\n> 1RS\\r\n< 323Du 37.5 CW 0 !\\r\n"
+    told = "> 1RS\\r\n< 1RS\\r323Du 37.5 CW 0 !\\r\n"
+    text = SET + told + "> 1GO\\r\n< 1GO\\r\n" + told
     with pytest.raises(DeviceError) as caught:
         WatsonMarlow323(play(text=text), CONFIG).start_flow(500.0)
     assert caught.value.effect is Effect.UNKNOWN
@@ -44,8 +45,8 @@ def test_a_pump_that_was_told_to_run_and_stands_is_in_doubt(play: Play) -> None:
 
 def test_a_delivery_whose_start_is_not_answered_is_stopped_and_in_doubt(play: Play) -> None:
     text = STANDS + SET
-    text += "> 1RS\\r\n< 323Du 37.5 CW 0 !\\r\n> 1GO\\r\n> 1RS\\r\n"
-    transport = play(text=text + "> 1ST\\r\n> 1RS\\r\n< 323Du 37.5 CW 0 !\\r\n")
+    text += "> 1RS\\r\n< 1RS\\r323Du 37.5 CW 0 !\\r\n> 1GO\\r\n< 1GO\\r\n> 1RS\\r\n"
+    transport = play(text=text + "> 1ST\\r\n< 1ST\\r\n> 1RS\\r\n< 1RS\\r323Du 37.5 CW 0 !\\r\n")
     with pytest.raises(DeviceTimeoutError) as caught:
         WatsonMarlow323(transport, CONFIG).deliver(200.0, 500.0)
     assert caught.value.effect is Effect.UNKNOWN
@@ -53,7 +54,7 @@ def test_a_delivery_whose_start_is_not_answered_is_stopped_and_in_doubt(play: Pl
 
 
 def test_a_pump_that_was_told_to_stop_and_runs_is_an_error(play: Play) -> None:
-    text = "> 1ST\\r\n> 1RS\\r\n< 323Du 37.5 CW 1 !\\r\n"
+    text = "> 1ST\\r\n< 1ST\\r\n> 1RS\\r\n< 1RS\\r323Du 37.5 CW 1 !\\r\n"
     with pytest.raises(DeviceError, match="told to stop"):
         WatsonMarlow323(play(text=text), CONFIG).stop()
 
@@ -64,3 +65,22 @@ def test_any_bytes_are_a_status_or_a_frame_error(frame: bytes) -> None:
         decode_status(frame)
     except FrameError:
         return
+
+
+@pytest.mark.parametrize("echo", ["1SP 31.5\\r", "1SP 37.5#\\r"])
+def test_a_setting_that_is_echoed_otherwise_starts_nothing(play: Play, echo: str) -> None:
+    with pytest.raises(FrameError, match="echo") as caught:
+        WatsonMarlow323(play(text=f"> 1SP 37.5\\r\n< {echo}\n"), CONFIG).start_flow(500.0)
+    assert caught.value.effect is Effect.NONE
+
+
+def test_a_pump_whose_echo_is_off_is_not_connected(play: Play) -> None:
+    with pytest.raises(FrameError, match="echo"):
+        WatsonMarlow323(play(text="> 1RS\\r\n< 323Du 0.0 CW 0 !\\r\n"), CONFIG).connect()
+
+
+def test_a_start_whose_echo_is_lost_may_have_begun(play: Play) -> None:
+    told = "> 1RS\\r\n< 1RS\\r323Du 37.5 CW 0 !\\r\n> 1GO\\r\n"
+    with pytest.raises(DeviceTimeoutError) as caught:
+        WatsonMarlow323(play(text=SET + told), CONFIG).start_flow(500.0)
+    assert caught.value.effect is Effect.UNKNOWN

@@ -246,10 +246,10 @@ def prepare(bench: Bench, route: str, ids: dict[str, str]) -> None:
         state = "isolated" if route.endswith("fence") else "quarantined"
         EdgeHost.objects.filter(pk=ids["host"]).update(state=state)
     if route == "resources/<resource>/handover":
-        bench.unplug("water")
         attempt = Attempt.objects.get(job_id=ids["job"])
         nothing = Outcome(kind=OutcomeKind.PARTIAL, moved_nl=0)
         crutd_services.settle(attempt.transaction_id, crutd_services.Settlement(outcome=nothing))
+        bench.unplug("water")
     if route == "calibrations/<calibration>/withdraw":
         rows = Calibration.objects.filter(pk=ids["calibration"])
         rows.update(state="accepted", expires_at=now())
