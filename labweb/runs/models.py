@@ -70,6 +70,12 @@ class Job(Base):
     corrections = models.JSONField(default=list)
     """Arguments that a calibration has changed, as asked and as sent; `args` are as sent."""
 
+    choices = models.JSONField(default=list)
+    """The job on each device that may do it, as `Choice` of the plan; none: its device alone."""
+
+    chosen = models.TextField(blank=True)
+    """Why it is this device's, or why it waits for any; of a step that asks for a role."""
+
     after = models.JSONField(default=list)
     locks = models.JSONField(default=list)
     recovery = models.CharField(max_length=2, default="R3")

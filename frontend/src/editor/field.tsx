@@ -1,6 +1,7 @@
 /** What every field of a step is given, says below itself and asks of its device. */
 
-import type { Schema, WorkflowStep } from "@/model/wire";
+import { actionsOfRole } from "@/model/roles";
+import type { DeviceAction, Schema, WorkflowStep } from "@/model/wire";
 import { useEditor } from "./store";
 
 export interface FieldProps {
@@ -25,11 +26,12 @@ export function FieldNote({ problems, help }: { problems: string[]; help?: strin
   );
 }
 
-/** Actions of the device that a step names. */
-export function useActions(step: WorkflowStep) {
-  const device = useEditor((state) => {
-    const row = state.resources.find((r) => r.id === step.params.device);
-    return state.devices.find((d) => d.id === row?.device?.id);
-  });
-  return device?.actions ?? [];
+/** Actions of the device that a step names, or of those that play the role it asks for. */
+export function useActions(step: WorkflowStep): DeviceAction[] {
+  const devices = useEditor((state) => state.devices);
+  const resources = useEditor((state) => state.resources);
+  const { role, device } = step.params;
+  if (typeof role === "string") return actionsOfRole(devices, role);
+  const row = resources.find((resource) => resource.id === device);
+  return devices.find((one) => one.id === row?.device?.id)?.actions ?? [];
 }

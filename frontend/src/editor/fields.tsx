@@ -4,6 +4,8 @@ import { useEffect, useId, useRef, useState, type ReactNode } from "react";
 import { amountsOf, amountsText } from "@/model/amounts";
 import { setParam } from "@/model/document";
 import { formatVolume } from "@/model/format";
+import { rolesOf } from "@/model/roles";
+import { capitalise } from "@/model/states";
 import { findChoices } from "@/model/tree";
 import type { ResourceRow, Schema } from "@/model/wire";
 import { Icon, iconOf } from "@/ui/icons";
@@ -12,6 +14,8 @@ import { quantityProblem, QuantityField } from "@/ui/quantityfield";
 import { ArgumentsField } from "./arguments";
 import { FieldNote, useActions, type FieldProps } from "./field";
 import { useEditor } from "./store";
+
+const CALLING = new Set(["device_action", "role_action"]);
 
 export function fieldsOf(schema: Schema): [name: string, field: Schema][] {
   return Object.entries(schema.properties ?? {}).sort(
@@ -82,7 +86,8 @@ function Control(props: FieldProps & { id: string; isInvalid: boolean }) {
   }
   if (schema["x-resource"]) return <ResourceField {...props} />;
   if (schema.type === "object") return <AmountsField {...props} />;
-  if (step.kind === "device_action" && name === "action") return <ActionField {...props} />;
+  if (CALLING.has(step.kind) && name === "action") return <ActionField {...props} />;
+  if (step.kind === "role_action" && name === "role") return <RoleField {...props} />;
   return (
     <input
       id={props.id}
@@ -183,16 +188,41 @@ function ActionField(props: FieldProps & { id: string; isInvalid: boolean }) {
   const actions = useActions(step);
   const send = useSend(props);
   const value = step.params.action;
+  const first = step.kind === "role_action" ? "Choose the role first" : "Choose the device first";
   return (
     <Picker
       id={props.id}
       value={typeof value === "string" ? value : null}
       choices={actions.map((a) => ({ value: a.name, label: a.label, note: a.name }))}
       onChange={(name) => send(name ?? undefined)}
-      placeholder={actions.length ? "Choose…" : "Choose the device first"}
+      placeholder={actions.length ? "Choose…" : first}
       isInvalid={props.isInvalid}
       disabled={!canEdit}
       testId="field-action"
+    />
+  );
+}
+
+/** A role that some device of the lab plays, with those who do. */
+function RoleField(props: FieldProps & { id: string; isInvalid: boolean }) {
+  const canEdit = useEditor((state) => state.canEdit);
+  const roles = rolesOf(useEditor((state) => state.devices));
+  const send = useSend(props);
+  const value = props.step.params.role;
+  return (
+    <Picker
+      id={props.id}
+      value={typeof value === "string" ? value : null}
+      choices={roles.map((one) => ({
+        value: one.role,
+        label: capitalise(one.label),
+        note: one.names.join(", "),
+      }))}
+      onChange={(role) => send(role ?? undefined)}
+      placeholder={roles.length ? "Choose…" : "No device of this lab has a role"}
+      isInvalid={props.isInvalid}
+      disabled={!canEdit}
+      testId="field-role"
     />
   );
 }

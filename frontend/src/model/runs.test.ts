@@ -1,6 +1,6 @@
 import { expect, test } from "vitest";
 import { conditionText, evidenceRows, problemText, waitingSteps } from "./evidence";
-import { currentStep, findProblems, pauseText, stepProgress } from "./runs";
+import { currentStep, deviceName, findProblems, pauseText, stepProgress } from "./runs";
 import { aJob, aRun, iso } from "./samples";
 
 const doubtful = () =>
@@ -121,4 +121,13 @@ test("a reading stands as told and as true, and beyond its levels nothing is cla
   expect(told(7.05)).toBe("7.1\u202fpH told, 7.05\u202fpH true, by calibration 2");
   expect(told(null)).toContain("not known beyond what was calibrated");
   expect(evidenceRows(aJob(0, "a", "queued", { corrections }), String)).toHaveLength(2);
+});
+
+test("a job that asks for a role has no device before its turn", () => {
+  const choices = { choices_count: 2 };
+  expect(deviceName(aJob(0, "a", "queued", choices))).toBe("one of 2, when its turn comes");
+  const sent = aJob(0, "a", "in_doubt", choices);
+  expect(deviceName(sent)).toBe(sent.device.name);
+  const fixed = aJob(0, "a", "queued");
+  expect(deviceName(fixed)).toBe(fixed.device.name);
 });

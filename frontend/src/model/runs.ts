@@ -2,7 +2,16 @@
 
 import { toSeconds } from "./format";
 import { capitalise, isActiveJob, isFinalJob, type Look } from "./states";
-import type { Departure, Iso, Job, PauseReason, PlannedStep, Question, Run } from "./wire";
+import type {
+  Departure,
+  Iso,
+  Job,
+  JobState,
+  PauseReason,
+  PlannedStep,
+  Question,
+  Run,
+} from "./wire";
 
 export type StepState =
   "planned" | "waiting" | "running" | "done" | "by hand" | "skipped" | "doubt" | "failed";
@@ -168,3 +177,11 @@ export function isHeldByProof(run: Run): boolean {
 function toldAs({ place, text }: Departure): string {
   return JSON.stringify([place, text]);
 }
+
+const UNSENT = new Set<JobState>(["draft", "awaiting_approval", "queued", "held", "suspended"]);
+
+/** Who does a job; while none of several was chosen, that. */
+export const deviceName = (job: Pick<Job, "device" | "choices_count" | "state">): string =>
+  job.choices_count > 0 && UNSENT.has(job.state)
+    ? `one of ${job.choices_count}, when its turn comes`
+    : job.device.name;

@@ -121,6 +121,8 @@ export function aJob(
     ...planned,
     id: `j${index}`,
     device: { ...planned.device, key: planned.device.id },
+    choices_count: 0,
+    chosen: null,
     corrections: [],
     operation: {},
     state,

@@ -113,6 +113,7 @@ export interface PaletteDevice {
   id: Id;
   name: string;
   role: string;
+  roles: string[];
   state: string;
   actions: DeviceAction[];
 }
@@ -230,6 +231,10 @@ export interface Job {
   step_id: string;
   sentence: string;
   device: { id: Id; name: string; key: string };
+  /** How many devices may do it, where its step asks for a role; 0: its device alone. */
+  choices_count: number;
+  /** Why it is that device, or why it waits for any. */
+  chosen: string | null;
   action: string;
   args: Record<string, unknown>;
   corrections: Correction[];

@@ -15,7 +15,7 @@ import { useMemo } from "react";
 import { useResources, useSteps } from "@/api/queries";
 import { makePalette, portKind } from "@/model/document";
 import { formatDuration } from "@/model/format";
-import type { StepProgress } from "@/model/runs";
+import { deviceName, type StepProgress } from "@/model/runs";
 import { namesOf, sentenceOf } from "@/model/sentence";
 import { capitalise } from "@/model/states";
 import type { Run, SentencePart } from "@/model/wire";
@@ -30,7 +30,7 @@ interface StepData extends Record<string, unknown> {
 
 function RunNode({ data }: NodeProps<Node<StepData>>) {
   const { progress, parts } = data;
-  const devices = [...new Set(progress.jobs.map((job) => job.device.name))].join(", ");
+  const devices = [...new Set(progress.jobs.map(deviceName))].join(", ");
   const state = { look: progress.look, word: capitalise(progress.state) };
   return (
     <article

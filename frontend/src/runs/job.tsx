@@ -1,7 +1,7 @@
 /** One action of a run: what was asked, what came of it. */
 
 import { Link } from "react-router";
-import { jobState } from "@/model/states";
+import { capitalise, jobState } from "@/model/states";
 import type { Job } from "@/model/wire";
 import { Card } from "@/ui/card";
 import { StateChip } from "@/ui/state";
@@ -17,6 +17,14 @@ export function JobFacts({ job }: { job: Job }) {
     >
       <div className="pb">
         <h2>{job.sentence}</h2>
+        {job.choices_count > 0 && (
+          <p data-testid="job-chosen">
+            {job.chosen
+              ? capitalise(job.chosen)
+              : `The first of ${job.choices_count} that is free when its turn comes`}
+            .
+          </p>
+        )}
         <p>
           <Link className="link" to={`/files?job=${job.id}`} data-testid="job-files">
             {words.files}

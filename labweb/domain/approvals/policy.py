@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import msgspec
 
-from labweb.domain.workflows.plan import Plan, PlannedJob
+from labweb.domain.workflows.plan import Choice, Plan, PlannedJob
 
 
 class TemperatureAtLeast(
@@ -34,11 +34,12 @@ def asks(rule: Rule, plan: Plan) -> bool:
     return any(
         isinstance(value, int | float) and value >= rule.temperature_c
         for job in plan.jobs
-        for value in _temperatures(job)
+        for way in job.ways()
+        for value in _temperatures(way)
     )
 
 
-def _temperatures(job: PlannedJob) -> Iterator[object]:
+def _temperatures(job: PlannedJob | Choice) -> Iterator[object]:
     yield job.args.get("temperature_c")
     yield from (one.asked for one in job.corrections if one.argument == "temperature_c")
 

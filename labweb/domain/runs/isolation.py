@@ -60,7 +60,7 @@ def _reached(jobs: Sequence[JobView], hosts: set[UUID]) -> set[int]:
     for job in sorted(jobs, key=lambda one: one.index):
         if job.state in FINAL:
             continue
-        uses = {job.host_id, *job.owner_ids}
-        if not hosts.isdisjoint(uses) or not found.isdisjoint(job.after):
+        is_stuck = job.host_ids <= hosts or not hosts.isdisjoint(job.owner_ids)
+        if is_stuck or not found.isdisjoint(job.after):
             found.add(job.index)
     return found

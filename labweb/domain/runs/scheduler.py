@@ -23,11 +23,19 @@ class JobView:
     owner_ids: frozenset[UUID] = frozenset()
     """Hosts that own what the job uses, beside its own."""
 
+    choice_host_ids: frozenset[UUID] = frozenset()
+    """Hosts of the devices of which the first that is free does it; empty: its own alone."""
+
     is_carry: bool = False
     """It carries a thing, which may have to change hands before and after: it goes alone."""
 
     is_passed: bool = False
     """A person said that the run goes on, though the job ended undone."""
+
+    @property
+    def host_ids(self) -> frozenset[UUID]:
+        """Return the hosts of which one is enough."""
+        return self.choice_host_ids or frozenset({self.host_id})
 
     @property
     def is_satisfied(self) -> bool:
@@ -36,13 +44,13 @@ class JobView:
 
 
 def ready(jobs: Sequence[JobView], online_hosts: Collection[UUID]) -> list[JobView]:
-    """Return the queued jobs whose predecessors completed and whose host is online."""
+    """Return the queued jobs whose predecessors completed and of whose hosts one is online."""
     done = {job.index for job in jobs if job.is_satisfied}
     return [
         job
         for job in jobs
         if job.state is JobState.QUEUED
-        and job.host_id in online_hosts
+        and not job.host_ids.isdisjoint(online_hosts)
         and done.issuperset(job.after)
     ]
 

@@ -5,12 +5,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 from uuid import UUID
 
+from msgspec import UNSET
+
 from labweb.domain.crutd.conditions import Condition
 from labweb.domain.crutd.operations import Update
 from labweb.domain.errors import Finding, InfeasibleError, ProtocolError
 from labweb.domain.workflows.edges import find_earlier, sort_steps
 from labweb.domain.workflows.passes.acting import PLANNERS
 from labweb.domain.workflows.passes.boiling import plan_evaporate
+from labweb.domain.workflows.passes.by_role import check_whole, plan_role_action
 from labweb.domain.workflows.passes.carrying import plan_carry
 from labweb.domain.workflows.passes.correcting import correct_step
 from labweb.domain.workflows.passes.draft import Drafting, DraftJob, DraftStep
@@ -26,7 +29,7 @@ from labweb.domain.workflows.passes.references import check_references
 from labweb.domain.workflows.passes.strokes import syringe_tolerance_ul
 from labweb.domain.workflows.passes.transfer import plan_transfer
 from labweb.domain.workflows.passes.view import LabView
-from labweb.domain.workflows.plan import Plan, PlannedJob, PlannedStep
+from labweb.domain.workflows.plan import Choice, Plan, PlannedJob, PlannedStep
 from labweb.domain.workflows.protocol import Step, Workflow, bind_materials
 from labweb.domain.workflows.steps import sentence_text
 
@@ -40,6 +43,7 @@ _PLANNERS = {
     "push_gas": plan_push_gas,
     "carry": plan_carry,
     "look": plan_look,
+    "role_action": plan_role_action,
     **PLANNERS,
 }
 
@@ -102,6 +106,7 @@ def _draft(
         drafts.append(_draft_step(steps[step_id], drafting))
         record.run_step(drafts[-1])
     findings = drafting.findings + check_order(drafts, drafting.earlier, lab)
+    findings += check_whole(drafts, workflow.execution)
     ledger = Ledger(lab)
     prepare = _initialize(drafts, drafting, ledger)
     drafts = [ledger.run_step(draft) for draft in drafts]
@@ -193,6 +198,21 @@ def _planned(job: DraftJob, index: int, after: tuple[int, ...]) -> PlannedJob:
         post=job.post,
         locks=tuple(sorted(job.locks)),
         estimate_s=round(job.estimate_s, 3),
+        recovery=job.device.spec.action(job.action).recovery,
+        corrections=job.corrections,
+        choices=tuple(_choice(one) for one in job.choices) or UNSET,
+    )
+
+
+def _choice(job: DraftJob) -> Choice:
+    return Choice(
+        device_id=job.device.id,
+        host_id=job.device.host_id,
+        args=dict(job.args),
+        operation=job.operation,
+        pre=job.pre,
+        post=job.post,
+        locks=tuple(sorted(job.locks)),
         recovery=job.device.spec.action(job.action).recovery,
         corrections=job.corrections,
     )

@@ -13,6 +13,20 @@ from labweb.domain.crutd.conditions import Condition
 from labweb.domain.crutd.operations import Operation
 
 
+class Choice(msgspec.Struct, frozen=True, kw_only=True):
+    """One device that may do a job which asks for a role, and what the job is there."""
+
+    device_id: UUID
+    host_id: UUID
+    args: dict[str, Any]
+    operation: Operation
+    pre: tuple[Condition, ...] = ()
+    post: tuple[Condition, ...] = ()
+    locks: tuple[UUID, ...] = ()
+    recovery: str = "R3"
+    corrections: tuple[Correction, ...] = ()
+
+
 class PlannedJob(msgspec.Struct, frozen=True, kw_only=True):
     """One action on one device, with its one Transaction."""
 
@@ -45,6 +59,13 @@ class PlannedJob(msgspec.Struct, frozen=True, kw_only=True):
     recovery: str = "R3"
     corrections: tuple[Correction, ...] = ()
     """Arguments that a calibration has changed, as asked and as sent."""
+
+    choices: tuple[Choice, ...] | msgspec.UnsetType = msgspec.UNSET
+    """Devices of which the first that is free does it, that above before all; unset: that one."""
+
+    def ways(self) -> tuple[PlannedJob | Choice, ...]:
+        """Return the job as each device that may do it would do it."""
+        return self.choices or (self,)
 
 
 class PlannedStep(msgspec.Struct, frozen=True, kw_only=True):

@@ -293,6 +293,23 @@ STEP_KINDS: Mapping[str, UnitOperation] = {
             ),
             clauses=("Run {action} on {device}", " with {sample}"),
         ),
+        UnitOperation(
+            kind="role_action",
+            label="Action by role",
+            help="Call one action of whichever device of a role is free under a place, when its "
+            "turn comes.",
+            parameters=(
+                StepParameter(
+                    name="role",
+                    sort=ParameterSort.NAME,
+                    label="Role",
+                    help="What the device has to be, such as balance.",
+                ),
+                device("under", list(_PLACES), "Under", "Bench, room or lab in which it stands."),
+                *_CALLED,
+            ),
+            clauses=("Run {action} on a {role} under {under}",),
+        ),
     )
 }
 """Unit operation by kind."""

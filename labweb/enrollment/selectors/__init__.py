@@ -164,6 +164,12 @@ def find_device(device_id: UUID) -> Device:
     return row
 
 
+def devices_by_id(ids: Iterable[UUID]) -> dict[UUID, Device]:
+    """Return devices with host and driver, without what their drivers say of themselves."""
+    rows = Device.objects.filter(pk__in=list(ids)).select_related("host", "driver")
+    return {row.id: row for row in rows.defer("driver__spec", "driver__sources")}
+
+
 def device_for_update(device_id: UUID) -> Device:
     """Lock and return a device; jobs that name it may come meanwhile, and wait for nothing.
 

@@ -251,6 +251,8 @@ def render_job(
         "step_id": job.step_id,
         "sentence": job.sentence,
         "device": {"id": str(job.device_id), "name": job.device.name, "key": job.device.key},
+        "choices_count": len(job.choices),
+        "chosen": job.chosen or None,
         "action": job.action,
         "args": job.args,
         "corrections": job.corrections,

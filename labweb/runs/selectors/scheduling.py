@@ -120,8 +120,9 @@ def step_blocked_by(job: Job, rows: Iterable[tuple[Any, ...]] | None = None) -> 
     held = held_elsewhere(rows)
     if not held:
         return None
-    members = Job.objects.filter(run_id=job.run_id, step_id=job.step_id)
-    needed = {UUID(node) for locks in members.values_list("locks", flat=True) for node in locks}
+    others = Job.objects.filter(run_id=job.run_id, step_id=job.step_id).exclude(pk=job.pk)
+    members = [job.locks, *others.values_list("locks", flat=True)]
+    needed = {UUID(node) for locks in members for node in locks}
     return next((held[node] for node in sorted(needed) if node in held), None)
 
 
@@ -139,6 +140,7 @@ _VIEW = (
     "passed_by",
     "operation",
     "run__lab_id",
+    "choices",
 )
 
 _VIEWS = Prepared(
@@ -157,6 +159,7 @@ def _view(  # noqa: PLR0913 - one column each
     passed_by: str,
     operation: dict[str, Any],
     lab_id: UUID,
+    choices: list[dict[str, Any]],
 ) -> JobView:
     is_carry = operation.get("op") == "transfer_resource"
     owners: frozenset[UUID] = frozenset()
@@ -169,6 +172,7 @@ def _view(  # noqa: PLR0913 - one column each
         state=JobState(state),
         after=tuple(after),
         host_id=host_id,
+        choice_host_ids=frozenset(UUID(one["host_id"]) for one in choices),
         owner_ids=owners,
         is_passed=bool(passed_by),
         is_carry=is_carry,

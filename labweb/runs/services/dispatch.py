@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from datetime import timedelta
 from functools import partial
 from typing import Any
@@ -29,7 +29,7 @@ from labweb.domain.runs.relay import RING_AGAIN_AFTER_S, BatchDraft, signed_batc
 from labweb.domain.runs.scheduler import JobView
 from labweb.enrollment import selectors as enrollment_selectors
 from labweb.enrollment import services as enrollment_services
-from labweb.enrollment.selectors import EdgeHost
+from labweb.enrollment.selectors import Device, EdgeHost
 from labweb.resources.selectors import Lab, Resource
 from labweb.runs import selectors
 from labweb.runs.models import Attempt, Job, Outbox, Run
@@ -75,8 +75,23 @@ def dispatch_job(run_id: UUID, view: JobView) -> bool:
         return False
 
 
-def _dispatch(run_id: UUID, view: JobView) -> bool:
-    held = hold_for_dispatch(run_id, view)
+def dispatch_on(run_id: UUID, view: JobView, device: Device, **fields: object) -> bool:
+    """Send a job on one of the devices that may do it; `fields` are what the job is there.
+
+    Returns:
+        False when the job is not to be sent any more; nothing was written.
+
+    Raises:
+        LockedError: Something of it is in use. Nothing was written.
+        PreconditionError: It may not go now. Nothing was written.
+    """
+    with atomic():
+        there = replace(view, host_id=device.host_id)
+        return _dispatch(run_id, there, {"device": device, **fields})
+
+
+def _dispatch(run_id: UUID, view: JobView, fields: Mapping[str, Any] | None = None) -> bool:
+    held = hold_for_dispatch(run_id, view, fields)
     if held is None:
         return False
     host, run, job = held.host, held.run, held.job
@@ -111,7 +126,7 @@ def _dispatch(run_id: UUID, view: JobView) -> bool:
     _, ((row_id,),), *_ = together(
         found.opening,
         _keeping(attempt, command),
-        moving(job, JobState.DISPATCHED, Mover.SCHEDULER),
+        moving(job, JobState.DISPATCHED, Mover.SCHEDULER, **(fields or {})),
         *(noting or ()),
     )
     body = msgspec.to_builtins(command)
@@ -138,8 +153,13 @@ class ToDispatch:
     """Of its next try."""
 
 
-def hold_for_dispatch(run_id: UUID, view: JobView) -> ToDispatch | None:
-    """Lock host, run and job in the order in which everybody does; None: it may not go now."""
+def hold_for_dispatch(
+    run_id: UUID, view: JobView, fields: Mapping[str, Any] | None = None
+) -> ToDispatch | None:
+    """Lock host, run and job in the order in which everybody does; None: it may not go now.
+
+    `fields` are what the job is on the device that was chosen for it.
+    """
     hosts, runs, jobs, elsewhere, numbers = together(
         enrollment_selectors.HOST_TO_LOCK.asking(id=view.host_id),
         selectors.RUN_TO_LOCK.asking(id=run_id),
@@ -150,6 +170,8 @@ def hold_for_dispatch(run_id: UUID, view: JobView) -> ToDispatch | None:
     if not (hosts and runs and jobs):
         return None
     host, run, job = hosts[0], runs[0], jobs[0]
+    for name, value in (fields or {}).items():
+        setattr(job, name, value)
     is_elsewhere = job.device.host_id != host.pk
     if job.state != JobState.QUEUED.value or run.pause_reasons or is_elsewhere:
         return None

@@ -12,6 +12,7 @@ from labweb.domain.workflows.plan import Execution
 from labweb.runs import selectors
 from labweb.runs.services.batches import dispatch_batch
 from labweb.runs.services.carrying import dispatch_carry
+from labweb.runs.services.choosing import dispatch_by_role
 from labweb.runs.services.dispatch import dispatch_job
 from labweb.runs.services.failing import is_away, is_passing, set_aside
 
@@ -65,7 +66,9 @@ def _dispatch_run(
 ) -> int:
     count = 0
     for view in ready(views, online):
-        if execution is None or view.is_carry:
+        if view.choice_host_ids:
+            count += dispatch_by_role(run_id, view, online)
+        elif execution is None or view.is_carry:
             count += (dispatch_carry if view.is_carry else dispatch_job)(run_id, view)
     if execution is not None:
         for members in find_batches(views, online):

@@ -28,7 +28,7 @@ from labweb.domain.errors import Finding, PreconditionError, RevisionError
 from labweb.domain.runs.job import JobState, Mover, RunState
 from labweb.domain.workflows import plan as plans
 from labweb.domain.workflows.compile import LabView, compile_workflow
-from labweb.domain.workflows.plan import Plan
+from labweb.domain.workflows.plan import Choice, Plan, PlannedJob
 from labweb.domain.workflows.protocol import parse_workflow
 from labweb.resources import selectors as resource_selectors
 from labweb.resources.selectors import Lab
@@ -89,11 +89,19 @@ def preview(
 
 
 def touched(plan: Plan) -> set[UUID]:
-    """Return every resource a plan uses."""
-    ids = {node for job in plan.jobs for node in job.locks}
-    for job in plan.jobs:
-        if not isinstance(job.operation, operations.Read):
-            ids.update(operations.touched_ids(job.operation))
+    """Return every resource a plan uses, on whichever device each job may be done."""
+    return {node for job in plan.jobs for way in job.ways() for node in _uses(way)}
+
+
+def _surely_touched(plan: Plan) -> set[UUID]:
+    """Return what it uses whichever device is chosen."""
+    return {node for job in plan.jobs for node in set.intersection(*map(_uses, job.ways()))}
+
+
+def _uses(way: PlannedJob | Choice) -> set[UUID]:
+    ids = set(way.locks)
+    if not isinstance(way.operation, operations.Read):
+        ids.update(operations.touched_ids(way.operation))
     return ids
 
 
@@ -152,7 +160,7 @@ def start_run(
     found = preview(lab, version.document, view=view, reach=scene.reach, rules=scene.rules)
     check_proved(version, view)
     crutd_services.refuse_reserved_by_others(
-        touched(found.plan), actor_id=actor.pk, is_any=scene.is_any_reserved
+        _surely_touched(found.plan), actor_id=actor.pk, is_any=scene.is_any_reserved
     )
     plan_digest = plans.digest(found.plan)
     _check_seen(plan_digest, seen_digest)
@@ -260,6 +268,7 @@ def _inserting_jobs(run: Run, plan: Plan, state: JobState) -> list[Question[Any]
             pre=msgspec.to_builtins(job.pre),
             post=msgspec.to_builtins(job.post),
             corrections=msgspec.to_builtins(job.corrections),
+            choices=msgspec.to_builtins(job.choices or ()),
             after=list(job.after),
             locks=[str(node) for node in job.locks],
             recovery=job.recovery,

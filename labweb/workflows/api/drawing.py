@@ -46,10 +46,12 @@ class Steps(APIView):
                         "id": str(row.id),
                         "name": row.name,
                         "role": row.driver.role,
+                        "roles": list(spec.roles),
                         "state": row.state,
-                        "actions": render_actions(enrollment_selectors.spec_of(row)),
+                        "actions": render_actions(spec),
                     }
                     for row in devices
+                    for spec in [enrollment_selectors.spec_of(row)]
                 ],
                 "units": units,
             }

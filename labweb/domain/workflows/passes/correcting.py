@@ -143,7 +143,9 @@ def correct_step(draft: DraftStep, drafting: Drafting) -> DraftStep:
 
     Findings are noted for numbers that a device does not take once they are corrected.
     """
-    jobs = tuple(correct_job(draft.step, job, drafting) for job in draft.jobs)
+    jobs = tuple(
+        job if job.choices else correct_job(draft.step, job, drafting) for job in draft.jobs
+    )
     return replace(draft, jobs=jobs)
 
 

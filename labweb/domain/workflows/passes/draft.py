@@ -65,6 +65,9 @@ class DraftJob:
     corrections: tuple[Correction, ...] = ()
     """Arguments that a calibration has changed, as asked and as sent."""
 
+    choices: tuple[DraftJob, ...] = ()
+    """The same on each device that may do it, corrected; empty: on this one alone."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DraftStep:

@@ -35,8 +35,9 @@ def check_order(
 def _touched(draft: DraftStep) -> frozenset[UUID]:
     ids: set[UUID] = set()
     for job in draft.jobs:
-        ids |= job.locks
-        ids.update(touched_ids(job.operation))
+        # What only one of several devices would touch is free for another step.
+        ways = [one.locks.union(touched_ids(one.operation)) for one in job.choices or (job,)]
+        ids |= frozenset.intersection(*ways)
     if draft.whole is not None:
         ids |= {draft.whole.source_id, draft.whole.target_id}
     return frozenset(ids)
