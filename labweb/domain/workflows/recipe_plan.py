@@ -30,7 +30,11 @@ from labweb.domain.workflows.on_rig.meetings import Meetings
 from labweb.domain.workflows.on_rig.moving import fill
 from labweb.domain.workflows.on_rig.reagents import check_reagents, say_unheeded
 from labweb.domain.workflows.on_rig.safety import shut_down
-from labweb.domain.workflows.on_rig.scheduling import critical_path_s, earlier_steps
+from labweb.domain.workflows.on_rig.scheduling import (
+    check_duration,
+    critical_path_s,
+    earlier_steps,
+)
 from labweb.domain.workflows.on_rig.stated import check_nodes
 from labweb.domain.workflows.xdl.expansion.basic import BasicOperation, Kind
 from labweb.domain.workflows.xdl.expansion.expand import Expansion, all_operations, expand
@@ -158,6 +162,7 @@ def compile_recipe(recipe: Recipe, rig: Rig, wish: Wish | None = None) -> dict[s
         _make(counting, expanded, asked)
     making = begin(told=told, needed_nl=dict(counting.taken_nl), meetings=apart())
     contents = _make(making, expanded, asked)
+    check_duration(making.steps, told)
     if told.all:
         raise _infeasible([*told.all, *rig.defects[:_MOST_DEFECTS]])
     for defect in rig.defects:
