@@ -24,7 +24,7 @@ from labweb.domain.workflows.on_rig.binding import Binding, bind
 from labweb.domain.workflows.on_rig.charging import charge, check_charge
 from labweb.domain.workflows.on_rig.chemistry import read_chemistry
 from labweb.domain.workflows.on_rig.equipment import Equipment, Sort
-from labweb.domain.workflows.on_rig.making import BY_HAND, Making
+from labweb.domain.workflows.on_rig.making import BESIDE, BY_HAND, Making
 from labweb.domain.workflows.on_rig.matter import micro, plain
 from labweb.domain.workflows.on_rig.meetings import Meetings
 from labweb.domain.workflows.on_rig.moving import fill
@@ -323,7 +323,7 @@ class _Walk:
         before = making.lane
         if one.act.name == "Async":
             pid = one.act.values.get("pid", making.act)
-            making.lane = f"async {pid}"
+            making.lane = f"{BESIDE}{pid}"
         elif one.act.queue:
             making.lane = f"{before}/{one.act.queue}"
         yield

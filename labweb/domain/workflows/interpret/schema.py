@@ -70,6 +70,11 @@ class Of(Strict, frozen=True):
     line: int | None = None
     column: int | None = None
     act: int | None = None
+    queue: str | None = None
+    """Queue of the recipe; None: it is in none, and waits for all of them."""
+
+    beside: str | None = None
+    """It runs beside all that is in no queue, under this name."""
 
 
 class RawAction(Strict, frozen=True):

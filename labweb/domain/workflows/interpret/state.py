@@ -15,6 +15,12 @@ LOST, REMOVED = "@lost", "@removed"
 """Where matter is booked that dried away, and that a person emptied out."""
 
 LOWER, UPPER = "lower", "upper"
+ROOM_C = (15.0, 30.0)
+"""Coldest and warmest that a room is, to which drifts what nothing heats or chills.
+
+Source:
+    USP 659, the excursions that controlled room temperature allows."""
+
 TOLERANCE = UNITS_PER_NL // 2
 """Half a nanolitre: amounts that differ by no more are equal."""
 
@@ -119,6 +125,9 @@ class State:
         self.rotating: dict[str, float] = {}
         self.temperatures: dict[str, float] = {}
         """Heater, chiller or bath that is on → what it is set to."""
+
+        self.warmth: dict[str, tuple[float, float]] = {}
+        """Vessel → the coldest and warmest that it may be in °C; not in it: as the room."""
 
         self.vacuums: dict[str, Vacuum] = {}
         self.supplies: dict[End, str] = {}

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from labweb.domain.workflows.on_rig.making import Draft
+from labweb.domain.workflows.on_rig.making import BESIDE, Draft
 from labweb.domain.workflows.xdl.findings import Findings
 from labweb.domain.workflows.xdl.markup import Place
 
-_BESIDE = "async "
 MOST_S = 1e9
 """No plan takes longer than 31 years."""
 
@@ -29,7 +28,7 @@ def earlier_steps(steps: Sequence[Draft]) -> list[list[int]]:
             after |= {last[step.lane]} if step.lane in last else set()
             after |= set() if barrier is None else {barrier}
         else:
-            after |= {end for lane, end in last.items() if not lane.startswith(_BESIDE)}
+            after |= {end for lane, end in last.items() if not lane.startswith(BESIDE)}
             barrier = place
         after |= {holder[name] for name in step.resources if name in holder} | {*step.skip_if}
         found.append(sorted(after))

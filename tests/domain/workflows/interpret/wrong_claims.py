@@ -40,6 +40,12 @@ def opening(right_step: dict[str, Any]) -> dict[str, Any]:
     return {**right_step, "actions": [[act("solenoid open")], *right_step["actions"]]}
 
 
+def reach(low_c: float, high_c: float) -> dict[str, Any]:
+    groups = [[act("hotplate await_temperature", low_c=low_c, high_c=high_c)]]
+    return step("reach", groups, vessel="reactor", low_c=low_c, high_c=high_c)
+
+
+HOT = reach(300, 320)
 VACUUM_AFTER_WATER = plan(right.TO_REACTOR, right.VACUUM, right.VENT, flask_water=WATER)
 WRONG: list[tuple[str, dict[str, Any]]] = [
     ("overflow", plan(right.TO_REACTOR, flask_water=WATER, reactor={"ether": 84_000.001})),
@@ -84,6 +90,11 @@ WRONG: list[tuple[str, dict[str, Any]]] = [
             right.STOP_HEAT,
         ),
     ),
+    ("never_reached", plan(HOT)),
+    ("never_reached", plan(right.HEAT, right.STOP_HEAT, HOT)),
+    ("never_reached", plan(reach(2, 14))),
+    ("never_reached", plan(right.HEAT, right.REACH, right.STOP_HEAT, reach(30, 40), reach(45, 55))),
+    ("never_reached", plan(right.HEAT, reach(20, 30), right.STOP_HEAT)),
     ("syringe_not_empty", move([[port("valve_1", "0")], [draw("pump_1", 5_000)]])),
     (
         "solenoid_open",
