@@ -126,6 +126,8 @@ def set_temperature(making: Making, operation: BasicOperation) -> None:
     vessel, wanted = making.vessel(operation), operation.fields.get("temperature_c")
     if vessel is None or not isinstance(wanted, Decimal):
         return
+    coldest, warmest = making.warmth_c.get(vessel, ROOMS_C)
+    making.warmth_c[vessel] = (min(coldest, float(wanted)), max(warmest, float(wanted)))
     device = _thermostat(making, operation, vessel, wanted)
     if device is None:
         return
@@ -135,8 +137,6 @@ def set_temperature(making: Making, operation: BasicOperation) -> None:
     actions: list[Group] = making.take_checks()
     actions.append([say(device, "set_temperature", temperature_c=float(wanted))])
     making.running["heat", vessel] = device
-    coldest, warmest = making.warmth_c.get(vessel, ROOMS_C)
-    making.warmth_c[vessel] = (min(coldest, float(wanted)), max(warmest, float(wanted)))
     does = {"kind": "heat", "vessel": vessel, "temperature_c": float(wanted)}
     making.add(operation.place, does, actions)
 
