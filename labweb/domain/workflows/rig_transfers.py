@@ -32,6 +32,7 @@ MOST_COMMANDS = 100_000
 """Most commands that one transfer is planned with."""
 
 _MOST_DEFECTS = 8
+"""Most findings about the graph that one line is answered with."""
 
 MOST_LINE_BYTES = 64 * 1024
 """Longest line of requests."""
@@ -230,11 +231,20 @@ def compile_line(rig: Rig | list[Finding], line: bytes) -> dict[str, Any]:
     if isinstance(request, list):
         return _refused(request)
     if isinstance(rig, list):
-        return _refused(rig)
+        return _refused(_first(rig))
     groups, findings = plan_on_rig(rig, request)
     if findings:
         return _refused(findings)
     return {"ok": True, "steps": groups}
+
+
+def _first(findings: list[Finding]) -> list[Finding]:
+    """Return the first findings about a graph, and a last one that says how many more there are."""
+    more = len(findings) - _MOST_DEFECTS
+    if more <= 0:
+        return findings
+    message = f"{more} more findings refuse the graph; all stand on the standard error"
+    return [*findings[:_MOST_DEFECTS], Finding("graph.more_findings", message, "")]
 
 
 def _refused(findings: list[Finding]) -> dict[str, Any]:
