@@ -173,11 +173,11 @@ def _set_watch(state: State, vessel: str, by: str, *, is_on: bool) -> None:
 
 
 def _light(state: State, action: Action) -> object:
-    if action.name == "start_light":
-        state.lights.add(action.device)
-    else:
-        state.lights.discard(action.device)
-    return None
+    parameters = action.parameters
+    if isinstance(parameters, schema.Light):
+        state.lights[action.device] = parameters
+        return parameters
+    return state.lights.pop(action.device, None)
 
 
 def _measure(state: State, action: Action) -> object:

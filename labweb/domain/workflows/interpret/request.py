@@ -82,7 +82,7 @@ def _execute(
     is_gas = plumbing.is_gas(source)
     twice = Range.exactly(2 * volume_nl * UNITS_PER_NL)
     claim = Claim(
-        kind="flush" if is_gas else "transfer",
+        kind="push" if is_gas else "transfer",
         from_=source,
         to=str(asked["to"]),
         volume_ul=volume_nl / 1000,

@@ -90,7 +90,7 @@ class Rounds:
             "stirring": dict(state.stirring),
             "rotation": dict(state.rotating),
             "heat": dict(state.temperatures),
-            "light": set(state.lights),
+            "light": dict(state.lights),
             "ultrasound": set(state.sounding),
             "a flask in a bath": set(state.lowered),
             "a supply": {k: v for k, v in state.supplies.items() if v != "none"},

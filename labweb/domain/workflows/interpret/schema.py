@@ -15,6 +15,7 @@ Positive = Annotated[float, Meta(gt=0, le=1e13)]
 Duration = Annotated[float, Meta(ge=0, le=1e9)]
 Celsius = Annotated[float, Meta(ge=-273.15, le=10_000)]
 StepId = Annotated[int, Meta(ge=1)]
+Percent = Annotated[float, Meta(ge=0, le=100)]
 Speed = Annotated[float, Meta(gt=0, le=1e6)]
 
 
@@ -193,7 +194,7 @@ class Light(Parameters, frozen=True):
     wavelength_nm: Positive | None = None
     color: Text | None = None
     power_w: Positive | None = None
-    intensity_percent: Annotated[float, Meta(ge=0, le=100)] | None = None
+    intensity_percent: Percent | None = None
 
 
 class Quantity(Parameters, frozen=True):
@@ -342,6 +343,9 @@ class Claim(Strict, frozen=True):
     acceleration_g: Speed | None = None
     power_w: Positive | None = None
     vapour_c: Celsius | None = None
+    wavelength_nm: Positive | None = None
+    color: Text | None = None
+    intensity_percent: Percent | None = None
     text: Sentence | None = None
 
 
@@ -367,7 +371,7 @@ CLAIMS: Mapping[str, tuple[str, str]] = {
     "lower": ("vessel", ""),
     "raise": ("vessel", ""),
     "evaporate": ("vessel", "duration_s most_s"),
-    "light": ("vessel", ""),
+    "light": ("vessel", "wavelength_nm color power_w intensity_percent"),
     "stop_light": ("vessel", ""),
     "measure": ("vessel quantity", "low high"),
     "sonicate": ("vessel", ""),

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from labweb.domain.errors import Finding
+from labweb.domain.workflows.interpret import schema
 from labweb.domain.workflows.interpret.apparatus import pumps_of
 from labweb.domain.workflows.interpret.matter import NOTHING, UNITS_PER_NL, Contents, Range
 from labweb.domain.workflows.interpret.plumbing import COLLECT, End, Plumbing, Stands
@@ -132,7 +133,9 @@ class State:
         self.vacuums: dict[str, Vacuum] = {}
         self.supplies: dict[End, str] = {}
         self.lowered: set[str] = set()
-        self.lights: set[str] = set()
+        self.lights: dict[str, schema.Light] = {}
+        """Lamp that is on → what is known of its light."""
+
         self.sounding: set[str] = set()
         """Ultrasonic baths and horns that are on."""
 

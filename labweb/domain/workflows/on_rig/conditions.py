@@ -275,7 +275,7 @@ def start_light(making: Making, operation: BasicOperation) -> None:
     given: dict[str, Any] = {name: above_zero(making, operation, name) for name in names}
     given["color"] = operation.fields.get("color")
     making.running["light", vessel] = lamp
-    does = {"kind": "light", "vessel": vessel}
+    does = {"kind": "light", "vessel": vessel, **given}
     making.add(operation.place, does, [[say(lamp, "start_light", **given)]])
 
 

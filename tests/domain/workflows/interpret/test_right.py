@@ -4,7 +4,18 @@ from __future__ import annotations
 
 import pytest
 
-from tests.domain.workflows.interpret.bench import check, codes, draw, plan, port, push, run, step
+from tests.domain.workflows.interpret.bench import (
+    act,
+    carry,
+    check,
+    codes,
+    draw,
+    plan,
+    port,
+    push,
+    run,
+    step,
+)
 from tests.domain.workflows.interpret.plans import (
     ASK,
     EVAPORATE,
@@ -14,10 +25,11 @@ from tests.domain.workflows.interpret.plans import (
     RIGHT,
     ROTATE,
     STOP_HEAT,
+    STOP_LIGHT,
     STOP_ROTATE,
     WAIT,
 )
-from tests.domain.workflows.interpret.wrong_claims import reach
+from tests.domain.workflows.interpret.wrong_claims import lit, reach
 
 
 @pytest.mark.parametrize("name", RIGHT)
@@ -50,6 +62,19 @@ def test_a_vessel_that_nothing_heats_drifts_to_the_room_by_what_is_on_its_way() 
     drifting = (reach(45, 55), reach(29, 31), reach(20, 25))
     assert check(plan(HEAT, REACH, STOP_HEAT, *drifting)) == []
     assert check(plan(reach(24, 26))) == []
+
+
+def test_a_light_may_be_claimed_with_all_that_is_known_of_it_and_changed_by_another_step() -> None:
+    known = {"wavelength_nm": 450, "color": "blue", "power_w": 5, "intensity_percent": 40}
+    groups = [[act("lamp start_light", **known)]]
+    full = step("light", groups, vessel="reactor", **known)
+    assert check(plan(full, lit(365, wavelength_nm=365), STOP_LIGHT)) == []
+
+
+def test_gas_is_pushed_into_any_vessel() -> None:
+    groups = carry("2", "0", 5_000)
+    push_it = step("push", groups, from_="flask_n2", to="reactor", volume_ul=5_000)
+    assert check(plan(push_it)) == []
 
 
 @pytest.mark.parametrize("most_ul", [8_000, 7_999])
