@@ -43,7 +43,14 @@ export type Claim = { kind: string } & Record<string, unknown>;
 
 export interface PlannedStep {
   id: number;
-  of: { operation: string; line?: number; column?: number; act: number };
+  of: {
+    operation: string;
+    line?: number;
+    column?: number;
+    act: number;
+    queue?: string;
+    beside?: string;
+  };
   does: Claim;
   /** Groups one after another; the actions of one group run at the same time. */
   actions: PlannedAction[][];

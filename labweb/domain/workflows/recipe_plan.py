@@ -24,13 +24,17 @@ from labweb.domain.workflows.on_rig.binding import Binding, bind
 from labweb.domain.workflows.on_rig.charging import charge, check_charge
 from labweb.domain.workflows.on_rig.chemistry import read_chemistry
 from labweb.domain.workflows.on_rig.equipment import Equipment, Sort
-from labweb.domain.workflows.on_rig.making import BY_HAND, Making
+from labweb.domain.workflows.on_rig.making import BESIDE, BY_HAND, Making
 from labweb.domain.workflows.on_rig.matter import micro, plain
 from labweb.domain.workflows.on_rig.meetings import Meetings
 from labweb.domain.workflows.on_rig.moving import fill
 from labweb.domain.workflows.on_rig.reagents import check_reagents, say_unheeded
 from labweb.domain.workflows.on_rig.safety import shut_down
-from labweb.domain.workflows.on_rig.scheduling import critical_path_s, earlier_steps
+from labweb.domain.workflows.on_rig.scheduling import (
+    check_duration,
+    critical_path_s,
+    earlier_steps,
+)
 from labweb.domain.workflows.on_rig.stated import check_nodes
 from labweb.domain.workflows.xdl.expansion.basic import BasicOperation, Kind
 from labweb.domain.workflows.xdl.expansion.expand import Expansion, all_operations, expand
@@ -158,6 +162,7 @@ def compile_recipe(recipe: Recipe, rig: Rig, wish: Wish | None = None) -> dict[s
         _make(counting, expanded, asked)
     making = begin(told=told, needed_nl=dict(counting.taken_nl), meetings=apart())
     contents = _make(making, expanded, asked)
+    check_duration(making.steps, told)
     if told.all:
         raise _infeasible([*told.all, *rig.defects[:_MOST_DEFECTS]])
     for defect in rig.defects:
@@ -318,7 +323,7 @@ class _Walk:
         before = making.lane
         if one.act.name == "Async":
             pid = one.act.values.get("pid", making.act)
-            making.lane = f"async {pid}"
+            making.lane = f"{BESIDE}{pid}"
         elif one.act.queue:
             making.lane = f"{before}/{one.act.queue}"
         yield

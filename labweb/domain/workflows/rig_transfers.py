@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -32,6 +32,7 @@ MOST_COMMANDS = 100_000
 """Most commands that one transfer is planned with."""
 
 _MOST_DEFECTS = 8
+"""Most findings about the graph that one line is answered with."""
 
 MOST_LINE_BYTES = 64 * 1024
 """Longest line of requests."""
@@ -204,18 +205,22 @@ def _strokes(rig: Rig, request: TransferRequest, chain: Chain) -> tuple[list[Gro
             f"at most {MOST_COMMANDS} are planned"
         )
         return [], [Finding("plan.too_many_strokes", message, request.source)]
-    rates = _hop_rates(request, chain, min(MOVE_UL_S, syringe_nl / 1000 / FULL_STROKE_S))
+    is_slow = [
+        any(network.elements[index].role is Role.CARTRIDGE for index in hop.passed)
+        for hop in chain.hops
+    ]
+    rates = _hop_rates(request, is_slow, min(MOVE_UL_S, syringe_nl / 1000 / FULL_STROKE_S))
     return list(make_groups(network, chain, request.amount_nl, syringe_nl, rates)), []
 
 
-def _hop_rates(request: TransferRequest, chain: Chain, usual_ul_s: float) -> list[float]:
+def _hop_rates(request: TransferRequest, is_slow: Sequence[bool], usual_ul_s: float) -> list[float]:
     """Return the rate of each hop. A cartridge is passed as slowly as the source is drawn."""
     between = request.rate_ul_s or usual_ul_s
     draw = request.draw_rate_ul_s or between
     push = request.push_rate_ul_s or between
-    rates = [draw if hop.passed else between for hop in chain.hops]
+    rates = [draw if slow else between for slow in is_slow]
     rates[0] = draw
-    if not chain.hops[-1].passed:
+    if not is_slow[-1]:
         rates[-1] = push
     return [steady(rate) for rate in rates]
 
@@ -230,11 +235,20 @@ def compile_line(rig: Rig | list[Finding], line: bytes) -> dict[str, Any]:
     if isinstance(request, list):
         return _refused(request)
     if isinstance(rig, list):
-        return _refused(rig)
+        return _refused(_first(rig))
     groups, findings = plan_on_rig(rig, request)
     if findings:
         return _refused(findings)
     return {"ok": True, "steps": groups}
+
+
+def _first(findings: list[Finding]) -> list[Finding]:
+    """Return the first findings about a graph, and a last one that says how many more there are."""
+    more = len(findings) - _MOST_DEFECTS
+    if more <= 0:
+        return findings
+    message = f"{more} more findings refuse the graph; all stand on the standard error"
+    return [*findings[:_MOST_DEFECTS], Finding("graph.more_findings", message, "")]
 
 
 def _refused(findings: list[Finding]) -> dict[str, Any]:

@@ -63,6 +63,27 @@ def test_a_refused_graph_is_exit_code_1_and_every_line_is_told_why(tmp_path: Pat
     assert "flask_a" in stderr
 
 
+@pytest.mark.parametrize("count", [8, 9, 40])
+def test_a_graph_with_many_faults_answers_each_line_with_the_first_and_their_number(
+    tmp_path: Path, count: int
+) -> None:
+    links = [
+        {"id": f"l{n}", "source": "flask_a", "target": f"nowhere_{n}", "port": "(0,0)"}
+        for n in range(count)
+    ]
+    graph = {"nodes": GRAPH["nodes"], "links": [*GRAPH["links"], *links]}
+    code, answers, stderr = run(tmp_path, f"{GOOD}\n" * 50, graph)
+    assert code == 1
+    assert len(answers) == 50
+    for answer in answers:
+        told, last = answer["findings"][:8], answer["findings"][8:]
+        assert [one["subject"] for one in told] == [f"l{n}" for n in range(8)]
+        assert [one["code"] for one in last] == ["graph.more_findings"] * (count > 8)
+        assert all(one["message"].startswith(f"{count - 8} more") for one in last)
+    assert stderr.count("graph.dangling_link") >= count
+    assert all(f"nowhere_{n}" in stderr for n in range(count))
+
+
 def test_answers_that_cannot_be_written_are_exit_code_1(tmp_path: Path) -> None:
     (tmp_path / "graph.json").write_text(json.dumps(GRAPH))
     (tmp_path / "requests.jsonl").write_text(GOOD)

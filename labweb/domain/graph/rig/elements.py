@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
-from decimal import Decimal, InvalidOperation
+from decimal import Decimal
 from functools import lru_cache
 from typing import Any
 
@@ -31,6 +32,7 @@ _MEDIA: Mapping[str, Medium] = {
 }
 _NL_PER_ML = 1_000_000
 _LARGEST_ML = 10_000_000
+_PLAIN = re.compile(r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)")
 _OTHER = Sort(role=Role.OTHER)
 _ENDS = 2
 _MOST_PORTS = 64
@@ -121,13 +123,18 @@ def volume_nl(value: object) -> int | None:
 
 
 def decimal(value: object) -> Decimal | None:
-    """Return a number as a file says it, as number or text; None: it is none."""
+    """Return a number as a file says it, as number or as text in digits; None: it is none.
+
+    Example:
+        >>> decimal(" 2.50 "), decimal("1_000"), decimal("\u0665"), decimal("1e3")
+        (Decimal('2.50'), None, None, None)
+    """
     if isinstance(value, bool) or not isinstance(value, int | float | str):
         return None
-    try:
-        found = Decimal(str(value).strip())
-    except InvalidOperation:
-        return None
+    if isinstance(value, str):
+        plain = value.strip()
+        return Decimal(plain) if _PLAIN.fullmatch(plain) else None
+    found = Decimal(str(value))
     return found if found.is_finite() else None
 
 

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Container, Mapping
-from decimal import Decimal, InvalidOperation
 from typing import Any
 
 from labweb.domain.errors import Finding
 from labweb.domain.graph.elements import Element, Role, Tube
 from labweb.domain.graph.lab_file.entries import SCHEMA
-from labweb.domain.graph.rig.elements import volume_nl
+from labweb.domain.graph.rig.elements import decimal, volume_nl
 from labweb.domain.graph.rig.model import Rig
 from labweb.domain.graph.topology import Medium
 from labweb.domain.workflows.graph_formats.loss import LABWEB, lost, unheld
@@ -123,7 +122,7 @@ class _Writer:
         for name, is_volume in kinds.items():
             value = said.get(name)
             is_said = value is not None and value != ""
-            if is_said and (volume_nl(value) if is_volume else _number(value)) is None:
+            if is_said and (volume_nl(value) if is_volume else decimal(value)) is None:
                 self._lose(key, f"{name} is {value!r}, which is no {_EXPECTED[is_volume]}")
 
     def _put(
@@ -275,16 +274,6 @@ def _reach(thermostat: Thermostat) -> dict[str, Any]:
 
 def _ul(nanolitres: int | None) -> float | None:
     return None if nanolitres is None else nanolitres / _NL_PER_UL
-
-
-def _number(value: object) -> Decimal | None:
-    if isinstance(value, bool) or not isinstance(value, int | float | str):
-        return None
-    try:
-        found = Decimal(str(value).strip())
-    except InvalidOperation:
-        return None
-    return found if found.is_finite() else None
 
 
 def _free(wanted: str, known: Container[str]) -> str:

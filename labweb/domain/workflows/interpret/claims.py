@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
+from labweb.domain.workflows.interpret import schema
 from labweb.domain.workflows.interpret.apparatus import devices_at
 from labweb.domain.workflows.interpret.matter import NOTHING, Contents, Range
 from labweb.domain.workflows.interpret.plan import mass_units, units
@@ -18,6 +19,7 @@ from labweb.domain.workflows.interpret.pneumatics import (
     check_vent,
     fail,
 )
+from labweb.domain.workflows.interpret.reactivity import is_waste
 from labweb.domain.workflows.interpret.schema import Claim
 from labweb.domain.workflows.interpret.state import (
     LOWER,
@@ -225,6 +227,9 @@ def _check_phase_ways(state: State, claim: Claim, before: Before) -> None:
 
 def _check_flush(state: State, claim: Claim, before: Before) -> None:
     del before
+    target = state.plumbing.elements.get(claim.to or "")
+    if claim.kind == "flush" and not (target and is_waste(target)):
+        fail(state, f"{claim.to} is no waste, which gas is flushed into")
     wanted, pushed = units(claim.volume_ul or 0), 0
     for flow in state.record.flows:
         pushed += flow.nominal
@@ -284,8 +289,16 @@ def _check_evaporate(state: State, claim: Claim, before: Before) -> None:
 def _check_light(state: State, claim: Claim, before: Before) -> None:
     del before
     lamps = devices_at(state.plumbing, claim.vessel or "", "start_light")
-    if bool(state.lights.intersection(lamps)) is not (claim.kind == "light"):
+    lit = [state.lights[lamp] for lamp in lamps if lamp in state.lights]
+    if bool(lit) is not (claim.kind == "light"):
         fail(state, f"the light at {claim.vessel} is not as claimed")
+    said = [*lit, *(effect.value for effect in _effects(state, "start_light"))]
+    if any(one != said[0] for one in said):
+        fail(state, f"{claim.vessel} is lit in more than one way")
+    for name in schema.Light.__struct_fields__:
+        wanted = getattr(claim, name)
+        if wanted is not None and any(getattr(one, name) != wanted for one in said):
+            fail(state, f"{claim.vessel} is not lit with {name} {wanted}")
 
 
 def _check_measure(state: State, claim: Claim, before: Before) -> None:

@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 
 from labweb.domain.workflows.interpret import schema
-from labweb.domain.workflows.interpret.apparatus import vessels_of
+from labweb.domain.workflows.interpret.apparatus import devices_at, vessels_of
 from labweb.domain.workflows.interpret.matter import Contents, Range
 from labweb.domain.workflows.interpret.plan import Action, mass_units, units
 from labweb.domain.workflows.interpret.plumbing import End
 from labweb.domain.workflows.interpret.state import (
     REMOVED,
+    ROOM_C,
     TOLERANCE,
     Effect,
     State,
@@ -54,26 +55,42 @@ def _stop_stirring(state: State, action: Action) -> object:
 
 def _set_temperature(state: State, action: Action) -> object:
     parameters = action.parameters
-    if isinstance(parameters, schema.Temperature):
-        state.temperatures[action.device] = parameters.temperature_c
-        return parameters.temperature_c
-    return None
+    if not isinstance(parameters, schema.Temperature):
+        return None
+    wanted = state.temperatures[action.device] = parameters.temperature_c
+    for vessel in vessels_of(state.plumbing, action.device):
+        low, high = state.warmth.get(vessel, ROOM_C)
+        state.warmth[vessel] = (min(low, wanted), max(high, wanted))
+    return wanted
 
 
 def _await_temperature(state: State, action: Action) -> object:
     parameters = action.parameters
     if not isinstance(parameters, schema.Window):
         return None
-    setpoint = state.temperatures.get(action.device)
     window = (parameters.low_c, parameters.high_c)
-    if window[0] > window[1] or not (setpoint is None or window[0] <= setpoint <= window[1]):
-        state.complain(
-            "interpret.never_reached",
-            f"{action.device} is set to {setpoint} °C and never gets between {window[0]} and "
-            f"{window[1]} °C",
-            device=action.device,
-        )
+    for vessel in vessels_of(state.plumbing, action.device):
+        why = _never_reaches(state, vessel, *window)
+        if why:
+            message = f"{why} and never gets between {window[0]:g} and {window[1]:g} °C"
+            state.complain("interpret.never_reached", message, device=action.device)
     return window
+
+
+def _never_reaches(state: State, vessel: str, low_c: float, high_c: float) -> str:
+    """Tell why a vessel does not come into a window, "" when it does, and note that it is there."""
+    near = devices_at(state.plumbing, vessel, "set_temperature")
+    set_to = {state.temperatures[key] for key in near if key in state.temperatures}
+    was = state.warmth.get(vessel, ROOM_C)
+    coldest, warmest = min(was[0], ROOM_C[0]), max(was[1], ROOM_C[1])
+    if low_c > high_c or not all(low_c <= one <= high_c for one in set_to):
+        return f"{vessel} is brought to {sorted(set_to)} °C"
+    if not set_to and (low_c > warmest or high_c < coldest):
+        return f"nothing heats or chills {vessel}, which is between {coldest:g} and {warmest:g} °C"
+    state.warmth[vessel] = (low_c, high_c)
+    if not set_to:
+        state.warmth[vessel] = (max(low_c, coldest), min(high_c, warmest))
+    return ""
 
 
 def _stop_temperature(state: State, action: Action) -> object:
@@ -156,11 +173,11 @@ def _set_watch(state: State, vessel: str, by: str, *, is_on: bool) -> None:
 
 
 def _light(state: State, action: Action) -> object:
-    if action.name == "start_light":
-        state.lights.add(action.device)
-    else:
-        state.lights.discard(action.device)
-    return None
+    parameters = action.parameters
+    if isinstance(parameters, schema.Light):
+        state.lights[action.device] = parameters
+        return parameters
+    return state.lights.pop(action.device, None)
 
 
 def _measure(state: State, action: Action) -> object:

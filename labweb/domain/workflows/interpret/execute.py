@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from itertools import chain
 
 from labweb.domain.errors import Finding
@@ -46,17 +46,11 @@ def check_plan(rig: Rig, plan: Plan, graph_sha256: str = "") -> list[Finding]:
     return execute(rig, plan, graph_sha256).findings
 
 
-def execute(rig: Rig, plan: Plan, graph_sha256: str = "", *, is_alone: bool = False) -> State:
-    """Execute a plan and return the state that it ends in, with all findings.
-
-    `is_alone` is a transfer without a recipe: vessels have no bound,
-    no vacuum runs, and a rotary evaporator is one vessel.
-    """
+def execute(rig: Rig, plan: Plan, graph_sha256: str = "") -> State:
+    """Execute a plan and return the state that it ends in, with all findings."""
     plumbing = Plumbing(rig)
     stated = _stated_capacities(plumbing)
-    state = State(plumbing, {} if is_alone else stated | dict(plan.capacities))
-    if is_alone:
-        state.exposed, state.has_collecting = [], False
+    state = State(plumbing, stated | dict(plan.capacities))
     if graph_sha256 and plan.graph_sha256 not in (None, graph_sha256):
         message = "the plan was made for another graph: the SHA-256 differ"
         state.complain("interpret.other_graph", message)
@@ -67,9 +61,8 @@ def execute(rig: Rig, plan: Plan, graph_sha256: str = "", *, is_alone: bool = Fa
                 f"{key} is said to hold {microlitres(amount)}; the graph says {microlitres(known)}"
             )
             state.complain("interpret.capacity", message, vessel=key)
-    if not is_alone:
-        state.reactivity = Reactivity(plumbing.elements, plan, _condensing(plumbing))
-        state.findings += [*check_volumes(rig), *state.reactivity.check_declared(plan)]
+    state.reactivity = Reactivity(plumbing.elements, plan, _condensing(plumbing))
+    state.findings += [*check_volumes(rig), *state.reactivity.check_declared(plan)]
     _check_vessels(state, plan)
     _fill_before(state, plan)
     records, rounds = [], Rounds(state)
@@ -84,9 +77,26 @@ def execute(rig: Rig, plan: Plan, graph_sha256: str = "", *, is_alone: bool = Fa
     state.findings += check_after(plan.steps, [record.touched for record in records])
     state.findings += check_totals(plan, records)
     state.findings += check_filling(plan, plumbing, records)
-    unique = {(finding.code, finding.message): finding for finding in state.findings}
-    state.findings = list(unique.values())
+    state.findings = _unique(state.findings)
     return state
+
+
+def execute_alone(plumbing: Plumbing, step: Step, contents: Mapping[str, Contents]) -> State:
+    """Execute a transfer without a recipe, whose one record is the last of the state.
+
+    Vessels have no bound, no vacuum runs, and a rotary evaporator is one vessel.
+    """
+    state = State(plumbing, {}, is_alone=True)
+    state.contents = {key: held.copy() for key, held in contents.items()}
+    _execute_step(state, step)
+    state.where = "end"
+    _check_stopped(state)
+    state.findings = _unique(state.findings)
+    return state
+
+
+def _unique(findings: list[Finding]) -> list[Finding]:
+    return list({(finding.code, finding.message): finding for finding in findings}.values())
 
 
 def _stated_capacities(plumbing: Plumbing) -> dict[str, int]:

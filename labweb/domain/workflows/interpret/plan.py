@@ -56,6 +56,12 @@ class Step:
     skip_if: tuple[int, ...] = ()
     """Readings that decide whether it is carried out; none: it is."""
 
+    queue: str | None = None
+    """Queue of the recipe that it stands in; None: in none."""
+
+    beside: str | None = None
+    """What it says that it runs beside all others in; None: it does not."""
+
 
 @dataclass(frozen=True)
 class Plan:
@@ -215,7 +221,8 @@ class _Reader:
         if claim is None:
             return None
         after, skip_if = tuple(raw.after), tuple(raw.skip_if)
-        return Step(raw.id, claim, tuple(groups), after, raw.estimate_s, skip_if)
+        place = (raw.of.queue, raw.of.beside)
+        return Step(raw.id, claim, tuple(groups), after, raw.estimate_s, skip_if, *place)
 
     def _claim(self, value: dict[str, object], subject: str) -> Claim | None:
         claim = self._convert(value, Claim, subject)

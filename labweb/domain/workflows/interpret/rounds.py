@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from labweb.domain.workflows.interpret.matter import Contents
 from labweb.domain.workflows.interpret.plan import Step
 from labweb.domain.workflows.interpret.reactivity import Past
-from labweb.domain.workflows.interpret.state import State
+from labweb.domain.workflows.interpret.state import ROOM_C, State
 
 
 @dataclass(frozen=True, slots=True)
@@ -20,6 +20,7 @@ class _End:
     past: Past
     """What wets syringes and valves, and what has met."""
 
+    warmth: Mapping[str, tuple[float, float]]
     running: Mapping[str, object]
     """What has to be the same however often it went."""
 
@@ -68,6 +69,9 @@ class Rounds:
             state.contents[key] = whole
         for end in ends:
             state.reactivity.may_be(end.past)
+        for key in {key for end in ends for key in end.warmth}:
+            known = [end.warmth.get(key, ROOM_C) for end in ends]
+            state.warmth[key] = (min(low for low, _ in known), max(high for _, high in known))
         for valve in list(state.stands.ports):
             if len({end.ports.get(valve) for end in ends}) > 1:
                 del state.stands.ports[valve]
@@ -86,7 +90,7 @@ class Rounds:
             "stirring": dict(state.stirring),
             "rotation": dict(state.rotating),
             "heat": dict(state.temperatures),
-            "light": set(state.lights),
+            "light": dict(state.lights),
             "ultrasound": set(state.sounding),
             "a flask in a bath": set(state.lowered),
             "a supply": {k: v for k, v in state.supplies.items() if v != "none"},
@@ -96,4 +100,5 @@ class Rounds:
             "gas": {key: state.sources(key) for key in state.exposed},
             "vacuum": {key: state.running_vacuum(key) for key in state.exposed},
         }
-        return _End(contents, dict(state.stands.ports), state.reactivity.remember(), running)
+        ports, past = dict(state.stands.ports), state.reactivity.remember()
+        return _End(contents, ports, past, dict(state.warmth), running)

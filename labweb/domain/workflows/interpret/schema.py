@@ -15,6 +15,7 @@ Positive = Annotated[float, Meta(gt=0, le=1e13)]
 Duration = Annotated[float, Meta(ge=0, le=1e9)]
 Celsius = Annotated[float, Meta(ge=-273.15, le=10_000)]
 StepId = Annotated[int, Meta(ge=1)]
+Percent = Annotated[float, Meta(ge=0, le=100)]
 Speed = Annotated[float, Meta(gt=0, le=1e6)]
 
 
@@ -70,6 +71,11 @@ class Of(Strict, frozen=True):
     line: int | None = None
     column: int | None = None
     act: int | None = None
+    queue: str | None = None
+    """Queue of the recipe; None: it is in none, and waits for all of them."""
+
+    beside: str | None = None
+    """It runs beside all that is in no queue, under this name."""
 
 
 class RawAction(Strict, frozen=True):
@@ -188,7 +194,7 @@ class Light(Parameters, frozen=True):
     wavelength_nm: Positive | None = None
     color: Text | None = None
     power_w: Positive | None = None
-    intensity_percent: Annotated[float, Meta(ge=0, le=100)] | None = None
+    intensity_percent: Percent | None = None
 
 
 class Quantity(Parameters, frozen=True):
@@ -337,6 +343,9 @@ class Claim(Strict, frozen=True):
     acceleration_g: Speed | None = None
     power_w: Positive | None = None
     vapour_c: Celsius | None = None
+    wavelength_nm: Positive | None = None
+    color: Text | None = None
+    intensity_percent: Percent | None = None
     text: Sentence | None = None
 
 
@@ -362,7 +371,7 @@ CLAIMS: Mapping[str, tuple[str, str]] = {
     "lower": ("vessel", ""),
     "raise": ("vessel", ""),
     "evaporate": ("vessel", "duration_s most_s"),
-    "light": ("vessel", ""),
+    "light": ("vessel", "wavelength_nm color power_w intensity_percent"),
     "stop_light": ("vessel", ""),
     "measure": ("vessel quantity", "low high"),
     "sonicate": ("vessel", ""),

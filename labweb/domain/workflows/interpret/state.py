@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from labweb.domain.errors import Finding
+from labweb.domain.workflows.interpret import schema
 from labweb.domain.workflows.interpret.apparatus import pumps_of
 from labweb.domain.workflows.interpret.matter import NOTHING, UNITS_PER_NL, Contents, Range
 from labweb.domain.workflows.interpret.plumbing import COLLECT, End, Plumbing, Stands
@@ -15,6 +16,12 @@ LOST, REMOVED = "@lost", "@removed"
 """Where matter is booked that dried away, and that a person emptied out."""
 
 LOWER, UPPER = "lower", "upper"
+ROOM_C = (15.0, 30.0)
+"""Coldest and warmest that a room is, to which drifts what nothing heats or chills.
+
+Source:
+    USP 659, the excursions that controlled room temperature allows."""
+
 TOLERANCE = UNITS_PER_NL // 2
 """Half a nanolitre: amounts that differ by no more are equal."""
 
@@ -92,6 +99,9 @@ class Record:
     vapours: list[tuple[str, str]] = field(default_factory=list)
     """What boiled off: from which vessel into which."""
 
+    rates: list[tuple[str, str, float]] = field(default_factory=list)
+    """Pump, where its stroke leads (`draw`, `push` or `between`), and its rate in µL/s."""
+
     is_checked: bool = False
     """A person has confirmed something in this step."""
 
@@ -108,7 +118,9 @@ class Vacuum:
 class State:
     """The whole rig."""
 
-    def __init__(self, plumbing: Plumbing, capacities: Mapping[str, int]) -> None:
+    def __init__(
+        self, plumbing: Plumbing, capacities: Mapping[str, int], *, is_alone: bool = False
+    ) -> None:
         self.plumbing = plumbing
         self.capacities = capacities
         self.contents: dict[str, Contents] = {}
@@ -120,17 +132,22 @@ class State:
         self.temperatures: dict[str, float] = {}
         """Heater, chiller or bath that is on → what it is set to."""
 
+        self.warmth: dict[str, tuple[float, float]] = {}
+        """Vessel → the coldest and warmest that it may be in °C; not in it: as the room."""
+
         self.vacuums: dict[str, Vacuum] = {}
         self.supplies: dict[End, str] = {}
         self.lowered: set[str] = set()
-        self.lights: set[str] = set()
+        self.lights: dict[str, schema.Light] = {}
+        """Lamp that is on → what is known of its light."""
+
         self.sounding: set[str] = set()
         """Ultrasonic baths and horns that are on."""
 
         self.watched: dict[str, set[str]] = {}
         """Vessel → sensors, or `@by_hand`, that watch it."""
 
-        self.has_collecting = True
+        self.has_collecting = not is_alone
         """The collecting flask of a rotary evaporator is a vessel of its own."""
 
         self.reactivity = Reactivity({})
@@ -142,15 +159,10 @@ class State:
 
         self.findings: list[Finding] = []
         self.where = "plan"
-        can_reach = Stands(opened={k for k, e in plumbing.elements.items() if e.role == "solenoid"})
-        self.exposed = [
-            key
-            for key in plumbing.elements
-            if plumbing.is_vessel(key) and any(plumbing.gases_at(key, can_reach, maybe=True))
-        ]
+        self.exposed = [] if is_alone else _exposed(plumbing)
         """Vessels that gas or vacuum can get to at all."""
 
-        lines = [key for key, e in plumbing.elements.items() if e.role == "vacuum"]
+        lines = [] if is_alone else [k for k, e in plumbing.elements.items() if e.role == "vacuum"]
         self._always_draws = any(not pumps_of(plumbing, key) for key in lines)
 
     def complain(self, code: str, message: str, **context: object) -> None:
@@ -239,6 +251,15 @@ class State:
             held = self.contents.get(vessel)
             if held is not None and held.volume.most and self.running_vacuum(vessel, maybe=True):
                 self.held(LOST).add(held.let_go())
+
+
+def _exposed(plumbing: Plumbing) -> list[str]:
+    can_reach = Stands(opened={k for k, e in plumbing.elements.items() if e.role == "solenoid"})
+    return [
+        key
+        for key in plumbing.elements
+        if plumbing.is_vessel(key) and any(plumbing.gases_at(key, can_reach, maybe=True))
+    ]
 
 
 def microlitres(amount: int) -> str:

@@ -66,6 +66,7 @@ def move(state: State, actions: list[Action]) -> None:
     by_pump = {way.action.device: way for way in found}
     ends: dict[str, str] = {}
     for way in found:
+        state.record.rates.append((way.action.device, _leads(state, way), way.stroke.rate_ul_s))
         if way.end.key in state.syringes or _is_pump(state, way.end.key):
             partner = by_pump.get(way.end.key)
             if not _is_pass(state, way, partner):
@@ -82,6 +83,16 @@ def move(state: State, actions: list[Action]) -> None:
             _draw(state, way)
         else:
             _push(state, way)
+
+
+def _leads(state: State, way: Way) -> str:
+    """Return which of the rates of a request a stroke has: a cartridge is passed as one draws."""
+    elements = state.plumbing.elements
+    if any(elements[key].role is Role.CARTRIDGE for key in way.passed):
+        return "draw"
+    if _is_pump(state, way.end.key):
+        return "between"
+    return "draw" if way.action.name == "aspirate" else "push"
 
 
 def _find_way(state: State, action: Action) -> Way | None:

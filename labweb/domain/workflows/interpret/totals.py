@@ -11,15 +11,25 @@ from labweb.domain.workflows.interpret.schema import BY_HAND
 from labweb.domain.workflows.interpret.state import TOLERANCE, Record
 
 _CLOSE = 1e-6
+_Queue = tuple[str | None, str | None]
+"""Queue of the recipe, and what runs beside the rest."""
+
+_ROOT: _Queue = (None, None)
+_UNHELD = frozenset(("wait", "ask"))
+"""Claims that name no vessel: what they are for is what runs when they begin."""
 
 
 def check_after(steps: Sequence[Step], touched: Sequence[set[str]]) -> list[Finding]:
-    """List the steps that use a device or vessel of an earlier one without waiting for it."""
+    """List the steps that do not wait for an earlier one with whose device or vessel they work.
+
+    What names no vessel has its order from its queue.
+    """
     findings = []
     waits_for: dict[int, int] = {}
     """Step → the steps that end before it begins, as bits."""
 
     last: dict[str, int] = {}
+    queues = _Queues()
     for step, keys in zip(steps, touched, strict=True):
         known = 0
         for other in step.after:
@@ -35,7 +45,45 @@ def check_after(steps: Sequence[Step], touched: Sequence[set[str]]) -> list[Find
                 context = {"device": key}
                 findings.append(Finding("interpret.unordered", message, f"step {step.id}", context))
             last[key] = step.id
+        findings += queues.check(step, known)
     return findings
+
+
+class _Queues:
+    """Sees that what names no vessel has its place among the steps of its queue."""
+
+    def __init__(self) -> None:
+        self._all: dict[_Queue, int] = {}
+        """Queue → its steps so far, as bits."""
+
+        self._unheld: dict[_Queue, int] = {}
+        """Queue → those of them that name no vessel."""
+
+    def check(self, step: Step, known: int) -> list[Finding]:
+        """List what a step has to wait for, and does not; `known` are the steps it waits for."""
+        queue: _Queue = (step.queue, step.beside)
+        is_unheld = step.claim.kind in _UNHELD
+        before = self._all if is_unheld else self._unheld
+        missing = ~known & sum(
+            bits
+            for other, bits in before.items()
+            if other in (queue, _ROOT) or _waits(queue, other)
+        )
+        for table in (self._all, self._unheld) if is_unheld else (self._all,):
+            table[queue] = table.get(queue, 0) | 1 << step.id
+        if not missing:
+            return []
+        other = missing.bit_length() - 1
+        what = (
+            f"names no vessel to wait for ({step.claim.kind}), and" if is_unheld else "goes on and"
+        )
+        message = f"step {step.id} {what} does not wait for step {other}, which stands before it"
+        return [Finding("interpret.unordered", message, f"step {step.id}")]
+
+
+def _waits(queue: _Queue, other: _Queue) -> bool:
+    """Tell whether what is in no queue waits for another queue: for all but what runs beside."""
+    return queue == _ROOT and other[1] is None
 
 
 def check_totals(plan: Plan, records: Sequence[Record]) -> list[Finding]:

@@ -6,7 +6,7 @@ from decimal import Decimal
 from typing import Any
 
 from labweb.domain.workflows.on_rig.equipment import Sort, Thermostat
-from labweb.domain.workflows.on_rig.making import BY_HAND, TIMER, Making, estimate, say
+from labweb.domain.workflows.on_rig.making import BESIDE, BY_HAND, TIMER, Making, estimate, say
 from labweb.domain.workflows.on_rig.meetings import most_of
 from labweb.domain.workflows.on_rig.wastes import look_at_meeting
 from labweb.domain.workflows.passes.backbone import Group
@@ -17,6 +17,12 @@ RAMP_C_S = 2 / 60
 """Estimate: vessels warm and cool by 2 °C a minute."""
 
 ROOM_C = 25.0
+ROOMS_C = (15.0, 30.0)
+"""Coldest and warmest of rooms, to which drifts what nothing heats or chills.
+
+Source:
+    USP 659, the excursions that controlled room temperature allows."""
+
 EVAPORATION_S = 1800.0
 """Estimate for boiling down when nobody says a time."""
 
@@ -120,6 +126,8 @@ def set_temperature(making: Making, operation: BasicOperation) -> None:
     vessel, wanted = making.vessel(operation), operation.fields.get("temperature_c")
     if vessel is None or not isinstance(wanted, Decimal):
         return
+    coldest, warmest = making.warmth_c.get(vessel, ROOMS_C)
+    making.warmth_c[vessel] = (min(coldest, float(wanted)), max(warmest, float(wanted)))
     device = _thermostat(making, operation, vessel, wanted)
     if device is None:
         return
@@ -177,12 +185,32 @@ def await_temperature(making: Making, operation: BasicOperation) -> None:
             facts = {"vessel": vessel, "temperature_c": high if low is None else low}
             making.told.tell("plan.no_thermostat", message, operation.place, **facts)
         return
+    is_driven = ("heat", vessel) in making.running
+    if not is_driven and not _drifts_to(making, operation, vessel, low, high):
+        return
+    making.warmth_c[vessel] = (low, high)
     middle = (low + high) / 2
     seconds = abs(middle - making.temperatures_c.get(vessel, ROOM_C)) / RAMP_C_S
     making.temperatures_c[vessel] = middle
     does = {"kind": "reach", "vessel": vessel, "low_c": low, "high_c": high}
     action = say(device, "await_temperature", low_c=low, high_c=high)
     making.add(operation.place, does, [[action]], round(seconds, 3))
+
+
+def _drifts_to(
+    making: Making, operation: BasicOperation, vessel: str, low_c: float, high_c: float
+) -> bool:
+    """Tell whether a window is on the way of a vessel to the room; where not, it is told."""
+    was = making.warmth_c.get(vessel, ROOMS_C)
+    coldest, warmest = min(was[0], ROOMS_C[0]), max(was[1], ROOMS_C[1])
+    if low_c <= warmest and high_c >= coldest:
+        return True
+    message = (
+        f"{making.operation}: nothing heats or chills {vessel}, which is between {coldest:g} and "
+        f"{warmest:g} °C and never gets between {low_c:g} and {high_c:g} °C by itself"
+    )
+    making.told.tell("plan.never_reached", message, operation.place, vessel=vessel)
+    return False
 
 
 def stop_temperature(making: Making, operation: BasicOperation) -> None:
@@ -247,7 +275,7 @@ def start_light(making: Making, operation: BasicOperation) -> None:
     given: dict[str, Any] = {name: above_zero(making, operation, name) for name in names}
     given["color"] = operation.fields.get("color")
     making.running["light", vessel] = lamp
-    does = {"kind": "light", "vessel": vessel}
+    does = {"kind": "light", "vessel": vessel, **given}
     making.add(operation.place, does, [[say(lamp, "start_light", **given)]])
 
 
@@ -298,7 +326,7 @@ def ask(making: Making, operation: BasicOperation) -> None:
 
 def await_lane(making: Making, operation: BasicOperation) -> None:
     """Let the next step wait for what runs beside."""
-    making.waits_for |= {f"async {operation.fields.get('pid')}"}
+    making.waits_for |= {f"{BESIDE}{operation.fields.get('pid')}"}
 
 
 def above_zero(making: Making, operation: BasicOperation, name: str) -> float | None:

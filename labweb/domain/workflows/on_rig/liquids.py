@@ -16,6 +16,7 @@ from labweb.domain.workflows.on_rig.moving import (
     move_all,
     move_volume,
     nanolitres,
+    on_grid,
 )
 from labweb.domain.workflows.on_rig.priming import prime, recover
 from labweb.domain.workflows.on_rig.rinsing import rinse
@@ -30,8 +31,6 @@ VISCOUS_UL_S = Decimal(2000) / 60
 
 Source:
     Default of the published XDL compiler for Chemputers."""
-
-_UG_PER_G = 1_000_000
 
 
 def add_liquid(making: Making, operation: BasicOperation) -> None:
@@ -134,12 +133,9 @@ def add_solid(making: Making, operation: BasicOperation) -> None:
     target, mass = making.vessel(operation), operation.fields.get("mass_g")
     if target is None or not isinstance(mass, Decimal):
         return
-    micrograms = int((mass * _UG_PER_G).to_integral_value())
+    micrograms = on_grid(making, mass, "g", operation.place)
     lot = str(operation.fields.get("reagent", ""))
-    if micrograms <= 0:
-        making.told.tell("unit.not_positive", f"{mass} g cannot be added", operation.place)
-        return
-    if is_under_vacuum(making, operation.place, target):
+    if micrograms is None or is_under_vacuum(making, operation.place, target):
         return
     text = f"Add {mass.normalize():f} g of {lot} to {target}"
     over_s = operation.fields.get("over_s")

@@ -26,6 +26,8 @@ from labweb.domain.workflows.xdl.findings import Findings
 from labweb.domain.workflows.xdl.markup import NOWHERE, Place
 
 BY_HAND, TIMER = "@by_hand", "@timer"
+BESIDE = "async "
+"""What the lane of an Async begins with, where that of a queue begins with a stroke."""
 
 CLEAN_NL = int(
     1_000_000 * default_number("rinse.volume") * default_number("rinse.incompatible_repeats")
@@ -132,6 +134,9 @@ class Making:
     temperatures_c: dict[str, float] = field(default_factory=dict)
     """Vessel → the temperature it was last brought to, for estimates."""
 
+    warmth_c: dict[str, tuple[float, float]] = field(default_factory=dict)
+    """Vessel → the coldest and warmest that it may be; not in it: as a room is."""
+
     roles: Mapping[str, str] = field(default_factory=dict)
     """Reagent → its role, as the recipe says it: acid, base …"""
 
@@ -178,7 +183,7 @@ class Making:
         of: dict[str, Any] = {"operation": self.operation}
         if place is not NOWHERE and place.line:
             of |= {"line": place.line, "column": place.column}
-        of["act"] = self.act
+        of |= {"act": self.act, **where_of(self.lane)}
         named = {c["device"] for group in actions for c in group}
         named |= {
             str(does[n]) for n in ("from", "to", "vessel", "lower_to", "upper_to") if n in does
@@ -305,6 +310,14 @@ class Making:
     def capacity_nl(self, key: str) -> int | None:
         """Return how much a vessel holds."""
         return self.equipment.capacity_nl(key)
+
+
+def where_of(lane: str) -> dict[str, str]:
+    """Return the queue of the recipe that a lane is, and the Async that it runs beside in."""
+    if lane.startswith(BESIDE):
+        pid, _, queue = lane.removeprefix(BESIDE).partition("/")
+        return {"beside": pid} | ({"queue": queue} if queue else {})
+    return {"queue": lane.removeprefix("/")} if lane else {}
 
 
 def used_parts(groups: list[Group]) -> frozenset[str]:

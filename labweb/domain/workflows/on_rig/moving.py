@@ -19,8 +19,11 @@ from labweb.domain.workflows.passes.backbone import Command, Group
 from labweb.domain.workflows.xdl.markup import Place
 
 NL_PER_ML = 1_000_000
-MOST_NL = 10**12
-"""Nothing in a laboratory is larger than 1000 L."""
+GRAINS = NL_PER_ML
+"""Nanolitres in a mL, and micrograms in a g."""
+
+MOST_GRAINS = 10**12
+"""Nothing in a laboratory is larger than 1000 L, or weighs as much as 1 t."""
 
 MOST_PARTS = 500
 """Most times that a person empties a waste for one move."""
@@ -50,12 +53,28 @@ def conductors(making: Making, name: str, place: Place) -> tuple[str, ...] | Non
 
 def nanolitres(making: Making, volume_ml: Any, place: Place) -> int | None:  # noqa: ANN401
     """Return a volume of a recipe; None: it is no volume that can be moved, which is told."""
-    amount = Decimal(volume_ml) * NL_PER_ML
-    rounded = int(amount.to_integral_value())
-    if not 0 < rounded < MOST_NL:
-        making.told.tell("unit.not_positive", f"{volume_ml} mL cannot be moved", place)
-        return None
-    return rounded
+    return on_grid(making, Decimal(volume_ml), "mL", place)
+
+
+def on_grid(making: Making, amount: Decimal, unit: str, place: Place) -> int | None:
+    """Return mL as nanolitres, or g as micrograms; None: it is no whole number, which is told."""
+    grains, said = Fraction(amount) * GRAINS, f"{amount.normalize():f} {unit}"
+    if grains <= 0:
+        message = f"{making.operation}: {said} is nothing that can be moved or added"
+        making.told.tell("unit.not_positive", message, place)
+    elif grains >= MOST_GRAINS:
+        message = f"{making.operation}: {said} is more than any laboratory handles"
+        making.told.tell("unit.too_large", message, place)
+    elif grains.denominator != 1:
+        grain = "nanolitre" if unit == "mL" else "microgram"
+        message = (
+            f"{making.operation}: {said} is finer than one {grain}, in whole numbers of which all "
+            f"is kept; write such a number"
+        )
+        making.told.tell("unit.off_grid", message, place)
+    else:
+        return int(grains)
+    return None
 
 
 def move_volume(making: Making, move: Move, amount_nl: int, lot: str = "") -> None:

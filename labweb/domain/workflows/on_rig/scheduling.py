@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from labweb.domain.workflows.on_rig.making import Draft
+from labweb.domain.workflows.on_rig.making import BESIDE, Draft
+from labweb.domain.workflows.xdl.findings import Findings
+from labweb.domain.workflows.xdl.markup import Place
 
-_BESIDE = "async "
+MOST_S = 1e9
+"""No plan takes longer than 31 years."""
 
 
 def earlier_steps(steps: Sequence[Draft]) -> list[list[int]]:
@@ -25,7 +28,7 @@ def earlier_steps(steps: Sequence[Draft]) -> list[list[int]]:
             after |= {last[step.lane]} if step.lane in last else set()
             after |= set() if barrier is None else {barrier}
         else:
-            after |= {end for lane, end in last.items() if not lane.startswith(_BESIDE)}
+            after |= {end for lane, end in last.items() if not lane.startswith(BESIDE)}
             barrier = place
         after |= {holder[name] for name in step.resources if name in holder} | {*step.skip_if}
         found.append(sorted(after))
@@ -40,3 +43,17 @@ def critical_path_s(steps: Sequence[Draft], earlier: Sequence[Sequence[int]]) ->
     for step, after in zip(steps, earlier, strict=True):
         ends.append(max((ends[place] for place in after), default=0.0) + step.estimate_s)
     return round(max(ends, default=0.0), 3)
+
+
+def check_duration(steps: Sequence[Draft], told: Findings) -> None:
+    """Refuse what would take longer than anybody waits, by the step that takes the longest."""
+    lasts_s = sum(step.estimate_s for step in steps)
+    if lasts_s <= MOST_S:
+        return
+    longest = max(steps, key=lambda step: step.estimate_s)
+    message = (
+        f"the plan would take {lasts_s:.3g} s, and may take {MOST_S:.3g} s; the longest step is "
+        f"{longest.of['operation']} with {longest.estimate_s:.3g} s"
+    )
+    place = Place(line=longest.of.get("line", 0), column=longest.of.get("column", 0))
+    told.tell("unit.too_large", message, place)

@@ -14,6 +14,9 @@ from labweb.domain.units import Reading
 from labweb.domain.workflows.xdl.recipe import Reagent
 from labweb.domain.workflows.xdl.values import Quantity
 
+GRAIN = Decimal("0.000001")
+"""What the ledger counts in: a nanolitre in mL, a microgram in g."""
+
 
 @dataclass(frozen=True, slots=True)
 class Scale:
@@ -157,12 +160,14 @@ def _unresolved(amount: Quantity, reagent: Reagent, missing: str) -> UnitError:
     return UnitError(message, code="xdl.amount_unresolved")
 
 
-def rounded(amount: Quantity) -> Quantity:
-    """Drop digits that come of division alone: twelve significant ones are kept."""
-    if amount.exact is None or not amount.exact:
+def measurable(amount: Quantity) -> Quantity:
+    """Return the nearest whole nanolitre or microgram of what was worked out.
+
+    What is less than half of one stays as it is, to be refused where it is measured out.
+    """
+    if amount.exact is None:
         return amount
-    digits = amount.exact.adjusted() - 11
-    value = amount.exact.quantize(Decimal(1).scaleb(digits)).normalize()
+    value = amount.exact.quantize(GRAIN).normalize()
     if value == value.to_integral_value():
         value = value.quantize(Decimal(1))
-    return replace(amount, reading=_exactly(value))
+    return replace(amount, reading=_exactly(value)) if value else amount

@@ -174,7 +174,8 @@ class _Reader:
         metadata = self.attributes(value.get("metadata") or {}, f"{prefix}metadata")
         if metadata:
             children.append(Element("Metadata", metadata, (), Place(path=f"{prefix}metadata")))
-        for key, section in _LISTS.items():
+        # The sections stand in the order of the keys, as those do in that of the sections.
+        for key, section in ((key, _LISTS[key]) for key in value if key in _LISTS):
             at = f"{prefix}{key}"
             entries = self.list_of(value.get(key), at)
             read = tuple(

@@ -13,7 +13,7 @@ from decimal import Decimal
 
 from labweb.domain.errors import UnitError
 from labweb.domain.workflows.xdl.acts import Act
-from labweb.domain.workflows.xdl.amounts import Scale, moles_of, rounded, to_dispense
+from labweb.domain.workflows.xdl.amounts import Scale, measurable, moles_of, to_dispense
 from labweb.domain.workflows.xdl.findings import Findings
 from labweb.domain.workflows.xdl.markup import Place
 from labweb.domain.workflows.xdl.naming import (
@@ -232,10 +232,12 @@ class _Unfolder:
         if facts is not None and step.name == "AddSolid":
             facts = replace(facts, values={**facts.values, "solid": True})
         try:
-            dispensed = rounded(to_dispense(amount, facts, context.scale))
+            dispensed = to_dispense(amount, facts, context.scale)
         except UnitError as error:
             self._told.tell(error.code, f"{step.name}: {error.message}", step.place)
             return values
+        if (dispensed.sort, dispensed.exact) != (amount.sort, amount.exact):
+            dispensed = measurable(dispensed)
         # What was measured out stands for what it was worked out of.
         kept = {name: v for name, v in values.items() if name not in ("mass", "mol")}
         return {**kept, dispensed.sort: dispensed}

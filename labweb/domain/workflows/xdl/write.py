@@ -48,7 +48,8 @@ def render_as(recipe: Recipe, version: str, *, as_json: bool = False) -> str:
     """
     if recipe.is_compiled:
         raise _compiled(recipe)
-    document = _Rewriter(version).document(recipe.document)
+    was_early = recipe.document.root.tag == "Synthesis"
+    document = _Rewriter(version, was_early=was_early).document(recipe.document)
     return render_json(document) if as_json else render_markup(document)
 
 
@@ -84,6 +85,8 @@ class _Rewriter:
     """Says the same in the words of one version."""
 
     version: str
+    was_early: bool = False
+    """The file is of a version before 1.0, in which a reagent has one of `id` and `name`."""
 
     @property
     def _is_early(self) -> bool:
@@ -142,6 +145,10 @@ class _Rewriter:
         if not name and not is_role:
             # Before 0.4 the id named the substance; since then a name does.
             return (Attribute("name", own_id), *element.attributes)
+        if not own_id and self.was_early:
+            place = [a.name for a in element.attributes].index("name") + 1
+            attributes = element.attributes
+            return (*attributes[:place], Attribute("id", name), *attributes[place:])
         return element.attributes
 
     def _newer(self, element: Element) -> Iterator[str]:

@@ -44,7 +44,8 @@ class Command(FileCommand):
 
         Raises:
             CommandError: A file cannot be read (exit code 1), or the graph is refused, in which
-                case every line is still answered with the findings about the graph.
+                case every line is still answered with the first findings about the graph, and
+                all of them are told once.
             SystemExit: Code 2, when at least one line was refused.
         """
         rig: Rig | list[Finding]
@@ -56,6 +57,8 @@ class Command(FileCommand):
         except LabFileError as error:
             problem = f"{error.code}: {error.message}"
             rig = list(error.findings) or [Finding(error.code, error.message)]
+            for one in rig:
+                self.stderr.write(f"{one.subject or '-'}  {one.code}  {one.message}")
         is_refused = self._answer(rig, options["requests"])
         if problem:
             raise CommandError(problem)

@@ -18,6 +18,7 @@ from labweb.domain.graph.rig.model import Rig
 from labweb.domain.graph.rig.read import read_rig
 from labweb.domain.workflows.interpret.execute import check_plan
 from labweb.domain.workflows.interpret.plan import parse_plan
+from labweb.domain.workflows.interpret.plumbing import Plumbing
 from labweb.domain.workflows.interpret.request import check_answer
 from labweb.workflows.management.commands.compile_transfers import read_graph
 from labweb.workflows.management.file_command import FileCommand
@@ -105,13 +106,14 @@ def _check_lines(rig: Rig, requests: bytes, answers: bytes) -> Iterator[Finding]
     if max(len(requests), len(answers)) > MAX_BYTES:
         message = f"a file has more than {MAX_BYTES} bytes"
         raise LabFileError(message, findings=[Finding("lab_file.too_large", message)])
+    plumbing = Plumbing(rig)
     asked, answered = requests.splitlines(), answers.splitlines()
     if len(asked) != len(answered):
         message = f"{len(asked)} requests have {len(answered)} answers"
         yield Finding("interpret.shape", message)
     for number, (request, answer) in enumerate(zip(asked, answered, strict=False), start=1):
         try:
-            found = check_answer(rig, request, answer)
+            found = check_answer(plumbing, request, answer)
         except LabError as error:
             found = [Finding(error.code, error.message)]
         for finding in found:

@@ -7,6 +7,7 @@ from typing import Any
 
 import pytest
 
+from labweb.domain.workflows.interpret.plumbing import Plumbing
 from labweb.domain.workflows.interpret.request import check_answer
 from tests.domain.workflows.interpret.bench import act, draw, port, push
 from tests.domain.workflows.rigs import ask, chemputer, rig_of
@@ -25,7 +26,7 @@ STROKE = [
 def found(graph: dict[str, Any], steps: list[Any], **more: object) -> set[str]:
     request, answer = {**REQUEST, **more}, {"ok": True, "steps": steps}
     lines = (json.dumps(line).encode() for line in (request, answer))
-    return {finding.code for finding in check_answer(rig_of(graph), *lines)}
+    return {finding.code for finding in check_answer(Plumbing(rig_of(graph)), *lines)}
 
 
 def solenoid(graph: dict[str, Any], *ports: str) -> dict[str, Any]:
@@ -120,3 +121,36 @@ def test_nothing_waits_while_it_moves_and_nobody_waits_who_is_not_there() -> Non
     moving = [STROKE[0], [*STROKE[1], wait("pump_1")], *STROKE[2:]]
     assert found(graph, moving) == {"interpret.unknown_action"}
     assert found(graph, [[wait("nobody")], *STROKE]) == {"interpret.unknown_action"}
+
+
+THROUGH = (
+    "flask_a:0 > valve_1:0", "pump_1:0 = valve_1:-1", "valve_1:5 > cartridge_c:in",
+    "cartridge_c:out > valve_2:0", "pump_2:0 = valve_2:-1", "valve_2:5 > waste_b:0",
+)  # fmt: skip
+RATES = {"rate": "30 mL/min", "draw_rate": "6 mL/min", "push_rate": "12 mL/min"}
+
+
+@pytest.mark.parametrize("stated", [(), ("rate",), ("draw_rate",), ("push_rate",), tuple(RATES)])
+@pytest.mark.parametrize("tubes", [VALVE, THROUGH])
+def test_the_rates_that_a_request_states_are_those_of_its_answer(
+    stated: tuple[str, ...], tubes: tuple[str, ...]
+) -> None:
+    graph, rates = chemputer(*tubes), {name: RATES[name] for name in stated}
+    more = {"through": ["cartridge_c"]} if tubes is THROUGH else {}
+    answer = ask(graph, "flask_a", "waste_b", "60 mL", **rates, **more)
+    asked = {**rates, **more, "volume": "60 mL"}
+    assert found(graph, answer["steps"], **asked) == set()
+    for name in stated:
+        faster = asked | {name: "31 mL/min"}
+        is_used = name != "rate" or not {"draw_rate", "push_rate"} <= set(stated)
+        assert ("interpret.rate" in found(graph, answer["steps"], **faster)) is is_used
+
+
+def test_a_rate_of_a_request_that_is_none_is_a_finding() -> None:
+    assert found(chemputer(*VALVE), STROKE, rate="fast") == {"unit.unreadable"}
+
+
+def test_gas_may_be_asked_for_in_any_vessel() -> None:
+    graph = chemputer(*VALVE)
+    graph["nodes"][0]["chemical"] = "argon"
+    assert not found(graph, STROKE)

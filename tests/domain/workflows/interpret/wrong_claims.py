@@ -40,6 +40,22 @@ def opening(right_step: dict[str, Any]) -> dict[str, Any]:
     return {**right_step, "actions": [[act("solenoid open")], *right_step["actions"]]}
 
 
+def reach(low_c: float, high_c: float) -> dict[str, Any]:
+    groups = [[act("hotplate await_temperature", low_c=low_c, high_c=high_c)]]
+    return step("reach", groups, vessel="reactor", low_c=low_c, high_c=high_c)
+
+
+def lit(*wavelengths_nm: float, **claim: object) -> dict[str, Any]:
+    groups = [[act("lamp start_light", wavelength_nm=one)] for one in wavelengths_nm]
+    return step("light", groups, vessel="reactor", **claim)
+
+
+def flush(port_name: str, target: str) -> dict[str, Any]:
+    groups = carry("2", port_name, 5_000)
+    return step("flush", groups, from_="flask_n2", to=target, volume_ul=5_000)
+
+
+HOT = reach(300, 320)
 VACUUM_AFTER_WATER = plan(right.TO_REACTOR, right.VACUUM, right.VENT, flask_water=WATER)
 WRONG: list[tuple[str, dict[str, Any]]] = [
     ("overflow", plan(right.TO_REACTOR, flask_water=WATER, reactor={"ether": 84_000.001})),
@@ -84,6 +100,16 @@ WRONG: list[tuple[str, dict[str, Any]]] = [
             right.STOP_HEAT,
         ),
     ),
+    ("claim", plan(lit(450, 365), right.STOP_LIGHT)),
+    ("claim", plan(lit(365, wavelength_nm=450), right.STOP_LIGHT)),
+    ("claim", plan(lit(450, color="blue"), right.STOP_LIGHT)),
+    ("claim", plan(lit(wavelength_nm=450), right.STOP_LIGHT)),
+    ("claim", plan(flush("0", "reactor"))),
+    ("never_reached", plan(HOT)),
+    ("never_reached", plan(right.HEAT, right.STOP_HEAT, HOT)),
+    ("never_reached", plan(reach(2, 14))),
+    ("never_reached", plan(right.HEAT, right.REACH, right.STOP_HEAT, reach(30, 40), reach(45, 55))),
+    ("never_reached", plan(right.HEAT, reach(20, 30), right.STOP_HEAT)),
     ("syringe_not_empty", move([[port("valve_1", "0")], [draw("pump_1", 5_000)]])),
     (
         "solenoid_open",

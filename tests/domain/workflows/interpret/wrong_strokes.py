@@ -35,12 +35,29 @@ def of_step(base: dict[str, Any], number: int, **fields: object) -> dict[str, An
     return changed
 
 
+def queue(name: str) -> dict[str, str]:
+    return {"operation": "Trial", "queue": name}
+
+
+HELD = plan(right.HEAT, right.WAIT, right.STOP_HEAT)
+IN_A_QUEUE = copy.deepcopy(HELD)
+for place in range(2):
+    IN_A_QUEUE["steps"][place]["of"] = queue("a")
 HALF_FULL = {"ether": 60_000.0}
 BOILED = plan(right.EVAPORATE, right.EVAPORATE, rotavap={"ether": 40_000.0})
 WRONG: list[tuple[str, dict[str, Any]]] = [
     ("order", of_step(right.RIGHT["gas"], 1, id=7)),
     ("order", of_step(right.RIGHT["gas"], 1, after=[2])),
     ("unordered", of_step(right.RIGHT["gas"], 1, after=[])),
+    ("unordered", of_step(HELD, 1, after=[])),
+    ("unordered", of_step(HELD, 2, after=[1])),
+    ("unordered", of_step(plan(right.HEAT, right.ASK, right.STOP_HEAT), 1, after=[])),
+    ("unordered", of_step(plan(right.HEAT, right.ASK, right.STOP_HEAT), 2, after=[1])),
+    ("unordered", of_step(of_step(HELD, 1, of=queue("a"), after=[]), 2, after=[1, 2])),
+    ("unordered", of_step(of_step(HELD, 1, of=queue("a")), 2, after=[1])),
+    ("unordered", of_step(HELD, 1, of={"operation": "Trial", "beside": "b"}, after=[])),
+    ("unordered", of_step(IN_A_QUEUE, 2, of=queue("a"), after=[1])),
+    ("unordered", of_step(IN_A_QUEUE, 1, after=[])),
     ("shape", of_step(right.RIGHT["gas"], 1, after=[0])),
     ("shape", of_step(right.RIGHT["gas"], 1, skip_if=[-1])),
     ("off_grid", move(carry("0", "0", 0.0001))),

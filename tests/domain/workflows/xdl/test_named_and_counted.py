@@ -100,3 +100,50 @@ def test_portions_of_a_solid_are_together_the_mass_that_is_asked_for() -> None:
     plan = compiled(recipe(step, reagents=("salt",)), bench())
     assert plan["totals"]["delivered_ug"] == {"filter": {"salt": 1_000_000}}
     assert [one["mass_ug"] for one in claims(plan, "add_solid")] == [333333, 333333, 333334]
+
+
+@pytest.mark.parametrize(
+    ("step", "code", "said"),
+    [
+        ('Add vessel="reactor" reagent="water" volume="1.5e-6 mL"', "off_grid", "0.0000015 mL"),
+        ('Add vessel="reactor" reagent="water" amount="1.5e-6 mL"', "off_grid", "0.0000015 mL"),
+        ('Add vessel="reactor" reagent="water" volume="0.5 nL"', "off_grid", "0.0000005 mL"),
+        ('Add vessel="reactor" reagent="water" volume="1.0000004 mL"', "off_grid", "1.0000004 mL"),
+        ('Add vessel="reactor" reagent="water" volume="0 mL"', "not_positive", "0 mL"),
+        ('Add vessel="reactor" reagent="water" volume="2000 L"', "too_large", "2000000 mL"),
+        ('AddSolid vessel="reactor" reagent="salt" mass="0.5 ug"', "off_grid", "0.0000005 g"),
+        ('AddSolid vessel="reactor" reagent="salt" mass="1.0000004 g"', "off_grid", "1.0000004 g"),
+        ('AddSolid vessel="reactor" reagent="salt" mass="0 g"', "not_positive", "0 g"),
+        (
+            'AddSolid vessel="reactor" reagent="salt" mass="2 ug" portions="5"',
+            "off_grid",
+            "0.0000004 g",
+        ),
+    ],
+)
+def test_an_amount_that_the_ledger_cannot_hold_is_refused_as_what_it_is(
+    step: str, code: str, said: str
+) -> None:
+    with pytest.raises(LabError) as caught:
+        compiled(recipe(step, reagents=("water", "salt")), bench())
+    (finding,) = caught.value.findings
+    assert finding.code == f"unit.{code}"
+    assert said in finding.message
+
+
+@pytest.mark.parametrize(
+    ("moles", "volume_ul"), [("1 mmol", 18.054), ("1.0004 umol", 0.018), ("0.05 umol", 0.001)]
+)
+def test_what_is_worked_out_is_the_nearest_nanolitre(moles: str, volume_ul: float) -> None:
+    text = recipe(f'Add vessel="reactor" reagent="water" amount="{moles}"')
+    water = '<Reagent id="water" molecular_weight="18 g/mol" density="0.997 g/mL"/>'
+    plan = compiled(text.replace('<Reagent id="water"/>', water), bench())
+    assert plan["totals"]["delivered_ul"] == {"reactor": {"water": volume_ul}}
+
+
+def test_what_is_worked_out_as_less_than_half_a_nanolitre_is_refused() -> None:
+    text = recipe('Add vessel="reactor" reagent="water" amount="0.02 umol"')
+    water = '<Reagent id="water" molecular_weight="18 g/mol" density="1 g/mL"/>'
+    with pytest.raises(LabError) as caught:
+        compiled(text.replace('<Reagent id="water"/>', water), bench())
+    assert [one.code for one in caught.value.findings] == ["unit.off_grid"]

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from tests.domain.workflows.xdl.plans import bench, claims, compiled, recipe
+import json
+
+from labweb.domain.graph.rig.read import read_rig
+from tests.domain.workflows.xdl.plans import bench, claims, compiled, reasons, recipe, unproved
 
 
 def test_a_second_thermostat_takes_over_in_a_step_of_its_own() -> None:
@@ -50,3 +53,35 @@ def test_a_reagent_out_of_two_flasks_is_bound_to_both() -> None:
     )
     plan = compiled(text, graph)
     assert plan["bindings"]["reagents"] == {"ether": ["flask_ether", "flask_far"]}
+
+
+def test_a_wait_of_a_recipe_is_held_to_its_place_in_its_queue() -> None:
+    wait = 'Wait time="5 min"'
+    queued = f'<Async pid="b"><{wait}/></Async>'
+    steps = ('Stir vessel="reactor" time="10 min" queue="a"', f'{wait} queue="a"', wait)
+    text = recipe('Await pid="b"', *steps).replace('<Await pid="b"/>', queued)
+    text = text.replace("</Procedure>", '<Await pid="b"/><Confirm msg="ready"/></Procedure>')
+    graph = bench()
+    plan = compiled(text, graph)
+    where = [step["of"].get("beside", step["of"].get("queue")) for step in plan["steps"]]
+    assert where == ["b", "a", "a", "a", "a", None, None]
+    rig = read_rig(json.dumps(graph).encode())
+    for place in (2, 3, 4, 5, 6):
+        wrong = json.loads(json.dumps(plan))
+        wrong["steps"][place]["after"] = []
+        assert "interpret.unordered" in {finding.code for finding in unproved(wrong, rig)}, place
+
+
+def test_a_vessel_that_is_left_to_drift_comes_to_what_is_on_its_way_and_to_nothing_else() -> None:
+    hot = 'HeatChill vessel="reactor" temp="80 °C" time="10 min"'
+    drift = (
+        'HeatChillToTemp vessel="reactor" temp="{} °C" active="false" continue_heatchill="false"'
+    )
+    plan = compiled(recipe(hot, drift.format(50), drift.format(25)), bench())
+    assert [does["low_c"] for does in claims(plan, "reach")] == [79.0, 49.0, 24.0]
+    assert reasons(recipe(drift.format(300)), bench()) == ["plan.never_reached"]
+    assert reasons(recipe(hot, drift.format(90)), bench()) == ["plan.never_reached"]
+    assert reasons(recipe(hot, drift.format(0)), bench()) == ["plan.never_reached"]
+    assert reasons(recipe(hot, drift.format(50), drift.format(70)), bench()) == [
+        "plan.never_reached"
+    ]

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+from itertools import permutations
 
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -134,3 +136,38 @@ def _written(recipe: Recipe, version: str) -> str | None:
         if {finding.code for finding in error.findings} != {"xdl.not_in_version"}:
             raise
         return None
+
+
+HEAD = '<Hardware><Component id="flask" type="flask"/></Hardware>'
+REAGENT = '<Reagent name="brine" id="brine" role="reagent"/>'
+STEPS_TEXT = '<Procedure><Add vessel="flask" reagent="brine" volume="5 mL"/></Procedure>'
+
+
+@pytest.mark.parametrize("older", ["0.3", "0.4", "0.5", "1.0"])
+def test_a_reagent_whose_id_is_its_name_has_both_again(older: str) -> None:
+    text = (
+        f'<?xdl version="2.0.0"?><XDL><Synthesis>{HEAD}<Reagents>{REAGENT}</Reagents>'
+        f"{STEPS_TEXT}</Synthesis></XDL>"
+    )
+    recipe = read_xdl(text.encode())
+    older_text = render_as(recipe, older)
+    assert render_as(read_xdl(older_text.encode()), "2.0") == render_xdl(recipe)
+
+
+@pytest.mark.parametrize("order", list(permutations(("Hardware", "Parameters", "Reagents"))))
+def test_sections_keep_their_order_by_way_of_json(order: tuple[str, ...]) -> None:
+    sections = {
+        "Hardware": HEAD,
+        "Reagents": f"<Reagents>{REAGENT}</Reagents>",
+        "Parameters": '<Parameters><Parameter id="v" type="volume" value="5 mL"/></Parameters>',
+    }
+    inner = "".join(sections[name] for name in order)
+    text = (
+        f'<?xdl version="2.0.0"?><XDL><Synthesis><Metadata product="x"/>{inner}{STEPS_TEXT}'
+        "</Synthesis></XDL>"
+    )
+    recipe = read_xdl(text.encode())
+    as_json = render_as(recipe, "2.0", as_json=True)
+    read, findings = check_document(parse_json(as_json.encode()))
+    assert not findings
+    assert render_xdl(read) == render_xdl(recipe)

@@ -127,6 +127,16 @@ def test_a_very_slow_rate_is_exact(said: str, rate_ul_s: float) -> None:
     assert rates(compiled(adding(said), bench()), "dispense") == {rate_ul_s}
 
 
+def test_a_rate_that_nobody_lives_to_see_the_end_of_is_refused_in_words() -> None:
+    text = adding('volume="1 mL" speed="1e-12 mL/min"')
+    with pytest.raises(LabError) as caught:
+        compiled(text, bench())
+    (finding,) = caught.value.findings
+    assert finding.code == "unit.too_large"
+    assert "Add with 6e+13 s" in finding.message
+    assert finding.context["line"] == 1
+
+
 def test_a_very_slow_rate_is_exact_in_a_workflow_too() -> None:
     assert workflow_rate(adding('volume="1 mL" time="900 h"')) == "0.000308641975 uL/s"
     assert workflow_rate(adding('volume="1 mL" time="0.5 s"')) == "2000.0 uL/s"

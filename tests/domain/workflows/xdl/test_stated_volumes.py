@@ -30,7 +30,13 @@ def found(graph: dict[str, Any]) -> list[tuple[str, str]]:
     return [(one.subject, str(one.context["field"])) for one in listed]
 
 
-@pytest.mark.parametrize("said", ["much", "500 mL", -500, 0, "0.0", True, [500], 1e300, "nan"])
+@pytest.mark.parametrize(
+    "said",
+    [
+        *("much", "500 mL", -500, 0, "0.0", True, [500], 1e300, "nan"),
+        *("1_000", "\u0661\u0660\u0660", "\uff15\uff10\uff10", "5e2", "500,0", "0x1F4", "5 00"),
+    ],
+)
 def test_a_size_that_is_none_is_refused_and_never_endless(said: object) -> None:
     graph = stating("reactor", max_volume=said)
     with pytest.raises(LabError) as caught:
@@ -46,6 +52,18 @@ def test_a_level_that_is_none_is_refused_and_never_empty(said: object) -> None:
     graph = stating("separator", current_volume=said)
     assert reasons(recipe(ADD), graph) == ["graph.bad_volume"]
     assert found(graph) == [("separator", "current_volume")]
+
+
+@pytest.mark.parametrize("said", ["500", " 500.0 ", "+500", "500.", 500, 500.0])
+def test_a_size_in_digits_is_read_as_number_and_as_text(said: object) -> None:
+    assert compiled(recipe(ADD), stating("reactor", max_volume=said))["capacities_ul"][
+        "reactor"
+    ] == pytest.approx(500_000)
+
+
+def test_a_limit_with_strokes_between_its_digits_is_refused() -> None:
+    graph = stating("heater", max_temp="1_00")
+    assert reasons(recipe(ADD), graph) == ["graph.bad_value"]
 
 
 @pytest.mark.parametrize("said", [None, ""])

@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from decimal import Decimal
+from decimal import ROUND_DOWN, Decimal
 
+from labweb.domain.workflows.xdl.amounts import GRAIN
 from labweb.domain.workflows.xdl.expansion.basic import WASTE, BasicOperation, Kind
 from labweb.domain.workflows.xdl.expansion.conditioning import stirring
 from labweb.domain.workflows.xdl.expansion.reading import ActReading
 
 Operations = Iterator[BasicOperation]
-
-_GRID_G = Decimal("0.000001")
-"""Masses are recorded in micrograms."""
 
 
 def add(act: ActReading) -> Operations:
@@ -26,7 +24,9 @@ def add_solid(act: ActReading) -> Operations:
     yield from stirring(act, "vessel")
     mass, time, portions = act.number("mass"), act.number("time"), act.rounds("portions")
     act.needs("the mass", mass)
-    share = None if mass is None else (mass / max(portions, 1)).quantize(_GRID_G)
+    share = None if mass is None else mass / max(portions, 1)
+    if share is not None and share >= GRAIN:
+        share = share.quantize(GRAIN, ROUND_DOWN)
     for portion in range(portions):
         if mass is not None and share is not None and portion == portions - 1:
             # The last is what is left, so that all together are the mass.
