@@ -168,7 +168,9 @@ async def test_a_host_says_once_that_its_server_is_older_and_tries_more_and_more
     assert len(said) == 1, said
     wanted = {"version": "update the server", "frame": "frame heartbeat"}
     assert wanted[fault] in said[0]
-    assert host.journal.host_state().epoch == (1 if fault == "version" else hub.server.epoch)
+    # The server may have opened the next session already, of which the host has not heard yet.
+    epochs = {1} if fault == "version" else {hub.server.epoch - 1, hub.server.epoch}
+    assert host.journal.host_state().epoch in epochs
 
 
 def test_a_server_that_is_not_understood_is_left_in_peace_for_minutes(

@@ -48,7 +48,9 @@ describe("a host's standing", () => {
     const reason = { code: "host.gap", message: "expected event 4" };
     expect(standingText({ ...host, state: "quarantined", reason }, null)).toBe("Expected event 4.");
   });
+});
 
+describe("beside a host", () => {
   it("warns of a clock that is far off, to either side", () => {
     expect(skewText(0.4)).toEqual({ text: "within 2 s", isFar: false });
     expect(skewText(86_400).text).toContain("ahead");
