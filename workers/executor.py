@@ -23,6 +23,7 @@ from labweb.domain.runs.edge import ActionState, Answer, Report
 from labweb.domain.runs.journal import ActionRow, JournalError
 from workers import execute, faults
 from workers.files import Files, Witness
+from workers.halting import halt_and_look
 from workers.journal import Journal
 from workers.keys import is_signed
 from workers.outcomes import Following, Outcomes
@@ -85,12 +86,15 @@ class Executor:
         """Put in doubt what was started and never answered. Call once, before anything else.
 
         Effect:
-            None on matter: nothing is sent. Resources of such an action are quarantined.
+            The device of such an action is halted, and looked at once it stands: a person is
+            asked about what does not change any more. No action is sent. Resources of such an
+            action are quarantined.
         """
         doubtful = []
         for row in self._journal.actions(self._line, ActionState.STARTED):
+            found = halt_and_look(self._units.get(row.device_id), self._clock)
             with self._journal.write() as tx:
-                if acting.recover(tx, row):
+                if acting.recover(tx, row, found):
                     doubtful.append(row.action_id)
         return doubtful
 
@@ -255,9 +259,11 @@ class Executor:
         acted = self._actor.act(
             unit, do, self._clock, is_cancel_wanted=lambda: self._is_cancelled(row.action_id)
         )
-        if unit.driver.is_stopped and not self._journal.host_state().stop_latched:
-            # Stopped for this action alone, by a cancel or the watchdog.
-            unit.clear_stop()
+        if unit.driver.is_stopped:
+            self._outcomes.write_halt(row)
+            if not self._journal.host_state().stop_latched:
+                # Stopped for this action alone, by a cancel or the watchdog.
+                unit.clear_stop()
         faults.point("execute.before_actuated")
         if not acted.report.ok:
             self._finish(row, acted.report, [])

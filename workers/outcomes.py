@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 from labweb.domain.crutd.conditions import Condition, Result
 from labweb.domain.messages import Do
 from labweb.domain.ports import Clock
-from labweb.domain.runs import acting
+from labweb.domain.runs import acting, halting
 from labweb.domain.runs.acting import Started
 from labweb.domain.runs.edge import Report
 from labweb.domain.runs.journal import ActionRow, JournalError
@@ -73,6 +73,15 @@ class Outcomes:
             lambda: self._write_end(row, report, post, answered, following),
             lambda: self._write_end(row, report, post, answered, None),
         )
+
+    def write_halt(self, row: ActionRow) -> None:
+        """Write that the device was halted with its action, unless all of it was before."""
+        self._persist(lambda: self._write_halt(row))
+
+    def _write_halt(self, row: ActionRow) -> None:
+        with self._journal.write(is_sealed=False) as tx:
+            if not halting.was_halted(tx, row):
+                halting.write_halt(tx, row, halting.WITH_ACTION)
 
     def _write_answer(self, row: ActionRow, report: Report, context: dict[str, Any]) -> None:
         with self._journal.write(is_sealed=False) as tx:

@@ -141,6 +141,15 @@ class Unit:
             self._owes_halt = True
             log.warning("device %s could not be halted: %s", self.config.key, error)
 
+    def halt(self) -> None:
+        """Tell the device to come to its safe state; it may act again at once.
+
+        Raises:
+            LabError: The word could not be delivered.
+        """
+        with _border(self.config.key):
+            self.driver.halt()
+
     def clear_stop(self) -> None:
         """Allow actions again."""
         self._owes_halt = False

@@ -92,6 +92,10 @@ class Job(Base):
     """`skip` or `hand`: a person said that the run goes on though it ended undone; `change`:
     other jobs took its place."""
 
+    halted_by = models.CharField(max_length=20, blank=True, default="")
+    """Why its device was halted after it was complete, which took away what it had set;
+    `let_go`: a person goes on without it. Empty: it stands, or it sets nothing that lasts."""
+
     class Meta:
         ordering = ["index"]
         constraints = [models.UniqueConstraint(fields=["run", "index"], name="job_index_once")]

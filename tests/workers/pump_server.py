@@ -2,7 +2,7 @@
 
 Run as `python pump_server.py LOGFILE`: prints its port, appends a line to LOGFILE for each
 plunger move. Commands on standard input: `mute` (no more answers), `mute_after_move`,
-`talk`, `slow FACTOR`.
+`talk`, `slow FACTOR`, `unstoppable` (a stroke goes on whatever it is told).
 """
 
 from __future__ import annotations
@@ -25,6 +25,7 @@ class Pump:
         self.port = 1
         self.is_mute = False
         self.is_shy = False
+        self.is_unstoppable = False
         self.factor = 1.0
         self.lock = threading.Lock()
 
@@ -50,7 +51,8 @@ class Pump:
         if request == "?":
             return str(round(self.position))
         if request == "TR":
-            self.target = round(self.position)
+            if not self.is_unstoppable:
+                self.target = round(self.position)
             return ""
         if found := re.fullmatch(r"I(\d+)R", request):
             self.port = int(found[1])
@@ -95,6 +97,8 @@ def main() -> None:
         word, _, rest = line.strip().partition(" ")
         if word == "slow":
             pump.factor = float(rest)
+        elif word == "unstoppable":
+            pump.is_unstoppable = True
         elif word == "mute_after_move":
             pump.is_shy = True
         else:

@@ -65,6 +65,7 @@ function stateOf(jobs: readonly Job[]): StepState {
   if (jobs.some((job) => job.state === "in_doubt")) return "doubt";
   const left = jobs.filter((job) => !job.passed_by);
   if (left.some((job) => ["aborted", "stopped", "rejected"].includes(job.state))) return "failed";
+  if (left.some(isTakenAway)) return "failed";
   if (jobs.length > 0 && left.every((job) => job.state === "complete")) return doneAs(jobs);
   if (jobs.some((job) => isActiveJob(job.state) || job.state === "complete")) return "running";
   return "planned";
@@ -113,6 +114,10 @@ export type Problem =
   | { kind: "failed"; job: Job }
   | { kind: "paused" };
 
+/** It was done, a halt of its device undid it, and nobody has said what becomes of that. */
+export const isTakenAway = (job: Pick<Job, "state" | "halted_by">): boolean =>
+  job.state === "complete" && job.halted_by !== null && job.halted_by !== "let_go";
+
 /** What needs a person, most urgent first. */
 export function findProblems(run: Run): Problem[] {
   const problems: Problem[] = [];
@@ -124,13 +129,15 @@ export function findProblems(run: Run): Problem[] {
         source: null,
         target: null,
         answer_sent: false,
+        answered_by: null,
+        answered_at: null,
       };
       problems.push({ kind: "doubt", job, question });
     }
   }
   for (const job of run.jobs) {
-    if (["aborted", "rejected", "stopped"].includes(job.state) && !job.passed_by)
-      problems.push({ kind: "failed", job });
+    const isUndone = ["aborted", "rejected", "stopped"].includes(job.state) && !job.passed_by;
+    if (isUndone || isTakenAway(job)) problems.push({ kind: "failed", job });
   }
   const isPausing = run.state === "paused" || run.state === "pausing";
   if (isPausing && (run.pause_reasons.length > 0 || problems.length === 0)) {
@@ -142,6 +149,7 @@ export function findProblems(run: Run): Problem[] {
 const PAUSES: Record<string, string> = {
   user: "Paused",
   stopped: "Lab stopped",
+  halted: "A halt undid what a step had set",
   recovery: "Waits to be resumed after a decision",
   "server error": "The server cannot dispatch it",
 };

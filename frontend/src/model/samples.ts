@@ -135,6 +135,7 @@ export function aJob(
     evidence: {},
     transaction: null,
     passed_by: null,
+    halted_by: null,
     recovery_class: "R3",
     question: null,
     ...change,

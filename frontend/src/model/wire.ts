@@ -206,6 +206,9 @@ export interface Question {
   source: string | { id: Id; name: string } | null;
   target: string | { id: Id; name: string } | null;
   answer_sent: boolean;
+  /** Who has answered, and when, while the host has not heard of it. */
+  answered_by: string | null;
+  answered_at: Iso | null;
 }
 
 /** One condition, with what was seen. */
@@ -258,6 +261,8 @@ export interface Job {
   after: number[];
   transaction: { id: Id; state: string } | null;
   passed_by: "skip" | "hand" | "change" | null;
+  /** Why its device was halted after it was done, which undid it; `let_go`: somebody goes on so. */
+  halted_by: string | null;
   recovery_class: string;
   question: Question | null;
   recovery?: RecoveryCard | null;

@@ -3,15 +3,18 @@ import { screen } from "@testing-library/react";
 import userEvent from "@testing-library/user-event";
 import { expect, test } from "vitest";
 import { aJob, aRun, iso } from "@/model/samples";
+import type { Question } from "@/model/wire";
 import { serve, show, type Sent } from "@/testpage";
 import { DoubtCard } from "./doubt";
 
-const question = {
+const question: Question = {
   text: "Was 5.00 mL moved from Water to Pump 1?",
   asked_ul: 5000,
   source: "Water",
   target: "Pump 1",
   answer_sent: false,
+  answered_by: null,
+  answered_at: null,
 };
 const job = aJob(0, "a", "in_doubt", { started_at: iso(0), state_at: iso(12), question });
 const run = aRun([job, aJob(1, "b", "queued", { after: [0] })]);
@@ -72,8 +75,8 @@ test.each(["5", "0", "7 mL", "2,5"])("an amount of %s is refused with a reason",
 
 test("an answer that is under way is not asked again", () => {
   serve(() => [200, {}]);
-  show(card({ answer_sent: true }));
-  expect(screen.getByTestId("answer-sent")).toHaveTextContent(/^An answer is on its way/);
+  show(card({ answer_sent: true, answered_by: "Wang Wei", answered_at: iso(30) }));
+  expect(screen.getByTestId("answer-sent")).toHaveTextContent(/^Wang Wei has answered/);
   expect(screen.queryByRole("radio")).toBeNull();
 });
 

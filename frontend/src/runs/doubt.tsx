@@ -12,7 +12,7 @@ import { readVolume, type Typed } from "@/model/volume";
 import type { Job, Question, Run } from "@/model/wire";
 import { Button, Refused, TextField } from "@/ui/controls";
 import { Glyph } from "@/ui/glyph";
-import { useLabTime } from "@/ui/time";
+import { At, useLabTime } from "@/ui/time";
 import { words } from "./words";
 
 type Kind = Answer["answer"];
@@ -46,7 +46,13 @@ export function DoubtCard({ run, job, question }: { run: Run; job: Job; question
         </p>
         {question.answer_sent ? (
           <p className="s" role="status" data-testid="answer-sent">
-            {words.doubt.sent}
+            {question.answered_by ? words.doubt.sentBy(question.answered_by) : words.doubt.sent}
+            {question.answered_at && (
+              <>
+                {" "}
+                <At at={question.answered_at} seconds />
+              </>
+            )}
           </p>
         ) : (
           <Answers run={run} job={job} question={question} />

@@ -5,7 +5,7 @@ import { lazy, Suspense, useMemo } from "react";
 import { Link, useParams, useSearchParams } from "react-router";
 import { useTopics } from "@/api/live";
 import { useRun, useRunEvents } from "@/api/queries";
-import { stepProgress, type StepProgress } from "@/model/runs";
+import { isTakenAway, stepProgress, type StepProgress } from "@/model/runs";
 import type { Job, Run } from "@/model/wire";
 import { AsOf, Card, Empty, Failed, Loaded } from "@/ui/card";
 import { EventTable } from "@/ui/events";
@@ -214,7 +214,8 @@ function Events(props: { run: Run; most: number | null; link: (tab: Tab) => stri
 
 /** A problem card tells all of it already. */
 const hasCard = (job: Job): boolean =>
-  !job.passed_by && ["in_doubt", "aborted", "rejected", "stopped"].includes(job.state);
+  isTakenAway(job) ||
+  (!job.passed_by && ["in_doubt", "aborted", "rejected", "stopped"].includes(job.state));
 
 function JobCard({ run, job: id }: { run: Run; job: string }) {
   const job = run.jobs.find((item) => item.id === id);

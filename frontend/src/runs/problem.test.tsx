@@ -11,14 +11,33 @@ const paused = (kind: string) =>
     pause_reasons: [{ kind, by: "Li Na", at: iso(1) }],
   });
 
-test("a run that a stop of the lab paused warns of what was halted with it", () => {
+const recovery = {
+  recovery: "R1",
+  tries: 1,
+  choices: [
+    { name: "retry" as const, why_not: null, consequence: "Sends the action again." },
+    { name: "skip" as const, why_not: null, consequence: "Leaves the device as it is." },
+  ],
+  skips: [],
+  relying: [],
+  asked_ul: null,
+  moved_ul: null,
+  params: {},
+};
+
+test("a step that a stop of the lab undid is asked about, and says what was taken away", () => {
   serve(() => [200, { devices: [] }]);
-  const view = show(<Problems run={paused("stopped")} job={null} />);
-  expect(screen.getByTestId("halted")).toHaveTextContent(/may be off/);
+  const job = aJob(0, "a", "complete", { halted_by: "edge.stopped", recovery });
+  const view = show(<Problems run={{ ...paused("stopped"), jobs: [job] }} job={null} />);
   expect(screen.getByText("Lab stopped by Li Na")).toBeInTheDocument();
+  expect(screen.getByTestId("problem-effect")).toHaveTextContent(
+    /was halted with the whole lab, and what it had set is unknown/,
+  );
+  expect(screen.getAllByRole("radio")).toHaveLength(2);
   view.unmount();
-  show(<Problems run={paused("user")} job={null} />);
-  expect(screen.queryByTestId("halted")).toBeNull();
+  const letGo = { ...job, halted_by: "let_go", recovery: null };
+  show(<Problems run={{ ...paused("stopped"), jobs: [letGo] }} job={null} />);
+  expect(screen.queryByTestId("problem-card")).toBeNull();
 });
 
 test("a failure says how much moved of what was asked for", () => {

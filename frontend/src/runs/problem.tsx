@@ -2,7 +2,7 @@
 
 import { useTopics } from "@/api/live";
 import { useDevices } from "@/api/queries";
-import { findProblems, pauseText, stepNumber, type Problem } from "@/model/runs";
+import { findProblems, isTakenAway, pauseText, stepNumber, type Problem } from "@/model/runs";
 import { problemText } from "@/model/evidence";
 import { formatVolume } from "@/model/format";
 import { jobState } from "@/model/states";
@@ -45,7 +45,8 @@ function ProblemCard({ run, problem }: { run: Run; problem: Problem }) {
   }
   if (problem.kind === "paused") return <PausedCard run={run} />;
   const { job } = problem;
-  const state = jobState(job.state);
+  const undone = isTakenAway(job);
+  const state = undone ? { look: "error" as const, word: words.undone.title } : jobState(job.state);
   const look = state.look === "stopped" ? "stopped" : "error";
   return (
     <section className="card prob" data-state={look} data-testid="problem-card" data-job={job.id}>
@@ -58,9 +59,9 @@ function ProblemCard({ run, problem }: { run: Run; problem: Problem }) {
         </span>
       </div>
       <div className="pb">
-        <h2>{problemText(job) || `${job.sentence} did not complete`}</h2>
+        <h2>{undone ? job.sentence : problemText(job) || `${job.sentence} did not complete`}</h2>
         <p className="s" data-testid="problem-effect">
-          {effectText(job)}
+          {undone ? words.undone.about(job.device.name, job.halted_by ?? "") : effectText(job)}
         </p>
         <Evidence job={job} />
         {job.code && <p className="mono m">{job.code}</p>}
@@ -159,11 +160,6 @@ function PausedCard({ run }: { run: Run }) {
             Still under way: {job.device.name}, {job.sentence}
           </p>
         ))}
-        {run.pause_reasons.some((reason) => reason.kind === "stopped") && (
-          <p className="s" data-testid="halted">
-            {words.halted}
-          </p>
-        )}
         <ul className="reasons">
           {run.pause_reasons.map((reason, place) => (
             <li key={place}>

@@ -1,5 +1,11 @@
 /** Words of the list of runs and of the page of one run. */
 
+const HALTS: Record<string, string> = {
+  "edge.stopped": " with the whole lab",
+  "edge.halted": " with another action",
+  "edge.interrupted": ", since the process of its line had died",
+};
+
 export const words = {
   title: "Runs",
   none: "No run fits.",
@@ -14,8 +20,11 @@ export const words = {
   },
   pause: "Pause",
   pausing: "Pausing – after the actions that are under way",
-  halted:
-    "The stop halted every device: stirring, heating or flow that an earlier action began may be off, though the record still tells its set-point. Look at the devices before you resume.",
+  undone: {
+    title: "Undone by a halt",
+    about: (device: string, why: string) =>
+      `It was done. Since then ${device} was halted${HALTS[why] ?? ""}, and what it had set is unknown: it may be off.`,
+  },
   resume: "Resume",
   alsoPause: "Pause, too",
   exports: {
@@ -131,6 +140,8 @@ export const words = {
     note: "Note, required",
     noteHelp: "What you saw: scale, balance, camera, level.",
     sent: "An answer is on its way to the host. It stands here once the host has it.",
+    sentBy: (by: string) =>
+      `${by} has answered. The answer is on its way to the host, and stands here once the host has it.`,
     mayNot: "Resolving needs the role chemist.",
   },
 } as const;

@@ -5,6 +5,7 @@ from __future__ import annotations
 from labweb.crutd.services.adopting import adopt_candidate
 from labweb.crutd.services.batches import Member, lock_batch
 from labweb.crutd.services.deliveries import receive_deliveries
+from labweb.crutd.services.halting import note_halt
 from labweb.crutd.services.importing import check_time_zone, import_lab
 from labweb.crutd.services.labware import import_labware
 from labweb.crutd.services.locking import is_free, refuse_reserved_by_others
@@ -46,6 +47,7 @@ __all__ = [
     "lock_batch",
     "lock_next",
     "lock_operation",
+    "note_halt",
     "open_ticket",
     "rebuild",
     "receive_deliveries",

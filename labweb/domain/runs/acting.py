@@ -16,7 +16,7 @@ from labweb.domain.crutd.conditions import Condition, Result, Verification
 from labweb.domain.crutd.decide import Change, Outcome, OutcomeKind
 from labweb.domain.errors import Effect, LabError
 from labweb.domain.messages import Do
-from labweb.domain.runs import batch, edge, standing
+from labweb.domain.runs import batch, edge, halting, standing
 from labweb.domain.runs.bodies import change_body, report_body, results_body
 from labweb.domain.runs.edge import ActionState, Answer, Conclusion, Report
 from labweb.domain.runs.journal import ActionRow, JournalWrite
@@ -174,7 +174,10 @@ def write_end(
     report: Report,
     post: Sequence[tuple[Condition, Result]],
 ) -> Conclusion:
-    """Settle an action and write its end: row, resources and event together."""
+    """Settle an action and write its end: row, resources and event together.
+
+    What it has set is unknown again where its device was halted meanwhile.
+    """
     operation = operations.from_json(row.do.operation)
     known = snapshot(tx, operations.touched_ids(operation))
     only_reads = isinstance(operation, operations.Read)
@@ -191,13 +194,34 @@ def write_end(
     current = tx.state_of(row.action_id) or row.st
     tx.move(row.action_id, current, conclusion.state, conclusion=body)
     tx.append(conclusion.state.value, row.action_id, body)
+    if conclusion.state is ActionState.COMPLETE and halting.was_halted(tx, row):
+        halting.write_halt(tx, row, halting.WITH_ACTION)
     return conclusion
 
 
-def recover(tx: JournalWrite, row: ActionRow) -> bool:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Found:
+    """How a device was found whose action nobody has seen end."""
+
+    is_halted: bool
+    """It was told to halt. What else it was set to is gone with that."""
+
+    text: str
+    """Whether it stands, or may still move, and why."""
+
+    readings: Mapping[str, Any] = field(default_factory=dict)
+    """What it told after it was halted."""
+
+
+def recover(tx: JournalWrite, row: ActionRow, found: Found | None = None) -> bool:
     """Put in doubt what was started and never answered; True: it is in doubt from here on.
 
     Nothing is sent: nobody can tell whether the device acted.
+
+    Args:
+        tx: The write.
+        row: The action.
+        found: How its device was found before this; None: nobody looked.
     """
     current = tx.state_of(row.action_id)
     if current is None or edge.recover(current) is not ActionState.IN_DOUBT:
@@ -208,8 +232,11 @@ def recover(tx: JournalWrite, row: ActionRow) -> bool:
         ok=False,
         effect=Effect.UNKNOWN,
         code="edge.interrupted",
-        message="the host stopped between start and answer",
+        message="the host stopped between start and answer" + (f"; {found.text}" if found else ""),
+        evidence=dict(found.readings) if found else {},
     )
+    if found is not None and found.is_halted:
+        halting.write_halt(tx, row, halting.INTERRUPTED)
     write_end(tx, row, report, [])
     return True
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Any
@@ -57,6 +57,9 @@ class HostState:
     stop_latched: bool
     offline_since_s: float | None = None
     """Monotonic second of this boot since which the server is away; None: it is there."""
+
+    halted: Mapping[str, int] = field(default_factory=dict)
+    """By device: the last dispatch that had started there when it was halted."""
 
     server_clock: str = ""
     """Clock of the server of which the session told; empty: none in this start of the machine."""

@@ -56,7 +56,8 @@ class Mover(StrEnum):
     PERSON = "person"
     """A signed answer about an action whose host can tell no more, or the word to try anew.
 
-    A try that has ended stays as it ended; the next one is another action.
+    A try that has ended stays as it ended; the next one is another action. One that is
+    complete is done again only where a halt has taken away what it had set.
     """
 
 
@@ -107,6 +108,7 @@ STEPS: frozenset[tuple[JobState, JobState, Mover]] = frozenset(
         (_J.IN_DOUBT, _J.COMPLETE, _PERSON),
         (_J.IN_DOUBT, _J.ABORTED, _PERSON),
         (_J.ABORTED, _J.QUEUED, _PERSON),
+        (_J.COMPLETE, _J.QUEUED, _PERSON),
         (_J.REJECTED, _J.QUEUED, _PERSON),
         (_J.STOPPED, _J.QUEUED, _PERSON),
     }

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from uuid import UUID
 
+from labweb.domain.runs.halting import LET_GO
 from labweb.domain.runs.job import FINAL, JobState
 
 UNDONE = frozenset({JobState.ABORTED, JobState.REJECTED, JobState.STOPPED})
@@ -34,6 +35,9 @@ class Ended:
     is_liquid: bool
     is_unknown: bool = False
     """A try of it was given up in doubt: nobody knows what amount it moved."""
+
+    halted_by: str = ""
+    """It is complete, and a halt of its device has taken away what it had set: why."""
 
     failures: int = 1
     """Tries that ended with the same code, the last included."""
@@ -74,11 +78,30 @@ def choices_for(job: Ended, *, is_step_untouched: bool) -> tuple[Choice, ...]:
         job: The job.
         is_step_untouched: No action of its step has moved anything.
     """
+    if is_taken_away(job.state, job.halted_by):
+        return _after_halt()
     return (
         _retry(job),
         _change(job, is_step_untouched=is_step_untouched),
         _by_hand(job),
         _skip(job),
+    )
+
+
+def is_taken_away(state: JobState, halted_by: str) -> bool:
+    """Say whether a halt took away what a completed job had set, and nobody has answered."""
+    return state is JobState.COMPLETE and halted_by not in {"", LET_GO}
+
+
+def _after_halt() -> tuple[Choice, ...]:
+    again = "Sends the action again, as another action, before all that follows it in the plan."
+    go_on = "Leaves the device as it is. What follows starts if its conditions hold."
+    why_not = "it was done, and a halt undid it: do it again, or go on without"
+    return (
+        Choice(name="retry", consequence=again),
+        Choice(name="change", why_not=why_not, consequence=""),
+        Choice(name="done_by_hand", why_not=why_not, consequence=""),
+        Choice(name="skip", consequence=go_on),
     )
 
 

@@ -9,13 +9,25 @@ from __future__ import annotations
 
 from uuid import UUID
 
+import msgspec
+
 from labweb.domain.messages import DeviceConfig, StopLab, Tick, Welcome, canonical
+from labweb.domain.runs import halting
 from labweb.domain.runs.batch import stop_safely
 from labweb.domain.runs.edge import HostState
 from labweb.domain.runs.journal import JournalWrite
 from labweb.domain.runs.moment import Moment
 
-STATE_KEYS = ("host_id", "epoch", "floor", "armed_boot_id", "stop_id", "link_lost", "server_clock")
+STATE_KEYS = (
+    "host_id",
+    "epoch",
+    "floor",
+    "armed_boot_id",
+    "stop_id",
+    "link_lost",
+    "halted",
+    "server_clock",
+)
 """The remembered values that `state_of` reads."""
 
 
@@ -30,6 +42,7 @@ def state_of(meta: dict[str, str], boot_id: str) -> HostState:
         armed_boot_id=meta.get("armed_boot_id"),
         stop_latched="stop_id" in meta,
         offline_since_s=_offline_since_s(meta.get("link_lost"), boot_id),
+        halted=msgspec.json.decode(meta.get("halted", "{}"), type=dict[str, int]),
         server_clock=clock,
         server_ahead_s=ahead_s,
     )
@@ -143,8 +156,12 @@ def write_disarmed(tx: JournalWrite) -> None:
 
 
 def write_stop(tx: JournalWrite, stop: StopLab) -> None:
-    """Close the stop latch. Only a signed Reset opens it."""
+    """Close the stop latch, and void what the devices are set to: their lines halt them all.
+
+    Only a signed Reset opens it.
+    """
     if tx.meta().get("stop_id") != str(stop.stop_id):
         tx.set_meta("stop_id", str(stop.stop_id))
         body = {"stop_id": str(stop.stop_id), "issued_by": stop.issued_by}
         tx.append("stop_latched", None, body)
+        halting.write_halts(tx, halting.STOPPED)

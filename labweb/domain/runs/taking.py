@@ -28,7 +28,7 @@ from labweb.domain.messages import (
     Signed,
     decode_command,
 )
-from labweb.domain.runs import custody, edge
+from labweb.domain.runs import custody, edge, halting
 from labweb.domain.runs.bodies import change_body
 from labweb.domain.runs.edge import ActionState, Answer
 from labweb.domain.runs.journal import ActionRow, JournalWrite
@@ -361,6 +361,8 @@ def _take_resolve(tx: JournalWrite, signed: Signed, resolve: Resolve) -> Receipt
     }
     tx.move(row.action_id, ActionState.IN_DOUBT, state, conclusion=body)
     tx.append("resolved", row.action_id, body)
+    if state is ActionState.COMPLETE and halting.was_halted(tx, row):  # what happened is over again
+        halting.write_halt(tx, row, halting.WITH_ACTION)
     return Receipt(Answer(edge.ACCEPT), row.line)
 
 

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from datetime import datetime
+from types import MappingProxyType
 from typing import Any
 from uuid import UUID
 
@@ -135,7 +137,7 @@ def render_run(run: Run, user: User) -> dict[str, Any]:
     in_doubt = any(job.state == JobState.IN_DOUBT.value for job in jobs)
     names = names_of(run.lab) if in_doubt else {}
     attempts = {attempt.job_id: attempt for attempt in _attempts(run)}
-    waiting = selectors.answered_actions(attempt.id for attempt in attempts.values())
+    waiting = selectors.answers_under_way(attempt.id for attempt in attempts.values())
     ended = run.state in _ENDED
     may_run = Permission.RUN in allowed
     return {
@@ -241,10 +243,17 @@ def render_job(
     job: Job,
     attempt: Attempt | None,
     names: Mapping[str, str],
-    waiting: frozenset[UUID] = frozenset(),
+    waiting: Mapping[UUID, tuple[str, datetime]] = MappingProxyType({}),
 ) -> dict[str, Any]:
-    """Render one job with what is known of its outcome."""
-    answered = attempt is not None and attempt.id in waiting
+    """Render one job with what is known of its outcome.
+
+    Args:
+        job: Which.
+        attempt: Its newest try.
+        names: Of resources, by id.
+        waiting: By action, who has answered what became of it, and when; the host has not heard.
+    """
+    answered = None if attempt is None else waiting.get(attempt.id)
     return {
         "id": str(job.id),
         "index": job.index,
@@ -271,6 +280,7 @@ def render_job(
         if attempt is None
         else {"id": str(attempt.transaction_id), "state": attempt.transaction.state},
         "passed_by": job.passed_by or None,
+        "halted_by": job.halted_by or None,
         "recovery_class": job.recovery,
         "question": _question(job, names, answered=answered),
     }
@@ -287,7 +297,9 @@ def without_surroundings(evidence: Mapping[str, Any]) -> dict[str, Any]:
 _CONTEXTS = frozenset({"context", "started_context", "actuated_context"})
 
 
-def _question(job: Job, names: Mapping[str, str], *, answered: bool) -> dict[str, Any] | None:
+def _question(
+    job: Job, names: Mapping[str, str], *, answered: tuple[str, datetime] | None
+) -> dict[str, Any] | None:
     if job.state != JobState.IN_DOUBT.value:
         return None
     operation = job.operation
@@ -305,7 +317,9 @@ def _question(job: Job, names: Mapping[str, str], *, answered: bool) -> dict[str
         "asked_ul": asked,
         "source": source,
         "target": target,
-        "answer_sent": answered,
+        "answer_sent": answered is not None,
+        "answered_by": answered and answered[0],
+        "answered_at": answered and iso(answered[1]),
     }
 
 

@@ -256,6 +256,6 @@ class ResolveJob(APIView):
         )
         job = selectors.find_job(job_id)
         attempt = selectors.last_attempt(job)
-        waiting = frozenset() if attempt is None else frozenset({attempt.id})
+        waiting = selectors.answers_under_way([] if attempt is None else [attempt.id])
         names = render.names_of(job.run.lab)
         return Response(render.render_job(job, attempt, names, waiting))

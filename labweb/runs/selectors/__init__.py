@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import os
 from collections.abc import Collection, Iterable
+from datetime import datetime
 from typing import Any
 from uuid import UUID
 
 from django.db.models import QuerySet, UUIDField
 
+from labweb.accounts import selectors as account_selectors
 from labweb.approvals import selectors as approval_selectors
 from labweb.common.prepared import Given, Prepared
 from labweb.common.render import iso
@@ -49,6 +51,8 @@ from labweb.runs.selectors.needs import LIVE as LIVE
 from labweb.runs.selectors.needs import runs_that_need as runs_that_need
 from labweb.runs.selectors.recovery import accepted_departures as accepted_departures
 from labweb.runs.selectors.recovery import ended_job as ended_job
+from labweb.runs.selectors.recovery import evidence_left as evidence_left
+from labweb.runs.selectors.recovery import halted_jobs as halted_jobs
 from labweb.runs.selectors.recovery import has_paused as has_paused
 from labweb.runs.selectors.recovery import is_discarded as is_discarded
 from labweb.runs.selectors.recovery import is_unanswered as is_unanswered
@@ -218,12 +222,12 @@ def last_runs(lab: Lab) -> dict[UUID, Run]:
     return {row.version.workflow_id: row for row in rows}
 
 
-def answered_actions(ids: Iterable[UUID]) -> frozenset[UUID]:
-    """Return the actions for which a person's answer is on its way to the host."""
-    rows = Outbox.objects.filter(
-        action_id__in=list(ids), kind="resolve", settled_at__isnull=True
-    ).values_list("action_id", flat=True)
-    return frozenset(rows)
+def answers_under_way(ids: Iterable[UUID]) -> dict[UUID, tuple[str, datetime]]:
+    """Return by action whose answer about it is on its way to the host, and since when."""
+    rows = Outbox.objects.filter(action_id__in=list(ids), kind="resolve", settled_at__isnull=True)
+    found = list(rows.values_list("action_id", "body__issued_by", "at"))
+    names = account_selectors.printed_names({by for _, by, _ in found}) if found else {}
+    return {action_id: (names.get(by, by), at) for action_id, by, at in found}
 
 
 def lab_summary(lab: Lab) -> dict[str, Any]:

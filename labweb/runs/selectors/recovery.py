@@ -14,6 +14,7 @@ from labweb.crutd.selectors import Transaction
 from labweb.domain.crutd import operations
 from labweb.domain.runs import recovery
 from labweb.domain.runs.departing import Departure
+from labweb.domain.runs.halting import LET_GO
 from labweb.domain.runs.job import FINAL, JobState
 from labweb.domain.runs.recovery import Choice, Ended, Later
 from labweb.runs.models import Attempt, Job, Run
@@ -32,6 +33,7 @@ def ended_job(job: Job) -> Ended:
         has_moved=last is not None and _has_moved(last),
         is_liquid=job.operation.get("op") == "transfer_liquid",
         is_unknown=is_discarded(job) and job.operation.get("op") in _AMOUNTS,
+        halted_by=job.halted_by,
         failures=max(failures, 1),
     )
 
@@ -42,7 +44,17 @@ _AMOUNTS = frozenset({"transfer_liquid", "transfer_mass"})
 
 def is_discarded(job: Job) -> bool:
     """Say whether a person gave up a try of a job in doubt: what it did is never known."""
-    return bool((job.evidence.get("resolution") or {}).get("answer") == "discard")
+    answer = (job.evidence.get("resolution") or {}).get("answer")
+    return answer == "discard" or bool(job.evidence.get("is_discarded"))
+
+
+def evidence_left(job: Job) -> dict[str, Any]:
+    """Return what stays with a job that is tried again: no answer about a try before.
+
+    That a try was given up in doubt stays true of the job.
+    """
+    kept = {name: value for name, value in job.evidence.items() if name != "resolution"}
+    return kept | ({"is_discarded": True} if is_discarded(job) else {})
 
 
 def _has_moved(row: Transaction) -> bool:
@@ -67,7 +79,19 @@ def accepted_departures(run: Run) -> list[Departure]:
 def is_unanswered(job: Job) -> bool:
     """Tell whether a person has to say first what a job did, or what becomes of it."""
     state = JobState(job.state)
-    return state is JobState.IN_DOUBT or (recovery.may_retry(state) and not job.passed_by)
+    is_undone = recovery.may_retry(state) and not job.passed_by
+    return state is JobState.IN_DOUBT or is_undone or is_taken_away(job)
+
+
+def is_taken_away(job: Job) -> bool:
+    """Tell whether a halt took away what a completed job had set, and nobody has answered."""
+    return recovery.is_taken_away(JobState(job.state), job.halted_by)
+
+
+def halted_jobs(run: Run) -> list[Job]:
+    """Return the jobs of a run of which that is so, in the order of the plan."""
+    rows = run.jobs.exclude(halted_by__in=["", LET_GO]).select_related("device").order_by("index")
+    return [job for job in rows if is_taken_away(job)]
 
 
 def has_paused(reasons: Iterable[Mapping[str, Any]], user: User) -> bool:
@@ -95,7 +119,7 @@ def is_step_untouched(job: Job) -> bool:
     """Say whether no action of a job's step has moved anything, or may have."""
     tried = Attempt.objects.filter(job__run_id=job.run_id, job__step_id=job.step_id)
     moved = Q(transaction__state="committed") | Q(job__evidence__resolution__answer="discard")
-    return not tried.filter(moved).exists()
+    return not tried.filter(moved | Q(job__evidence__is_discarded=True)).exists()
 
 
 def recovery_choices(job: Job) -> tuple[Choice, ...]:
@@ -104,13 +128,14 @@ def recovery_choices(job: Job) -> tuple[Choice, ...]:
 
 
 def recovery_of(job: Job) -> dict[str, Any] | None:
-    """Return the recovery card of a job; None: it did not end undone, or it was decided."""
-    if JobState(job.state) not in FINAL - {JobState.COMPLETE} or job.passed_by:
+    """Return the recovery card of a job; None: it stands as done, or it was decided."""
+    is_undone = JobState(job.state) in FINAL - {JobState.COMPLETE} and not job.passed_by
+    if not is_undone and not is_taken_away(job):
         return None
     ended, later = ended_job(job), later_jobs(job)
     targets = _targets(job)
     sentences = dict(Job.objects.filter(run_id=job.run_id).values_list("index", "sentence"))
-    with_it = recovery.skipped_with(ended, later)
+    with_it = recovery.skipped_with(ended, later) if is_undone else []
     relying = recovery.relying_on(targets, ended, later)
     return {
         "recovery": job.recovery,

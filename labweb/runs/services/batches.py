@@ -164,8 +164,14 @@ def settle_batch(attempt: Attempt) -> None:
         dispatch.settle_outbox(attempt.batch_id, ["batch"])
 
 
-def recall_run(run: Run, *, issued_by: str) -> int:
+def recall_run(run: Run, *, issued_by: str, is_whole: bool = False) -> int:
     """Ask the hosts to give back what they have not begun of a run.
+
+    Args:
+        run: Which.
+        issued_by: Who asks; empty: the server.
+        is_whole: What went alone, too. Else the batches alone: of them nobody knows how much
+            will follow.
 
     Returns:
         How many jobs were asked for.
@@ -174,7 +180,7 @@ def recall_run(run: Run, *, issued_by: str) -> int:
         None on matter. A job that the host gives back is held; one that has begun goes on.
     """
     tried = [selectors.last_attempt(job) for job in Job.objects.filter(run=run, state__in=_WAITING)]
-    found = [one for one in tried if one is not None and one.batch_id is not None]
+    found = [one for one in tried if one is not None and (is_whole or one.batch_id is not None)]
     for attempt in found:
         dispatch.send_cancel(attempt, issued_by=issued_by, is_recall=True)
     return len(found)

@@ -35,6 +35,7 @@ from labweb.runs import selectors
 from labweb.runs.models import Attempt, Job, Outbox, Run
 from labweb.runs.services import dispatch
 from labweb.runs.services.batches import recall_run
+from labweb.runs.services.halting import check_halted
 from labweb.runs.services.picture import lab_view
 from labweb.runs.services.proof import check_departures, check_proved
 from labweb.runs.services.state import announce, move_job, refresh_run
@@ -97,8 +98,9 @@ def resume_run(
         pauses: When each pause that they have seen began. None: they answer for all.
 
     Raises:
-        StateError: The run has ended, the lab is stopped, a job is in doubt, or a job ended
-            undone, which nothing carries out again. Nothing was written.
+        StateError: The run has ended, the lab is stopped, a job is in doubt, a job ended
+            undone, which nothing carries out again, or a halt has taken away what a completed
+            one had set. Nothing was written.
         PreconditionError: A vessel that the run has not begun with holds what nobody proved the
             recipe with, or the run does something else than was proved and nobody has said
             that it goes on so. Nothing was written.
@@ -121,6 +123,7 @@ def resume_run(
             code="run.cannot_go_on",
             context={"job_id": str(undone.id), "state": undone.state},
         )
+    check_halted(run)
     _check_pauses_seen(run, pauses)
     check_departures(run, actor=actor, seen=departures)
     _check_untouched(run)
@@ -311,6 +314,7 @@ def stop_lab(*, actor: User) -> Lab:
     runs = Run.objects.filter(lab=lab, state__in=states).order_by("pk")
     for run in runs.select_for_update(of=("self",), no_key=True):
         _add_pause(run, "stopped", actor)
+        recall_run(run, issued_by=str(actor.pk), is_whole=True)
         refresh_run(run.id)
     account_services.write_audit("lab.stop", str(lab.id), actor=actor)
     on_commit(partial(tell_stop, lab.id, stop_id, str(actor.pk)))

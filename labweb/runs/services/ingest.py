@@ -39,6 +39,7 @@ from labweb.runs.services.custody import KINDS, take_custody_event
 from labweb.runs.services.doubts import doubt
 from labweb.runs.services.fencing import quarantine
 from labweb.runs.services.files import await_files
+from labweb.runs.services.halting import take_halt
 from labweb.runs.services.state import move_job, refresh_run
 
 logger = logging.getLogger(__name__)
@@ -136,6 +137,8 @@ def _apply_word(host: EdgeHost, event: EdgeEvent) -> None:
         drivers.take_driver_event(host, event)
     if event.kind in KINDS:
         take_custody_event(host, event)
+    if event.kind == "halted":
+        take_halt(host, event)
 
 
 def _apply(host: EdgeHost, event: EdgeEvent, action_id: UUID) -> None:
@@ -181,8 +184,9 @@ def _fields(attempt: Attempt, event: EdgeEvent, meaning: Meaning) -> dict[str, A
     body, evidence = event.body, attempt.job.evidence
     if event.kind in {"started", "actuated"}:
         return {"evidence": evidence | _moment(event)}
+    stands = {"halted_by": ""} if meaning.state is JobState.COMPLETE else {}
     if meaning.is_resolution:
-        return {"evidence": {**evidence, "resolution": _resolution(body, meaning)}}
+        return {"evidence": {**evidence, "resolution": _resolution(body, meaning)}, **stands}
     if meaning.outcome is None:
         return {}
     return {
@@ -196,6 +200,7 @@ def _fields(attempt: Attempt, event: EdgeEvent, meaning: Meaning) -> dict[str, A
             "report": (report := body.get("report") or evidence.get("report", {})),
             **_corrected(attempt, report),
         },
+        **stands,
     }
 
 

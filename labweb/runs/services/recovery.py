@@ -18,6 +18,7 @@ from labweb.domain.crutd import operations
 from labweb.domain.crutd.operations import TransferLiquid, TransferResource
 from labweb.domain.errors import DefinitionError, StateError
 from labweb.domain.runs import recovery
+from labweb.domain.runs.halting import LET_GO
 from labweb.domain.runs.job import JobState, Mover, RunState
 from labweb.resources import selectors as resource_selectors
 from labweb.runs import selectors
@@ -63,7 +64,10 @@ def recover_job(
     _check_beside(choice, moved_nl, params)
     detail: dict[str, Any] = {"choice": choice, "job_id": str(job.id), "note": note}
     if choice == "retry":
-        move_job(job, JobState.QUEUED, Mover.PERSON, code="", message="", passed_by="")
+        _again(run, job)
+    elif choice == "skip" and job.state == JobState.COMPLETE.value:
+        detail["halted_by"], job.halted_by = job.halted_by, LET_GO
+        job.save(update_fields=["halted_by"])
     elif choice == "skip":
         detail["with"] = _skip(run, job)
     elif choice == "done_by_hand":
@@ -93,6 +97,17 @@ def _check(run: Run, job: Job, choice: str, note: str) -> None:
     found = next(one for one in selectors.recovery_choices(job) if one.name == choice)
     if found.why_not:
         raise StateError(f"{choice}: {found.why_not}", code="run.not_offered")
+
+
+def _again(run: Run, job: Job) -> None:
+    """Queue a job anew. What comes after it in the plan waits for it, though it was done before."""
+    if job.state == JobState.COMPLETE.value:
+        for later in run.jobs.filter(index__gt=job.index).exclude(after__contains=[job.index]):
+            if later.state != JobState.COMPLETE.value:
+                later.after = sorted([*later.after, job.index])
+                later.save(update_fields=["after"])
+    left = selectors.evidence_left(job)
+    move_job(job, JobState.QUEUED, Mover.PERSON, code="", message="", passed_by="", evidence=left)
 
 
 def _check_beside(choice: str, moved_nl: int | None, params: dict[str, Any] | None) -> None:

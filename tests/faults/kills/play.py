@@ -77,6 +77,8 @@ class Open:
     sent_s: float = 0.0
     kinds: list[str] = field(default_factory=list)
     answer: Resolve | None = None
+    is_cut_short: bool = False
+    """It began, and the line that followed its own halted it."""
 
 
 class Game:
@@ -88,7 +90,7 @@ class Game:
         self.figures = Figures(seed)
         self.open: dict[UUID, Open] = {}
         self.tags: dict[int, Open] = {}
-        self.volumes_ul = {one.device.id: 0 for one in lab.benches}
+        self.volumes_ul: dict[UUID, float] = {one.device.id: 0 for one in lab.benches}
         self.known: set[UUID] = set()
         self.counted = {one.device.id: 0 for one in lab.benches}
         self.actuations: Counter[int] = Counter()
@@ -135,7 +137,7 @@ class Game:
         tag = FIRST_TAG + self.figures.actions % (LAST_TAG - FIRST_TAG + 1)
         volume_ul = self.volumes_ul[bench.device.id]
         is_full = volume_ul > 900
-        amount_ul = volume_ul - 20 if is_full else 1
+        amount_ul = int(volume_ul) - 20 if is_full else 1
         vessels = (bench.bottle_id, bench.syringe_id)
         source, target = vessels[::-1] if is_full else vessels
         views = [
@@ -232,12 +234,20 @@ class Game:
         count = self.actuations[one.tag]
         self.figures.in_doubt += 1
         self.figures.in_doubt_had_acted += count
+        answer, moved_nl = ("happened", None) if count else ("did_not", None)
+        asked_nl = int(one.do.operation["amount_nl"])
+        before_ul = self.volumes_ul[one.bench.device.id]
+        seen_nl = round(abs(one.bench.pump.moved_ul - before_ul) * 1000)
+        if count and seen_nl < asked_nl - 500:  # its line died, and the next one halted it
+            answer, moved_nl = ("partly", seen_nl) if seen_nl else ("did_not", None)
+            one.is_cut_short = True
         one.answer = Resolve(
             host_id=HOST_ID,
             epoch=self.lab.server.epoch,
             dseq=self.lab.server.next_dseq(),
             action_id=one.do.action_id,
-            answer="happened" if count else "did_not",
+            answer=answer,
+            moved_nl=moved_nl,
             note="the plunger was looked at",
             issued_by="ada",
         )
@@ -256,12 +266,17 @@ class Game:
         else:
             others = self.figures.other_ends
             others[f"{event.kind} {end}"] = others.get(f"{event.kind} {end}", 0) + 1
-        if (end == "complete") != (count == 1):
+        if (end == "complete") != (count == 1 and not one.is_cut_short):
             self._violate(f"{one.do.action_id} is {end}, and the pump acted {count} times")
         if end == "complete":
             amount = one.do.operation["amount_nl"] // 1000
             self.volumes_ul[one.bench.device.id] += (
                 amount if one.do.action == "aspirate" else -amount
+            )
+        elif one.answer is not None and one.answer.moved_nl is not None:
+            moved_ul = one.answer.moved_nl / 1000
+            self.volumes_ul[one.bench.device.id] += (
+                moved_ul if one.do.action == "aspirate" else -moved_ul
             )
         kinds = one.kinds
         if kinds.count("accepted") != 1 or kinds.count("started") > 1 or kinds[-1] != event.kind:

@@ -4,17 +4,20 @@ from __future__ import annotations
 
 from datetime import timedelta
 from typing import Any
+from uuid import UUID
 
 import msgspec
 
 from labweb.common.clock import now
 from labweb.crutd.models import ResourceLock
 from labweb.domain.crutd.conditions import Condition, Readings, Result, evaluate
-from labweb.domain.messages import Command, Signed, Tick, Welcome
-from labweb.domain.runs import acting, edge, relay, standing, taking
+from labweb.domain.messages import Command, Signed, StopLab, Tick, Welcome
+from labweb.domain.runs import acting, edge, halting, relay, standing, taking
 from labweb.domain.runs.acting import Scene, Started
 from labweb.domain.runs.edge import ActionState, Report
+from labweb.domain.runs.journal import ActionRow
 from labweb.domain.runs.moment import Moment
+from labweb.enrollment import services as enrollment_services
 from labweb.runs import services
 from labweb.runs.models import Job, Outbox, Run
 from tests.builders import Bench, Edge
@@ -41,6 +44,8 @@ class Host:
         """Open a session, with what the journal says, and be resumed."""
         self.edge.events = list(self.disk.events)
         self.edge.connect()
+        served = enrollment_services.devices_of(self.edge.host_id, self.edge.epoch)
+        assert served is not None
         welcome = Welcome(
             epoch=self.edge.epoch,
             acked_seq=0,
@@ -48,6 +53,7 @@ class Host:
             server_at_s=0.0,
             mode="normal",
             tick=self.tick(),
+            devices=served.devices,
         )
         with self.write() as tx:
             standing.write_welcome(tx, welcome)
@@ -101,6 +107,27 @@ class Host:
             if found.kind == edge.REJECT:
                 return True
         return False
+
+    def begin(self) -> ActionRow:
+        """Start the next action that may, and leave it under way."""
+        row = self.disk.rows(ActionState.ACCEPTED)[0]
+        scene = Scene(pid=1, driver_digest="d")
+        with self.write() as tx:
+            assert isinstance(acting.start(tx, row, row.do, at=self.now(), scene=scene), Started)
+        return row
+
+    def end(self, row: ActionRow, report: Report, *, is_halted: bool = False) -> None:
+        """End an action that is under way."""
+        if is_halted:
+            with self.write() as tx:
+                halting.write_halt(tx, row, halting.WITH_ACTION)
+        with self.write() as tx:
+            acting.write_end(tx, row, report, [])
+
+    def stop(self, stop_id: UUID) -> None:
+        """Take the word that the lab is stopped."""
+        with self.write() as tx:
+            standing.write_stop(tx, StopLab(stop_id=stop_id, issued_by="ada"))
 
     def tell(self) -> None:
         """Send what the server has not read."""

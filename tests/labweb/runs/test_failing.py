@@ -82,7 +82,7 @@ def test_a_command_that_cannot_be_sent_is_told_of_once_and_the_others_are_sent(
         services.publish_outbox()
         Outbox.objects.update(published_at=None)
     counts = dict(Outbox.objects.values_list("kind", "publish_count"))
-    assert counts == {"do": 0, "reset": 3}
+    assert counts == {"do": 0, "cancel": 3, "reset": 3}, "a stop asks back what has not begun"
     tickets = Ticket.objects.filter(code="host.not_told", detail__action_id=str(broken.pk))
     assert tickets.get().detail["host_id"] == str(bench.host.pk)
 

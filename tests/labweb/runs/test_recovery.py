@@ -8,10 +8,12 @@ from typing import Any
 import pytest
 
 from labweb.accounts.models import AuditEntry
+from labweb.common.render import iso
 from labweb.crutd.models import Entry, Event, ResourceLock
 from labweb.crutd.selectors.past import rebuild_differences
 from labweb.crutd.selectors.verifying import ledger_violations
 from labweb.domain.crutd.decide import Outcome, OutcomeKind
+from labweb.runs import selectors
 from labweb.runs.models import Attempt, Job, Outbox, Run
 from tests.builders import Bench, Edge, a_started_run, an_edge, dispatched, to_transfer
 from tests.labweb.web import call, signed_in
@@ -246,3 +248,61 @@ def test_values_that_cannot_be_planned_leave_the_run_as_it_was(
     after = Run.objects.get(pk=run.pk)
     assert (Job.objects.filter(run=run).count(), after.plan_digest) == (jobs, digest)
     assert (after.recoveries, card(bench, job)["tries"]) == ([], 1)
+
+
+def in_doubt(edge: Edge, run: Run) -> Job:
+    """Have an action be in doubt."""
+    attempt = dispatched(run)
+    edge.lose(attempt)
+    return Job.objects.get(pk=attempt.job_id)
+
+
+def answered(bench: Bench, job: Job, answer: str) -> dict[str, Any]:
+    path = f"/api/v1/jobs/{job.id}/resolve"
+    wish = {"answer": answer, "note": "looked at it"}
+    told = call(signed_in(bench.people["admin"]), "POST", path, wish)
+    found: dict[str, Any] = json.loads(told.content)
+    return found
+
+
+def test_an_answer_to_one_doubt_is_no_evidence_of_the_next(
+    bench: Bench, run: Run, edge: Edge
+) -> None:
+    job = in_doubt(edge, run)
+    answered(bench, job, "did_not")
+    edge.resolve(Attempt.objects.get(job=job))
+    job.refresh_from_db()
+    assert job.evidence["resolution"]["answer"] == "did_not"
+    assert choose(bench, job, choice="retry")[0] == 200
+    assert resume(bench, run) == 200
+    again = in_doubt(edge, run)
+    assert (again.pk, again.attempts.count()) == (job.pk, 2)
+    assert "resolution" not in again.evidence
+
+
+def test_that_a_try_was_given_up_in_doubt_stays_with_the_job_when_it_is_tried_again(
+    bench: Bench, run: Run, edge: Edge
+) -> None:
+    job = in_doubt(edge, run)
+    Job.objects.filter(pk=job.pk).update(recovery="R1")
+    answered(bench, job, "discard")
+    edge.resolve(Attempt.objects.get(job=job))
+    assert choose(bench, job, choice="retry")[0] == 200
+    job.refresh_from_db()
+    assert "resolution" not in job.evidence
+    assert selectors.recovery.is_discarded(job)
+    assert not selectors.recovery.is_step_untouched(job)
+
+
+def test_who_has_answered_a_doubt_and_when_is_shown_before_the_host_has_heard(
+    bench: Bench, run: Run, edge: Edge
+) -> None:
+    job = in_doubt(edge, run)
+    path = f"/api/v1/runs/{run.id}"
+    name = bench.people["admin"].printed_name
+    told = answered(bench, job, "happened")["question"]
+    sent = Outbox.objects.get(kind="resolve")
+    assert (told["answer_sent"], told["answered_by"]) == (True, name)
+    shown = signed_in(bench.people["chemist"]).get(path).json()["jobs"][job.index]["question"]
+    assert shown == told
+    assert shown["answered_at"] == iso(sent.at)

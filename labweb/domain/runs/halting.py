@@ -1,0 +1,171 @@
+"""What a halt takes away: set-points that earlier actions of a device had left standing.
+
+A halt brings a whole device to its safe state, whatever of it acted. What the record says it is
+set to is void from then on: unknown, until the device is set anew. No reading proves otherwise,
+since instruments keep the number of a set-point while heater, motor or pump is off.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any
+from uuid import UUID
+
+import msgspec
+
+from labweb.domain.messages import DeviceConfig, canonical
+from labweb.domain.runs.journal import ActionRow, HeldResource, JournalWrite
+
+STOPPED = "edge.stopped"
+"""The lab was stopped."""
+
+WITH_ACTION = "edge.halted"
+"""An action was cancelled, overran, or its host was told to end: its whole device was halted."""
+
+INTERRUPTED = "edge.interrupted"
+"""The line of an action died; the one that followed halted the device."""
+
+LET_GO = "let_go"
+"""A person goes on without what was taken away."""
+
+_SETPOINT = "_setpoint_"
+
+_DRIVEN = frozenset(
+    {
+        "current_ma",
+        "is_controlling",
+        "is_heating",
+        "is_pumping",
+        "is_running",
+        "speed_rpm",
+        "voltage_v",
+    }
+)
+"""Readings that a halt itself ends. A temperature or a pressure was read, and stays what it was."""
+
+_BEGINS = {
+    "evacuate_to": "vacuum",
+    "heat_bath_to": "heat",
+    "heat_to": "heat",
+    "hold": "heat",
+    "ramp_to": "heat",
+    "reach_temperature": "heat",
+    "rotate": "motion",
+    "shake": "motion",
+    "start_flow": "flow",
+    "start_test": "test",
+    "stir": "motion",
+    "supply": "supply",
+}
+"""Actions of `drivers/interfaces` that return while what they began goes on."""
+
+_ENDS = {
+    "stop_control": "heat",
+    "stop_flow": "flow",
+    "stop_heating": "heat",
+    "stop_pump": "vacuum",
+    "stop_rotating": "motion",
+    "stop_shaking": "motion",
+    "stop_stirring": "motion",
+    "stop_supply": "supply",
+    "stop_test": "test",
+    "vent": "vacuum",
+}
+
+
+def voided(data: Mapping[str, Any]) -> dict[str, None]:
+    """Return what a halt makes unknown of what a device has left in its resource.
+
+    Example:
+        >>> voided({"speed_setpoint_rpm": 400.0, "speed_rpm": 398.0, "temperature_c": 60.1})
+        {'speed_rpm': None, 'speed_setpoint_rpm': None}
+    """
+    names = (name for name in data if _SETPOINT in name or name in _DRIVEN)
+    return {name: None for name in sorted(names) if data[name] is not None}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Done:
+    """A completed action, as far as it left something standing."""
+
+    index: int
+    action: str
+    args: Mapping[str, Any]
+
+
+def still_standing(done: Iterable[Done]) -> list[int]:
+    """Return which completed actions of one device a halt takes something away of.
+
+    Args:
+        done: In the order in which they ended. Of each sort the last one counts, unless it
+            was ended since.
+    """
+    standing: dict[str, int] = {}
+    for one in done:
+        if one.action in _ENDS:
+            standing.pop(_ENDS[one.action], None)
+        elif one.action in _BEGINS and not _is_timed(one):
+            standing[_BEGINS[one.action]] = one.index
+    return sorted(standing.values())
+
+
+def _is_timed(one: Done) -> bool:
+    """Say whether an action ended by itself what it began; heat is kept after a hold."""
+    return "duration_s" in one.args and one.action != "hold"
+
+
+# --- the host's side ----------------------------------------------------------------
+
+
+def write_halts(tx: JournalWrite, code: str) -> None:
+    """Write down that every device of this host was halted."""
+    for device in _devices(tx):
+        _write_halt(tx, device, code, None)
+
+
+def write_halt(tx: JournalWrite, row: ActionRow, code: str) -> None:
+    """Write down that a device was halted with one of its actions.
+
+    Effect:
+        On the record only: set-points of its resources are unknown.
+    """
+    for device in _devices(tx):
+        if device.id == row.device_id:
+            _write_halt(tx, device, code, row.action_id)
+
+
+def was_halted(tx: JournalWrite, row: ActionRow) -> bool:
+    """Say whether the device of an action was halted since the action began."""
+    return row.dseq <= tx.host_state("").halted.get(str(row.device_id), -1)
+
+
+def _devices(tx: JournalWrite) -> list[DeviceConfig]:
+    return msgspec.json.decode(tx.meta().get("devices", "[]"), type=list[DeviceConfig])
+
+
+def _write_halt(tx: JournalWrite, device: DeviceConfig, code: str, action_id: UUID | None) -> None:
+    """Void what is set, and tell it; of a resource that is unknown here the server knows more."""
+    data: dict[str, dict[str, None]] = {}
+    revs: dict[str, int] = {}
+    for node in sorted(set(device.nodes.values())):
+        held = tx.resource(node)
+        if held is None:
+            continue
+        data[str(node)] = voided(held.view.data)
+        if data[str(node)]:
+            revs[str(node)] = held.view.rev + 1
+            view = msgspec.structs.replace(
+                held.view, data={**held.view.data, **data[str(node)]}, rev=held.view.rev + 1
+            )
+            tx.put_resource(HeldResource(view=view, quarantined_by=held.quarantined_by))
+    body = {
+        "device_id": str(device.id),
+        "code": code,
+        "action_id": None if action_id is None else str(action_id),
+        "data": data,
+        "revs": revs,
+    }
+    tx.append("halted", None, body)
+    halted = {**tx.host_state("").halted, str(device.id): tx.max_fence(device.id)}
+    tx.set_meta("halted", canonical(halted).decode())

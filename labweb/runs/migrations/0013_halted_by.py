@@ -1,0 +1,67 @@
+"""Let a completed job be done again once a halt has taken away what it had set."""
+
+from __future__ import annotations
+
+from django.db import migrations, models
+
+_FORWARD = """
+CREATE OR REPLACE FUNCTION runs_check_job_step() RETURNS trigger LANGUAGE plpgsql AS $$
+BEGIN
+  IF NEW.state <> OLD.state AND (OLD.state, NEW.state) NOT IN (
+    ('aborted', 'queued'),
+    ('accepted', 'held'),
+    ('accepted', 'in_doubt'),
+    ('accepted', 'rejected'),
+    ('accepted', 'running'),
+    ('accepted', 'stopped'),
+    ('awaiting_approval', 'queued'),
+    ('awaiting_approval', 'stopped'),
+    ('complete', 'queued'),
+    ('completing', 'aborted'),
+    ('completing', 'complete'),
+    ('completing', 'in_doubt'),
+    ('dispatched', 'accepted'),
+    ('dispatched', 'held'),
+    ('dispatched', 'in_doubt'),
+    ('dispatched', 'rejected'),
+    ('dispatched', 'stopped'),
+    ('draft', 'awaiting_approval'),
+    ('draft', 'queued'),
+    ('draft', 'stopped'),
+    ('held', 'queued'),
+    ('held', 'stopped'),
+    ('in_doubt', 'aborted'),
+    ('in_doubt', 'complete'),
+    ('queued', 'dispatched'),
+    ('queued', 'held'),
+    ('queued', 'stopped'),
+    ('queued', 'suspended'),
+    ('rejected', 'queued'),
+    ('running', 'aborted'),
+    ('running', 'complete'),
+    ('running', 'completing'),
+    ('running', 'in_doubt'),
+    ('stopped', 'queued'),
+    ('suspended', 'queued'),
+    ('suspended', 'stopped')
+  ) THEN
+    RAISE EXCEPTION 'a job cannot go from % to %', OLD.state, NEW.state
+      USING ERRCODE = 'check_violation';
+  END IF;
+  RETURN NEW;
+END $$;
+"""
+
+
+class Migration(migrations.Migration):
+    """The table of `labweb.domain.runs.job.STEPS` as a trigger."""
+
+    dependencies = [("runs", "0012_choices")]
+    operations = [
+        migrations.AddField(
+            model_name="job",
+            name="halted_by",
+            field=models.CharField(blank=True, default="", max_length=20),
+        ),
+        migrations.RunSQL(_FORWARD, migrations.RunSQL.noop),
+    ]

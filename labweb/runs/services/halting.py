@@ -1,0 +1,128 @@
+"""What a host's halt of a device means for the record, and for the runs that counted on it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+from uuid import UUID
+
+from django.db.models import Max
+
+from labweb.common.clock import now
+from labweb.crutd import services as crutd_services
+from labweb.domain.errors import Finding, StateError
+from labweb.domain.messages import EdgeEvent
+from labweb.domain.runs.halting import INTERRUPTED, STOPPED, Done, still_standing, voided
+from labweb.domain.runs.job import JobState
+from labweb.enrollment import selectors as enrollment_selectors
+from labweb.enrollment.selectors import Device, EdgeHost
+from labweb.resources import selectors as resource_selectors
+from labweb.runs import selectors
+from labweb.runs.models import Job, Run
+from labweb.runs.services.batches import recall_run
+from labweb.runs.services.state import refresh_run
+
+_WHY = {
+    STOPPED: "the lab was stopped",
+    INTERRUPTED: "the process of its line died in an action",
+}
+
+
+def take_halt(host: EdgeHost, event: EdgeEvent) -> None:
+    """Void what a halted device was set to, and pause the runs whose earlier steps had set it.
+
+    Raises:
+        StateError: The host does not serve the device.
+
+    Effect:
+        On the record only: the same rule as the host's, on the server's own rows. A difference
+        opens a ticket.
+    """
+    device = enrollment_selectors.find_device(UUID(event.body["device_id"]))
+    if device.host_id != host.id:
+        raise StateError(f"{device.name} is not one of its devices", code="host.unknown_device")
+    code = str(event.body["code"])
+    _take_from_runs(device, code)
+    told, revs = event.body.get("data") or {}, event.body.get("revs") or {}
+    nodes = {UUID(node) for node in device.nodes.values()}
+    for row in resource_selectors.rows_for_update(nodes).values():
+        gone = voided(row.data)
+        known = told.get(str(row.id))
+        if known is not None and dict(known) != gone:
+            _doubt_halt(host, row.id, known, gone)
+        if gone or known:
+            rev = max(row.rev + 1, int(revs.get(str(row.id), 0)))
+            why = f"{device.name} was halted: {_why(code)}"
+            crutd_services.note_halt(row, gone, rev=rev, code=code, message=why)
+
+
+def _why(code: str) -> str:
+    return _WHY.get(code, "one of its actions was halted")
+
+
+def _doubt_halt(
+    host: EdgeHost, resource_id: UUID, known: Mapping[str, Any], gone: Mapping[str, Any]
+) -> None:
+    text = "edge and server say otherwise what a halt has made unknown"
+    detail = {"resource_id": str(resource_id), "edge": dict(known), "server": dict(gone)}
+    crutd_services.open_ticket(host.lab, "reconcile.drift", text, detail)
+
+
+def _take_from_runs(device: Device, code: str) -> None:
+    """Mark the completed jobs whose effect is gone, and pause their runs."""
+    live = Run.objects.filter(state__in=selectors.LIVE, jobs__device=device).order_by("pk")
+    runs = {run.pk: run for run in live.select_for_update(of=("self",), no_key=True)}
+    if not runs:
+        return
+    complete = Job.objects.filter(run__in=list(runs), device=device, state=JobState.COMPLETE.value)
+    jobs = list(complete.annotate(last=Max("attempts__dseq")).order_by("last", "pk"))
+    lost = [
+        jobs[place]
+        for place in still_standing(
+            Done(index=place, action=job.action, args=job.args) for place, job in enumerate(jobs)
+        )
+        if not jobs[place].halted_by
+    ]
+    Job.objects.filter(pk__in=[job.pk for job in lost]).update(halted_by=code)
+    for run_id in sorted({job.run_id for job in lost}):
+        _pause(runs[run_id])
+
+
+def _pause(run: Run) -> None:
+    if all(one["kind"] != "halted" for one in run.pause_reasons):
+        entry = {"kind": "halted", "by": "", "at": now().isoformat()}
+        run.pause_reasons = [*run.pause_reasons, entry]
+        run.save(update_fields=["pause_reasons"])
+    recall_run(run, issued_by="", is_whole=True)
+    refresh_run(run.pk)
+
+
+def check_halted(run: Run) -> None:
+    """Refuse to go on while something that a completed step had set is gone.
+
+    Raises:
+        StateError: `findings` name each step with its device.
+    """
+    lost = selectors.halted_jobs(run)
+    if lost:
+        raise StateError(
+            f"run #{run.number} cannot go on: {_listed(lost)}. Do each again, or say that the run "
+            "goes on without it",
+            code="run.halted",
+            context={"job_ids": [str(job.id) for job in lost]},
+            findings=[_finding(job) for job in lost],
+        )
+
+
+def _listed(jobs: Sequence[Job]) -> str:
+    return "; ".join(f"{job.sentence!r} is undone, {_taken(job)}" for job in jobs)
+
+
+def _finding(job: Job) -> Finding:
+    text = f"{job.sentence!r} was done, and is undone: {_taken(job)}"
+    context = {"job_id": str(job.id), "device_id": str(job.device_id), "code": job.halted_by}
+    return Finding("run.halted", text, job.step_id, context)
+
+
+def _taken(job: Job) -> str:
+    return f"since {job.device.name} was halted, {_why(job.halted_by)}"

@@ -1,0 +1,73 @@
+"""What a halt takes away: of the record, and of what completed actions had begun."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from labweb.domain.runs.halting import Done, still_standing, voided
+from labweb.domain.runs.job import JobState
+from labweb.domain.runs.recovery import Ended, choices_for
+
+
+def done(*actions: str | tuple[str, dict[str, Any]]) -> list[Done]:
+    pairs = [one if isinstance(one, tuple) else (one, {}) for one in actions]
+    return [Done(index=place, action=name, args=args) for place, (name, args) in enumerate(pairs)]
+
+
+def test_set_points_and_what_a_halt_ends_are_unknown_and_nothing_else_is() -> None:
+    known = {
+        "temperature_setpoint_c": 0.0,
+        "speed_setpoint_rpm": 400.0,
+        "speed_rpm": 0.0,
+        "is_pumping": False,
+        "temperature_c": 60.1,
+        "port_index": 3,
+        "is_initialized": True,
+    }
+    gone = dict.fromkeys(
+        ["is_pumping", "speed_rpm", "speed_setpoint_rpm", "temperature_setpoint_c"]
+    )
+    assert voided(known) == gone
+    assert voided({**known, **gone}) == {}, "what is unknown is not made so again"
+
+
+@pytest.mark.parametrize(
+    ("actions", "left"),
+    [
+        (["stir", "heat_to"], [0, 1]),
+        (["stir", "stir"], [1]),
+        (["heat_to", ("hold", {"duration_s": 20.0})], [1]),
+        (["stir", "heat_to", "stop_heating"], [0]),
+        (["evacuate_to", "vent"], []),
+        (["start_flow", "stop_flow", "start_flow"], [2]),
+        ([("stir", {"duration_s": 60.0})], []),
+        (["select_port", "aspirate", "initialize", "measure"], []),
+        (["stop_stirring"], []),
+    ],
+)
+def test_of_each_sort_the_last_action_that_was_not_ended_since_has_left_something(
+    actions: list[Any], left: list[int]
+) -> None:
+    assert still_standing(done(*actions)) == left
+
+
+@pytest.mark.parametrize(
+    ("halted_by", "offered"),
+    [("edge.stopped", ["retry", "skip"]), ("let_go", []), ("", [])],
+)
+def test_what_was_done_is_done_again_only_where_a_halt_undid_it(
+    halted_by: str, offered: list[str]
+) -> None:
+    job = Ended(
+        index=0,
+        state=JobState.COMPLETE,
+        step_id="a",
+        recovery="R1",
+        has_moved=True,
+        is_liquid=False,
+        halted_by=halted_by,
+    )
+    found = choices_for(job, is_step_untouched=False)
+    assert [one.name for one in found if not one.why_not] == offered

@@ -1,0 +1,279 @@
+"""What a halt takes away of what earlier steps had set: in the record, and in their runs."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from labweb.approvals.models import ApprovalRequest
+from labweb.crutd.models import Event, Ticket
+from labweb.domain.errors import Effect, StateError
+from labweb.domain.messages import Cancel
+from labweb.domain.runs import taking
+from labweb.domain.runs.edge import Report
+from labweb.domain.runs.journal import ActionRow
+from labweb.resources import selectors as resource_selectors
+from labweb.resources import services as resource_services
+from labweb.runs import services
+from labweb.runs.models import Attempt, Job, Run
+from labweb.runs.services.rebuilding import differences, rebuild
+from tests.builders import Bench, a_started_run
+from tests.labweb.runs.hosts import Host, states
+from tests.labweb.web import call, signed_in
+
+HEAT_AND_STIR = "Heat and stir"
+HALTED = Report(ok=False, effect=Effect.NONE, code="device.stopped", message="stopped")
+UNKNOWN = Report(ok=False, effect=Effect.UNKNOWN, code="device.timeout", message="no answer")
+
+
+@pytest.fixture
+def host(bench: Bench) -> Host:
+    return Host(bench)
+
+
+@pytest.fixture
+def run(bench: Bench) -> Run:
+    made = a_started_run(bench, HEAT_AND_STIR)
+    asked = ApprovalRequest.objects.get(run_id=made.id)
+    services.decide_request(asked.id, actor=bench.people["approver"], is_approved=True, comment="x")
+    return Run.objects.get(pk=made.pk)
+
+
+def next_one(host: Host) -> None:
+    services.dispatch_ready()
+    host.take()
+
+
+def holding(host: Host, run: Run) -> ActionRow:
+    """Heat and stir, and be in the middle of the hold."""
+    while True:
+        next_one(host)
+        row = host.begin()
+        if row.do.action == "hold":
+            host.tell()
+            return row
+        host.end(row, Report(ok=True))
+        host.tell()
+
+
+def job(run: Run, action: str) -> Job:
+    return Job.objects.get(run=run, action=action)
+
+
+def data(bench: Bench) -> dict[str, Any]:
+    found: dict[str, Any] = bench.node("heater_1").data
+    return found
+
+
+def agrees(bench: Bench, host: Host) -> bool:
+    """Host and server know the same of the heater, and so do the events."""
+    row = bench.node("heater_1")
+    view = host.disk.resources[row.id].view
+    assert (view.rev, view.data) == (row.rev, row.data)
+    return [one for one in differences(bench.lab) if one.code != "rebuild.job"] == []
+
+
+def hear_stop(bench: Bench, host: Host) -> None:
+    """Have the host take the word of the stop that is latched."""
+    bench.lab.refresh_from_db()
+    assert bench.lab.stop_id is not None
+    host.stop(bench.lab.stop_id)
+
+
+def reset(bench: Bench, host: Host) -> None:
+    services.reset_lab(actor=bench.people["approver"], reason="looked at every device")
+    host.take()
+
+
+def stopped(bench: Bench, host: Host, run: Run) -> None:
+    """Stop the lab in the middle of the hold, and answer what became of that."""
+    row = holding(host, run)
+    assert data(bench)["speed_setpoint_rpm"] == 400.0
+    services.stop_lab(actor=bench.people["chemist"])
+    hear_stop(bench, host)
+    host.end(row, HALTED, is_halted=True)
+    host.tell()
+    reset(bench, host)
+    host.tell()
+
+
+def choose(bench: Bench, job: Job, choice: str) -> int:
+    path = f"/api/v1/jobs/{job.id}/recover"
+    wish = {"note": "looked at it", "choice": choice}
+    return call(signed_in(bench.people["chemist"]), "POST", path, wish).status_code
+
+
+def refused(bench: Bench, run: Run) -> StateError:
+    with pytest.raises(StateError) as refusal:
+        services.resume_run(run.id, actor=bench.people["chemist"])
+    return refusal.value
+
+
+def test_a_stop_voids_what_earlier_steps_had_set_in_host_and_server_and_their_events(
+    bench: Bench, host: Host, run: Run
+) -> None:
+    stopped(bench, host, run)
+    assert data(bench)["speed_setpoint_rpm"] is None
+    assert data(bench)["temperature_setpoint_c"] is None
+    assert agrees(bench, host)
+    event = Event.objects.filter(body__code="edge.stopped").latest("seq")
+    assert "was halted: the lab was stopped" in event.body["message"]
+    assert event.body["job_id"] is None
+    assert not Ticket.objects.exists()
+    rebuild(bench.lab)
+    assert data(bench)["speed_setpoint_rpm"] is None
+
+
+def test_a_run_is_not_resumed_before_somebody_has_dealt_with_each_step_that_is_undone(
+    bench: Bench, host: Host, run: Run
+) -> None:
+    stopped(bench, host, run)
+    assert choose(bench, job(run, "hold"), "retry") == 200
+    refusal = refused(bench, run)
+    assert refusal.code == "run.halted"
+    told = [(one.subject, one.context["device_id"]) for one in refusal.findings]
+    heater = bench.device("heater_1")
+    assert told == [("heat", str(heater.id))] * 2
+    assert all(heater.name in one.message for one in refusal.findings)
+    assert choose(bench, job(run, "stir"), "done_by_hand") == 409
+    assert choose(bench, job(run, "stir"), "retry") == 200
+    assert len(refused(bench, run).findings) == 1
+    assert choose(bench, job(run, "heat_to"), "skip") == 200
+    services.resume_run(run.id, actor=bench.people["chemist"])
+    order = []
+    while True:
+        next_one(host)
+        try:
+            row = host.begin()
+        except IndexError:
+            break
+        order.append(row.do.action)
+        host.end(row, Report(ok=True))
+        host.tell()
+    assert order == ["stir", "hold", "stop_heating", "stop_stirring"], (
+        "what was done again comes before what counts on it"
+    )
+    assert Run.objects.get(pk=run.pk).state == "complete"
+    assert job(run, "stir").attempts.count() == 2
+    assert agrees(bench, host)
+    assert differences(bench.lab) == []
+
+
+def test_the_card_of_a_step_that_a_stop_undid_offers_it_again_or_to_go_on_without(
+    bench: Bench, host: Host, run: Run
+) -> None:
+    stopped(bench, host, run)
+    shown = signed_in(bench.people["chemist"]).get(f"/api/v1/runs/{run.id}").json()
+    cards = {one["action"]: one for one in shown["jobs"]}
+    assert cards["stir"]["state"] == "complete"
+    assert cards["stir"]["halted_by"] == "edge.stopped"
+    choices = cards["stir"]["recovery"]["choices"]
+    assert [one["name"] for one in choices if one["why_not"] is None] == ["retry", "skip"]
+    assert shown["can"]["resume"] is False
+    assert [one["kind"] for one in shown["pause_reasons"]] == ["stopped", "halted"]
+
+
+def test_a_step_that_somebody_lets_go_is_not_asked_for_at_the_next_stop(
+    bench: Bench, host: Host, run: Run
+) -> None:
+    stopped(bench, host, run)
+    for action in ("stir", "heat_to"):
+        assert choose(bench, job(run, action), "skip") == 200
+    services.stop_lab(actor=bench.people["chemist"])
+    hear_stop(bench, host)
+    host.tell()
+    assert choose(bench, job(run, "hold"), "skip") == 200
+    assert job(run, "stir").halted_by == "let_go"
+
+
+def test_a_cancel_voids_what_else_its_device_was_set_to(bench: Bench, host: Host, run: Run) -> None:
+    row = holding(host, run)
+    cancel = Cancel(
+        host_id=host.edge.host_id, epoch=host.edge.epoch, dseq=row.dseq, action_id=row.action_id
+    )
+    with host.write() as tx:
+        taking.take_command(tx, row.signed, cancel, at=host.now(), line_of=lambda _: "line")
+    host.end(row, HALTED, is_halted=True)
+    host.tell()
+    assert data(bench)["speed_setpoint_rpm"] is None
+    assert agrees(bench, host)
+    assert job(run, "stir").halted_by == "edge.halted"
+
+
+def test_an_action_that_is_answered_for_after_a_stop_sets_nothing_that_the_stop_took_away(
+    bench: Bench, host: Host, run: Run
+) -> None:
+    next_one(host)
+    row = host.begin()
+    host.end(row, UNKNOWN)
+    host.tell()
+    services.stop_lab(actor=bench.people["chemist"])
+    hear_stop(bench, host)
+    host.tell()
+    services.resolve_job(
+        Attempt.objects.get(pk=row.action_id).job_id,
+        actor=bench.people["admin"],
+        answer="happened",
+        moved_nl=None,
+        note="it was warm",
+    )
+    reset(bench, host)
+    host.tell()
+    first = Job.objects.get(run=run, index=0)
+    assert (first.state, first.halted_by) == ("complete", "edge.halted")
+    assert not [one for one in data(bench).items() if "setpoint" in one[0] and one[1] is not None]
+    assert agrees(bench, host)
+
+
+def test_a_device_that_completes_while_the_lab_is_stopped_is_not_recorded_as_set(
+    bench: Bench, host: Host, run: Run
+) -> None:
+    next_one(host)
+    row = host.begin()
+    services.stop_lab(actor=bench.people["chemist"])
+    hear_stop(bench, host)
+    host.end(row, Report(ok=True))
+    host.tell()
+    assert data(bench).get("temperature_setpoint_c") is None
+    assert agrees(bench, host)
+    assert Job.objects.get(run=run, index=0).halted_by == "edge.halted"
+
+
+def test_what_a_host_has_not_begun_is_given_back_at_a_stop_and_does_not_begin_at_the_reset(
+    bench: Bench, host: Host, run: Run
+) -> None:
+    next_one(host)
+    services.stop_lab(actor=bench.people["chemist"])
+    hear_stop(bench, host)
+    host.take()
+    reset(bench, host)
+    assert not host.step()
+    host.tell()
+    assert states(run)[0] == "held"
+
+
+def test_a_halt_of_a_resource_that_the_server_knows_better_is_written_on_what_it_knows(
+    bench: Bench, host: Host, run: Run
+) -> None:
+    row = holding(host, run)
+    heater = bench.node("heater_1")
+    resource_services.raise_revs([heater.id])
+    services.stop_lab(actor=bench.people["chemist"])
+    hear_stop(bench, host)
+    host.end(row, HALTED, is_halted=True)
+    host.tell()
+    found = resource_selectors.rows([heater.id]).get()
+    assert found.data["speed_setpoint_rpm"] is None
+    assert found.rev > host.disk.resources[heater.id].view.rev - 1
+
+
+def test_a_host_that_tells_of_a_halt_of_a_foreign_device_changes_nothing(
+    bench: Bench, host: Host
+) -> None:
+    host.tell()
+    before = Event.objects.count()
+    host.edge.events = list(host.disk.events)
+    host.edge.report("halted", None, device_id=str(bench.lab.id), code="edge.stopped")
+    assert Event.objects.count() == before
+    assert Ticket.objects.get().code == "host.bad_word"

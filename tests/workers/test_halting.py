@@ -1,0 +1,141 @@
+"""A device whose action nobody has seen end is halted and looked at before a person is asked."""
+
+from __future__ import annotations
+
+import multiprocessing
+import signal
+
+import msgspec
+import pytest
+
+from labweb.domain.messages import Cancel, Do
+from tests.workers.bench import (
+    BOOT_ID,
+    DEVICE_ID,
+    HOST_ID,
+    SYRINGE_ID,
+    Host,
+    PumpProcess,
+    a_do,
+    a_syringe,
+    installed,
+)
+from tests.workers.crashing import accept_and_drain
+from workers import halting
+from workers.clock import SystemClock
+from workers.line import make_units
+from workers.session import open_session
+
+SET = {"rate_setpoint_ul_s": 50.0, "is_running": True, "port_index": 3}
+
+
+def killed(host: Host, pump: PumpProcess) -> Do:
+    """Begin a slow stroke in a process that is killed in the middle of it; return the command."""
+    pump.tell("slow 200")
+    do = a_do(host.server, resources=[*a_do(host.server).resources[:1], a_syringe(data=SET)])
+    variables = {
+        "LABWEB_BOOT_ID": BOOT_ID,
+        "LABWEB_FAULTS": "1",
+        "LABWEB_FAULT": "execute.mid_action@8:kill",
+    }
+    device_text = msgspec.json.encode(host.device)
+    arguments = (host.path, device_text, host.server.sign(do), variables)
+    process = multiprocessing.get_context("forkserver").Process(
+        target=accept_and_drain, args=arguments
+    )
+    process.start()
+    process.join(30)
+    assert process.exitcode == -signal.SIGKILL
+    assert len(pump.moves) == 1
+    return do
+
+
+def volume_ul(host: Host) -> float:
+    """Ask the pump over a line of its own where its plunger stands."""
+    unit = make_units([host.device], SystemClock(), installed())[DEVICE_ID]
+    unit.connect_if_due()
+    try:
+        return float(unit.read("volume_ul"))
+    finally:
+        unit.close()
+
+
+def test_the_successor_of_a_killed_line_halts_the_device_and_asks_about_what_stands(
+    host: Host, pump: PumpProcess
+) -> None:
+    do = killed(host, pump)
+    with host.executor():
+        told = host.last(do.action_id)
+        assert host.state(do.action_id) == "in_doubt"
+        assert told["message"].endswith("its device was halted, and stands")
+        seen_ul = told["report"]["evidence"]["volume_ul"]
+        assert 0 < seen_ul < 99
+    assert volume_ul(host) == seen_ul, "what is asked about does not change any more"
+    assert len(pump.moves) == 1, "a halt is no action"
+
+
+def test_what_the_device_was_set_to_besides_is_unknown_after_that(
+    host: Host, pump: PumpProcess
+) -> None:
+    device = msgspec.structs.replace(host.device, nodes={"pump": SYRINGE_ID})
+    open_session(host.journal, host.server.welcome(device))
+    killed(host, pump)
+    with host.executor():
+        pass
+    event = next(one for one in host.events() if one.kind == "halted")
+    assert event.body["code"] == "edge.interrupted"
+    gone = {"is_running": None, "rate_setpoint_ul_s": None}
+    assert event.body["data"] == {str(SYRINGE_ID): gone}
+    with host.journal.write() as tx:
+        held = tx.resource(SYRINGE_ID)
+    assert held is not None
+    assert held.view.data == {**SET, **gone}
+    assert held.quarantined_by is not None
+    assert held.view.rev >= event.body["revs"][str(SYRINGE_ID)]
+
+
+def test_a_device_that_cannot_be_reached_may_still_move_and_the_doubt_says_so(
+    host: Host, pump: PumpProcess, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    do = killed(host, pump)
+    pump.end()
+    monkeypatch.setattr(halting, "REACH_S", 0.5)
+    with host.executor():
+        pass
+    told = host.last(do.action_id)
+    assert host.state(do.action_id) == "in_doubt"
+    assert "may still move: it does not answer, and was not halted" in told["message"]
+    assert "halted" not in host.kinds(), "nothing was halted, so nothing is unknown by that"
+
+
+def test_a_device_that_does_not_come_to_rest_may_still_move_and_the_doubt_says_so(
+    host: Host, pump: PumpProcess, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    do = killed(host, pump)
+    pump.tell("unstoppable")
+    monkeypatch.setattr(halting, "STAND_S", 0.6)
+    with host.executor():
+        pass
+    message = host.last(do.action_id)["message"]
+    assert "may still move: it was halted, and volume_ul did not come to rest" in message
+
+
+def test_a_cancel_tells_that_the_whole_device_was_halted_before_it_tells_the_end(
+    host: Host, pump: PumpProcess
+) -> None:
+    device = msgspec.structs.replace(host.device, nodes={"pump": SYRINGE_ID})
+    open_session(host.journal, host.server.welcome(device))
+    pump.tell("slow 50")
+    do = a_do(host.server)
+    host.take(do)
+    cancel = Cancel(host_id=HOST_ID, epoch=1, dseq=host.server.next_dseq(), action_id=do.action_id)
+    with host.executor() as executor:
+        with host.journal.write() as tx:
+            tx.want_cancel(do.action_id)
+        executor.drain()
+    host.take(cancel)
+    kinds = host.kinds()
+    assert kinds.index("halted") == kinds.index("aborted") - 1
+    event = next(one for one in host.events() if one.kind == "halted")
+    assert event.body["code"] == "edge.halted"
+    assert event.body["action_id"] == str(do.action_id)

@@ -1,0 +1,88 @@
+"""Halt a device whose action nobody has seen end, and look at it once it stands."""
+
+from __future__ import annotations
+
+import logging
+from typing import Any
+
+from labweb.domain.errors import LabError
+from labweb.domain.ports import Clock
+from labweb.domain.runs.acting import Found
+from labweb.domain.runs.bodies import plain
+from workers.unit import Unit
+
+log = logging.getLogger(__name__)
+
+REACH_S = 5.0
+"""For how long the device is called: it may hold the connection of the process that died."""
+
+STAND_S = 5.0
+"""For how long it is watched until it stands."""
+
+PAUSE_S = 0.25
+
+_MOTION = ("_ul", "_ul_s", "_mm", "_mm_s", "_deg", "_rpm")
+"""Units of what moves. Temperature, pressure and mass go on changing at a device that stands."""
+
+MAY_MOVE = "its device may still move"
+
+
+def halt_and_look(unit: Unit | None, clock: Clock) -> Found:
+    """Halt a device, and read its statuses until two readings in a row tell the same of motion.
+
+    Effect:
+        The device is in its safe state, where it can be reached. No action is sent.
+    """
+    if unit is None:
+        return Found(is_halted=False, text=f"{MAY_MOVE}: this host does not serve it")
+    deadline_s = clock.monotonic_s() + REACH_S
+    while not unit.is_online and clock.monotonic_s() < deadline_s:
+        unit.connect_if_due()
+        if not unit.is_online:
+            clock.wait(PAUSE_S)
+    if not unit.is_online:
+        return Found(is_halted=False, text=f"{MAY_MOVE}: it does not answer, and was not halted")
+    try:
+        unit.halt()
+    except LabError as error:
+        # It may have heard the word all the same: what it was set to is not known either way.
+        text = f"{MAY_MOVE}: it could not be halted, {error.message}"
+        return Found(is_halted=True, text=text, readings=_readings(unit))
+    return _watched(unit, clock)
+
+
+def _watched(unit: Unit, clock: Clock) -> Found:
+    deadline_s = clock.monotonic_s() + STAND_S
+    before = _readings(unit)
+    while True:
+        clock.wait(PAUSE_S)
+        now = _readings(unit)
+        silent = sorted(before.keys() ^ now.keys())
+        changing = sorted(name for name in now if _moves(name) and now[name] != before.get(name))
+        if not changing and not silent:
+            break
+        if clock.monotonic_s() > deadline_s:
+            names = ", ".join([*changing, *silent])
+            text = f"{MAY_MOVE}: it was halted, and {names} did not come to rest"
+            return Found(is_halted=True, text=text, readings=now)
+        before = now
+    if not any(_moves(name) for name in now):
+        text = "its device was halted; it tells nothing by which one sees that it stands"
+        return Found(is_halted=True, text=text, readings=now)
+    return Found(is_halted=True, text="its device was halted, and stands", readings=now)
+
+
+def _moves(name: str) -> bool:
+    """Say whether a status tells of motion: a number with such a unit, a place, a yes or no."""
+    return name.endswith((*_MOTION, "_index", "_state", "position")) or name.startswith("is_")
+
+
+def _readings(unit: Unit) -> dict[str, Any]:
+    """Return every status that the device tells now."""
+    found: dict[str, Any] = {}
+    for name in unit.config.statuses:
+        try:
+            found[name] = plain(unit.read(name))
+        except LabError as error:
+            log.warning("device %s does not tell %s: %s", unit.config.key, name, error)
+    return found
