@@ -126,12 +126,28 @@ function whyNotResume(run: Run): string {
   return hasFailed ? words.cannotGoOn : words.notNow;
 }
 
+function UnderWay({ jobs }: { jobs: Run["jobs"] }) {
+  const active = jobs.filter((job) =>
+    ["dispatched", "accepted", "running", "completing"].includes(job.state),
+  );
+  if (active.length === 0) return null;
+  return (
+    <div>
+      <p className="b">Under way now</p>
+      <ul>
+        {active.map((job) => (
+          <li key={job.id} className="s">
+            {job.device.name}: {job.sentence}
+          </li>
+        ))}
+      </ul>
+    </div>
+  );
+}
+
 function AbortDialog(props: { run: Run; isOpen: boolean; onClose: () => void }) {
   const act = useRunAct(props.run.id);
   const [reason, setReason, forget] = useKept(`abort/${props.run.id}`, "");
-  const active = props.run.jobs.filter((job) =>
-    ["dispatched", "accepted", "running", "completing"].includes(job.state),
-  );
   const send = (): void =>
     act.mutate(
       { act: "abort", reason: reason.trim() },
@@ -152,18 +168,7 @@ function AbortDialog(props: { run: Run; isOpen: boolean; onClose: () => void }) 
         }}
       >
         <p className="s">{words.abortAbout}</p>
-        {active.length > 0 && (
-          <div>
-            <p className="b">Under way now</p>
-            <ul>
-              {active.map((job) => (
-                <li key={job.id} className="s">
-                  {job.device.name}: {job.sentence}
-                </li>
-              ))}
-            </ul>
-          </div>
-        )}
+        <UnderWay jobs={props.run.jobs} />
         {props.run.in_doubt_count > 0 && <p className="s">{words.abortDoubt}</p>}
         <TextField
           label={words.abortWhy}

@@ -303,15 +303,13 @@ def _question(
     if job.state != JobState.IN_DOUBT.value:
         return None
     operation = job.operation
+    source = target = ""
+    text, asked = f"Did this happen: {job.sentence}?", None
     if operation.get("op") == "transfer_liquid":
         source = names.get(operation["source_id"], "?")
         target = names.get(operation["target_id"], "?")
-        volume = render_volume(operation["amount_nl"])
-        text = f"Was {volume} moved from {source} to {target}?"
-        asked: float | None = operation["amount_nl"] / 1000
-    else:
-        source = target = ""
-        text, asked = f"Did this happen: {job.sentence}?", None
+        text = f"Was {render_volume(operation['amount_nl'])} moved from {source} to {target}?"
+        asked = operation["amount_nl"] / 1000
     return {
         "text": text,
         "asked_ul": asked,
