@@ -6,7 +6,7 @@ import re
 
 import msgspec
 
-PROTOCOL_VERSION = 2
+PROTOCOL_VERSION = 3
 _TAG = re.compile(r"[a-z_]{1,40}")
 
 

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from drivers.base import Driver
-from drivers.load import read_spec, read_status
+from drivers.load import read_status
 from fixtures.instruments.models import MODELS
 from labweb.domain.errors import DeviceError, Effect, LabError, PreconditionError
 from tests.drivers.conformance.analysers import PLATE_READERS
@@ -106,26 +106,6 @@ def test_a_busy_instrument_starts_nothing(
         error = Doing(device, case.act).failure()
         assert error.effect is Effect.NONE
         assert len(bench.acts(case)) == before
-
-
-@pytest.mark.parametrize(
-    "case", [case for case in ACTORS if not case.is_instant], ids=lambda case: case.model
-)
-def test_power_lost_in_mid_action_leaves_it_unknown(
-    bench: Bench, case: Case, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    impatient(monkeypatch, case)
-    # Between two readings there is time to take the power, on a busy machine too.
-    slow = {"settle_s": 2.0, "poll_s": 1.0}
-    known = {one.name for one in read_spec(case.dotted).config}
-    with bench.connected(case, **{key: slow[key] for key in known & slow.keys()}) as device:
-        before = len(bench.acts(case, case.verb))
-        doing = Doing(device, case.act)
-        until(lambda: len(bench.acts(case, case.verb)) == before + case.starts)
-        bench.inflict(case, "power_loss", for_s=1000.0)
-        assert doing.failure().effect is Effect.UNKNOWN
-        assert len(bench.acts(case, case.verb)) == before + case.starts
-        assert bench.is_over(case)
 
 
 @pytest.mark.parametrize(
