@@ -6,6 +6,7 @@ import { useResources, useSession } from "@/api/queries";
 import { formatDuration, formatMl, formatNumber } from "@/model/format";
 import { approvalState } from "@/model/states";
 import type { Plan, RunApproval } from "@/model/wire";
+import { plannedDevice } from "@/model/roles";
 import { Card, Empty } from "@/ui/card";
 import { Icon } from "@/ui/icons";
 import { FillBar } from "@/ui/number";
@@ -129,7 +130,7 @@ function Actions({ plan, onSeen }: { plan: Plan; onSeen: () => void }) {
           {shown.map((job) => (
             <tr key={job.index}>
               <td className="r num m">{job.index + 1}</td>
-              <td className="b">{job.device.name}</td>
+              <td className="b">{plannedDevice(job)}</td>
               <td className="s">{job.sentence}</td>
               <td className="r num m wide">≈ {formatDuration(job.estimate_s)}</td>
             </tr>

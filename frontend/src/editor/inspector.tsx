@@ -7,6 +7,7 @@ import { fieldOf, findingsOf } from "@/model/findings";
 import { formatArguments } from "@/model/format";
 import { capitalise } from "@/model/states";
 import type { WorkflowStep } from "@/model/wire";
+import { plannedDevice } from "@/model/roles";
 import { IconButton, TextField } from "@/ui/controls";
 import { useVerdict } from "./check";
 import { FieldNote } from "./field";
@@ -143,7 +144,7 @@ function Compiled({ step }: { step: WorkflowStep }) {
         {shown.map((job, place) => (
           <li key={job.index} title={job.sentence}>
             <span className="mono m">{place + 1}</span>
-            <span className="cut">{job.device.name}</span>
+            <span className="cut">{plannedDevice(job)}</span>
             <span className="s num cut">
               {`${capitalise(job.action).toLowerCase()} ${formatArguments(job.args)}`}
             </span>

@@ -4,6 +4,7 @@ import { formatDuration } from "@/model/format";
 import { findingsOf } from "@/model/findings";
 import { reorderStep } from "@/model/document";
 import type { WorkflowStep } from "@/model/wire";
+import { plannedDevice } from "@/model/roles";
 import { IconButton } from "@/ui/controls";
 import { useVerdict } from "./check";
 import { Sentence, useSentence } from "./node";
@@ -33,7 +34,7 @@ function Row({ step, place, last }: { step: WorkflowStep; place: number; last: n
   const own = findingsOf(findings, step.id);
   const planned = result?.plan?.steps.find((item) => item.step_id === step.id);
   const jobs = result?.plan?.jobs.filter((job) => job.step_id === step.id) ?? [];
-  const devices = [...new Set(jobs.map((job) => job.device.name))].join(", ");
+  const devices = [...new Set(jobs.map(plannedDevice))].join(", ");
   return (
     <li aria-current={isPicked ? "true" : undefined} data-step={step.id}>
       <button type="button" className="stepbtn" onClick={() => select([step.id])}>

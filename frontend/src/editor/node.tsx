@@ -7,6 +7,7 @@ import { findingsOf } from "@/model/findings";
 import { whyNotConnect } from "@/model/graph";
 import { sentenceOf } from "@/model/sentence";
 import type { SentencePart, StepPort, WorkflowStep } from "@/model/wire";
+import { plannedDevice } from "@/model/roles";
 import { Glyph } from "@/ui/glyph";
 import { Icon, iconOf } from "@/ui/icons";
 import { useVerdict } from "./check";
@@ -53,7 +54,7 @@ function StepNode({ id, selected }: NodeProps) {
   if (!step) return null;
   const own = findingsOf(findings, id);
   const jobs = result?.plan?.jobs.filter((job) => job.step_id === id) ?? [];
-  const devices = [...new Set(jobs.map((job) => job.device.name))].join(", ");
+  const devices = [...new Set(jobs.map(plannedDevice))].join(", ");
   const estimate = result?.plan?.steps.find((planned) => planned.step_id === id)?.estimate_s;
   return (
     <article

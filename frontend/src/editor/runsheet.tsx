@@ -8,6 +8,7 @@ import { startRun } from "@/api/commands";
 import { useSession } from "@/api/queries";
 import { formatDuration } from "@/model/format";
 import type { Plan, Version, Workflow } from "@/model/wire";
+import { plannedDevice } from "@/model/roles";
 import { Button, Dialog, Refused } from "@/ui/controls";
 import { Glyph } from "@/ui/glyph";
 import { ModeChip } from "@/ui/state";
@@ -158,7 +159,7 @@ function Policies({ policies }: { policies: string[] }) {
 }
 
 function Summary({ plan }: { plan: Plan }) {
-  const devices = [...new Set(plan.jobs.map((job) => job.device.name))];
+  const devices = [...new Set(plan.jobs.map(plannedDevice))];
   return (
     <>
       <dl className="kv" data-testid="plan-summary">

@@ -1,6 +1,6 @@
 /** What devices are asked for by, where a step names none. */
 
-import type { DeviceAction, PaletteDevice } from "./wire";
+import type { DeviceAction, PaletteDevice, PlannedJob } from "./wire";
 
 /** A role, how many devices play it, and their names. */
 export interface RoleChoice {
@@ -30,3 +30,7 @@ export function actionsOfRole(devices: readonly PaletteDevice[], role: string): 
         if (!found.has(action.name)) found.set(action.name, action);
   return [...found.values()];
 }
+
+/** Who does a planned job; of several that may, nobody is chosen before its turn. */
+export const plannedDevice = (job: Pick<PlannedJob, "device" | "choices_count">): string =>
+  job.choices_count > 0 ? `one of ${job.choices_count} devices` : job.device.name;

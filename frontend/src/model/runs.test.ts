@@ -125,7 +125,7 @@ test("a reading stands as told and as true, and beyond its levels nothing is cla
 
 test("a job that asks for a role has no device before its turn", () => {
   const choices = { choices_count: 2 };
-  expect(deviceName(aJob(0, "a", "queued", choices))).toBe("one of 2, when its turn comes");
+  expect(deviceName(aJob(0, "a", "queued", choices))).toBe("one of 2 devices");
   const sent = aJob(0, "a", "in_doubt", choices);
   expect(deviceName(sent)).toBe(sent.device.name);
   const fixed = aJob(0, "a", "queued");

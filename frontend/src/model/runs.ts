@@ -1,6 +1,7 @@
 /** What a run's jobs say about its steps, and what stands in the way. */
 
 import { toSeconds } from "./format";
+import { plannedDevice } from "./roles";
 import { capitalise, isActiveJob, isFinalJob, type Look } from "./states";
 import type {
   Departure,
@@ -188,8 +189,6 @@ function toldAs({ place, text }: Departure): string {
 
 const UNSENT = new Set<JobState>(["draft", "awaiting_approval", "queued", "held", "suspended"]);
 
-/** Who does a job; while none of several was chosen, that. */
+/** Who does a job, or that nobody is chosen yet. */
 export const deviceName = (job: Pick<Job, "device" | "choices_count" | "state">): string =>
-  job.choices_count > 0 && UNSENT.has(job.state)
-    ? `one of ${job.choices_count}, when its turn comes`
-    : job.device.name;
+  UNSENT.has(job.state) ? plannedDevice(job) : job.device.name;

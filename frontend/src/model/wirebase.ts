@@ -85,6 +85,8 @@ export interface PlannedJob {
   step_id: string;
   sentence: string;
   device: { id: Id; name: string };
+  /** How many devices may do it, where its step asks for a role; 0: its device alone. */
+  choices_count: number;
   action: string;
   args: Record<string, unknown>;
   after: number[];

@@ -109,6 +109,7 @@ def plan_json(plan: Mapping[str, Any], digest: str, names: Mapping[str, str]) ->
                     "id": str(job["device_id"]),
                     "name": names.get(str(job["device_id"]), ""),
                 },
+                "choices_count": len(job.get("choices") or ()),
                 "action": job["action"],
                 "args": job["args"],
                 "after": job["after"],
