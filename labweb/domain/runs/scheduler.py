@@ -43,6 +43,37 @@ class JobView:
         return self.state is JobState.COMPLETE or (self.is_passed and self.state in FINAL)
 
 
+SILENT_AFTER_S = 180.0
+"""A device that has told nothing for so long is not taken while another one is free."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Candidate:
+    """One of several devices that may do a job, when its turn comes."""
+
+    state: str
+    """Of its enrollment; `enrolled` alone may act."""
+
+    host_name: str
+    is_host_online: bool
+    is_on_planned_host: bool
+    silent_s: float | None
+    """Since it told anything; None: it never has, as one that has no status."""
+
+
+def why_passed_by(one: Candidate) -> str:
+    """Say why a device is not asked to do a job; "": it is asked, and its locks decide."""
+    if one.state != "enrolled":
+        return f"it is {one.state}"
+    if not one.is_on_planned_host:
+        return "it was taken to another host since this was planned"
+    if not one.is_host_online:
+        return f"{one.host_name} is away"
+    if one.silent_s is not None and one.silent_s > SILENT_AFTER_S:
+        return "it has told nothing for minutes"
+    return ""
+
+
 def ready(jobs: Sequence[JobView], online_hosts: Collection[UUID]) -> list[JobView]:
     """Return the queued jobs whose predecessors completed and of whose hosts one is online."""
     done = {job.index for job in jobs if job.is_satisfied}

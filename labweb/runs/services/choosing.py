@@ -13,7 +13,7 @@ from django.db.transaction import atomic, on_commit
 from labweb.common.clock import now
 from labweb.domain.errors import LockedError, PreconditionError
 from labweb.domain.runs.job import JobState
-from labweb.domain.runs.scheduler import JobView
+from labweb.domain.runs.scheduler import Candidate, JobView, why_passed_by
 from labweb.domain.workflows.plan import Choice
 from labweb.enrollment import selectors as enrollment_selectors
 from labweb.enrollment.selectors import Device
@@ -21,9 +21,6 @@ from labweb.runs.models import Job
 from labweb.runs.services.dispatch import dispatch_on, hold_job
 from labweb.runs.services.state import announce
 from labweb.telemetry import selectors as telemetry_selectors
-
-SILENT_AFTER_S = 180.0
-"""A device that has told nothing for so long is not taken while another one is free."""
 
 
 def dispatch_by_role(run_id: UUID, view: JobView, online: Collection[UUID]) -> bool:
@@ -43,7 +40,7 @@ def dispatch_by_role(run_id: UUID, view: JobView, online: Collection[UUID]) -> b
     refusals: list[PreconditionError] = []
     for choice in choices:
         device = devices[choice.device_id]
-        why = _unfit(device, choice, online, latest.get(device.id, {}))
+        why = why_passed_by(_candidate(device, choice, online, latest.get(device.id, {})))
         if not why:
             told = _told(device, passed, len(choices))
             try:
@@ -63,23 +60,20 @@ def dispatch_by_role(run_id: UUID, view: JobView, online: Collection[UUID]) -> b
 _ALL = tuple[Choice, ...]
 
 
-def _unfit(
+def _candidate(
     device: Device,
     choice: Choice,
     online: Collection[UUID],
     latest: Mapping[str, tuple[float, Any]],
-) -> str:
-    """Say why a device is not asked at all; "": it is."""
-    if device.state != Device.State.ENROLLED:
-        return f"it is {device.get_state_display().lower()}"
-    if device.host_id != choice.host_id:
-        return "it was taken to another host since this was planned"
-    if device.host_id not in online:
-        return f"{device.host.name} is away"
+) -> Candidate:
     newest = max((at for at, _ in latest.values()), default=None)
-    if newest is not None and now().timestamp() - newest > SILENT_AFTER_S:
-        return "it has told nothing for minutes"
-    return ""
+    return Candidate(
+        state=device.state,
+        host_name=device.host.name,
+        is_host_online=device.host_id in online,
+        is_on_planned_host=device.host_id == choice.host_id,
+        silent_s=None if newest is None else now().timestamp() - newest,
+    )
 
 
 def _told(device: Device, passed: list[str], count: int) -> str:

@@ -12,7 +12,7 @@ from labweb.domain.approvals.policy import TemperatureAtLeast, asks
 from labweb.domain.enrollment.spec import DriverSpec
 from labweb.domain.runs.isolation import find_waiting
 from labweb.domain.runs.job import JobState
-from labweb.domain.runs.scheduler import JobView, ready
+from labweb.domain.runs.scheduler import Candidate, JobView, ready, why_passed_by
 from labweb.domain.runs.session import SessionState
 from labweb.domain.workflows.plan import Plan, encode
 from tests.domain.workflows.asking import codes_of, findings_of, plan_of
@@ -173,3 +173,23 @@ def test_it_waits_for_a_host_that_is_away_only_when_no_other_is_there() -> None:
     suspended = replace(VIEW, state=JobState.SUSPENDED)
     assert find_waiting([suspended], {A: away, B: there}).release == (VIEW.id,)
     assert find_waiting([suspended], {A: away, B: away}).release == ()
+
+
+FREE = Candidate(
+    state="enrolled", host_name="Host 1", is_host_online=True, is_on_planned_host=True, silent_s=1.0
+)
+
+
+@pytest.mark.parametrize(
+    ("change", "why"),
+    [
+        ({}, ""),
+        ({"silent_s": None}, ""),
+        ({"state": "suspended"}, "it is suspended"),
+        ({"is_on_planned_host": False}, "it was taken to another host since this was planned"),
+        ({"is_host_online": False}, "Host 1 is away"),
+        ({"silent_s": 181.0}, "it has told nothing for minutes"),
+    ],
+)
+def test_a_device_that_is_passed_by_says_why(change: dict[str, object], why: str) -> None:
+    assert why_passed_by(replace(FREE, **change)) == why  # type: ignore[arg-type]
