@@ -9,6 +9,7 @@ from labweb.domain.errors import LabError
 from labweb.domain.ports import Clock
 from labweb.domain.runs.acting import Found
 from labweb.domain.runs.bodies import plain
+from labweb.domain.runs.halting import tells_motion
 from workers.unit import Unit
 
 log = logging.getLogger(__name__)
@@ -20,9 +21,6 @@ STAND_S = 5.0
 """For how long it is watched until it stands."""
 
 PAUSE_S = 0.25
-
-_MOTION = ("_ul", "_ul_s", "_mm", "_mm_s", "_deg", "_rpm")
-"""Units of what moves. Temperature, pressure and mass go on changing at a device that stands."""
 
 MAY_MOVE = "its device may still move"
 
@@ -58,7 +56,9 @@ def _watched(unit: Unit, clock: Clock) -> Found:
         clock.wait(PAUSE_S)
         now = _readings(unit)
         silent = sorted(before.keys() ^ now.keys())
-        changing = sorted(name for name in now if _moves(name) and now[name] != before.get(name))
+        changing = sorted(
+            name for name in now if tells_motion(name) and now[name] != before.get(name)
+        )
         if not changing and not silent:
             break
         if clock.monotonic_s() > deadline_s:
@@ -66,15 +66,10 @@ def _watched(unit: Unit, clock: Clock) -> Found:
             text = f"{MAY_MOVE}: it was halted, and {names} did not come to rest"
             return Found(is_halted=True, text=text, readings=now)
         before = now
-    if not any(_moves(name) for name in now):
+    if not any(tells_motion(name) for name in now):
         text = "its device was halted; it tells nothing by which one sees that it stands"
         return Found(is_halted=True, text=text, readings=now)
     return Found(is_halted=True, text="its device was halted, and stands", readings=now)
-
-
-def _moves(name: str) -> bool:
-    """Say whether a status tells of motion: a number with such a unit, a place, a yes or no."""
-    return name.endswith((*_MOTION, "_index", "_state", "position")) or name.startswith("is_")
 
 
 def _readings(unit: Unit) -> dict[str, Any]:

@@ -85,6 +85,22 @@ def voided(data: Mapping[str, Any]) -> dict[str, None]:
     return {name: None for name in sorted(names) if data[name] is not None}
 
 
+_MOTION = ("_ul", "_ul_s", "_mm", "_mm_s", "_deg", "_rpm", "_index", "_state", "position")
+"""Ends of the names of what moves: units of motion, places and states."""
+
+
+def tells_motion(status: str) -> bool:
+    """Say whether a status shows that a device stands: it is the same twice.
+
+    Temperature, pressure and mass go on changing at a device that stands.
+
+    Example:
+        >>> tells_motion("volume_ul"), tells_motion("is_running"), tells_motion("temperature_c")
+        (True, True, False)
+    """
+    return status.endswith(_MOTION) or status.startswith("is_")
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Done:
     """A completed action, as far as it left something standing."""
