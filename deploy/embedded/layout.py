@@ -10,6 +10,7 @@ import secrets
 import shutil
 import stat
 import tempfile
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -173,9 +174,9 @@ def open_sockets(layout: Layout) -> Path:
 
 
 def close_sockets(layout: Layout) -> None:
-    """Remove the socket folder of the last run, wherever it was."""
+    """Remove the socket folder of the last run, wherever it was; another may do so as well."""
     record = layout.run / "sockets"
-    if record.exists():
+    with suppress(FileNotFoundError):
         folder = Path(record.read_text(encoding="utf-8").strip())
         if folder.name.startswith("labweb-") and _is_private_folder(folder):
             shutil.rmtree(folder, ignore_errors=True)

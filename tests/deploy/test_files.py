@@ -4,6 +4,7 @@ import json
 import os
 import stat
 import threading
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
@@ -80,6 +81,18 @@ def test_a_killed_run_s_socket_folder_is_removed_and_nothing_else(tmp_path: Path
     (layout.run / "sockets").write_text(f"{kept}\n", encoding="utf-8")
     close_sockets(layout)
     assert kept.is_dir()
+
+
+def test_two_that_remove_a_socket_folder_at_once_do_not_disturb_each_other(
+    tmp_path: Path,
+) -> None:
+    layout = open_data_directory(tmp_path / ("d" * 100))
+    with ThreadPoolExecutor(2) as both:
+        for _ in range(200):
+            folder = open_sockets(layout)
+            list(both.map(close_sockets, (layout, layout)))
+            assert not folder.exists()
+            assert not (layout.run / "sockets").exists()
 
 
 def test_a_start_waits_for_a_run_that_has_ended_all_and_is_about_to_leave(
