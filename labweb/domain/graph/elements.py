@@ -9,6 +9,8 @@ from typing import Any
 
 from labweb.domain.graph.topology import Medium
 
+NL_PER_ML = 1_000_000
+
 
 class Role(StrEnum):
     """What an element does with liquid."""
@@ -78,6 +80,9 @@ class Element:
 
     attributes: Mapping[str, Any] = field(default_factory=dict)
     """Everything that the file says of it."""
+
+    nl_per_unit: int = NL_PER_ML
+    """What one unit of every volume in `attributes` is: 1 mL, or 1 µL (1000) of PyLabRobot."""
 
     def position(self, entered: str, left: str) -> str | None:
         """Return where a valve must stand to join two of its ports; None: it never does.

@@ -10,7 +10,8 @@ from functools import lru_cache
 from typing import Any
 
 from labweb.domain.errors import Finding
-from labweb.domain.graph.elements import Element, Role, Tube
+from labweb.domain.graph.elements import NL_PER_ML, Element, Role, Tube
+from labweb.domain.graph.lab_file.uni_lab_os.vessels import nl_per_unit
 from labweb.domain.graph.rig.classes import (
     COMMON_NAMES,
     Sort,
@@ -30,8 +31,7 @@ _MEDIA: Mapping[str, Medium] = {
     "gas": Medium.GAS,
     "vacuum": Medium.VACUUM,
 }
-_NL_PER_ML = 1_000_000
-_LARGEST_ML = 10_000_000
+_LARGEST_NL = 10_000_000 * NL_PER_ML
 _PLAIN = re.compile(r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)")
 _OTHER = Sort(role=Role.OTHER)
 _ENDS = 2
@@ -64,6 +64,7 @@ def element_of(key: str, node: Mapping[str, Any]) -> Element:
     config = node.get("config")
     places: list[Mapping[str, Any]] = [config] if isinstance(config, Mapping) else []
     places.append(node)
+    unit = nl_per_unit(config)
     return Element(
         key=key,
         role=sort.role,
@@ -72,10 +73,11 @@ def element_of(key: str, node: Mapping[str, Any]) -> Element:
         ports=sort.ports,
         positions=_positions(places),
         selects=sort.role is Role.PUMP and "valve" in name.lower(),
-        capacity_nl=_capacity(places) if sort.role is Role.PUMP else None,
+        capacity_nl=_capacity(places, unit) if sort.role is Role.PUMP else None,
         leave_by=sort.leave_by,
         enter_by=sort.enter_by,
         attributes=node,
+        nl_per_unit=unit,
     )
 
 
@@ -103,23 +105,31 @@ def _positions(places: list[Mapping[str, Any]]) -> dict[str, frozenset[frozenset
     return {}
 
 
-def _capacity(places: list[Mapping[str, Any]]) -> int | None:
+def _capacity(places: list[Mapping[str, Any]], unit: int) -> int | None:
     """Return what a syringe holds."""
-    found = (volume_nl(place.get("max_volume")) for place in places)
+    found = (volume_nl(place.get("max_volume"), unit) for place in places)
     return next((amount for amount in found if amount), None)
 
 
-def volume_nl(value: object) -> int | None:
-    """Return a volume in millilitres, as files of both families state it; None: no volume.
+def volume_nl(value: object, unit: int = NL_PER_ML) -> int | None:
+    """Return a volume as a file states it in whole nanolitres; None: no volume.
+
+    What is left below a nanolitre is dropped: a size is never taken as larger than it is said
+    to be. `check_volumes` refuses contents that are not whole nanolitres.
+
+    Args:
+        value: The volume as the file has it, in units of its node.
+        unit: Nanolitres in one unit: files state millilitres, nodes of PyLabRobot microlitres
+            (`Element.nl_per_unit`).
 
     Example:
-        >>> volume_nl("25.0"), volume_nl(-1.0), volume_nl("much")
-        (25000000, None, None)
+        >>> volume_nl("25.0"), volume_nl(360, 1000), volume_nl(-1.0), volume_nl("much")
+        (25000000, 360000, None, None)
     """
     number = decimal(value)
-    if number is None or not 0 <= number < _LARGEST_ML:
+    if number is None or not 0 <= number * unit < _LARGEST_NL:
         return None
-    return int(number * _NL_PER_ML)
+    return int(number * unit)
 
 
 def decimal(value: object) -> Decimal | None:

@@ -119,8 +119,12 @@ class _Search:
         """Return what to draw next: all that have one cure, with each of the first that has more.
 
         A finding without a cure may follow from another. Where none has one, they are kept to be
-        told.
+        told. Nothing is advised on what is stated wrongly: a larger vessel would hide the mistake.
         """
+        wrong = [_no_advice(one) for one in findings if one.code == "plan.stated_overfull"]
+        if wrong:
+            self._stuck = wrong
+            return []
         forced: list[Change] = []
         several: list[Change] = []
         stuck = []

@@ -10,7 +10,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from labweb.domain.graph.elements import Role
+from labweb.domain.graph.elements import NL_PER_ML, Role
+from labweb.domain.graph.lab_file.amounts import from_nl
+from labweb.domain.graph.lab_file.uni_lab_os.vessels import nl_per_unit
+from labweb.domain.graph.rig.elements import volume_nl
 from labweb.domain.workflows.advise.drawing import Drawing, NotDrawnError, Port
 from labweb.domain.workflows.on_rig.equipment import COLLECT, GASES
 
@@ -125,7 +128,8 @@ class UniDrawing(Drawing):
         node = self._entries[key]
         size_ml, chemical = fields.get("max_volume"), fields.get("chemical")
         if isinstance(size_ml, int | float):
-            node.setdefault("config", {})["max_volume"] = size_ml
+            config = node.setdefault("config", {})
+            config["max_volume"] = size_ml * (NL_PER_ML // nl_per_unit(config))
         held = (node.get("data") or {}).get("liquid")
         if isinstance(chemical, str) and chemical:
             amount = {"liquid_volume": node["config"]["max_volume"]}
@@ -216,4 +220,7 @@ def _view(node: Mapping[str, Any]) -> dict[str, Any]:
     config = node.get("config")
     size = config.get("max_volume") if isinstance(config, Mapping) else None
     found = {"id": str(node["id"]), "class": str(node.get("class") or "")}
+    if nl_per_unit(config) != NL_PER_ML:
+        size_nl = volume_nl(size, nl_per_unit(config))
+        size = None if size_nl is None else from_nl(size_nl, NL_PER_ML)
     return found if size is None else found | {"max_volume": size}

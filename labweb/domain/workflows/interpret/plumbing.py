@@ -133,10 +133,10 @@ class Plumbing:
         owner, name = key, "max_volume"
         if key.endswith(COLLECT) and key not in self.elements:
             owner, name = key.removesuffix(COLLECT), "collection_flask_volume"
-        attributes = self.elements[owner].attributes
-        config = attributes.get("config")
+        element = self.elements[owner]
+        attributes, config = element.attributes, element.attributes.get("config")
         for place in (config if isinstance(config, Mapping) else {}, attributes):
-            if found := volume_nl(place.get(name)):
+            if found := volume_nl(place.get(name), element.nl_per_unit):
                 return found * UNITS_PER_NL
         return None
 

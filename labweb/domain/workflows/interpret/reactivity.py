@@ -131,7 +131,8 @@ class Reactivity:
         for key, element in sorted(self._elements.items()):
             said = {*(_words(element, "groups") or ())} & STREAMS.keys()
             lots = sorted(inside.get(key, ()))
-            is_held = bool(volume_nl(element.attributes.get("current_volume")))
+            level = element.attributes.get("current_volume")
+            is_held = bool(volume_nl(level, element.nl_per_unit))
             if not lots and said and (is_held or is_waste(element)):
                 words = ", ".join(sorted(said))
                 message = f"{key} holds something ({words}), and the plan does not say what"

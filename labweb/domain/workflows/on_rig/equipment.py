@@ -242,8 +242,9 @@ class Equipment:
         """Return how much a vessel holds; None: nobody says."""
         owner, _, part = key.partition("#")
         name = "max_volume" if not part else "collection_flask_volume"
-        for place in places(self.elements[owner]):
-            found = volume_nl(place.get(name))
+        element = self.elements[owner]
+        for place in places(element):
+            found = volume_nl(place.get(name), element.nl_per_unit)
             if found is None and isinstance(place.get("capacity_ul"), int | float) and not part:
                 found = round(place["capacity_ul"] * 1000)
             if found:
@@ -252,9 +253,9 @@ class Equipment:
 
     def contents(self, key: str) -> list[tuple[str, int]]:
         """Return what the graph says is in a vessel: names and nanolitres."""
-        said = list(places(self.elements[key]))
-        level = next((v for v in (volume_nl(p.get("current_volume")) for p in said) if v), 0)
-        listed = [liquid for place in said for liquid in _liquids(place)]
+        said, unit = list(places(self.elements[key])), self.elements[key].nl_per_unit
+        level = next((v for v in (volume_nl(p.get("current_volume"), unit) for p in said) if v), 0)
+        listed = [liquid for place in said for liquid in _liquids(place, unit)]
         if level and (self.chemical(key) or not listed):
             return [(self.chemical(key) or f"contents of {key}", level)]
         return listed
@@ -379,9 +380,9 @@ def _numbers(element: Element, *names: str) -> Iterator[Decimal]:
             yield found
 
 
-def _liquids(said: Mapping[str, Any]) -> Iterator[tuple[str, int]]:
+def _liquids(said: Mapping[str, Any], unit: int) -> Iterator[tuple[str, int]]:
     for entry in listed_liquids(said):
         liquid, volume = named_volume(entry) or (None, None)
-        amount = volume_nl(volume)
+        amount = volume_nl(volume, unit)
         if isinstance(liquid, str) and liquid and amount:
             yield liquid, amount

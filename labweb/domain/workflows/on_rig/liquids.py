@@ -5,7 +5,7 @@ from __future__ import annotations
 from decimal import Decimal
 from typing import Any
 
-from labweb.domain.units import steady
+from labweb.domain.units import render_volume, steady
 from labweb.domain.workflows.on_rig.choosing import resolve
 from labweb.domain.workflows.on_rig.equipment import COLLECT, Sort
 from labweb.domain.workflows.on_rig.making import BY_HAND, Making, say
@@ -179,6 +179,9 @@ def transfer(making: Making, operation: BasicOperation) -> None:
     lot = _lot_of(making, source)
     if amount is None and lot:
         amount = _amount(making, operation, source)
+    if amount is None and _leaves_rate_open(making, operation, source):
+        making.lost |= {source, target}
+        return
     draw, push = rates_of(making, operation, amount or int(making.matter.liquid(source).most) or 1)
     move = Move(
         source=source,
@@ -190,18 +193,37 @@ def transfer(making: Making, operation: BasicOperation) -> None:
         draw_rate_ul_s=draw,
         push_rate_ul_s=push,
     )
+    _carry_out(making, move, amount, lot)
+
+
+def _carry_out(making: Making, move: Move, amount: int | None, lot: str) -> None:
+    """Rinse, prime, move and recover; without an amount move all, but nothing of a reagent."""
     rinse(making, move, lot)
     if amount is None:
-        if not lot:
-            move_all(making, move)
-            recover(making, move)
-        return
-    if lot:
-        prime(making, move, lot)
-        delivered = making.delivered_nl.setdefault(target, {})
-        delivered[lot] = delivered.get(lot, 0) + amount
-    move_volume(making, move, amount, lot=lot)
+        if lot:
+            return
+        move_all(making, move)
+    else:
+        if lot:
+            prime(making, move, lot)
+            delivered = making.delivered_nl.setdefault(move.target, {})
+            delivered[lot] = delivered.get(lot, 0) + amount
+        move_volume(making, move, amount, lot=lot)
     recover(making, move)
+
+
+def _leaves_rate_open(making: Making, operation: BasicOperation, source: str) -> bool:
+    """Tell whether a time is said for what nobody knows the amount of, which is then told."""
+    there, over_s = making.matter.liquid(source), operation.fields.get("over_s")
+    if not isinstance(over_s, Decimal) or there.is_certain:
+        return False
+    message = (
+        f"all of {source} is to be moved in {over_s.normalize():f} s, and between "
+        f"{render_volume(int(there.least))} and {render_volume(int(there.most))} are in it then, "
+        "so no rate is known that takes this time: say a speed, or leave the time out"
+    )
+    making.told.tell("plan.uncertain_rate", message, operation.place, vessel=source)
+    return True
 
 
 def _collecting(making: Making, vessel: str, port: str | None) -> tuple[str, str | None]:

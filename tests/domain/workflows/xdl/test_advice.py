@@ -121,6 +121,16 @@ def test_a_vessel_that_is_too_small_is_exchanged_for_the_next_common_size() -> N
     assert found.changes[0]["text"] == "Exchange reactor, which holds 100 mL, for one of 500 mL"
 
 
+def test_a_larger_vessel_is_not_advised_where_what_is_stated_is_wrong() -> None:
+    graph = bench(reactor=100)
+    next(node for node in graph["nodes"] if node["id"] == "reactor")["current_volume"] = 150
+    found = asked(recipe(ADD), graph)
+    assert isinstance(found, list)
+    (finding,) = found
+    assert (finding.code, finding.subject) == ("plan.no_advice", "reactor")
+    assert "correct what is stated" in finding.message
+
+
 def crowded(chemical: str) -> dict[str, Any]:
     """Draw the rig with no port of a valve left, for flasks of one substance stand there."""
     graph = without(bench(), "flask_water")

@@ -146,3 +146,48 @@ def test_no_workflow_is_made_of_a_time_of_nothing() -> None:
     with pytest.raises(LabError) as caught:
         workflow_rate(adding('volume="1 mL" time="0 s"'))
     assert [one.code for one in caught.value.findings] == ["unit.not_positive"]
+
+
+LIGHT = 'Irradiate vessel="reactor" time="1 min" {said}'
+
+
+def lit() -> dict[str, Any]:
+    graph = bench()
+    graph["nodes"].append({"id": "lamp", "class": "LEDLamp"})
+    graph["links"].append({"id": "lamp", "source": "lamp", "target": "reactor", "port": "(,)"})
+    return graph
+
+
+@pytest.mark.parametrize(
+    ("said", "is_one"),
+    [
+        ('color="blue" wavelength="450 nm"', True),
+        ('color="UV365" wavelength="365 nm"', True),
+        ('color="red" wavelength="0.66 um"', True),
+        ('color="white"', True),
+        ('color="blue" wavelength="365 nm"', False),
+        ('color="white" wavelength="450 nm"', False),
+        ('color="red" wavelength="609 nm"', False),
+    ],
+)
+def test_a_colour_beside_a_wavelength_is_its_colour_or_refused(said: str, is_one: bool) -> None:
+    text = recipe(FILL, LIGHT.format(said=said))
+    if is_one:
+        plan = compiled(text, lit())
+        assert [s["does"]["color"] for s in plan["steps"] if s["does"]["kind"] == "light"]
+    else:
+        assert reasons(text, lit()) == ["xdl.two_lights"]
+
+
+def test_all_of_a_vessel_in_a_time_needs_contents_that_are_certain() -> None:
+    separate = (
+        'Separate from_vessel="reactor" separation_vessel="separator" to_vessel="filter" '
+        'purpose="extract" product_phase="bottom" solvent="ether" solvent_volume="20 mL"'
+    )
+    move = 'Transfer from_vessel="filter" to_vessel="reactor" volume="all" {said}'
+    in_time = recipe(FILL, separate, move.format(said='time="10 min"'))
+    assert reasons(in_time, bench()) == ["plan.uncertain_rate"]
+    by_speed = recipe(FILL, separate, move.format(said='dispense_speed="2 mL/min"'))
+    assert compiled(by_speed, bench())["steps"]
+    certain = recipe(FILL, MOVE.format(said='volume="all" time="10 min"'))
+    assert 33.3333333 in rates(compiled(certain, bench()), "dispense")

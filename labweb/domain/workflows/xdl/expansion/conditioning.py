@@ -2,12 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from decimal import Decimal
 
 from labweb.domain.workflows.xdl.expansion.basic import INERT_GAS, BasicOperation, Kind
 from labweb.domain.workflows.xdl.expansion.reading import ActReading
 
 Operations = Iterator[BasicOperation]
+
+COLORS_NM: Mapping[str, tuple[int, int]] = {
+    "UV365": (365, 365),
+    "UV395": (395, 395),
+    "blue": (450, 500),
+    "green": (500, 570),
+    "red": (610, 760),
+}
+"""Colour of light → its wavelengths; white has no one.
+
+Source:
+    ISO 21348:2007, the spectral categories of the visible. The colours of ultraviolet lamps say
+    their wavelength."""
 
 
 def stirring(act: ActReading, vessel: str, default: str = "stir_speed") -> Operations:
@@ -109,11 +123,14 @@ def irradiate(act: ActReading) -> Operations:
     yield from stirring(act, "vessel")
     if "temp" in act.values:
         yield from to_temperature(act)
+    wavelength_nm, color = act.number("wavelength"), act.text("color")
+    if wavelength_nm is not None and color:
+        _compare_light(act, wavelength_nm, color)
     yield act.make(
         Kind.START_LIGHT,
         vessel=vessel,
-        wavelength_nm=act.number("wavelength"),
-        color=act.text("color"),
+        wavelength_nm=wavelength_nm,
+        color=color,
         power_w=act.number("LED_power"),
         intensity_percent=act.number("LED_intensity"),
         cooling_percent=act.number("cooling_power"),
@@ -122,6 +139,19 @@ def irradiate(act: ActReading) -> Operations:
     yield act.make(Kind.STOP_LIGHT, vessel=vessel)
     if "temp" in act.values:
         yield act.make(Kind.STOP_TEMPERATURE, vessel=vessel)
+
+
+def _compare_light(act: ActReading, wavelength_nm: Decimal, color: str) -> None:
+    """Refuse a colour and a wavelength that nobody can show to be the same light."""
+    window = COLORS_NM.get(color)
+    if window is not None and window[0] <= wavelength_nm <= window[1]:
+        return
+    means = f"is from {window[0]} to {window[1]} nm" if window else "is of many wavelengths"
+    act.refuse(
+        "xdl.two_lights",
+        f"{act.name} says {color} and {wavelength_nm.normalize():f} nm, and {color} {means}: "
+        "which of them counts? Leave the other out",
+    )
 
 
 def sonicate(act: ActReading) -> Operations:
