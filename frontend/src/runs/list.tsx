@@ -37,7 +37,7 @@ export function RunsPage() {
               <RunTable runs={rows} isHistory />
             ) : (
               <Empty>
-                {words.none}
+                {state ? words.none : words.noneYet}
                 {state && <Button onClick={() => choose("")}>{words.clear}</Button>}
               </Empty>
             )

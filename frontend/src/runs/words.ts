@@ -9,6 +9,7 @@ const HALTS: Record<string, string> = {
 export const words = {
   title: "Runs",
   none: "No run fits.",
+  noneYet: "No run yet. One begins at a workflow.",
   clear: "Clear filter",
   files: "Files of this action",
   measured: {

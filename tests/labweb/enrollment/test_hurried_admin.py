@@ -150,3 +150,20 @@ def test_thousands_of_strangers_fill_one_page_of_the_inbox_at_a_time(
     answer = admin.get("/admin/enrollment/candidate/")
     assert answer.status_code == 200
     assert answer.content.decode().count("Stranger ") <= 200
+
+
+def test_the_page_of_a_driver_shows_its_source_as_text_and_nothing_of_it_acts(
+    bench: Bench, admin: Client
+) -> None:
+    version = bench.device("heater_1").driver
+    version.sources = {"drivers.odd": 'NAME = "<script>alert(1)</script>"\nNEXT = 2\n'}
+    version.approval = {"signature": "</pre><img src=x>"}
+    version.save()
+    answer = admin.get(f"/admin/enrollment/driverversion/{version.pk}/change/")
+    assert answer.status_code == 200
+    page = answer.content.decode()
+    assert "<summary>drivers.odd, 2 lines</summary>" in page
+    assert "&lt;script&gt;alert(1)&lt;/script&gt;" in page
+    assert "<script>alert(1)" not in page
+    assert "<img src=x>" not in page
+    assert f'<a href="/drivers/{version.pk}">' in page
