@@ -338,6 +338,10 @@ def sentence(
         >>> parts = sentence("wait", {"duration": "10 min"}, {})
         >>> [(part["text"], part["strong"]) for part in parts]
         [('Wait ', False), ('10 min', True)]
+        >>> called = {"action": "select_port", "device": "@pump_1"}
+        >>> parts = sentence("device_action", called, {"@pump_1": "Pump 1"})
+        >>> "".join(part["text"] for part in parts)
+        'Run select port on Pump 1'
     """
     operation = STEP_KINDS[kind]
     parts: list[dict[str, Any]] = []
@@ -392,7 +396,8 @@ def _filled(
         return _part(_MISSING, sort.value)
     if sort is ParameterSort.RESOURCE:
         return _part(names.get(value, _MISSING), sort.value)
-    return _part(" ".join(value.split()), sort.value)
+    told = value.replace("_", " ") if sort is ParameterSort.NAME else value
+    return _part(" ".join(told.split()), sort.value)
 
 
 def _part(text: str, sort: str) -> dict[str, Any]:
