@@ -7,7 +7,7 @@ import { useTopics } from "@/api/live";
 import { useOpened } from "@/api/opened";
 import { useSession, useWorkflows } from "@/api/queries";
 import { RECIPES } from "@/model/recipe";
-import { runState } from "@/model/states";
+import { lastRunState } from "@/model/states";
 import type { WorkflowRow } from "@/model/wire";
 import { Card, Empty, Loaded } from "@/ui/card";
 import { Button, Dialog, Refused, TextField } from "@/ui/controls";
@@ -140,7 +140,7 @@ function WorkflowTable(props: {
               {row.last_run ? (
                 <Link to={`/runs/${row.last_run.id}`} className="lastrun">
                   <span className="num">#{row.last_run.number}</span>
-                  <StateText state={runState(row.last_run.state)} />
+                  <StateText state={lastRunState(row.last_run)} />
                 </Link>
               ) : (
                 <span className="m">{isTemplates ? "–" : "never run"}</span>
