@@ -130,6 +130,11 @@ function WorkflowTable(props: {
               <Link className="b" to={`/workflows/${row.id}/edit`}>
                 {row.name}
               </Link>
+              {row.last_run?.waits_for && (
+                <Link to={`/runs/${row.last_run.id}`} className="lastrun phone">
+                  <StateText state={lastRunState(row.last_run)} />
+                </Link>
+              )}
               {row.description && <span className="t12 m wide"> {row.description}</span>}
             </td>
             <td className="r num wide">

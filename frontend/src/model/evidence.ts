@@ -63,7 +63,7 @@ export function evidenceRows(
 }
 
 const nameOf = (result: ConditionResult): string =>
-  (result.name.split(".").at(-1) ?? result.name).replaceAll("_", " ");
+  (result.name.split(".").at(-1) ?? result.name).replace(/^is_/, "").replaceAll("_", " ");
 
 const RANGE = /^(\S+) to (\S+)$/;
 

@@ -100,6 +100,9 @@ test.each([
   [{ value: 2, status: "port_index", wanted: "1" }, "port 2, wanted 1"],
   [{ value: "VIAL_8", status: "tag", wanted: "VIAL_7" }, "tag VIAL_8, wanted VIAL_7"],
 ])("a condition is told in words: %j", (evidence, text) => {
+  const pre = [{ name: "pump.is_initialized", verdict: "pass", message: "raw", evidence }];
+  const rows = evidenceRows(aJob(0, "a", "in_doubt", { evidence: { pre } }), String);
+  expect(rows).toContainEqual({ label: "Before: initialized", text: `${text}, pass` });
   expect(conditionText({ name: "a.b", verdict: "pass", message: "raw", evidence })).toBe(text);
 });
 

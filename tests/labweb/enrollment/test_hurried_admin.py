@@ -150,3 +150,18 @@ def test_thousands_of_strangers_fill_one_page_of_the_inbox_at_a_time(
     answer = admin.get("/admin/enrollment/candidate/")
     assert answer.status_code == 200
     assert answer.content.decode().count("Stranger ") <= 200
+
+
+@pytest.mark.parametrize(
+    ("path", "told"),
+    [
+        ("enrollment/candidate", "Nothing has announced itself"),
+        ("enrollment/jointoken", "A new token lets one machine ask"),
+        ("approvals/approvalrequest", "Nothing to approve"),
+    ],
+)
+def test_an_empty_list_says_what_would_stand_there_and_a_search_does_not(
+    admin: Client, path: str, told: str
+) -> None:
+    assert told in admin.get(f"/admin/{path}/").content.decode()
+    assert told not in admin.get(f"/admin/{path}/?q=nothing").content.decode()
