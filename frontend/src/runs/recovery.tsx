@@ -48,15 +48,13 @@ export function Recovery({ run, job, card }: { run: Run; job: Job; card: Recover
   const why = run.can.recover || isAbort ? whyNotSend(asked) : words.recovery.mayNot;
   const send = (): void => {
     if (!choice) return;
-    if (choice === "abort") {
-      abort.mutate({ act: "abort", reason: note.trim() }, { onSuccess: draft.forget });
-      return;
-    }
+    const after = { onSuccess: draft.forget };
+    if (choice === "abort") return abort.mutate({ act: "abort", reason: note.trim() }, after);
     const answer: RecoveryAnswer = { choice, note: note.trim() };
     if (choice === "done_by_hand" && read.ul !== null && card.asked_ul !== null)
       answer.moved_ul = read.ul;
     if (choice === "change") answer.params = changed;
-    recover.mutate(answer, { onSuccess: draft.forget });
+    recover.mutate(answer, after);
   };
   return (
     <form

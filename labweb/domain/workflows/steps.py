@@ -338,10 +338,6 @@ def sentence(
         >>> parts = sentence("wait", {"duration": "10 min"}, {})
         >>> [(part["text"], part["strong"]) for part in parts]
         [('Wait ', False), ('10 min', True)]
-        >>> called = {"action": "select_port", "device": "@pump_1"}
-        >>> parts = sentence("device_action", called, {"@pump_1": "Pump 1"})
-        >>> "".join(part["text"] for part in parts)
-        'Run select port on Pump 1'
     """
     operation = STEP_KINDS[kind]
     parts: list[dict[str, Any]] = []
@@ -361,8 +357,8 @@ def sentence_text(kind: str, params: Mapping[str, Any], names: Mapping[str, str]
     """Return the sentence of a step without marks.
 
     Example:
-        >>> sentence_text("wait", {"duration": "10 min"}, {})
-        'Wait 10 min'
+        >>> sentence_text("device_action", {"action": "select_port", "device": "@p"}, {"@p": "P"})
+        'Run select port on P'
     """
     return "".join(part["text"] for part in sentence(kind, params, names))
 
