@@ -8,16 +8,17 @@ Safe state: the pump stands; on a lost link it goes on, no watchdog is known.
 Setters have no answer but their echo, so each is proved by the answer to RS that follows it. An
 echo that does not come, or comes otherwise, is a command that the pump may have read otherwise.
 
-No accuracy of a flow is stated: the pump is told a speed in whole rpm, and tube and head make
-a flow of it.
+The pump is told whole rpm, up to three figures. A rate between two of them is refused with both;
+none is rounded. No accuracy of a flow is stated: tube and head make a flow of the speed.
 
 Source:
     Watson-Marlow, 323E, 323S, 323U and 323Du user manual, p. 27, "RS232 settings" (2 stop bits,
-    echo on) and "RS232 command modes" (10 ms between commands).
+    echo on) and "RS232 command modes" (`1SPxxx`, `323Du 110 CW 1 !`, 10 ms between commands).
 """
 
 from __future__ import annotations
 
+import math
 import re
 from typing import Annotated, ClassVar, Literal, NamedTuple
 
@@ -28,7 +29,13 @@ from drivers.connectors._flow import check_delivery, deliver, refuse_if_running
 from drivers.connectors._motion import refuse_rate
 from drivers.interfaces.continuous_pump import ContinuousPump
 from drivers.transports.base import ByteTransport
-from labweb.domain.errors import DeviceError, Effect, FrameError, RejectedError
+from labweb.domain.errors import (
+    DeviceError,
+    Effect,
+    FrameError,
+    PreconditionError,
+    RejectedError,
+)
 
 MODEL = "323Du"
 END = b"!"
@@ -36,8 +43,10 @@ ANSWER_S = 1.0
 GAP_S = 0.01
 """Least time between two commands."""
 
-SLOWEST_RPM, STEP_RPM = 3.0, 0.1
-"""Lowest speed, and what one digit of SP is."""
+SLOWEST_RPM = 3
+
+AS_WRITTEN_RATIO = 1e-5
+"""How far a rate may lie beside a whole speed: six figures, as it is told, go no nearer."""
 
 Rate = Annotated[float, Range(0.001, 100_000.0)]
 Volume = Annotated[float, Range(0.001, 10_000_000.0)]
@@ -55,7 +64,7 @@ class Config(msgspec.Struct, frozen=True, kw_only=True):
     direction: Literal["CW", "CCW"] = "CW"
     """Sense of rotation that moves liquid from inlet to outlet."""
 
-    max_speed_rpm: Annotated[float, Range(3.0, 400.0)] = 400.0
+    max_speed_rpm: Annotated[int, Range(3, 400)] = 400
 
 
 class Told(NamedTuple):
@@ -71,8 +80,8 @@ def encode_command(address: int, command: str) -> bytes:
     r"""Build the frame of a command.
 
     Example:
-        >>> encode_command(1, "SP 50.0")
-        b'1SP 50.0\r'
+        >>> encode_command(1, "SP50")
+        b'1SP50\r'
     """
     return f"{address}{command}\r".encode("ascii")
 
@@ -84,8 +93,8 @@ def decode_status(frame: bytes) -> Told:
         FrameError: Not such an answer.
 
     Example:
-        >>> decode_status(b"323Du 50.0 CW 1 !")
-        Told(model='323Du', speed_rpm=50.0, direction='CW', is_running=True)
+        >>> decode_status(b"323Du 110 CW 1 !")
+        Told(model='323Du', speed_rpm=110.0, direction='CW', is_running=True)
     """
     match = re.fullmatch(rb"\s*(\w+) +(\d{1,4}(?:\.\d+)?) +(CW|CCW) +([01]) +!", frame)
     if match is None:
@@ -101,8 +110,8 @@ def decode_echo(answer: bytes, frame: bytes) -> bytes:
         FrameError: Another echo, or none: the pump may have read another command.
 
     Example:
-        >>> decode_echo(b"1RS\r323Du 50.0 CW 1 !", b"1RS\r")
-        b'323Du 50.0 CW 1 !'
+        >>> decode_echo(b"1RS\r323Du 110 CW 1 !", b"1RS\r")
+        b'323Du 110 CW 1 !'
     """
     if not answer.startswith(frame):
         raise FrameError(
@@ -185,17 +194,16 @@ class WatsonMarlow323(Driver[ByteTransport, Config], ContinuousPump):
             is_running=self.is_running,
         )
 
-    def _set(self, speed_rpm: float) -> None:
+    def _set(self, speed_rpm: int) -> None:
         """Set speed and direction, and prove both."""
         with before_acting():
-            self._send(f"SP {speed_rpm:.1f}")
+            self._send(f"SP{speed_rpm}")
             self._send("RR" if self.config.direction == "CW" else "RL")
             told = self._status()
-            is_set = abs(told.speed_rpm - speed_rpm) < STEP_RPM / 2
-            if not is_set or told.direction != self.config.direction:
+            if told.speed_rpm != speed_rpm or told.direction != self.config.direction:
                 raise RejectedError(
                     f"the pump holds {told.speed_rpm:g} rpm {told.direction}, "
-                    f"not {speed_rpm:g} rpm {self.config.direction}"
+                    f"not {speed_rpm} rpm {self.config.direction}"
                 )
 
     def _start(self) -> None:
@@ -205,10 +213,24 @@ class WatsonMarlow323(Driver[ByteTransport, Config], ContinuousPump):
                 self.pause(0)  # a stop stands the pump still before anybody else hears of it
                 raise DeviceError("the pump was told to run, and stands", effect=Effect.UNKNOWN)
 
-    def _speed_rpm(self, rate_ul_s: float) -> float:
-        slowest_ul_s = self._rate_ul_s(SLOWEST_RPM)
-        refuse_rate(rate_ul_s, slowest_ul_s, self._rate_ul_s(self.config.max_speed_rpm))
-        return round(rate_ul_s * 60 / self.config.per_turn_ul, 1)
+    def _speed_rpm(self, rate_ul_s: float) -> int:
+        asked_rpm = rate_ul_s * 60 / self.config.per_turn_ul
+        speed_rpm = round(asked_rpm)
+        is_whole = abs(asked_rpm - speed_rpm) <= AS_WRITTEN_RATIO * asked_rpm
+        refuse_rate(
+            self._rate_ul_s(speed_rpm) if is_whole else rate_ul_s,
+            self._rate_ul_s(SLOWEST_RPM),
+            self._rate_ul_s(self.config.max_speed_rpm),
+        )
+        if is_whole:
+            return speed_rpm
+        below, above = math.floor(asked_rpm), math.ceil(asked_rpm)
+        raise PreconditionError(
+            f"{rate_ul_s:g} µL/s is {asked_rpm:.6g} rpm, and the pump takes whole rpm: ask for "
+            f"{self._rate_ul_s(below):.6g} µL/s ({below} rpm) or "
+            f"{self._rate_ul_s(above):.6g} µL/s ({above} rpm)",
+            code="device.resolution",
+        )
 
     def _rate_ul_s(self, speed_rpm: float) -> float:
         return speed_rpm * self.config.per_turn_ul / 60

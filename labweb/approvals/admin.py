@@ -69,6 +69,7 @@ class Policies(admin.ModelAdmin[Policy]):
 class ApprovalRequests(ReadOnly):
     """Questions. They are answered in the app."""
 
+    nothing = "Nothing to approve. What a policy wants a second person for stands here."
     list_display = ("title", "state", "asked_by", "asked_at", "expires_at", "plan_digest")
     list_filter = ("state",)
     list_select_related = ("asked_by",)
@@ -79,6 +80,7 @@ class ApprovalRequests(ReadOnly):
 class Decisions(ReadOnly):
     """Answers, with what was signed."""
 
+    nothing = "Nobody has decided anything yet."
     list_display = ("at", "request", "printed_name", "meaning", "comment", "plan_digest")
     list_filter = ("is_approved",)
     list_select_related = ("request",)

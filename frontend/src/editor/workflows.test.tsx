@@ -4,9 +4,9 @@ import { expect, test } from "vitest";
 import { serve, show } from "@/testpage";
 import { WorkflowsPage } from "./workflows";
 
-function page(permissions: string[]) {
+function page(permissions: string[], workflows: unknown[] = []) {
   const user = { username: "somebody", permissions };
-  serve((path) => [200, path === "/session" ? { user, lab: null } : { workflows: [] }]);
+  serve((path) => [200, path === "/session" ? { user, lab: null } : { workflows }]);
   show(<WorkflowsPage />, "/workflows?new=1");
 }
 
@@ -20,4 +20,18 @@ test("an address that asks for a new workflow opens nothing for who may not draw
 test("the same address asks who may draw for a name", async () => {
   page(["view", "draw"]);
   expect(await screen.findByTestId("new-workflow-name")).toBeInTheDocument();
+});
+
+test.each([
+  ["answer", "in doubt, waits for an answer"],
+  ["recovery", "waits for recovery"],
+  [null, "paused"],
+])("the last run that waits for %s says so: %s", async (waits_for, word) => {
+  const last_run = { id: "r", number: 7, state: "paused", ended_at: null, waits_for };
+  const row = { id: "w", name: "Move water", last_run, latest_version: null, steps_count: 1 };
+  page(["view"], [{ ...row, description: "", is_template: false, updated_at: "2026-11-20" }]);
+  expect(await screen.findByRole("link", { name: new RegExp(`^#7 ?${word}$`) })).toHaveAttribute(
+    "href",
+    "/runs/r",
+  );
 });

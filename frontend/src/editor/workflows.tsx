@@ -7,7 +7,7 @@ import { useTopics } from "@/api/live";
 import { useOpened } from "@/api/opened";
 import { useSession, useWorkflows } from "@/api/queries";
 import { RECIPES } from "@/model/recipe";
-import { runState } from "@/model/states";
+import { lastRunState } from "@/model/states";
 import type { WorkflowRow } from "@/model/wire";
 import { Card, Empty, Loaded } from "@/ui/card";
 import { Button, Dialog, Refused, TextField } from "@/ui/controls";
@@ -130,6 +130,11 @@ function WorkflowTable(props: {
               <Link className="b" to={`/workflows/${row.id}/edit`}>
                 {row.name}
               </Link>
+              {row.last_run?.waits_for && (
+                <Link to={`/runs/${row.last_run.id}`} className="lastrun phone">
+                  <StateText state={lastRunState(row.last_run)} />
+                </Link>
+              )}
               {row.description && <span className="t12 m wide"> {row.description}</span>}
             </td>
             <td className="r num wide">
@@ -140,7 +145,7 @@ function WorkflowTable(props: {
               {row.last_run ? (
                 <Link to={`/runs/${row.last_run.id}`} className="lastrun">
                   <span className="num">#{row.last_run.number}</span>
-                  <StateText state={runState(row.last_run.state)} />
+                  <StateText state={lastRunState(row.last_run)} />
                 </Link>
               ) : (
                 <span className="m">{isTemplates ? "–" : "never run"}</span>

@@ -74,14 +74,14 @@ test("a wire needs no look inside", async () => {
 });
 
 test("what the server refuses is said, and the dialog stays", async () => {
-  const message = "run #7, move water, goes through tube_1: let the run end, or stop it";
+  const message = "run #7, move water, goes from Valve 1 to Mixer 1: let the run end, or stop it";
   lab({}, [412, { code: "device.has_job", message, effect: "none", findings: [] }]);
   await userEvent.click(await screen.findByTestId("take-off"));
   await userEvent.type(screen.getByTestId("take-off-reason"), "the mixer goes");
   await userEvent.click(screen.getByTestId("take-off-empty"));
   await userEvent.click(screen.getByTestId("take-off-send"));
   expect(await screen.findByTestId("take-off-form")).toHaveTextContent(
-    /goes through tube_1: let the run end/,
+    /goes from Valve 1 to Mixer 1: let the run end/,
   );
 });
 

@@ -1,6 +1,6 @@
 /** A connection that comes off the physical graph: said by a person who has done it. */
 
-import { useState } from "react";
+import { useEffect, useState } from "react";
 import { useDisconnect } from "@/api/commands";
 import type { Resource } from "@/model/wire";
 import { AskForm } from "@/ui/askform";
@@ -11,11 +11,25 @@ type Port = Resource["ports"][number];
 
 const DRY: readonly string[] = ["mechanical", "electrical", "communication", "transport"];
 
+const NAME = "[data-testid=resource] h2";
+
+/** A button that is gone with its port leaves the focus at the name of what it stood beside. */
+function useFocusAfterwards(): void {
+  useEffect(
+    () => () => {
+      if (document.activeElement === document.body)
+        document.querySelector<HTMLElement>(NAME)?.focus();
+    },
+    [],
+  );
+}
+
 /** The button beside a port, and its dialog. */
 export function TakeOff({ resource, port }: { resource: Resource; port: Port }) {
   const [isOpen, setIsOpen] = useState(false);
   const close = (): void => setIsOpen(false);
   const to = port.to?.name ?? "";
+  useFocusAfterwards();
   return (
     <>
       <Button
@@ -32,13 +46,14 @@ export function TakeOff({ resource, port }: { resource: Resource; port: Port }) 
         size={480}
         testId="take-off-dialog"
       >
-        <TakeOffForm port={port} onClose={close} />
+        <TakeOffForm resource={resource} port={port} onClose={close} />
       </Dialog>
     </>
   );
 }
 
-function TakeOffForm({ port, onClose }: { port: Port; onClose: () => void }) {
+function TakeOffForm(props: { resource: Resource; port: Port; onClose: () => void }) {
+  const { resource, port, onClose } = props;
   const asked = useDisconnect();
   const [isEmpty, setIsEmpty] = useState(false);
   const [note, setNote] = useState("");
@@ -58,12 +73,16 @@ function TakeOffForm({ port, onClose }: { port: Port; onClose: () => void }) {
       onCancel={onClose}
     >
       <p className="help">
-        {words.disconnect.about} {port.connection.key} ({port.medium}).
+        {words.disconnect.about(
+          `${resource.name}, port ${port.port}`,
+          `${port.to?.name ?? ""}, port ${port.to?.port ?? ""}`,
+        )}
       </p>
       {!isDry && (
         <label className="check">
           <input
             type="checkbox"
+            data-autofocus
             checked={isEmpty}
             onChange={(event) => setIsEmpty(event.target.checked)}
             data-testid="take-off-empty"
@@ -76,6 +95,7 @@ function TakeOffForm({ port, onClose }: { port: Port; onClose: () => void }) {
         value={note}
         onChange={setNote}
         lines={2}
+        autoFocus={isDry}
         testId="take-off-reason"
       />
     </AskForm>

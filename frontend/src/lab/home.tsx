@@ -15,7 +15,7 @@ import { StateChip, StateGlyph } from "@/ui/state";
 import { Age, At, Since, useLabTime, useNow } from "@/ui/time";
 import { RunTable } from "@/ui/runtable";
 import { BenchGrid } from "@/ui/devicetile";
-import { formatAge, toSeconds } from "@/model/format";
+import { formatAge, lineWords, toSeconds } from "@/model/format";
 import { useReset } from "./stop";
 import { words } from "./words";
 
@@ -144,7 +144,7 @@ function NeedRow({ need, isFirst, act }: { need: Need; isFirst: boolean; act: ()
         </Link>
         <p className="t12 s">
           {need.detail.startsWith(state.word) ? "" : `${state.word} · `}
-          {need.detail}
+          {lineWords(need.detail)}
         </p>
       </div>
       <div className="when">

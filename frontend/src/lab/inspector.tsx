@@ -43,7 +43,7 @@ function Details(props: { resource: Resource; isShort: boolean; ask: StockAsked 
   return (
     <div className="rdetail" data-testid="resource" data-resource={resource.id}>
       <header>
-        <h2>{resource.name}</h2>
+        <h2 tabIndex={-1}>{resource.name}</h2>
         <span className="m">{resource.kind_label}</span>
         <i className="sp" />
         {resource.holds_liquid && (

@@ -110,7 +110,8 @@ export const words = {
     button: "Take off…",
     title: "Take apart",
     mayNot: "Needs the right to admit devices on both of its ends.",
-    about: "Take it off at the bench first. Then no way of the lab goes through",
+    about: (from: string, to: string) =>
+      `Take it off at the bench first. Then no way of the lab goes between ${from}, and ${to}.`,
     empty: "I have looked: nothing is in it.",
     reason: "Why is it taken off?",
     sayBoth: "Look that nothing is in it, and write why.",

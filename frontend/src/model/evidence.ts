@@ -1,6 +1,6 @@
 /** What is known of a job whose outcome is not, in rows a person can read. */
 
-import { THIN, formatArguments, plain, sentence, toSeconds } from "./format";
+import { THIN, formatArguments, lineWords, plain, sentence, toSeconds } from "./format";
 import { isSetpoint } from "./telemetry";
 import type { ConditionResult, DeviceRow, Job, Run } from "./wire";
 
@@ -10,7 +10,7 @@ export interface EvidenceRow {
 }
 
 /** Suffix that says the unit of a number. */
-const UNIT = /_(ul_s|mm_s|ul|nl|c|rpm|s|mg|kpa|mm)$/;
+const UNIT = /_(index|ul_s|mm_s|ul|nl|c|rpm|s|mg|kpa|mm)$/;
 const HIDDEN = new Set([
   "ok",
   "message",
@@ -44,7 +44,7 @@ export function evidenceRows(
     text: problemText(job) || (ended === null ? "not seen" : `reported ${clock(ended)}`),
   });
   rows.push(...toldRows(device, clock));
-  rows.push(...reportRows(job.evidence.report ?? {}, clock));
+  rows.push(...reportRows(job.evidence.report ?? {}, clock, job.device.name));
   for (const [word, results] of [
     ["Before", job.evidence.pre],
     ["After", job.evidence.post],
@@ -63,15 +63,18 @@ export function evidenceRows(
 }
 
 const nameOf = (result: ConditionResult): string =>
-  (result.name.split(".").at(-1) ?? result.name).replaceAll("_", " ");
+  (result.name.split(".").at(-1) ?? result.name).replace(/^is_/, "").replaceAll("_", " ");
 
 const RANGE = /^(\S+) to (\S+)$/;
 
-/** What was seen and wanted, with units, where the host told both as numbers. */
+/** What was seen and wanted, as a person says it, where the host told both. */
 export function conditionText({ message, evidence }: ConditionResult): string {
   const { status, value, wanted } = evidence ?? {};
-  if (typeof status !== "string" || typeof value !== "number" || typeof wanted !== "string")
-    return message;
+  if (typeof status !== "string" || typeof wanted !== "string") return message;
+  if (typeof value === "boolean" && /^(True|False)$/.test(wanted))
+    return `${formatArguments({ [status]: value })}, wanted ${plain(wanted === "True")}`;
+  if (typeof value === "string") return `${formatArguments({ [status]: value })}, wanted ${wanted}`;
+  if (typeof value !== "number") return message;
   const range = RANGE.exec(wanted);
   const ends = (range ? [range[1], range[2]] : [wanted]).map(Number);
   if (!ends.every(Number.isFinite)) return message;
@@ -125,18 +128,29 @@ function correctionRows(job: Job): EvidenceRow[] {
   return rows;
 }
 
-function reportRows(report: Record<string, unknown>, clock: (at: number) => string): EvidenceRow[] {
+function reportRows(
+  report: Record<string, unknown>,
+  clock: (at: number) => string,
+  device: string,
+): EvidenceRow[] {
   return Object.entries(report).flatMap(([key, value]) => {
     if (HIDDEN.has(key) || value === null || value === "") return [];
     const at = key.endsWith("_at") && typeof value === "string" ? toSeconds(value) : null;
     if (at !== null) return [{ label: label(key.slice(0, -3)), text: clock(at) }];
     if (typeof value === "object") {
-      const inner = flat(value as Record<string, unknown>);
-      return inner ? [{ label: label(key), text: inner }] : [];
+      const { line, ...others } = value as Record<string, unknown>;
+      const inner = flat(Array.isArray(value) ? value : others);
+      const rows = inner ? [{ label: label(key), text: inner }] : [];
+      return typeof line === "string" ? [...rows, lineRow(line, device)] : rows;
     }
     return [{ label: label(key), text: value_(key, value) }];
   });
 }
+
+const lineRow = (line: string, device: string): EvidenceRow => ({
+  label: "Line",
+  text: `${device}, ${lineWords(line)}`,
+});
 
 function value_(key: string, value: unknown): string {
   if (typeof value !== "number") return plain(value);
@@ -148,7 +162,7 @@ function value_(key: string, value: unknown): string {
 const isId = (value: unknown): boolean =>
   typeof value === "string" && /^[0-9a-f]{8}(-[0-9a-f]{4}){3}-[0-9a-f]{12}$/.test(value);
 
-function flat(value: Record<string, unknown>): string {
+function flat(value: Record<string, unknown> | unknown[]): string {
   if (Array.isArray(value)) return value.map(plain).join(", ");
   return Object.entries(value)
     .filter(([key, inner]) => !HIDDEN.has(key) && inner !== null && inner !== "" && !isId(inner))

@@ -212,7 +212,9 @@ const SUFFIXES: [suffix: string, unit: string][] = [
 
 function formatArgument(name: string, value: unknown): string {
   const words = (text: string): string => text.replaceAll("_", " ").trim();
+  if (typeof value === "boolean") return `${words(name.replace(/^is_/, ""))}: ${plain(value)}`;
   if (typeof value !== "number") return `${words(name)} ${plain(value)}`;
+  if (name.endsWith("_index")) return `${words(name.slice(0, -6))} ${formatNumber(value)}`;
   for (const [suffix, unit] of SUFFIXES) {
     if (!name.endsWith(suffix)) continue;
     const noun = words(name.slice(0, -suffix.length));
@@ -252,8 +254,16 @@ function shortChange(name: string, value: number): string {
   return noun.endsWith("setpoint") ? `set ${text}` : text;
 }
 
+/** The line of a device by what a person knows it by: the socket it is plugged to, or its place on the net. */
+export function lineWords(text: string): string {
+  return text
+    .replace(/\bserial:(?:\/\/)?[^\s,;?]*\/([^\s,;?/]+)(?:\?[^\s,;]*)?/g, "serial line $1")
+    .replace(/\btcp:(?:\/\/)?(\S+?:\d+)/g, "network line $1");
+}
+
 /** A message of the server as a sentence: begins with a capital unless its first word is a name. */
-export function sentence(text: string): string {
+export function sentence(message: string): string {
+  const text = lineWords(message);
   return /^[a-z][a-z']*([ ,:;]|\.(?!\w)|$)/.test(text)
     ? text.charAt(0).toUpperCase() + text.slice(1)
     : text;

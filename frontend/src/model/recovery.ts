@@ -3,11 +3,15 @@
 import { isFinalJob } from "./states";
 import type { Job, RecoveryCard, RecoveryChoice, RecoveryName, Run } from "./wire";
 
-export const CHOICE_WORDS: Record<RecoveryName, string> = {
+/** What a person may do about it: decide about the action, or end the whole run. */
+export type RecoveryAct = RecoveryName | "abort";
+
+export const CHOICE_WORDS: Record<RecoveryAct, string> = {
   retry: "Try again",
   change: "Change values and plan anew",
   done_by_hand: "Mark as done by hand",
   skip: "Skip",
+  abort: "Abort the run",
 };
 
 const EQUAL_FAILURES = 2;
@@ -22,7 +26,7 @@ export function orderedChoices(card: Pick<RecoveryCard, "choices" | "tries">): R
 }
 
 interface Draft {
-  choice: RecoveryName | null;
+  choice: RecoveryAct | null;
   note: string;
   ul: number | null;
   changed: Record<string, unknown>;
@@ -44,7 +48,7 @@ export function endsRun(
   run: Pick<Run, "jobs">,
   job: Pick<Job, "id">,
   card: Pick<RecoveryCard, "skips">,
-  choice: RecoveryName | null,
+  choice: RecoveryAct | null,
 ): boolean {
   if (choice !== "skip" && choice !== "done_by_hand") return false;
   const left = run.jobs.filter((other) => other.id !== job.id && !isSettled(other));

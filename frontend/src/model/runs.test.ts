@@ -94,6 +94,36 @@ test("a condition that failed is told with units, as the reason too", () => {
   expect(problemText(aJob(0, "a", "aborted", { message: "it is stuck" }))).toBe("It is stuck");
 });
 
+test.each([
+  [{ value: true, status: "is_initialized", wanted: "True" }, "initialized: yes, wanted yes"],
+  [{ value: false, status: "is_initialized", wanted: "True" }, "initialized: no, wanted yes"],
+  [{ value: 2, status: "port_index", wanted: "1" }, "port 2, wanted 1"],
+  [{ value: "VIAL_8", status: "tag", wanted: "VIAL_7" }, "tag VIAL_8, wanted VIAL_7"],
+])("a condition is told in words: %j", (evidence, text) => {
+  const pre = [{ name: "pump.is_initialized", verdict: "pass", message: "raw", evidence }];
+  const rows = evidenceRows(aJob(0, "a", "in_doubt", { evidence: { pre } }), String);
+  expect(rows).toContainEqual({ label: "Before: initialized", text: `${text}, pass` });
+  expect(conditionText({ name: "a.b", verdict: "pass", message: "raw", evidence })).toBe(text);
+});
+
+test("the line of a device is told by the device and its socket, not by a path", () => {
+  const told = (line: string) =>
+    evidenceRows(
+      aJob(0, "a", "in_doubt", { evidence: { report: { evidence: { line, received: "" } } } }),
+      String,
+    ).filter((row) => /line/i.test(row.label + row.text));
+  expect(told("serial:/tmp/lab/run/line1.tty")).toEqual([
+    { label: "Line", text: "Pump 1, serial line line1.tty" },
+  ]);
+  expect(told("tcp:127.0.0.1:40469")).toEqual([
+    { label: "Line", text: "Pump 1, network line 127.0.0.1:40469" },
+  ]);
+  const message = "serial:/dev/ttyUSB0 cannot be opened: no such file";
+  expect(problemText(aJob(0, "a", "aborted", { message }))).toBe(
+    "Serial line ttyUSB0 cannot be opened: no such file",
+  );
+});
+
 test("a number that a calibration made right stands as asked and as sent", () => {
   const job = aJob(0, "a", "complete", {
     corrections: [

@@ -1,7 +1,7 @@
 /** Every state, its word and its look; the same on each page. */
 
 import type { FileState } from "./wirefiles";
-import type { JobState, RunState } from "./wire";
+import type { JobState, LastRun, RunState } from "./wire";
 
 /** Looks of chips, glyphs, bars and tiles. */
 export type Look =
@@ -96,6 +96,13 @@ const FILE: Record<FileState, State> = {
 const unknown = (word: string): State => ({ look: "idle", word: capitalise(word) });
 
 export const runState = (state: string): State => RUN[state as RunState] ?? unknown(state);
+
+/** State of the newest run of a workflow: what it waits for stands before how it stands. */
+export function lastRunState(run: Pick<LastRun, "state" | "waits_for">): State {
+  if (run.waits_for === "answer") return { look: "doubt", word: "In doubt, waits for an answer" };
+  if (run.waits_for === "recovery") return { look: "error", word: "Waits for recovery" };
+  return runState(run.state);
+}
 export const jobState = (state: string): State => JOB[state as JobState] ?? unknown(state);
 export const transactionState = (state: string): State => TRANSACTION[state] ?? unknown(state);
 export const linkState = (state: string): State => LINK[state] ?? unknown(state);

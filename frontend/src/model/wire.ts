@@ -139,7 +139,16 @@ export interface WorkflowRow {
   steps_count: number;
   updated_at: Iso;
   updated_by: string | null;
-  last_run: { id: Id; number: number; state: string; ended_at: Iso | null } | null;
+  last_run: LastRun | null;
+}
+
+export interface LastRun {
+  id: Id;
+  number: number;
+  state: string;
+  ended_at: Iso | null;
+  /** What a person has to say before it can go on. */
+  waits_for: "answer" | "recovery" | null;
 }
 
 export interface Workflow extends WorkflowRow {

@@ -2,6 +2,7 @@
 
 import { useEffect, useMemo, useRef, useState } from "react";
 import { useRunLog } from "@/api/queries";
+import { lineWords } from "@/model/format";
 import { capitalise } from "@/model/states";
 import type { LogLine } from "@/model/wire";
 import { Card, Empty, Loaded } from "@/ui/card";
@@ -70,7 +71,7 @@ function Lines({ lines, text, job }: { lines: LogLine[]; text: string; job: stri
               </td>
               <td className="num m t12 r">{line.job_index === null ? "" : line.job_index + 1}</td>
               <td className="t12 s">{capitalise(line.kind)}</td>
-              <td className="mono">{line.text}</td>
+              <td className="mono">{lineWords(line.text)}</td>
               <td className="r">
                 <Body body={line.body} />
               </td>

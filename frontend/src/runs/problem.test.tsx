@@ -33,7 +33,7 @@ test("a step that a stop of the lab undid is asked about, and says what was take
   expect(screen.getByTestId("problem-effect")).toHaveTextContent(
     /was halted with the whole lab, and what it had set is unknown/,
   );
-  expect(screen.getAllByRole("radio")).toHaveLength(2);
+  expect(screen.getAllByRole("radio")).toHaveLength(3);
   view.unmount();
   const letGo = { ...job, halted_by: "let_go", recovery: null };
   show(<Problems run={{ ...paused("stopped"), jobs: [letGo] }} job={null} />);

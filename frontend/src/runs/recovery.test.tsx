@@ -7,6 +7,7 @@ import { aJob, aRow, aRun } from "@/model/samples";
 import type { RecoveryCard } from "@/model/wire";
 import { serve, show } from "@/testpage";
 import { Recovery } from "./recovery";
+import { words } from "./words";
 
 const card: RecoveryCard = {
   recovery: "R2",
@@ -115,6 +116,27 @@ it("keeps what was written until it is sent, though the page was left", () => {
   show(<Recovery run={aRun([job])} job={job} card={card} />);
   expect(screen.getByTestId("recover-amount")).toHaveValue("4 mL");
   expect(screen.getByTestId("recover-note")).toHaveValue("by hand");
+});
+
+it("offers to abort the run last, says what that leads to, and sends the reason", async () => {
+  const sent = serve(() => [200, aRun([job])]);
+  show(<Recovery run={aRun([job])} job={job} card={card} />);
+  expect(screen.getAllByRole("radio").at(-1)).toBe(screen.getByTestId("recover-abort"));
+  expect(screen.getByText(words.abortAbout)).toBeInTheDocument();
+  fireEvent.click(screen.getByTestId("recover-abort"));
+  expect(screen.getByTestId("recover-send")).toBeDisabled();
+  expect(screen.getByTestId("recover-then")).toHaveTextContent("The run ends here");
+  fireEvent.change(screen.getByTestId("recover-note"), { target: { value: " the flask broke " } });
+  fireEvent.click(screen.getByTestId("recover-send"));
+  await vi.waitFor(() => expect(sent).toHaveLength(1));
+  expect(sent[0]?.path).toMatch(/runs\/.*\/abort$/);
+  expect(sent[0]?.body).toEqual({ reason: "the flask broke" });
+});
+
+it("does not offer to abort a run that has ended", () => {
+  const run = aRun([job]);
+  show(<Recovery run={{ ...run, can: { ...run.can, abort: false } }} job={job} card={card} />);
+  expect(screen.getByTestId("recover-abort")).toBeDisabled();
 });
 
 it("offers things of the lab by their names among the values", () => {

@@ -1,6 +1,6 @@
 /** What becomes of a job that ended undone: each choice with what it leads to. */
 
-import { useRecover, type RecoveryAnswer } from "@/api/commands";
+import { useRecover, useRunAct, type RecoveryAnswer } from "@/api/commands";
 import { useKept } from "@/api/kept";
 import { useResources } from "@/api/queries";
 import { formatVolume } from "@/model/format";
@@ -11,9 +11,10 @@ import {
   orderedChoices,
   readValue,
   whyNotSend,
+  type RecoveryAct,
 } from "@/model/recovery";
 import { readVolume, type Typed } from "@/model/volume";
-import type { Job, RecoveryCard, RecoveryName, Run } from "@/model/wire";
+import type { Job, RecoveryCard, Run } from "@/model/wire";
 import { Button, Refused, TextField } from "@/ui/controls";
 import { Picker } from "@/ui/picker";
 import { words } from "./words";
@@ -21,7 +22,7 @@ import { words } from "./words";
 type Draft = ReturnType<typeof useDraft>;
 
 interface Written {
-  choice: RecoveryName | null;
+  choice: RecoveryAct | null;
   note: string;
   amount: string;
   values: Record<string, string>;
@@ -38,17 +39,22 @@ function useDraft(job: Job, card: RecoveryCard) {
 
 export function Recovery({ run, job, card }: { run: Run; job: Job; card: RecoveryCard }) {
   const recover = useRecover(job.id);
+  const abort = useRunAct(run.id);
   const draft = useDraft(job, card);
   const { choice, note, read, changed } = draft;
   const asked = { choice, note, ul: read.ul, changed, asked_ul: card.asked_ul };
-  const why = run.can.recover ? whyNotSend(asked) : words.recovery.mayNot;
+  const isAbort = choice === "abort";
+  const sent = isAbort ? abort : recover;
+  const why = run.can.recover || isAbort ? whyNotSend(asked) : words.recovery.mayNot;
   const send = (): void => {
     if (!choice) return;
+    const after = { onSuccess: draft.forget };
+    if (choice === "abort") return abort.mutate({ act: "abort", reason: note.trim() }, after);
     const answer: RecoveryAnswer = { choice, note: note.trim() };
     if (choice === "done_by_hand" && read.ul !== null && card.asked_ul !== null)
       answer.moved_ul = read.ul;
     if (choice === "change") answer.params = changed;
-    recover.mutate(answer, { onSuccess: draft.forget });
+    recover.mutate(answer, after);
   };
   return (
     <form
@@ -62,38 +68,43 @@ export function Recovery({ run, job, card }: { run: Run; job: Job; card: Recover
       <p className="help" data-testid="recovery-class">
         {words.recovery.classes[card.recovery]}
       </p>
-      <Choices job={job} card={card} draft={draft} />
+      <Choices run={run} job={job} card={card} draft={draft} />
       <Values card={card} draft={draft} />
       {choice === "skip" && <Consequences card={card} />}
       <TextField
-        label={words.recovery.note}
+        label={isAbort ? words.recovery.abortNote : words.recovery.note}
         value={note}
         onChange={(text) => draft.change({ note: text })}
-        help={words.recovery.noteHelp}
+        help={isAbort ? "" : words.recovery.noteHelp}
         testId="recover-note"
       />
-      <Refused error={recover.error} />
+      <Refused error={sent.error} />
       <div className="acts2">
         <Button
           type="submit"
-          look="pri"
+          look={isAbort ? "danger" : "pri"}
           large
           testId="recover-send"
-          disabled={recover.isPending}
+          disabled={sent.isPending}
           why={why}
         >
-          {recover.isPending ? "Sending…" : verb(choice, card, read)}
+          {sent.isPending ? "Sending…" : verb(choice, card, read)}
         </Button>
         <span className="help" data-testid="recover-then">
-          {endsRun(run, job, card, choice) ? words.recovery.ends : words.recovery.then}
+          {thenText(run, job, card, choice)}
         </span>
       </div>
     </form>
   );
 }
 
+function thenText(run: Run, job: Job, card: RecoveryCard, choice: RecoveryAct | null): string {
+  if (choice === "abort") return words.recovery.aborts;
+  return endsRun(run, job, card, choice) ? words.recovery.ends : words.recovery.then;
+}
+
 /** What is pressed says how much will stand in the record. */
-function verb(choice: RecoveryName | null, card: RecoveryCard, read: Typed): string {
+function verb(choice: RecoveryAct | null, card: RecoveryCard, read: Typed): string {
   if (!choice) return words.recovery.choose;
   if (choice !== "done_by_hand" || card.asked_ul === null || read.ul === null)
     return CHOICE_WORDS[choice];
@@ -110,10 +121,22 @@ function changesOf(card: RecoveryCard, values: Record<string, string>): Record<s
   );
 }
 
-function Choices({ job, card, draft }: { job: Job; card: RecoveryCard; draft: Draft }) {
+interface ChoicesProps {
+  run: Run;
+  job: Job;
+  card: RecoveryCard;
+  draft: Draft;
+}
+
+/** What may be done about the action, and last what ends the run. */
+function Choices({ run, job, card, draft }: ChoicesProps) {
+  const why = run.can.abort ? null : words.recovery.mayNotAbort;
+  const doubt = run.in_doubt_count > 0 ? ` ${words.abortDoubt}` : "";
+  const consequence = `${words.abortAbout}${doubt}`;
+  const abort = { name: "abort" as const, why_not: why, consequence };
   return (
     <div className="ans stacked" role="radiogroup" aria-label={words.recovery.title}>
-      {orderedChoices(card).map((one) => (
+      {[...orderedChoices(card), abort].map((one) => (
         <label key={one.name} className={one.why_not ? "off" : ""}>
           <input
             type="radio"

@@ -1,7 +1,7 @@
 /** Buttons, segments, tabs, dialogs and tooltips. */
 
 import { Modal, Tooltip } from "@mantine/core";
-import { useId, type ButtonHTMLAttributes, type ReactNode } from "react";
+import { useEffect, useId, useRef, type ButtonHTMLAttributes, type ReactNode } from "react";
 import { Icon, type IconName } from "./icons";
 
 interface ButtonProps extends ButtonHTMLAttributes<HTMLButtonElement> {
@@ -168,12 +168,17 @@ export function TextField(props: {
 
 /** A refusal where it happened: sentence, findings, and the code to quote. */
 export function Refused({ error }: { error: Error | null }) {
+  const shown = useRef<HTMLDivElement>(null);
+  // What was pressed was switched off while it was sent, and had to let go of the focus.
+  useEffect(() => {
+    if (error && document.activeElement === document.body) shown.current?.focus();
+  }, [error]);
   if (!error) return null;
   const refusal = (error as { refusal?: { code: string; findings: { message: string }[] } })
     .refusal;
   const others = refusal?.findings.filter((finding) => finding.message !== error.message) ?? [];
   return (
-    <div className="refused" role="alert" data-testid="refused">
+    <div className="refused" role="alert" data-testid="refused" tabIndex={-1} ref={shown}>
       <p className="help bad">{error.message}</p>
       {others.map((finding) => (
         <p className="help bad" key={finding.message}>

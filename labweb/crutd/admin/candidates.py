@@ -40,6 +40,7 @@ _WHERE = {"beacon": "announces itself", "serial": "is a serial port", "network":
 class Candidates(Reviewed):
     """What hosts see, and nobody has admitted."""
 
+    nothing = "Nothing has announced itself. What a host sees on its lines or hears stands here."
     list_display = ("what", "standing", "review_link", "where", "fingerprint", "seen")
     list_filter = ("state", "source", "host")
     list_select_related = ("host", "key_changed_from__device")

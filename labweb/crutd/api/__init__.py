@@ -326,7 +326,7 @@ def _summary(
         case "transfer_resource" if operation["from_id"] == operation["to_id"]:
             return f"{names.get('subject')}: handed to another host at {names.get('target')}"
         case "disconnect":
-            return f"{operation['key']}: {names.get('source')}, {names.get('target')} taken apart"
+            return f"{names.get('source')} and {names.get('target')} taken apart"
         case "transfer_resource" | "restore":
             return f"{names.get('subject')}: {names.get('source')} → {names.get('target')}"
         case "update":

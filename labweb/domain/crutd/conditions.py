@@ -11,6 +11,8 @@ from uuid import UUID
 
 import msgspec
 
+from labweb.domain.enrollment.spoken import spoken_name, spoken_value
+
 
 class Condition(msgspec.Struct, frozen=True, kw_only=True):
     """One statement about a status of a device, with a tolerance.
@@ -142,7 +144,7 @@ def evaluate(condition: Condition, now: Readings, before: Readings) -> Result:
         return Result(
             name=condition.name,
             verdict=Verdict.UNOBSERVABLE,
-            message=f"{condition.status} could not be read",
+            message=f"{spoken_name(condition.status)} could not be read",
         )
     value = now[key]
     evidence: dict[str, Any] = {"status": condition.status, "value": value}
@@ -155,11 +157,12 @@ def evaluate(condition: Condition, now: Readings, before: Readings) -> Result:
     evidence["wanted"] = wanted
     if condition.change is not None:
         evidence["before"] = before.get(key)
+    name = spoken_name(condition.status)
     if holds is None:
-        verdict, text = Verdict.UNOBSERVABLE, f"{condition.status} was not read before the start"
+        verdict, text = Verdict.UNOBSERVABLE, f"{name} was not read before the start"
     else:
         verdict = Verdict.PASS if holds else Verdict.FAIL
-        text = f"{condition.status} is {value}, wanted {wanted}"
+        text = f"{name}: {spoken_value(condition.status, value)}, wanted {_told(condition)}"
     return Result(name=condition.name, verdict=verdict, message=text, evidence=evidence)
 
 
@@ -181,22 +184,22 @@ def _doubt(condition: Condition, now: Readings, evidence: dict[str, Any]) -> str
         condition.stable_status is not None
         and now.get((device, condition.stable_status)) is not True
     ):
-        return f"{condition.status} has not settled"
+        return f"{spoken_name(condition.status)} has not settled"
     if condition.image_status is not None:
         image = now.get((device, condition.image_status))
         if not isinstance(image, str) or not _SHA256.fullmatch(image):
-            return f"no image of {condition.status} was kept"
+            return f"no image of {spoken_name(condition.status)} was kept"
         evidence |= {"image_sha256": image, "camera_id": str(device)}
     if condition.confidence_status is not None:
         confidence = _number(now.get((device, condition.confidence_status)))
         if confidence is None or not 0 <= confidence <= 1:
-            return f"nobody says how sure {condition.status} is"
+            return f"nobody says how sure {spoken_name(condition.status)} is"
         evidence |= {"confidence": confidence, "min_confidence": condition.min_confidence}
         if confidence < condition.min_confidence:
             wanted = f"{condition.min_confidence:.0%} wanted"
-            return f"{condition.status} is {confidence:.0%} sure, {wanted}"
+            return f"{spoken_name(condition.status)} is {confidence:.0%} sure, {wanted}"
     if condition.equals is None and _number(now[device, condition.status]) is None:
-        return f"{condition.status} is no number"
+        return f"{spoken_name(condition.status)} is no number"
     return ""
 
 
@@ -224,6 +227,24 @@ def _compare(condition: Condition, value: Any, before: Any) -> tuple[bool | None
     low = -float("inf") if condition.low is None else condition.low - condition.tolerance
     high = float("inf") if condition.high is None else condition.high + condition.tolerance
     return low <= number <= high, f"{condition.low} to {condition.high}"
+
+
+def _told(condition: Condition) -> str:
+    """Say what is wanted as a person reads it."""
+    name = condition.status
+    if condition.equals is not None:
+        return spoken_value(name, condition.equals)
+    if condition.change is not None:
+        change, tolerance = spoken_value(name, condition.change), condition.tolerance
+        return f"a change of {change} ± {spoken_value(name, tolerance)}"
+    low, high = condition.low, condition.high
+    if low is None and high is None:
+        return "a number"
+    if low is None:
+        return f"at most {spoken_value(name, high)}"
+    if high is None:
+        return f"at least {spoken_value(name, low)}"
+    return f"{low:g} to {spoken_value(name, high)}" if low != high else spoken_value(name, low)
 
 
 def verification_of(post: Sequence[tuple[Condition, Result]], *, reported: bool) -> Verification:

@@ -357,8 +357,8 @@ def sentence_text(kind: str, params: Mapping[str, Any], names: Mapping[str, str]
     """Return the sentence of a step without marks.
 
     Example:
-        >>> sentence_text("wait", {"duration": "10 min"}, {})
-        'Wait 10 min'
+        >>> sentence_text("device_action", {"action": "select_port", "device": "@p"}, {"@p": "P"})
+        'Run select port on P'
     """
     return "".join(part["text"] for part in sentence(kind, params, names))
 
@@ -392,7 +392,8 @@ def _filled(
         return _part(_MISSING, sort.value)
     if sort is ParameterSort.RESOURCE:
         return _part(names.get(value, _MISSING), sort.value)
-    return _part(" ".join(value.split()), sort.value)
+    told = value.replace("_", " ") if sort is ParameterSort.NAME else value
+    return _part(" ".join(told.split()), sort.value)
 
 
 def _part(text: str, sort: str) -> dict[str, Any]:

@@ -37,6 +37,7 @@ _ENDS_OLD_KEY = {
 class EdgeHosts(ReadOnly):
     """Machines that own devices."""
 
+    nothing = "No host is enrolled. Make a join token, and run the command that it shows there."
     list_display = ("name", "key", "state", "suspended_at", "last_seen_at", "epoch", "acked_seq")
     list_filter = ("state", ("suspended_at", admin.EmptyFieldListFilter))
     search_fields = ("name", "key", "id")
@@ -46,6 +47,7 @@ class EdgeHosts(ReadOnly):
 class HostCertificates(ReadOnly):
     """What hosts prove themselves with."""
 
+    nothing = "No certificate yet. A host is given one when its request to join is admitted."
     list_display = ("serial", "host", "not_before", "not_after", "used_at", "ended_at")
     list_filter = ("host", ("ended_at", admin.EmptyFieldListFilter))
     list_select_related = ("host",)
@@ -56,6 +58,7 @@ class HostCertificates(ReadOnly):
 class JoinTokens(ReadOnly):
     """Leave for one machine to ask, once."""
 
+    nothing = "No token yet. A new token lets one machine ask once to join as a host."
     list_display = ("created_at", "name", "state", "created_by", "expires_at", "used_at")
     list_select_related = ("created_by",)
     search_fields = ("name", "id")
@@ -112,6 +115,7 @@ def _minutes(text: str) -> float:
 class JoinRequests(Reviewed):
     """Machines that ask to become hosts."""
 
+    nothing = "No machine asks to join. A machine that was given a join token stands here."
     list_display = ("name", "standing", "review_link", "address", "claims", "asked_at")
     list_filter = ("state",)
     list_select_related = ("known_host",)

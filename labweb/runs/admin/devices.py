@@ -44,6 +44,7 @@ _LOOK_AGAIN_S = 2
 class Devices(Reviewed):
     """Instruments, found and admitted."""
 
+    nothing = "No device yet. A device of the lab's file or a discovered one stands here."
     list_display = ("name", "key", "state", "review_link", "host", "driver", "discovered_at")
     list_filter = ("state", "host")
     list_select_related = ("host", "driver")

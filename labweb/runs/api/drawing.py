@@ -21,7 +21,6 @@ from labweb.resources import selectors as resource_selectors
 from labweb.resources.selectors import Lab
 from labweb.runs import selectors, services
 from labweb.runs.api import render
-from labweb.runs.models import Run
 from labweb.workflows import selectors as workflow_selectors
 from labweb.workflows.api import drawing as workflow_api
 
@@ -127,14 +126,15 @@ def workflow_rows(lab: Lab) -> list[dict[str, Any]]:
     ]
 
 
-def _last_run(run: Run | None) -> dict[str, Any] | None:
-    if run is None:
+def _last_run(last: selectors.LastRun | None) -> dict[str, Any] | None:
+    if last is None:
         return None
     return {
-        "id": str(run.id),
-        "number": run.number,
-        "state": run.state,
-        "ended_at": iso(run.ended_at),
+        "id": str(last.run.id),
+        "number": last.run.number,
+        "state": last.run.state,
+        "ended_at": iso(last.run.ended_at),
+        "waits_for": last.waits_for,
     }
 
 

@@ -171,7 +171,7 @@ def _moment_of(line: Mapping[str, Any]) -> datetime:
 
 def _line(kind: str, report: dict[str, Any], sentence_text: str) -> str:
     message = report.get("message")
-    return f"{sentence_text}: {kind}" + (f", {message}" if message else "")
+    return f"{sentence_text}: {kind.replace('_', ' ')}" + (f", {message}" if message else "")
 
 
 class RunAct(APIView):

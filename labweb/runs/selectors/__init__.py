@@ -5,10 +5,10 @@ from __future__ import annotations
 import os
 from collections.abc import Collection, Iterable
 from datetime import datetime
-from typing import Any
+from typing import Any, NamedTuple
 from uuid import UUID
 
-from django.db.models import QuerySet, UUIDField
+from django.db.models import Exists, OuterRef, QuerySet, UUIDField
 
 from labweb.accounts import selectors as account_selectors
 from labweb.approvals import selectors as approval_selectors
@@ -17,6 +17,7 @@ from labweb.common.render import iso
 from labweb.crutd import selectors as crutd_selectors
 from labweb.domain.errors import NotFoundError
 from labweb.domain.runs.job import AT_EDGE, JobState, RunState
+from labweb.domain.runs.recovery import UNDONE
 from labweb.enrollment import selectors as enrollment_selectors
 from labweb.enrollment.selectors import EdgeHost
 from labweb.resources import selectors as resource_selectors
@@ -211,15 +212,35 @@ def runs_by_id(ids: Iterable[UUID]) -> dict[UUID, Run]:
     return {row.id: row for row in rows}
 
 
-def last_runs(lab: Lab) -> dict[UUID, Run]:
-    """Return the newest run of each workflow."""
+class LastRun(NamedTuple):
+    """The newest run of a workflow."""
+
+    run: Run
+    waits_for: str | None
+    """What a person has to say before it can go on: an `answer`, or a `recovery`."""
+
+
+def last_runs(lab: Lab) -> dict[UUID, LastRun]:
+    """Return the newest run of each workflow, and what it waits for."""
+    jobs = Job.objects.filter(run_id=OuterRef("pk"))
+    undone = [state.value for state in UNDONE]
     rows = (
         Run.objects.filter(lab=lab)
+        .annotate(
+            is_in_doubt=Exists(jobs.filter(state=JobState.IN_DOUBT.value)),
+            is_undone=Exists(jobs.filter(state__in=undone, passed_by="")),
+        )
         .select_related("version")
         .order_by("version__workflow_id", "-number")
         .distinct("version__workflow_id")
     )
-    return {row.version.workflow_id: row for row in rows}
+    ended = (RunState.COMPLETE.value, RunState.ABORTED.value)
+    found = {}
+    for row in rows:
+        waits_for = "answer" if row.is_in_doubt else "recovery" if row.is_undone else None
+        is_over = row.state in ended
+        found[row.version.workflow_id] = LastRun(row, None if is_over else waits_for)
+    return found
 
 
 def answers_under_way(ids: Iterable[UUID]) -> dict[UUID, tuple[str, datetime]]:

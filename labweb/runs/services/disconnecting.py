@@ -54,9 +54,12 @@ def _check_jobs(operation: Disconnect, lab: Lab) -> Iterator[Finding]:
     ends = [str(operation.source_id), str(operation.target_id)]
     rows = Job.objects.filter(run__lab=lab, locks__contains=ends).exclude(state__in=_FINAL)
     rows = rows.filter(Q(run__ended_at__isnull=True) | Q(state__in=_SENT)).select_related("run")
-    for job in rows.order_by("run__number", "index"):
+    found = list(rows.order_by("run__number", "index"))
+    joined = [operation.source_id, operation.target_id]
+    names = resource_selectors.names(joined) if found else {}
+    for job in found:
+        way = " to ".join(names[end] for end in joined)
         text = (
-            f"run #{job.run.number}, {job.sentence}, goes through {operation.key}: let the run "
-            "end, or stop it"
+            f"run #{job.run.number}, {job.sentence}, goes from {way}: let the run end, or stop it"
         )
         yield Finding("device.has_job", text, str(job.pk), {"run_id": str(job.run_id)})

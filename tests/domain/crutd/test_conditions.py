@@ -163,3 +163,23 @@ def test_whatever_is_read_there_is_a_verdict(
     result = evaluate(condition, now, readings(value=before))
     if result.verdict is Verdict.PASS:
         assert isinstance(value, int | float)
+
+
+@pytest.mark.parametrize(
+    ("status", "wanted", "value", "told"),
+    [
+        ("is_initialized", {"equals": True}, False, "initialized: no, wanted yes"),
+        ("port_index", {"equals": 1}, 2, "port: 2, wanted 1"),
+        ("tag", {"equals": "VIAL_7"}, "VIAL_8", "tag: VIAL_8, wanted VIAL_7"),
+        ("volume_ul", {"low": 0.0, "high": 0.0}, 2000.0, "volume: 2000 µL, wanted 0 µL"),
+        ("plate_temperature_c", {"low": 20.0, "high": 25.0}, 60.0,
+         "plate temperature: 60 °C, wanted 20 to 25 °C"),
+        ("mass_mg", {"low": 5.0}, 1.0, "mass: 1 mg, wanted at least 5 mg"),
+        ("mass_mg", {"high": 5.0}, 9.0, "mass: 9 mg, wanted at most 5 mg"),
+    ],
+)  # fmt: skip
+def test_a_condition_that_fails_is_told_in_words(
+    status: str, wanted: dict[str, Any], value: float | str, told: str
+) -> None:
+    condition = Condition(name="a.b", device_id=CAMERA, status=status, **wanted)
+    assert evaluate(condition, readings(**{status: value}), {}).message == told

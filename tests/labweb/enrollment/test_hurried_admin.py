@@ -167,3 +167,18 @@ def test_the_page_of_a_driver_shows_its_source_as_text_and_nothing_of_it_acts(
     assert "<script>alert(1)" not in page
     assert "<img src=x>" not in page
     assert f'<a href="/drivers/{version.pk}">' in page
+
+
+@pytest.mark.parametrize(
+    ("path", "told"),
+    [
+        ("enrollment/candidate", "Nothing has announced itself"),
+        ("enrollment/jointoken", "A new token lets one machine ask"),
+        ("approvals/approvalrequest", "Nothing to approve"),
+    ],
+)
+def test_an_empty_list_says_what_would_stand_there_and_a_search_does_not(
+    admin: Client, path: str, told: str
+) -> None:
+    assert told in admin.get(f"/admin/{path}/").content.decode()
+    assert told not in admin.get(f"/admin/{path}/?q=nothing").content.decode()

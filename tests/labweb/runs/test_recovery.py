@@ -100,6 +100,32 @@ def test_a_skipped_job_takes_the_rest_of_its_step_along_and_moves_nothing(
     assert is_sound(bench)
 
 
+def last_run(bench: Bench, run: Run) -> dict[str, Any]:
+    rows = signed_in(bench.people["observer"]).get("/api/v1/workflows").json()["workflows"]
+    wanted = str(run.version.workflow_id)
+    found: dict[str, Any] = next(row["last_run"] for row in rows if row["id"] == wanted)
+    return found
+
+
+def test_the_list_of_workflows_tells_that_a_run_waits_for_recovery_until_it_is_decided(
+    bench: Bench, run: Run, edge: Edge
+) -> None:
+    assert last_run(bench, run)["waits_for"] is None
+    job = fail(edge, to_transfer(run, edge))
+    assert last_run(bench, run)["waits_for"] == "recovery"
+    assert choose(bench, job, choice="skip")[0] == 200
+    assert last_run(bench, run)["waits_for"] is None
+
+
+def test_the_list_of_workflows_tells_that_a_run_waits_for_an_answer(
+    bench: Bench, run: Run, edge: Edge
+) -> None:
+    attempt = to_transfer(run, edge)
+    edge.act(attempt)
+    edge.report("in_doubt", attempt.id, code="device.timeout", message="no answer")
+    assert last_run(bench, run)["waits_for"] == "answer"
+
+
 def test_what_was_done_by_hand_is_in_the_record_with_its_amount_and_the_run_goes_on(
     bench: Bench, run: Run, edge: Edge
 ) -> None:
