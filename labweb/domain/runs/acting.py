@@ -191,10 +191,13 @@ def write_end(
         "post": results_body(post),
         "report": report_body(report),
     }
+    is_undone = conclusion.state is ActionState.COMPLETE and halting.was_halted(tx, row)
+    if is_undone:
+        body[halting.IS_HALTED] = True
     current = tx.state_of(row.action_id) or row.st
     tx.move(row.action_id, current, conclusion.state, conclusion=body)
     tx.append(conclusion.state.value, row.action_id, body)
-    if conclusion.state is ActionState.COMPLETE and halting.was_halted(tx, row):
+    if is_undone:
         halting.write_halt(tx, row, halting.WITH_ACTION)
     return conclusion
 

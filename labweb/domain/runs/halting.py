@@ -29,6 +29,9 @@ INTERRUPTED = "edge.interrupted"
 LET_GO = "let_go"
 """A person goes on without what was taken away."""
 
+IS_HALTED = "is_halted"
+"""In the end of an action: its device was halted since it began, and what it set is gone."""
+
 _SETPOINT = "_setpoint_"
 
 _DRIVEN = frozenset(
@@ -124,6 +127,11 @@ def still_standing(done: Iterable[Done]) -> list[int]:
         elif one.action in _BEGINS and not _is_timed(one):
             standing[_BEGINS[one.action]] = one.index
     return sorted(standing.values())
+
+
+def leaves_standing(action: str, args: Mapping[str, Any]) -> bool:
+    """Say whether a halt takes something away of an action that has just completed."""
+    return bool(still_standing([Done(index=0, action=action, args=args)]))
 
 
 def _is_timed(one: Done) -> bool:

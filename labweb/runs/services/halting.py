@@ -12,7 +12,15 @@ from labweb.common.clock import now
 from labweb.crutd import services as crutd_services
 from labweb.domain.errors import Finding, StateError
 from labweb.domain.messages import EdgeEvent
-from labweb.domain.runs.halting import INTERRUPTED, STOPPED, Done, still_standing, voided
+from labweb.domain.runs.halting import (
+    INTERRUPTED,
+    STOPPED,
+    WITH_ACTION,
+    Done,
+    leaves_standing,
+    still_standing,
+    voided,
+)
 from labweb.domain.runs.job import JobState
 from labweb.enrollment import selectors as enrollment_selectors
 from labweb.enrollment.selectors import Device, EdgeHost
@@ -86,6 +94,17 @@ def _take_from_runs(device: Device, code: str) -> None:
     Job.objects.filter(pk__in=[job.pk for job in lost]).update(halted_by=code)
     for run_id in sorted({job.run_id for job in lost}):
         _pause(runs[run_id])
+
+
+def undo_job(job: Job) -> None:
+    """Mark a job that completes though its device was halted since it began.
+
+    Before its run is looked at: one whose last step this is has not ended.
+    """
+    if leaves_standing(job.action, job.args):
+        job.halted_by = WITH_ACTION
+        job.save(update_fields=["halted_by"])
+        _pause(selectors.run_for_update(job.run_id))
 
 
 def _pause(run: Run) -> None:

@@ -187,6 +187,48 @@ def test_a_step_that_somebody_lets_go_is_not_asked_for_at_the_next_stop(
     assert job(run, "stir").halted_by == "let_go"
 
 
+def test_a_run_of_which_the_rest_is_skipped_ends_only_after_each_undone_step_is_answered_for(
+    bench: Bench, host: Host, run: Run
+) -> None:
+    stopped(bench, host, run)
+    assert choose(bench, job(run, "hold"), "skip") == 200
+    assert {one.passed_by for one in run.jobs.exclude(state="complete")} == {"skip"}
+    assert Run.objects.get(pk=run.pk).state == "paused", "two steps are undone, and nobody said so"
+    assert choose(bench, job(run, "stir"), "skip") == 200
+    assert Run.objects.get(pk=run.pk).state == "paused"
+    assert choose(bench, job(run, "heat_to"), "skip") == 200
+    assert Run.objects.get(pk=run.pk).state == "complete"
+
+
+def test_a_run_that_is_given_up_asks_for_nothing_that_a_stop_undid(
+    bench: Bench, host: Host, run: Run
+) -> None:
+    stopped(bench, host, run)
+    assert choose(bench, job(run, "hold"), "skip") == 200
+    services.abort_run(run.id, actor=bench.people["chemist"], reason="the stirrer is gone")
+    assert Run.objects.get(pk=run.pk).state == "aborted"
+
+
+def test_a_run_whose_last_step_ends_while_the_lab_is_stopped_waits_for_an_answer(
+    bench: Bench, host: Host, run: Run
+) -> None:
+    last = Job.objects.get(run=run, index=0)
+    Job.objects.filter(run=run, index__gt=0).delete()
+    next_one(host)
+    row = host.begin()
+    services.stop_lab(actor=bench.people["chemist"])
+    hear_stop(bench, host)
+    host.end(row, Report(ok=True))
+    host.tell()
+    found = Run.objects.get(pk=run.pk)
+    assert found.state == "paused", "what its last step had set was gone as it was set"
+    assert [one["kind"] for one in found.pause_reasons] == ["stopped", "halted"]
+    reset(bench, host)
+    host.tell()
+    assert choose(bench, last, "skip") == 200
+    assert Run.objects.get(pk=run.pk).state == "complete"
+
+
 def test_a_cancel_voids_what_else_its_device_was_set_to(bench: Bench, host: Host, run: Run) -> None:
     row = holding(host, run)
     cancel = Cancel(
