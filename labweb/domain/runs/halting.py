@@ -134,6 +134,23 @@ def leaves_standing(action: str, args: Mapping[str, Any]) -> bool:
     return bool(still_standing([Done(index=0, action=action, args=args)]))
 
 
+def was_halted_since(told: Iterable[str]) -> bool:
+    """Say whether a halt has taken away what an action set, by what its host has told.
+
+    Args:
+        told: `started` of the action and `halted` of its device, as they came since it was sent.
+            Where the start was never told, nobody knows which came first, and so whether it
+            still stands: it counts as taken away.
+
+    Example:
+        >>> was_halted_since(["halted", "started"]), was_halted_since(["started", "halted"])
+        (False, True)
+    """
+    kinds = list(told)
+    since = kinds[kinds.index("started") :] if "started" in kinds else kinds
+    return "halted" in since
+
+
 def _is_timed(one: Done) -> bool:
     """Say whether an action ended by itself what it began; heat is kept after a hold."""
     return "duration_s" in one.args and one.action != "hold"
@@ -159,6 +176,46 @@ def write_halt(tx: JournalWrite, row: ActionRow, code: str) -> None:
             _write_halt(tx, device, code, row.action_id)
 
 
+class _Owed(msgspec.Struct, frozen=True, kw_only=True):
+    """A halt that could not be delivered: why it is due, and for which action."""
+
+    code: str
+    action_id: UUID | None
+
+
+def owe_halt(tx: JournalWrite, device_id: UUID, code: str, action_id: UUID | None) -> None:
+    """Remember that a device has to be halted once it answers; until then nothing starts on it.
+
+    The first cause stays. It is on disk, so that no crash and no restart forgets it.
+    """
+    owed = _owed(tx)
+    owed.setdefault(str(device_id), _Owed(code=code, action_id=action_id))
+    tx.set_meta("owed_halts", canonical(owed).decode())
+
+
+def write_late_halt(
+    tx: JournalWrite, device_id: UUID, text: str, readings: Mapping[str, Any]
+) -> None:
+    """Write down that a halt which was owed is delivered, and how the device was found then.
+
+    Effect:
+        On the record only: set-points of its resources are unknown. Actions may start on it.
+    """
+    owed = _owed(tx)
+    due = owed.pop(str(device_id), None)
+    if due is None:
+        return
+    tx.set_meta("owed_halts", canonical(owed).decode() if owed else None)
+    for device in _devices(tx):
+        if device.id == device_id:
+            late = {"message": text, "evidence": dict(readings)}
+            _write_halt(tx, device, due.code, due.action_id, late)
+
+
+def _owed(tx: JournalWrite) -> dict[str, _Owed]:
+    return msgspec.json.decode(tx.meta().get("owed_halts", "{}"), type=dict[str, _Owed])
+
+
 def was_halted(tx: JournalWrite, row: ActionRow) -> bool:
     """Say whether the device of an action was halted since the action began."""
     return row.dseq <= tx.host_state("").halted.get(str(row.device_id), -1)
@@ -168,7 +225,13 @@ def _devices(tx: JournalWrite) -> list[DeviceConfig]:
     return msgspec.json.decode(tx.meta().get("devices", "[]"), type=list[DeviceConfig])
 
 
-def _write_halt(tx: JournalWrite, device: DeviceConfig, code: str, action_id: UUID | None) -> None:
+def _write_halt(
+    tx: JournalWrite,
+    device: DeviceConfig,
+    code: str,
+    action_id: UUID | None,
+    late: Mapping[str, Any] | None = None,
+) -> None:
     """Void what is set, and tell it; of a resource that is unknown here the server knows more."""
     data: dict[str, dict[str, None]] = {}
     revs: dict[str, int] = {}
@@ -189,6 +252,7 @@ def _write_halt(tx: JournalWrite, device: DeviceConfig, code: str, action_id: UU
         "action_id": None if action_id is None else str(action_id),
         "data": data,
         "revs": revs,
+        **(late or {}),
     }
     tx.append("halted", None, body)
     halted = {**tx.host_state("").halted, str(device.id): tx.max_fence(device.id)}

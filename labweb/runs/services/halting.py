@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import partial
 from typing import Any
 from uuid import UUID
 
 from django.db.models import Max
+from django.db.transaction import on_commit
 
 from labweb.common.clock import now
 from labweb.crutd import services as crutd_services
@@ -20,15 +22,16 @@ from labweb.domain.runs.halting import (
     leaves_standing,
     still_standing,
     voided,
+    was_halted_since,
 )
 from labweb.domain.runs.job import JobState
 from labweb.enrollment import selectors as enrollment_selectors
 from labweb.enrollment.selectors import Device, EdgeHost
 from labweb.resources import selectors as resource_selectors
 from labweb.runs import selectors
-from labweb.runs.models import Job, Run
+from labweb.runs.models import Attempt, Job, Run
 from labweb.runs.services.batches import recall_run
-from labweb.runs.services.state import refresh_run
+from labweb.runs.services.state import announce, refresh_run
 
 _WHY = {
     STOPPED: "the lab was stopped",
@@ -51,6 +54,7 @@ def take_halt(host: EdgeHost, event: EdgeEvent) -> None:
         raise StateError(f"{device.name} is not one of its devices", code="host.unknown_device")
     code = str(event.body["code"])
     _take_from_runs(device, code)
+    _note_found(host, event.body)
     told, revs = event.body.get("data") or {}, event.body.get("revs") or {}
     nodes = {UUID(node) for node in device.nodes.values()}
     for row in resource_selectors.rows_for_update(nodes).values():
@@ -62,6 +66,22 @@ def take_halt(host: EdgeHost, event: EdgeEvent) -> None:
             rev = max(row.rev + 1, int(revs.get(str(row.id), 0)))
             why = f"{device.name} was halted: {_why(code)}"
             crutd_services.note_halt(row, gone, rev=rev, code=code, message=why)
+
+
+def _note_found(host: EdgeHost, body: Mapping[str, Any]) -> None:
+    """Tell with a doubt how its device was found, where it was halted only later."""
+    if not body.get("message") or not body.get("action_id"):
+        return
+    told = Attempt.objects.filter(pk=UUID(body["action_id"]), host=host).first()
+    job = None if told is None else selectors.job_for_update(told.job_id)
+    if job is None or job.state != JobState.IN_DOUBT.value:
+        return
+    report = job.evidence.get("report") or {}
+    seen = {**(report.get("evidence") or {}), **(body.get("evidence") or {})}
+    job.message = f"{job.message}. It answers again: {body['message']}"
+    job.evidence = {**job.evidence, "report": {**report, "evidence": seen}}
+    job.save(update_fields=["message", "evidence"])
+    on_commit(partial(announce, job.run_id, job.id))
 
 
 def _why(code: str) -> str:
@@ -94,6 +114,23 @@ def _take_from_runs(device: Device, code: str) -> None:
     Job.objects.filter(pk__in=[job.pk for job in lost]).update(halted_by=code)
     for run_id in sorted({job.run_id for job in lost}):
         _pause(runs[run_id])
+
+
+def undo_settled(job: Job, attempt: Attempt) -> None:
+    """Void what a job set of which a person says that it happened, if a halt came after it.
+
+    Effect:
+        On the record only, as where its host settles it. The run asks about it.
+    """
+    if not was_halted_since(selectors.halts_since(attempt, job.device)):
+        return
+    nodes = {UUID(node) for node in job.device.nodes.values()}
+    why = f"{job.device.name} was halted: {_why(WITH_ACTION)}"
+    for row in resource_selectors.rows_for_update(nodes).values():
+        gone = voided(row.data)
+        if gone:
+            crutd_services.note_halt(row, gone, rev=row.rev + 1, code=WITH_ACTION, message=why)
+    undo_job(job)
 
 
 def undo_job(job: Job) -> None:
