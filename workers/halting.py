@@ -12,7 +12,7 @@ from labweb.domain.errors import LabError
 from labweb.domain.ports import Clock
 from labweb.domain.runs.acting import Found
 from labweb.domain.runs.bodies import plain
-from labweb.domain.runs.halting import tells_motion, write_late_halt
+from labweb.domain.runs.halting import is_moving, tells_motion, write_late_halt
 from labweb.domain.runs.journal import JournalError
 from workers.journal import Journal
 from workers.unit import Unit
@@ -64,7 +64,9 @@ def _watched(unit: Unit, clock: Clock) -> Found:
         now = _readings(unit)
         silent = sorted(before.keys() ^ now.keys())
         changing = sorted(
-            name for name in now if tells_motion(name) and now[name] != before.get(name)
+            name
+            for name in now
+            if tells_motion(name) and is_moving(name, before.get(name), now[name])
         )
         if not changing and not silent:
             break
@@ -80,11 +82,13 @@ def _watched(unit: Unit, clock: Clock) -> Found:
 
 
 def _readings(unit: Unit) -> dict[str, Any]:
-    """Return every status that the device tells now."""
+    """Return every status that the device tells now; one that it cannot tell is left out."""
     found: dict[str, Any] = {}
     for name in unit.config.statuses:
         try:
-            found[name] = plain(unit.read(name))
+            value = plain(unit.read(name))
+            if value is not None:
+                found[name] = value
         except LabError as error:
             log.warning("device %s does not tell %s: %s", unit.config.key, name, error)
     return found

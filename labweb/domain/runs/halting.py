@@ -88,20 +88,43 @@ def voided(data: Mapping[str, Any]) -> dict[str, None]:
     return {name: None for name in sorted(names) if data[name] is not None}
 
 
-_MOTION = ("_ul", "_ul_s", "_mm", "_mm_s", "_deg", "_rpm", "_index", "_state", "position")
-"""Ends of the names of what moves: units of motion, places and states."""
+FOREIGN = {"call": "service", "run_goal": "goal"}
+"""Actions of a foreign node, by the argument that names what is asked of it. What one has left
+going, and what a halt makes of that, its maker knows: each is asked about."""
+
+_PLACES = ("_ul", "_mm", "_deg", "_index", "_state", "position")
+"""Ends of the names of places and states: what stands tells the same twice."""
+
+_RATES = ("_ul_s", "_mm_s", "_rpm")
+"""Ends of the names of rates: what stands tells nought, and what turns evenly the same twice."""
+
+_GOING = frozenset({"is_driving", "is_measuring", "is_moving", "is_pumping", "is_running"})
+"""What a device tells of its own motion. That it is connected, open or ready tells nothing."""
 
 
 def tells_motion(status: str) -> bool:
-    """Say whether a status shows that a device stands: it is the same twice.
+    """Say whether a status shows whether a device stands.
 
-    Temperature, pressure and mass go on changing at a device that stands.
+    Temperature, pressure and mass go on changing at a device that stands; a set-point is a
+    number that it keeps.
 
     Example:
-        >>> tells_motion("volume_ul"), tells_motion("is_running"), tells_motion("temperature_c")
-        (True, True, False)
+        >>> [tells_motion(name) for name in ("volume_ul", "is_running", "speed_setpoint_rpm")]
+        [True, True, False]
     """
-    return status.endswith(_MOTION) or status.startswith("is_")
+    return status in _GOING or (_SETPOINT not in status and status.endswith(_PLACES + _RATES))
+
+
+def is_moving(status: str, before: object, now: object) -> bool:
+    """Say whether two readings in a row of a status that tells motion show some.
+
+    Example:
+        >>> is_moving("speed_rpm", 400.0, 400.0), is_moving("volume_ul", 80.0, 80.0)
+        (True, False)
+    """
+    if status in _GOING or status.endswith(_RATES):
+        return bool(now)
+    return now != before
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -118,7 +141,7 @@ def still_standing(done: Iterable[Done]) -> list[int]:
 
     Args:
         done: In the order in which they ended. Of each sort the last one counts, unless it
-            was ended since.
+            was ended since; of a foreign node, of each goal and service.
     """
     standing: dict[str, int] = {}
     for one in done:
@@ -126,6 +149,8 @@ def still_standing(done: Iterable[Done]) -> list[int]:
             standing.pop(_ENDS[one.action], None)
         elif one.action in _BEGINS and not _is_timed(one):
             standing[_BEGINS[one.action]] = one.index
+        elif one.action in FOREIGN:
+            standing[f"{one.action} {one.args.get(FOREIGN[one.action])}"] = one.index
     return sorted(standing.values())
 
 

@@ -15,6 +15,7 @@ from labweb.crutd import services as crutd_services
 from labweb.domain.errors import Finding, StateError
 from labweb.domain.messages import EdgeEvent
 from labweb.domain.runs.halting import (
+    FOREIGN,
     INTERRUPTED,
     STOPPED,
     WITH_ACTION,
@@ -171,13 +172,18 @@ def check_halted(run: Run) -> None:
 
 
 def _listed(jobs: Sequence[Job]) -> str:
-    return "; ".join(f"{job.sentence!r} is undone, {_taken(job)}" for job in jobs)
+    return "; ".join(f"{job.sentence!r} {_undone(job)}, {_taken(job)}" for job in jobs)
 
 
 def _finding(job: Job) -> Finding:
-    text = f"{job.sentence!r} was done, and is undone: {_taken(job)}"
+    text = f"{job.sentence!r} was done, and {_undone(job)}: {_taken(job)}"
     context = {"job_id": str(job.id), "device_id": str(job.device_id), "code": job.halted_by}
     return Finding("run.halted", text, job.step_id, context)
+
+
+def _undone(job: Job) -> str:
+    """Say no more than is known: what a foreign node does after a halt, its maker knows."""
+    return "may be undone" if job.action in FOREIGN else "is undone"
 
 
 def _taken(job: Job) -> str:
