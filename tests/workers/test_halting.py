@@ -115,6 +115,11 @@ def test_a_device_that_cannot_be_reached_may_still_move_and_the_doubt_says_so(
     assert "halted" not in host.kinds(), "nothing was halted, so nothing is unknown by that"
 
 
+def is_reached(unit: Unit) -> bool:
+    unit.connect_if_due()
+    return unit.is_online
+
+
 def late_halts(host: Host, woken: list[str]) -> LateHalts:
     return LateHalts(
         host.units, SystemClock(), lambda: Journal(host.path), lambda: woken.append("line")
@@ -144,7 +149,7 @@ def test_a_device_that_answers_only_later_is_halted_then_and_nothing_starts_on_i
         host.take(answer)
         pump.tell("talk")
         unit = host.units[DEVICE_ID]
-        until(lambda: unit.connect_if_due() or unit.is_online)
+        until(lambda: is_reached(unit))
         following = a_do(host.server, resources=[])
         host.take(following)
         assert executor.drain() == 0
