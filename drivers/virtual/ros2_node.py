@@ -2,8 +2,7 @@
 
 Protocol: ROS 2 over DDS; the interfaces of the node, whose texts stand in the settings.
 Quality: bronze, driven against rclpy.
-Safe state: every goal of the listed actions is cancelled, whoever sent it; what the node does then,
-and what a service has begun, is its own affair.
+Safe state: every goal of the listed actions is cancelled; what it does then is its own affair.
 
 Only what is listed is offered. What a goal or a service does to matter nobody can tell from
 here: one that did not succeed is unknown.

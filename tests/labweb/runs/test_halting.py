@@ -177,23 +177,6 @@ def test_a_job_that_is_queued_anew_is_no_difference_and_one_that_was_tampered_wi
     assert (job(run, "stir").state, job(run, "hold").state) == ("queued", "queued")
 
 
-def test_what_a_host_gave_back_is_no_difference_when_it_is_queued_again(
-    bench: Bench, host: Host, run: Run
-) -> None:
-    next_one(host)
-    services.stop_lab(actor=bench.people["chemist"])
-    hear_stop(bench, host)
-    host.take()
-    host.tell()
-    reset(bench, host)
-    host.tell()
-    assert states(run)[0] == "held"
-    assert differences(bench.lab) == []
-    services.resume_run(run.id, actor=bench.people["chemist"])
-    assert states(run)[0] == "queued"
-    assert differences(bench.lab) == []
-
-
 def test_the_card_of_a_step_that_a_stop_undid_offers_it_again_or_to_go_on_without(
     bench: Bench, host: Host, run: Run
 ) -> None:
@@ -383,6 +366,9 @@ def test_what_a_host_has_not_begun_is_given_back_at_a_stop_and_does_not_begin_at
     assert not host.step()
     host.tell()
     assert states(run)[0] == "held"
+    assert differences(bench.lab) == []
+    services.resume_run(run.id, actor=bench.people["chemist"])
+    assert (states(run)[0], differences(bench.lab)) == ("queued", [])
 
 
 def test_a_halt_of_a_resource_that_the_server_knows_better_is_written_on_what_it_knows(
