@@ -260,7 +260,7 @@ class Executor:
             unit, do, self._clock, is_cancel_wanted=lambda: self._is_cancelled(row.action_id)
         )
         if unit.driver.is_stopped:
-            self._outcomes.write_halt(row)
+            self._outcomes.write_halt(row, is_owed=unit.owes_halt)
             if not self._journal.host_state().stop_latched:
                 # Stopped for this action alone, by a cancel or the watchdog.
                 unit.clear_stop()

@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 import logging
+import threading
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any
+from uuid import UUID
 
 from labweb.domain.errors import LabError
 from labweb.domain.ports import Clock
 from labweb.domain.runs.acting import Found
 from labweb.domain.runs.bodies import plain
-from labweb.domain.runs.halting import tells_motion
+from labweb.domain.runs.halting import is_moving, tells_motion, write_late_halt
+from labweb.domain.runs.journal import JournalError
+from workers.journal import Journal
 from workers.unit import Unit
 
 log = logging.getLogger(__name__)
@@ -32,20 +37,22 @@ def halt_and_look(unit: Unit | None, clock: Clock) -> Found:
         The device is in its safe state, where it can be reached. No action is sent.
     """
     if unit is None:
-        return Found(is_halted=False, text=f"{MAY_MOVE}: this host does not serve it")
+        text = f"{MAY_MOVE}: this host does not serve it"
+        return Found(is_halted=False, is_owed=True, text=text)
     deadline_s = clock.monotonic_s() + REACH_S
     while not unit.is_online and clock.monotonic_s() < deadline_s:
         unit.connect_if_due()
         if not unit.is_online:
             clock.wait(PAUSE_S)
     if not unit.is_online:
-        return Found(is_halted=False, text=f"{MAY_MOVE}: it does not answer, and was not halted")
+        text = f"{MAY_MOVE}: it does not answer, and was not halted; it is once it answers"
+        return Found(is_halted=False, is_owed=True, text=text)
     try:
         unit.halt()
     except LabError as error:
         # It may have heard the word all the same: what it was set to is not known either way.
         text = f"{MAY_MOVE}: it could not be halted, {error.message}"
-        return Found(is_halted=True, text=text, readings=_readings(unit))
+        return Found(is_halted=True, is_owed=True, text=text, readings=_readings(unit))
     return _watched(unit, clock)
 
 
@@ -57,7 +64,9 @@ def _watched(unit: Unit, clock: Clock) -> Found:
         now = _readings(unit)
         silent = sorted(before.keys() ^ now.keys())
         changing = sorted(
-            name for name in now if tells_motion(name) and now[name] != before.get(name)
+            name
+            for name in now
+            if tells_motion(name) and is_moving(name, before.get(name), now[name])
         )
         if not changing and not silent:
             break
@@ -73,11 +82,71 @@ def _watched(unit: Unit, clock: Clock) -> Found:
 
 
 def _readings(unit: Unit) -> dict[str, Any]:
-    """Return every status that the device tells now."""
+    """Return every status that the device tells now; one that it cannot tell is left out."""
     found: dict[str, Any] = {}
     for name in unit.config.statuses:
         try:
-            found[name] = plain(unit.read(name))
+            value = plain(unit.read(name))
+            if value is not None:
+                found[name] = value
         except LabError as error:
             log.warning("device %s does not tell %s: %s", unit.config.key, name, error)
     return found
+
+
+AGAIN_S = 1.0
+"""How long until a halt that was refused, or could not be written down, is tried again."""
+
+
+class LateHalts:
+    """Halts the devices that could not be reached when they had to be, once they answer.
+
+    Each in a thread of its own: a device that takes seconds to come to rest keeps neither the
+    stop of the others waiting nor their actions.
+    """
+
+    def __init__(
+        self,
+        units: Mapping[UUID, Unit],
+        clock: Clock,
+        open_journal: Callable[[], Journal],
+        wake: Callable[[], None],
+    ) -> None:
+        self._units = units
+        self._clock = clock
+        self._open_journal = open_journal
+        self._wake = wake
+        self._threads: dict[UUID, threading.Thread] = {}
+
+    def look(self, owed: Iterable[str]) -> None:
+        """Begin to halt those of the devices that answer."""
+        for device_id in map(UUID, owed):
+            unit, thread = self._units.get(device_id), self._threads.get(device_id)
+            is_busy = thread is not None and thread.is_alive()
+            if unit is None or not unit.is_online or unit.is_acting or is_busy:
+                continue
+            thread = threading.Thread(
+                target=self._halt, args=(unit,), name="late-halt", daemon=True
+            )
+            self._threads[device_id] = thread
+            thread.start()
+
+    def _halt(self, unit: Unit) -> None:
+        found = halt_and_look(unit, self._clock)
+        try:
+            if found.is_owed:
+                log.warning("device %s: %s", unit.config.key, found.text)
+                unit.check_link()
+            else:
+                journal = self._open_journal()
+                try:
+                    with journal.write() as tx:
+                        write_late_halt(tx, unit.config.id, found.text, found.readings)
+                finally:
+                    journal.close()
+                log.warning("device %s answers again: %s", unit.config.key, found.text)
+                self._wake()
+                return
+        except JournalError as error:
+            log.error("device %s was halted, which is not on disk yet: %s", unit.config.key, error)
+        self._clock.wait(AGAIN_S)

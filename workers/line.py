@@ -16,6 +16,7 @@ from drivers.transports.urls import make_transport
 from labweb.domain.errors import LabError
 from labweb.domain.messages import DeviceConfig
 from labweb.domain.ports import Clock
+from labweb.domain.runs import halting
 from labweb.domain.runs.journal import JournalError
 from workers.clock import SystemClock
 from workers.config import HostConfig, line_queue
@@ -23,6 +24,7 @@ from workers.devices import lines_of
 from workers.drivers import Drivers, DriverStore, tell_once
 from workers.executor import Executor
 from workers.files import Files
+from workers.halting import LateHalts
 from workers.journal import Journal
 from workers.store import Store
 from workers.telemetry import Sampler
@@ -72,7 +74,10 @@ class Line:
         for action_id in self._executor.recover():
             log.warning("action %s is in doubt: a crash left it without an answer", action_id)
         self._sampler = Sampler(line, self.units, self._store, self._clock)
-        self._watch = StopWatch(config, line, self.units, self._closing)
+        late = LateHalts(
+            self.units, self._clock, lambda: Journal(config.journal_path), lambda: wake(line)
+        )
+        self._watch = StopWatch(config, line, self.units, self._closing, late)
 
     def _load(self) -> dict[UUID, Unit]:
         """Load the drivers, and tell the server which versions serve and which cannot."""
@@ -142,7 +147,8 @@ class StopWatch:
     """A thread that halts the devices as soon as the stop latch closes, and frees them after.
 
     The word comes over the host's Valkey; the latch in the journal is the truth, and is
-    looked at ten times a second in case the word was lost.
+    looked at ten times a second in case the word was lost. With it is seen whether a device
+    that was out of reach owes a halt.
     """
 
     def __init__(
@@ -151,11 +157,13 @@ class StopWatch:
         line: str,
         units: dict[UUID, Unit],
         closing: threading.Event,
+        late: LateHalts,
     ) -> None:
         self._config = config
         self._line = line
         self._units = units
         self._closing = closing
+        self._late = late
         self._ending = threading.Event()
         self._is_halted = False
         self._believe_until_s = 0.0
@@ -184,7 +192,9 @@ class StopWatch:
 
     def _look(self, journal: Journal) -> None:
         try:
-            is_latched = journal.host_state().stop_latched
+            host = journal.host_state()
+            is_latched = host.stop_latched
+            self._late.look(host.owes_halt)
         except JournalError:
             log.exception("the stop latch cannot be read; devices are halted")
             is_latched = True
@@ -193,9 +203,22 @@ class StopWatch:
             self._is_halted = True
             _halt_all(self._units)
         elif self._is_halted and not is_latched and not self._closing.is_set():
-            self._is_halted = False
-            for unit in self._units.values():
-                unit.clear_stop()
+            self._release(journal)
+
+    def _release(self, journal: Journal) -> None:
+        """Let the devices act again; one that the halt has not reached is halted first."""
+        owing = [unit.config.id for unit in self._units.values() if unit.owes_halt]
+        try:
+            if owing:
+                with journal.write() as tx:
+                    for device_id in owing:
+                        halting.owe_halt(tx, device_id, halting.STOPPED, None)
+        except JournalError:
+            log.exception("which devices are still to be halted is not on disk: none may act")
+            return
+        self._is_halted = False
+        for unit in self._units.values():
+            unit.clear_stop()
 
 
 def _halt_all(units: dict[UUID, Unit]) -> None:

@@ -74,12 +74,19 @@ class Outcomes:
             lambda: self._write_end(row, report, post, answered, None),
         )
 
-    def write_halt(self, row: ActionRow) -> None:
-        """Write that the device was halted with its action, unless all of it was before."""
-        self._persist(lambda: self._write_halt(row))
+    def write_halt(self, row: ActionRow, *, is_owed: bool) -> None:
+        """Write that the device was halted with its action, unless all of it was before.
 
-    def _write_halt(self, row: ActionRow) -> None:
+        Args:
+            row: The action.
+            is_owed: The word was not delivered: it is to be, before anything else is done there.
+        """
+        self._persist(lambda: self._write_halt(row, is_owed))
+
+    def _write_halt(self, row: ActionRow, is_owed: bool) -> None:  # noqa: FBT001 - private
         with self._journal.write(is_sealed=False) as tx:
+            if is_owed:
+                halting.owe_halt(tx, row.device_id, halting.WITH_ACTION, row.action_id)
             if not halting.was_halted(tx, row):
                 halting.write_halt(tx, row, halting.WITH_ACTION)
 

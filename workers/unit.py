@@ -43,7 +43,9 @@ class Unit:
         self.is_acting = False
         self._clock = clock
         self._retry_s = FIRST_RETRY_S
-        self._owes_halt = False
+        self.owes_halt = False
+        """A halt could not be delivered."""
+
         self._next_try_s = clock.monotonic_s()
         self._connecting = threading.Lock()
 
@@ -67,7 +69,7 @@ class Unit:
             self.is_online = True
             self._retry_s = FIRST_RETRY_S
             log.info("device %s is online", self.config.key)
-            if self._owes_halt:
+            if self.owes_halt:
                 self.stop()
 
     def lose_link(self) -> None:
@@ -133,12 +135,12 @@ class Unit:
         A halt that cannot be delivered is logged, and delivered once the device is reached
         again, unless it may act by then.
         """
-        self._owes_halt = False
+        self.owes_halt = False
         try:
             with _border(self.config.key):
                 self.driver.stop()
         except LabError as error:
-            self._owes_halt = True
+            self.owes_halt = True
             log.warning("device %s could not be halted: %s", self.config.key, error)
 
     def halt(self) -> None:
@@ -151,8 +153,8 @@ class Unit:
             self.driver.halt()
 
     def clear_stop(self) -> None:
-        """Allow actions again."""
-        self._owes_halt = False
+        """Allow actions again. A halt that is owed still has to be written down before."""
+        self.owes_halt = False
         self.driver.clear_stop()
 
     def _wait_longer(self) -> None:

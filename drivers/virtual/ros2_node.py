@@ -2,7 +2,7 @@
 
 Protocol: ROS 2 over DDS; the interfaces of the node, whose texts stand in the settings.
 Quality: bronze, driven against rclpy.
-Safe state: the goal is cancelled; what the node does then is its own affair.
+Safe state: every goal of the listed actions is cancelled; what it does then is its own affair.
 
 Only what is listed is offered. What a goal or a service does to matter nobody can tell from
 here: one that did not succeed is unknown.
@@ -14,7 +14,6 @@ Source:
 from __future__ import annotations
 
 import contextlib
-import threading
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 import msgspec
@@ -92,10 +91,7 @@ class Ros2Node(Driver[Ros2Transport, Config], Node):
         self._goals = _entries(self.config.goals)
         if not (self._topics or self._services or self._goals):
             raise DefinitionError("list a topic, a service or a goal", code="driver.config")
-        self._goal_id = b""
-        self._goal: tuple[str, str] | None = None
         self._feedback: dict[str, Any] = {}
-        self._cancelling = threading.Lock()
 
     def identify(self) -> None:
         """Wait for a word of each topic, and for who serves, and ask nothing.
@@ -124,11 +120,21 @@ class Ros2Node(Driver[Ros2Transport, Config], Node):
         return silent + unserved
 
     def halt(self) -> None:
-        """Cancel the goal that is under way, if any."""
-        with self._cancelling:
-            goal, goal_id = self._goal, self._goal_id
-        if goal is not None and goal_id:
-            self.transport.action(*goal).cancel(goal_id, self.config.answer_limit_s)
+        """Cancel every goal of the listed actions.
+
+        Not only the own one: a process that follows one that died does not know its goal.
+
+        Raises:
+            DeviceError: An action did not answer; its goal may go on. The others were asked.
+        """
+        failed: DeviceError | None = None
+        for entry in self._goals.values():
+            try:
+                self.transport.action(*entry).cancel_all(self.config.answer_limit_s)
+            except DeviceError as error:
+                failed = failed or error
+        if failed is not None:
+            raise failed
 
     @status(every_s=0.1)
     def values(self) -> dict[str, Any]:
@@ -167,16 +173,10 @@ class Ros2Node(Driver[Ros2Transport, Config], Node):
             )
         except DefinitionError as error:
             raise _unfit(error) from error
-        try:
-            with self._cancelling:
-                self._goal, self._goal_id = entry, goal_id
-            return self._finish(entry, goal_id, goal)
-        finally:
-            with self._cancelling:
-                self._goal, self._goal_id = None, b""
+        return self._finish(entry, goal_id, goal)
 
     def _finish(self, entry: tuple[str, str], goal_id: bytes, goal: str) -> Report:
-        if self.is_stopped:  # it was stopped before halt() knew the goal
+        if self.is_stopped:  # it was stopped before the node had the goal
             self.transport.action(*entry).cancel(goal_id, self.config.answer_limit_s)
         try:
             state, result = self.transport.await_result(

@@ -45,6 +45,7 @@ from workers.journal import Journal, create_journal
 from workers.line import make_units
 from workers.session import arm, open_session
 from workers.store import Store
+from workers.unit import Unit
 
 MODULE = "drivers.connectors.tricontinent_c3000"
 SPACE = UUID("7a3d7f0e-6d54-4f0e-9a43-3e6a1f9a1c11")
@@ -221,6 +222,8 @@ class Host:
         assert arm(self.journal)
         self.line = line_key(self.url)
         self.woken: list[str] = []
+        self.units: dict[UUID, Unit] = {}
+        """Those of the executor."""
 
     def take(self, command: Command) -> Receipt:
         return accept(self.journal, self.server.sign(command), self.woken.append)
@@ -238,6 +241,7 @@ class Host:
             clock=clock,
             files=Files(self.folder / "files" / "line"),
         )
+        self.units = units
         made.recover()
         for unit in units.values():
             unit.connect_if_due()

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import multiprocessing
 import signal
+import time
 
 import msgspec
 import pytest
 
-from labweb.domain.messages import Cancel, Do
+from labweb.domain.errors import DeviceError
+from labweb.domain.messages import Cancel, Do, Resolve
+from labweb.domain.runs.halting import owe_halt
 from tests.workers.bench import (
     BOOT_ID,
     DEVICE_ID,
@@ -19,12 +22,16 @@ from tests.workers.bench import (
     a_do,
     a_syringe,
     installed,
+    until,
 )
 from tests.workers.crashing import accept_and_drain
 from workers import halting
 from workers.clock import SystemClock
+from workers.halting import LateHalts
+from workers.journal import Journal
 from workers.line import make_units
 from workers.session import open_session
+from workers.unit import Unit
 
 SET = {"rate_setpoint_ul_s": 50.0, "is_running": True, "port_index": 3}
 
@@ -106,6 +113,101 @@ def test_a_device_that_cannot_be_reached_may_still_move_and_the_doubt_says_so(
     assert host.state(do.action_id) == "in_doubt"
     assert "may still move: it does not answer, and was not halted" in told["message"]
     assert "halted" not in host.kinds(), "nothing was halted, so nothing is unknown by that"
+
+
+def is_reached(unit: Unit) -> bool:
+    unit.connect_if_due()
+    return unit.is_online
+
+
+def late_halts(host: Host, woken: list[str]) -> LateHalts:
+    return LateHalts(
+        host.units, SystemClock(), lambda: Journal(host.path), lambda: woken.append("line")
+    )
+
+
+def test_a_device_that_answers_only_later_is_halted_then_and_nothing_starts_on_it_before(
+    host: Host, pump: PumpProcess, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    do = killed(host, pump)
+    pump.tell("mute")
+    monkeypatch.setattr(halting, "REACH_S", 0.3)
+    with host.executor():
+        assert "halted" not in host.kinds()
+    woken: list[str] = []
+    with host.executor() as executor:  # another process of the line: it is on disk
+        answer = Resolve(
+            host_id=HOST_ID,
+            epoch=1,
+            dseq=host.server.next_dseq(),
+            action_id=do.action_id,
+            answer="partly",
+            moved_nl=1_000,
+            note="it has begun",
+            issued_by="ada",
+        )
+        host.take(answer)
+        pump.tell("talk")
+        unit = host.units[DEVICE_ID]
+        until(lambda: is_reached(unit))
+        following = a_do(host.server, resources=[])
+        host.take(following)
+        assert executor.drain() == 0
+        assert len(pump.moves) == 1, "it answers, and still owes a halt"
+        late_halts(host, woken).look(host.journal.host_state().owes_halt)
+        until(lambda: woken)
+        seen_ul = unit.read("volume_ul")
+        assert seen_ul < 99
+        assert unit.read("volume_ul") == seen_ul, "it stands"
+        pump.tell("slow 1")
+        assert executor.drain() == 1
+    assert len(pump.moves) == 2
+    kinds = host.kinds()
+    assert kinds.index("halted") < kinds.index("started", kinds.index("resolved"))
+    event = next(one for one in host.events() if one.kind == "halted")
+    assert event.body["message"] == "its device was halted, and stands"
+    assert event.body["evidence"]["volume_ul"] == pytest.approx(seen_ul)
+    assert event.body["action_id"] == str(do.action_id)
+
+
+def refuse(_: Unit | None) -> None:
+    raise DeviceError("busy")
+
+
+def test_a_halt_that_a_device_refuses_stays_owed(
+    host: Host, pump: PumpProcess, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    killed(host, pump)
+    monkeypatch.setattr(halting, "AGAIN_S", 0.0)
+    with host.executor():
+        pass
+    with monkeypatch.context() as refusing:
+        refusing.setattr(Unit, "halt", refuse)
+        with host.journal.write() as tx:
+            owe_halt(tx, DEVICE_ID, "edge.interrupted", None)
+        with host.executor():
+            late = late_halts(host, [])
+            for _ in range(3):
+                late.look(host.journal.host_state().owes_halt)
+                time.sleep(0.2)
+            assert host.journal.host_state().owes_halt == {str(DEVICE_ID)}
+    with host.executor():
+        late_halts(host, []).look(host.journal.host_state().owes_halt)
+        until(lambda: not host.journal.host_state().owes_halt)
+
+
+def test_a_cancel_that_does_not_reach_the_device_is_owed_too(
+    host: Host, pump: PumpProcess, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pump.tell("slow 20")
+    do = a_do(host.server)
+    host.take(do)
+    with host.executor() as executor:
+        monkeypatch.setattr(host.units[DEVICE_ID].driver, "halt", lambda: refuse(None))
+        with host.journal.write() as tx:
+            tx.want_cancel(do.action_id)
+        executor.drain()
+        assert host.journal.host_state().owes_halt == {str(DEVICE_ID)}
 
 
 def test_a_device_that_does_not_come_to_rest_may_still_move_and_the_doubt_says_so(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import threading
 from pathlib import Path
-from uuid import uuid4
+from uuid import UUID, uuid4
 
 import msgspec
 import pytest
@@ -17,6 +17,7 @@ from tests.drivers.wire import answering
 from tests.workers.bench import DEVICE_ID, HOST_ID, Host, PumpProcess, a_device, installed, until
 from workers.clock import SystemClock
 from workers.config import HostConfig, ValkeyConfig
+from workers.halting import LateHalts
 from workers.host import lock_host, main, reset_journal
 from workers.journal import Journal, create_journal
 from workers.keys import load_key
@@ -24,6 +25,7 @@ from workers.line import StopWatch, make_units
 from workers.session import latch_stop
 from workers.store import Store
 from workers.telemetry import Sampler
+from workers.unit import Unit
 
 
 def a_config(folder: Path, valkey_socket: Path) -> HostConfig:
@@ -108,13 +110,40 @@ def test_the_latch_stops_every_device_and_its_release_frees_them(
     units = make_units([host.device], SystemClock(), installed())
     unit = units[DEVICE_ID]
     unit.connect_if_due()
-    watch = StopWatch(a_config(host.folder, valkey_socket), host.line, units, threading.Event())
+    watch = a_watch(host, valkey_socket, units)
     watch.start()
     latch_stop(host.journal, StopLab(stop_id=uuid4(), issued_by="ada"))
     until(lambda: unit.driver.is_stopped)
     with host.journal.write() as tx:
         tx.set_meta("stop_id", None)
     until(lambda: not unit.driver.is_stopped)
+    watch.stop()
+    unit.close()
+
+
+def a_watch(host: Host, valkey_socket: Path, units: dict[UUID, Unit]) -> StopWatch:
+    late = LateHalts(units, SystemClock(), lambda: Journal(host.path), lambda: None)
+    config = a_config(host.folder, valkey_socket)
+    return StopWatch(config, host.line, units, threading.Event(), late)
+
+
+def test_a_device_that_a_stop_has_not_reached_is_halted_after_the_reset_before_it_acts(
+    host: Host, pump: PumpProcess, valkey_socket: Path
+) -> None:
+    units = make_units([host.device], SystemClock(), installed())
+    unit = units[DEVICE_ID]
+    watch = a_watch(host, valkey_socket, units)
+    watch.start()
+    latch_stop(host.journal, StopLab(stop_id=uuid4(), issued_by="ada"))
+    until(lambda: unit.owes_halt)
+    with host.journal.write() as tx:
+        tx.set_meta("stop_id", None)
+    until(lambda: not unit.driver.is_stopped)
+    assert host.journal.host_state().owes_halt == {str(DEVICE_ID)}
+    unit.connect_if_due()
+    until(lambda: not host.journal.host_state().owes_halt)
+    told = [one.body["code"] for one in host.events() if one.kind == "halted"]
+    assert told == ["edge.stopped"] * 2, "with the latch, and when it was reached"
     watch.stop()
     unit.close()
 

@@ -292,6 +292,17 @@ class ActionClient:
         answer = self._cancel.call({"goal_info": info}, timeout_s)
         return bool(answer["return_code"] == _CancelCode.NONE)
 
+    def cancel_all(self, timeout_s: float) -> None:
+        """Ask to cancel every goal of the action, whoever sent it.
+
+        Raises:
+            UnreachableError, DeviceTimeoutError: Nobody answered; they may go on.
+
+        Source:
+            action_msgs/srv/CancelGoal: goal id and time stamp are zero.
+        """
+        self.cancel(_NOBODY, timeout_s)
+
     def forget(self, goal_id: bytes) -> None:
         """Listen no more to what a goal tells."""
         self._heard.pop(goal_id, None)

@@ -101,6 +101,7 @@ def decide_now(
             numbers_hold_s=do.numbers_hold_s,
             sent_age_s=sent_age_s(do, host, at),
             device_blocked_by=tx.blocked_by(row.device_id),
+            owes_halt=str(row.device_id) in host.owes_halt,
         ),
         turn=None if turn is None else batch.decide_turn(turn),
         findings=decide.check(operation, known),
@@ -191,10 +192,13 @@ def write_end(
         "post": results_body(post),
         "report": report_body(report),
     }
+    is_undone = conclusion.state is ActionState.COMPLETE and halting.was_halted(tx, row)
+    if is_undone:
+        body[halting.IS_HALTED] = True
     current = tx.state_of(row.action_id) or row.st
     tx.move(row.action_id, current, conclusion.state, conclusion=body)
     tx.append(conclusion.state.value, row.action_id, body)
-    if conclusion.state is ActionState.COMPLETE and halting.was_halted(tx, row):
+    if is_undone:
         halting.write_halt(tx, row, halting.WITH_ACTION)
     return conclusion
 
@@ -204,7 +208,10 @@ class Found:
     """How a device was found whose action nobody has seen end."""
 
     is_halted: bool
-    """It was told to halt. What else it was set to is gone with that."""
+    """It was told to halt, or may have been. What else it was set to is gone with that."""
+
+    is_owed: bool = False
+    """The word was not delivered for certain: it is to be halted before it acts again."""
 
     text: str
     """Whether it stands, or may still move, and why."""
@@ -237,6 +244,8 @@ def recover(tx: JournalWrite, row: ActionRow, found: Found | None = None) -> boo
     )
     if found is not None and found.is_halted:
         halting.write_halt(tx, row, halting.INTERRUPTED)
+    if found is not None and found.is_owed:
+        halting.owe_halt(tx, row.device_id, halting.INTERRUPTED, row.action_id)
     write_end(tx, row, report, [])
     return True
 

@@ -61,6 +61,9 @@ class HostState:
     halted: Mapping[str, int] = field(default_factory=dict)
     """By device: the last dispatch that had started there when it was halted."""
 
+    owes_halt: frozenset[str] = frozenset()
+    """Devices that had to be halted and could not be reached: each is, before it acts again."""
+
     server_clock: str = ""
     """Clock of the server of which the session told; empty: none in this start of the machine."""
 
@@ -132,6 +135,9 @@ class Candidate:
     device_blocked_by: str | None = None
     """Action in doubt on the same device."""
 
+    owes_halt: bool = False
+    """The device had to be halted, and was not yet."""
+
 
 def decide_start(
     host: HostState,
@@ -157,6 +163,8 @@ def decide_start(
     against = _decide_late(candidate) or turn
     if against is not None:
         return against
+    if candidate.owes_halt:
+        return Answer(HOLD, "edge.halt_owed", "its device has to be halted first, once it answers")
     if findings:
         return Answer(REJECT, findings[0].code, findings[0].message)
     failed = [result for result in results if result.verdict is not Verdict.PASS]

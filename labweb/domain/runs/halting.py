@@ -29,6 +29,9 @@ INTERRUPTED = "edge.interrupted"
 LET_GO = "let_go"
 """A person goes on without what was taken away."""
 
+IS_HALTED = "is_halted"
+"""In the end of an action: its device was halted since it began, and what it set is gone."""
+
 _SETPOINT = "_setpoint_"
 
 _DRIVEN = frozenset(
@@ -85,20 +88,43 @@ def voided(data: Mapping[str, Any]) -> dict[str, None]:
     return {name: None for name in sorted(names) if data[name] is not None}
 
 
-_MOTION = ("_ul", "_ul_s", "_mm", "_mm_s", "_deg", "_rpm", "_index", "_state", "position")
-"""Ends of the names of what moves: units of motion, places and states."""
+FOREIGN = {"call": "service", "run_goal": "goal"}
+"""Actions of a foreign node, by the argument that names what is asked of it. What one has left
+going, and what a halt makes of that, its maker knows: each is asked about."""
+
+_PLACES = ("_ul", "_mm", "_deg", "_index", "_state", "position")
+"""Ends of the names of places and states: what stands tells the same twice."""
+
+_RATES = ("_ul_s", "_mm_s", "_rpm")
+"""Ends of the names of rates: what stands tells nought, and what turns evenly the same twice."""
+
+_GOING = frozenset({"is_driving", "is_measuring", "is_moving", "is_pumping", "is_running"})
+"""What a device tells of its own motion. That it is connected, open or ready tells nothing."""
 
 
 def tells_motion(status: str) -> bool:
-    """Say whether a status shows that a device stands: it is the same twice.
+    """Say whether a status shows whether a device stands.
 
-    Temperature, pressure and mass go on changing at a device that stands.
+    Temperature, pressure and mass go on changing at a device that stands; a set-point is a
+    number that it keeps.
 
     Example:
-        >>> tells_motion("volume_ul"), tells_motion("is_running"), tells_motion("temperature_c")
-        (True, True, False)
+        >>> [tells_motion(name) for name in ("volume_ul", "is_running", "speed_setpoint_rpm")]
+        [True, True, False]
     """
-    return status.endswith(_MOTION) or status.startswith("is_")
+    return status in _GOING or (_SETPOINT not in status and status.endswith(_PLACES + _RATES))
+
+
+def is_moving(status: str, before: object, now: object) -> bool:
+    """Say whether two readings in a row of a status that tells motion show some.
+
+    Example:
+        >>> is_moving("speed_rpm", 400.0, 400.0), is_moving("volume_ul", 80.0, 80.0)
+        (True, False)
+    """
+    if status in _GOING or status.endswith(_RATES):
+        return bool(now)
+    return now != before
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -115,7 +141,7 @@ def still_standing(done: Iterable[Done]) -> list[int]:
 
     Args:
         done: In the order in which they ended. Of each sort the last one counts, unless it
-            was ended since.
+            was ended since; of a foreign node, of each goal and service.
     """
     standing: dict[str, int] = {}
     for one in done:
@@ -123,7 +149,31 @@ def still_standing(done: Iterable[Done]) -> list[int]:
             standing.pop(_ENDS[one.action], None)
         elif one.action in _BEGINS and not _is_timed(one):
             standing[_BEGINS[one.action]] = one.index
+        elif one.action in FOREIGN:
+            standing[f"{one.action} {one.args.get(FOREIGN[one.action])}"] = one.index
     return sorted(standing.values())
+
+
+def leaves_standing(action: str, args: Mapping[str, Any]) -> bool:
+    """Say whether a halt takes something away of an action that has just completed."""
+    return bool(still_standing([Done(index=0, action=action, args=args)]))
+
+
+def was_halted_since(told: Iterable[str]) -> bool:
+    """Say whether a halt has taken away what an action set, by what its host has told.
+
+    Args:
+        told: `started` of the action and `halted` of its device, as they came since it was sent.
+            Where the start was never told, nobody knows which came first, and so whether it
+            still stands: it counts as taken away.
+
+    Example:
+        >>> was_halted_since(["halted", "started"]), was_halted_since(["started", "halted"])
+        (False, True)
+    """
+    kinds = list(told)
+    since = kinds[kinds.index("started") :] if "started" in kinds else kinds
+    return "halted" in since
 
 
 def _is_timed(one: Done) -> bool:
@@ -151,6 +201,46 @@ def write_halt(tx: JournalWrite, row: ActionRow, code: str) -> None:
             _write_halt(tx, device, code, row.action_id)
 
 
+class _Owed(msgspec.Struct, frozen=True, kw_only=True):
+    """A halt that could not be delivered: why it is due, and for which action."""
+
+    code: str
+    action_id: UUID | None
+
+
+def owe_halt(tx: JournalWrite, device_id: UUID, code: str, action_id: UUID | None) -> None:
+    """Remember that a device has to be halted once it answers; until then nothing starts on it.
+
+    The first cause stays. It is on disk, so that no crash and no restart forgets it.
+    """
+    owed = _owed(tx)
+    owed.setdefault(str(device_id), _Owed(code=code, action_id=action_id))
+    tx.set_meta("owed_halts", canonical(owed).decode())
+
+
+def write_late_halt(
+    tx: JournalWrite, device_id: UUID, text: str, readings: Mapping[str, Any]
+) -> None:
+    """Write down that a halt which was owed is delivered, and how the device was found then.
+
+    Effect:
+        On the record only: set-points of its resources are unknown. Actions may start on it.
+    """
+    owed = _owed(tx)
+    due = owed.pop(str(device_id), None)
+    if due is None:
+        return
+    tx.set_meta("owed_halts", canonical(owed).decode() if owed else None)
+    for device in _devices(tx):
+        if device.id == device_id:
+            late = {"message": text, "evidence": dict(readings)}
+            _write_halt(tx, device, due.code, due.action_id, late)
+
+
+def _owed(tx: JournalWrite) -> dict[str, _Owed]:
+    return msgspec.json.decode(tx.meta().get("owed_halts", "{}"), type=dict[str, _Owed])
+
+
 def was_halted(tx: JournalWrite, row: ActionRow) -> bool:
     """Say whether the device of an action was halted since the action began."""
     return row.dseq <= tx.host_state("").halted.get(str(row.device_id), -1)
@@ -160,7 +250,13 @@ def _devices(tx: JournalWrite) -> list[DeviceConfig]:
     return msgspec.json.decode(tx.meta().get("devices", "[]"), type=list[DeviceConfig])
 
 
-def _write_halt(tx: JournalWrite, device: DeviceConfig, code: str, action_id: UUID | None) -> None:
+def _write_halt(
+    tx: JournalWrite,
+    device: DeviceConfig,
+    code: str,
+    action_id: UUID | None,
+    late: Mapping[str, Any] | None = None,
+) -> None:
     """Void what is set, and tell it; of a resource that is unknown here the server knows more."""
     data: dict[str, dict[str, None]] = {}
     revs: dict[str, int] = {}
@@ -181,6 +277,7 @@ def _write_halt(tx: JournalWrite, device: DeviceConfig, code: str, action_id: UU
         "action_id": None if action_id is None else str(action_id),
         "data": data,
         "revs": revs,
+        **(late or {}),
     }
     tx.append("halted", None, body)
     halted = {**tx.host_state("").halted, str(device.id): tx.max_fence(device.id)}

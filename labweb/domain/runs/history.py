@@ -7,7 +7,7 @@ from typing import Any
 
 from labweb.domain.errors import ReconcileError, StateError
 from labweb.domain.runs.intake import read_event
-from labweb.domain.runs.job import JobState
+from labweb.domain.runs.job import UNSTARTED, JobState
 
 
 def job_state(events: Iterable[tuple[str, Mapping[str, Any]]]) -> JobState:
@@ -30,3 +30,16 @@ def job_state(events: Iterable[tuple[str, Mapping[str, Any]]]) -> JobState:
             ) from error
         state = meaning.state or state
     return state
+
+
+def server_state(current: JobState) -> JobState:
+    """Return the state of a job that is the server's own again, of which no event tells.
+
+    A person has queued it anew, or its host gave it back: from then on the server alone holds,
+    queues and stops it, and no host can have carried it further.
+
+    Example:
+        >>> server_state(JobState.HELD).value, server_state(JobState.COMPLETE).value
+        ('held', 'queued')
+    """
+    return current if current in UNSTARTED | {JobState.STOPPED} else JobState.QUEUED

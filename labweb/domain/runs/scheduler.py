@@ -32,6 +32,9 @@ class JobView:
     is_passed: bool = False
     """A person said that the run goes on, though the job ended undone."""
 
+    is_taken_away: bool = False
+    """A halt undid what it had set, and no person has answered for it yet."""
+
     @property
     def host_ids(self) -> frozenset[UUID]:
         """Return the hosts of which one is enough."""
@@ -120,22 +123,26 @@ def held_by_steps(jobs: Iterable[StepJob]) -> dict[UUID, UUID]:
 def run_state(current: RunState, jobs: Sequence[JobView], *, is_given_up: bool = False) -> RunState:
     """Return the state of a run from the states of its jobs.
 
-    A job in doubt, or one that ended badly, pauses the run: it needs a person. Only a run
-    that a person has given up ends as aborted.
+    A job in doubt, one that ended badly, or one that a halt undid pauses the run: it needs a
+    person, also where nothing else is left. Complete tells a reader that every step stands as it
+    was asked for, but for those that somebody passed over by name. Only a run that a person has
+    given up ends as aborted.
     """
     if current in {RunState.COMPLETE, RunState.ABORTED, RunState.DRAFT}:
         return current
     if current is RunState.AWAITING_APPROVAL:
         return current
     states = [job.state for job in jobs if not (job.is_satisfied and job.is_passed)]
-    if all(state is JobState.COMPLETE for state in states):
+    is_undone = any(job.is_taken_away for job in jobs)
+    if all(state is JobState.COMPLETE for state in states) and not is_undone:
         return RunState.COMPLETE if _is_anything_done(jobs) else RunState.ABORTED
     is_moving = any(state in AT_EDGE for state in states)
     if is_given_up and all(state in FINAL for state in states):
         return RunState.ABORTED
+    needs_person = is_undone or _needs_person(states)
     if is_moving:
-        return RunState.PAUSING if _needs_person(states) else RunState.RUNNING
-    if _needs_person(states):
+        return RunState.PAUSING if needs_person else RunState.RUNNING
+    if needs_person:
         return RunState.PAUSED
     has_begun = any(job.is_satisfied for job in jobs)
     return RunState.RUNNING if has_begun else RunState.QUEUED

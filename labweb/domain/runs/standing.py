@@ -7,6 +7,7 @@ does not lift the hold.
 
 from __future__ import annotations
 
+from typing import Any
 from uuid import UUID
 
 import msgspec
@@ -26,6 +27,7 @@ STATE_KEYS = (
     "stop_id",
     "link_lost",
     "halted",
+    "owed_halts",
     "server_clock",
 )
 """The remembered values that `state_of` reads."""
@@ -43,6 +45,7 @@ def state_of(meta: dict[str, str], boot_id: str) -> HostState:
         stop_latched="stop_id" in meta,
         offline_since_s=_offline_since_s(meta.get("link_lost"), boot_id),
         halted=msgspec.json.decode(meta.get("halted", "{}"), type=dict[str, int]),
+        owes_halt=frozenset(msgspec.json.decode(meta.get("owed_halts", "{}"), type=dict[str, Any])),
         server_clock=clock,
         server_ahead_s=ahead_s,
     )

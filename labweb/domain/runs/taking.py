@@ -359,9 +359,12 @@ def _take_resolve(tx: JournalWrite, signed: Signed, resolve: Resolve) -> Receipt
         "note": resolve.note,
         "issued_by": resolve.issued_by,
     }
+    is_undone = state is ActionState.COMPLETE and halting.was_halted(tx, row)
+    if is_undone:  # what happened is over again
+        body[halting.IS_HALTED] = True
     tx.move(row.action_id, ActionState.IN_DOUBT, state, conclusion=body)
     tx.append("resolved", row.action_id, body)
-    if state is ActionState.COMPLETE and halting.was_halted(tx, row):  # what happened is over again
+    if is_undone:
         halting.write_halt(tx, row, halting.WITH_ACTION)
     return Receipt(Answer(edge.ACCEPT), row.line)
 

@@ -175,6 +175,28 @@ def note_refused(host: EdgeHost, device_id: UUID, body: dict[str, Any]) -> Devic
     return device
 
 
+def note_unserved(host: EdgeHost, device_id: UUID, body: dict[str, Any]) -> Device | None:
+    """Write down that a host cannot load the very version that a device has: nothing serves it.
+
+    Returns:
+        The device, None when it has another version, or the host does not serve it.
+    """
+    rows = Device.objects.filter(host=host, driver__digest=str(body.get("digest", "")))
+    device = rows.select_for_update(of=("self",), no_key=True).filter(pk=device_id).first()
+    if device is not None:
+        device.driver_problem = _problem(body)
+        device.save(update_fields=["driver_problem"])
+        on_commit(partial(feed.publish, "devices", {"device_id": str(device.id)}))
+    return device
+
+
+def note_served(host: EdgeHost, device_id: UUID, digest: str) -> None:
+    """Take back that a host cannot load a version: it serves with it."""
+    rows = Device.objects.filter(pk=device_id, host=host, driver_problem__digest=digest)
+    if rows.update(driver_problem={}):
+        on_commit(partial(feed.publish, "devices", {"device_id": str(device_id)}))
+
+
 def _problem(body: dict[str, Any]) -> dict[str, str]:
     fields = {name: str(body.get(name, ""))[:2000] for name in ("digest", "code", "message")}
     return fields | {"at": now().isoformat()}

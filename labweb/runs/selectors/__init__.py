@@ -8,7 +8,7 @@ from datetime import datetime
 from typing import Any, NamedTuple
 from uuid import UUID
 
-from django.db.models import Exists, OuterRef, QuerySet, UUIDField
+from django.db.models import Exists, OuterRef, Q, QuerySet, UUIDField
 
 from labweb.accounts import selectors as account_selectors
 from labweb.approvals import selectors as approval_selectors
@@ -19,7 +19,7 @@ from labweb.domain.errors import NotFoundError
 from labweb.domain.runs.job import AT_EDGE, JobState, RunState
 from labweb.domain.runs.recovery import UNDONE
 from labweb.enrollment import selectors as enrollment_selectors
-from labweb.enrollment.selectors import EdgeHost
+from labweb.enrollment.selectors import Device, EdgeHost
 from labweb.resources import selectors as resource_selectors
 from labweb.resources.selectors import Lab
 from labweb.runs.models import Attempt, HostEvent, Outbox
@@ -204,6 +204,14 @@ def doubts_at(host: EdgeHost) -> QuerySet[Job]:
 def host_events(action_ids: list[UUID]) -> QuerySet[HostEvent]:
     """Events of hosts about some actions, oldest first."""
     return HostEvent.objects.filter(action_id__in=action_ids).order_by("id")
+
+
+def halts_since(attempt: Attempt, device: Device) -> list[str]:
+    """Return what its host told of the start of a try and of halts of its device, since then."""
+    started = Q(kind="started", action_id=attempt.pk)
+    halted = Q(kind="halted", body__device_id=str(device.id), received_at__gte=attempt.at)
+    rows = HostEvent.objects.filter(started | halted, host=attempt.host).order_by("id")
+    return list(rows.values_list("kind", flat=True))
 
 
 def runs_by_id(ids: Iterable[UUID]) -> dict[UUID, Run]:

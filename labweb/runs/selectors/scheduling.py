@@ -14,6 +14,7 @@ from django.db.models import DateTimeField, Q, Subquery, UUIDField
 from labweb.common.prepared import Given, Prepared, Question, together
 from labweb.domain.errors import LabError, NotFoundError
 from labweb.domain.runs.job import UNSTARTED, JobState, RunState
+from labweb.domain.runs.recovery import is_taken_away
 from labweb.domain.runs.scheduler import JobView, StepJob, held_by_steps
 from labweb.domain.workflows.plan import Execution
 from labweb.enrollment import selectors as enrollment_selectors
@@ -141,6 +142,7 @@ _VIEW = (
     "operation",
     "run__lab_id",
     "choices",
+    "halted_by",
 )
 
 _VIEWS = Prepared(
@@ -160,6 +162,7 @@ def _view(  # noqa: PLR0913 - one column each
     operation: dict[str, Any],
     lab_id: UUID,
     choices: list[dict[str, Any]],
+    halted_by: str,
 ) -> JobView:
     is_carry = operation.get("op") == "transfer_resource"
     owners: frozenset[UUID] = frozenset()
@@ -176,6 +179,7 @@ def _view(  # noqa: PLR0913 - one column each
         owner_ids=owners,
         is_passed=bool(passed_by),
         is_carry=is_carry,
+        is_taken_away=is_taken_away(JobState(state), halted_by),
     )
 
 

@@ -23,7 +23,7 @@ from labweb.domain.crutd import operations
 from labweb.domain.crutd.decide import OutcomeKind
 from labweb.domain.errors import DefinitionError, RevisionError, StateError
 from labweb.domain.runs.departing import Departure
-from labweb.domain.runs.edge import ANSWERS, resolve
+from labweb.domain.runs.edge import ANSWERS, ActionState, resolve
 from labweb.domain.runs.job import FINAL, UNSTARTED, JobState, Mover, RunState
 from labweb.domain.runs.session import is_given_up
 from labweb.enrollment import selectors as enrollment_selectors
@@ -35,7 +35,7 @@ from labweb.runs import selectors
 from labweb.runs.models import Attempt, Job, Outbox, Run
 from labweb.runs.services import dispatch
 from labweb.runs.services.batches import recall_run
-from labweb.runs.services.halting import check_halted
+from labweb.runs.services.halting import check_halted, undo_settled
 from labweb.runs.services.picture import lab_view
 from labweb.runs.services.proof import check_departures, check_proved
 from labweb.runs.services.state import announce, move_job, refresh_run
@@ -262,7 +262,11 @@ def _settle_here(
         crutd_services.settle(attempt.transaction_id, settlement)
     resolution = {"answer": answer, "note": note, "by": actor.printed_name, "moved_nl": moved_nl}
     evidence = {**job.evidence, "resolution": resolution}
-    move_job(job, JobState(state.value), Mover.PERSON, evidence=evidence)
+    is_done = state is ActionState.COMPLETE
+    stands = {"halted_by": ""} if is_done else {}
+    move_job(job, JobState(state.value), Mover.PERSON, evidence=evidence, **stands)
+    if is_done:
+        undo_settled(job, attempt)
     account_services.write_audit(
         "job.resolve",
         str(job.id),

@@ -21,6 +21,7 @@ from labweb.enrollment import selectors as enrollment_selectors
 from labweb.enrollment import services as enrollment_services
 from labweb.enrollment.selectors import Device, DriverVersion, EdgeHost
 from labweb.runs.models import Job
+from labweb.runs.services.doubts import doubt
 
 logger = logging.getLogger(__name__)
 
@@ -156,6 +157,22 @@ def take_driver_event(host: EdgeHost, event: EdgeEvent) -> None:
     elif event.kind == "driver_refused":
         why = f"{host.name} cannot build it: {event.body.get('message', '')}"
         _give_up(host, device_id, event.body, why)
+        _doubt_unserved(host, device_id, event.body)
+    else:
+        enrollment_services.note_served(host, device_id, digest)
+
+
+def _doubt_unserved(host: EdgeHost, device_id: UUID, body: dict[str, Any]) -> None:
+    """Ask a person to look at a device whose own version its host cannot load."""
+    device = enrollment_services.note_unserved(host, device_id, body)
+    if device is not None:
+        text = (
+            f"{device.name} is not served, and nothing starts on it: {host.name} cannot load its "
+            f"driver: {body.get('message', '')}. Put the approved source back on {host.name} and "
+            "start it again, or have the changed one approved as another version"
+        )
+        detail = {"device_id": str(device_id), "digest": body["digest"]}
+        doubt(host, "driver.not_served", text[:2000], detail, "device_id")
 
 
 def _give_up(host: EdgeHost, device_id: UUID, problem: dict[str, Any], why: str) -> None:

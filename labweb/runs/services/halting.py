@@ -3,24 +3,36 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import partial
 from typing import Any
 from uuid import UUID
 
 from django.db.models import Max
+from django.db.transaction import on_commit
 
 from labweb.common.clock import now
 from labweb.crutd import services as crutd_services
 from labweb.domain.errors import Finding, StateError
 from labweb.domain.messages import EdgeEvent
-from labweb.domain.runs.halting import INTERRUPTED, STOPPED, Done, still_standing, voided
+from labweb.domain.runs.halting import (
+    FOREIGN,
+    INTERRUPTED,
+    STOPPED,
+    WITH_ACTION,
+    Done,
+    leaves_standing,
+    still_standing,
+    voided,
+    was_halted_since,
+)
 from labweb.domain.runs.job import JobState
 from labweb.enrollment import selectors as enrollment_selectors
 from labweb.enrollment.selectors import Device, EdgeHost
 from labweb.resources import selectors as resource_selectors
 from labweb.runs import selectors
-from labweb.runs.models import Job, Run
+from labweb.runs.models import Attempt, Job, Run
 from labweb.runs.services.batches import recall_run
-from labweb.runs.services.state import refresh_run
+from labweb.runs.services.state import announce, refresh_run
 
 _WHY = {
     STOPPED: "the lab was stopped",
@@ -43,6 +55,7 @@ def take_halt(host: EdgeHost, event: EdgeEvent) -> None:
         raise StateError(f"{device.name} is not one of its devices", code="host.unknown_device")
     code = str(event.body["code"])
     _take_from_runs(device, code)
+    _note_found(host, event.body)
     told, revs = event.body.get("data") or {}, event.body.get("revs") or {}
     nodes = {UUID(node) for node in device.nodes.values()}
     for row in resource_selectors.rows_for_update(nodes).values():
@@ -54,6 +67,22 @@ def take_halt(host: EdgeHost, event: EdgeEvent) -> None:
             rev = max(row.rev + 1, int(revs.get(str(row.id), 0)))
             why = f"{device.name} was halted: {_why(code)}"
             crutd_services.note_halt(row, gone, rev=rev, code=code, message=why)
+
+
+def _note_found(host: EdgeHost, body: Mapping[str, Any]) -> None:
+    """Tell with a doubt how its device was found, where it was halted only later."""
+    if not body.get("message") or not body.get("action_id"):
+        return
+    told = Attempt.objects.filter(pk=UUID(body["action_id"]), host=host).first()
+    job = None if told is None else selectors.job_for_update(told.job_id)
+    if job is None or job.state != JobState.IN_DOUBT.value:
+        return
+    report = job.evidence.get("report") or {}
+    seen = {**(report.get("evidence") or {}), **(body.get("evidence") or {})}
+    job.message = f"{job.message}. It answers again: {body['message']}"
+    job.evidence = {**job.evidence, "report": {**report, "evidence": seen}}
+    job.save(update_fields=["message", "evidence"])
+    on_commit(partial(announce, job.run_id, job.id))
 
 
 def _why(code: str) -> str:
@@ -88,6 +117,34 @@ def _take_from_runs(device: Device, code: str) -> None:
         _pause(runs[run_id])
 
 
+def undo_settled(job: Job, attempt: Attempt) -> None:
+    """Void what a job set of which a person says that it happened, if a halt came after it.
+
+    Effect:
+        On the record only, as where its host settles it. The run asks about it.
+    """
+    if not was_halted_since(selectors.halts_since(attempt, job.device)):
+        return
+    nodes = {UUID(node) for node in job.device.nodes.values()}
+    why = f"{job.device.name} was halted: {_why(WITH_ACTION)}"
+    for row in resource_selectors.rows_for_update(nodes).values():
+        gone = voided(row.data)
+        if gone:
+            crutd_services.note_halt(row, gone, rev=row.rev + 1, code=WITH_ACTION, message=why)
+    undo_job(job)
+
+
+def undo_job(job: Job) -> None:
+    """Mark a job that completes though its device was halted since it began.
+
+    Before its run is looked at: one whose last step this is has not ended.
+    """
+    if leaves_standing(job.action, job.args):
+        job.halted_by = WITH_ACTION
+        job.save(update_fields=["halted_by"])
+        _pause(selectors.run_for_update(job.run_id))
+
+
 def _pause(run: Run) -> None:
     if all(one["kind"] != "halted" for one in run.pause_reasons):
         entry = {"kind": "halted", "by": "", "at": now().isoformat()}
@@ -115,13 +172,18 @@ def check_halted(run: Run) -> None:
 
 
 def _listed(jobs: Sequence[Job]) -> str:
-    return "; ".join(f"{job.sentence!r} is undone, {_taken(job)}" for job in jobs)
+    return "; ".join(f"{job.sentence!r} {_undone(job)}, {_taken(job)}" for job in jobs)
 
 
 def _finding(job: Job) -> Finding:
-    text = f"{job.sentence!r} was done, and is undone: {_taken(job)}"
+    text = f"{job.sentence!r} was done, and {_undone(job)}: {_taken(job)}"
     context = {"job_id": str(job.id), "device_id": str(job.device_id), "code": job.halted_by}
     return Finding("run.halted", text, job.step_id, context)
+
+
+def _undone(job: Job) -> str:
+    """Say no more than is known: what a foreign node does after a halt, its maker knows."""
+    return "may be undone" if job.action in FOREIGN else "is undone"
 
 
 def _taken(job: Job) -> str:

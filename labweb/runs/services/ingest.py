@@ -24,6 +24,7 @@ from labweb.domain.crutd.decide import Outcome, OutcomeKind
 from labweb.domain.errors import LabError, StateError
 from labweb.domain.messages import EdgeEvent
 from labweb.domain.runs.context import read_context
+from labweb.domain.runs.halting import IS_HALTED
 from labweb.domain.runs.intake import Meaning, read_event
 from labweb.domain.runs.job import JobState, Mover
 from labweb.domain.runs.session import check_events, heard
@@ -39,7 +40,7 @@ from labweb.runs.services.custody import KINDS, take_custody_event
 from labweb.runs.services.doubts import doubt
 from labweb.runs.services.fencing import quarantine
 from labweb.runs.services.files import await_files
-from labweb.runs.services.halting import take_halt
+from labweb.runs.services.halting import take_halt, undo_job
 from labweb.runs.services.state import move_job, refresh_run
 
 logger = logging.getLogger(__name__)
@@ -162,6 +163,8 @@ def _apply(host: EdgeHost, event: EdgeEvent, action_id: UUID) -> None:
     if meaning.state is not None:
         move_job(attempt.job, meaning.state, Mover.EDGE, **_fields(attempt, event, meaning))
         settle_batch(attempt)
+        if meaning.state is JobState.COMPLETE and event.body.get(IS_HALTED) is True:
+            undo_job(attempt.job)
     refresh_run(attempt.job.run_id)
 
 

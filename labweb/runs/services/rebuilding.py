@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from datetime import datetime
+from itertools import chain
 from uuid import UUID
 
 from django.db import connection
@@ -12,12 +14,14 @@ from labweb.crutd import services as crutd_services
 from labweb.crutd.selectors import events_of
 from labweb.crutd.selectors.past import rebuild_differences
 from labweb.domain.errors import Finding, ReconcileError
-from labweb.domain.runs.history import job_state
+from labweb.domain.runs.edge import resolve
+from labweb.domain.runs.history import job_state, server_state
 from labweb.domain.runs.job import JobState
+from labweb.domain.runs.session import FENCED_CODE
 from labweb.resources.selectors import Lab
-from labweb.runs.models import Attempt, HostEvent, Job
+from labweb.runs.models import Attempt, HostEvent, Job, Run
 
-FENCED = "host.quarantined"
+FENCED = frozenset({"host.quarantined", "host.revoked", FENCED_CODE})
 
 
 def differences(lab: Lab) -> list[Finding]:
@@ -43,31 +47,56 @@ def told_states(lab: Lab) -> dict[UUID, JobState]:
 
     A job of a host that was fenced off is in doubt until a person has answered, whatever its
     host had told before. Jobs that were never dispatched are the server's own, and no event
-    tells of them.
+    tells of them; one that a person has queued anew, or that its host gave back, is so again
+    until its next try, and keeps the state it has where that is one of them.
     """
     last = {
         attempt.job_id: attempt
-        for attempt in Attempt.objects.filter(job__run__lab=lab).order_by("number")
+        for attempt in Attempt.objects.filter(job__run__lab=lab)
+        .select_related("job")
+        .order_by("number")
     }
     events: dict[UUID | None, list[tuple[str, dict[str, object]]]] = {}
     rows = HostEvent.objects.filter(action_id__in=[one.pk for one in last.values()])
     for action_id, kind, body in rows.order_by("id").values_list("action_id", "kind", "body"):
         events.setdefault(action_id, []).append((kind, body))
-    fenced = _fenced(lab)
+    fenced, anew = _fenced(lab), _queued_anew(lab)
     found = {}
     for job_id, attempt in last.items():
-        if attempt.transaction_id in fenced:
-            found[job_id] = JobState.IN_DOUBT
+        current = JobState(attempt.job.state)
+        if job_id in anew and anew[job_id] >= attempt.at:
+            found[job_id] = server_state(current)
+        elif attempt.transaction_id in fenced:
+            found[job_id] = _after_fence(attempt.job)
         elif attempt.pk in events:
-            found[job_id] = job_state(events[attempt.pk])
+            told = job_state(events[attempt.pk])
+            found[job_id] = server_state(current) if told is JobState.HELD else told
     return found
 
 
 def _fenced(lab: Lab) -> set[UUID]:
-    """Return the transactions whose last event says that their host was fenced off."""
-    rows = events_of(lab).order_by("seq").values_list("transaction_id", "body__code")
-    last = dict(rows.iterator())
-    return {key for key, code in last.items() if code == FENCED}
+    """Return the transactions of which an event says that their host was fenced off."""
+    rows = events_of(lab).filter(body__code__in=FENCED)
+    return set(rows.values_list("transaction_id", flat=True))
+
+
+def _after_fence(job: Job) -> JobState:
+    """Return where a job stands whose host can never tell: in doubt until a person has."""
+    told = job.evidence.get("resolution") or {}
+    answer = resolve(str(told.get("answer")), moved_nl=told.get("moved_nl"))
+    return JobState.IN_DOUBT if answer is None else JobState(answer[0].value)
+
+
+def _queued_anew(lab: Lab) -> dict[UUID, datetime]:
+    """Return when a person had each job carried out again last, as their run keeps it."""
+    choices = chain.from_iterable(
+        Run.objects.filter(lab=lab).exclude(recoveries=[]).values_list("recoveries", flat=True)
+    )
+    return {
+        UUID(one["job_id"]): datetime.fromisoformat(one["at"])
+        for one in choices
+        if one["choice"] == "retry"
+    }
 
 
 @atomic

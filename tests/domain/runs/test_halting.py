@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from labweb.domain.runs.halting import Done, still_standing, voided
+from labweb.domain.runs.halting import Done, is_moving, still_standing, tells_motion, voided
 from labweb.domain.runs.job import JobState
 from labweb.domain.runs.recovery import Ended, choices_for
 
@@ -45,6 +45,15 @@ def test_set_points_and_what_a_halt_ends_are_unknown_and_nothing_else_is() -> No
         ([("stir", {"duration_s": 60.0})], []),
         (["select_port", "aspirate", "initialize", "measure"], []),
         (["stop_stirring"], []),
+        (
+            [
+                ("call", {"service": "spin"}),
+                ("call", {"service": "home"}),
+                ("call", {"service": "spin"}),
+                ("run_goal", {"goal": "spin"}),
+            ],
+            [1, 2, 3],
+        ),
     ],
 )
 def test_of_each_sort_the_last_action_that_was_not_ended_since_has_left_something(
@@ -71,3 +80,42 @@ def test_what_was_done_is_done_again_only_where_a_halt_undid_it(
     )
     found = choices_for(job, is_step_untouched=False)
     assert [one.name for one in found if not one.why_not] == offered
+
+
+@pytest.mark.parametrize(
+    "status",
+    [
+        "is_present",
+        "is_connected",
+        "is_door_open",
+        "is_stable",
+        "values",
+        "feedback",
+        "speed_setpoint_rpm",
+        "temperature_c",
+        "pressure_kpa",
+        "mass_mg",
+    ],
+)
+def test_what_is_the_same_of_a_device_that_moves_does_not_tell_that_it_stands(status: str) -> None:
+    assert not tells_motion(status)
+
+
+@pytest.mark.parametrize(
+    ("status", "before", "now", "expected"),
+    [
+        ("speed_rpm", 400.0, 400.0, True),
+        ("speed_rpm", 400.0, 0.0, False),
+        ("flow_ul_s", 8.0, 8.0, True),
+        ("is_running", True, True, True),
+        ("is_pumping", True, False, False),
+        ("volume_ul", 80.0, 80.0, False),
+        ("volume_ul", 80.0, 79.0, True),
+        ("port_index", 3, None, True),
+    ],
+)
+def test_a_device_that_turns_evenly_does_not_stand(
+    status: str, before: object, now: object, expected: bool
+) -> None:
+    assert tells_motion(status)
+    assert is_moving(status, before, now) is expected

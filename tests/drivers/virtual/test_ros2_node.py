@@ -2,11 +2,20 @@
 
 from __future__ import annotations
 
+import secrets
+import threading
+from collections.abc import Iterator
 from typing import Any
 
 import pytest
 
+from drivers.transports.ros2.actions import ActionClient, ActionServer, Decide, Goal, GoalState
+from drivers.transports.ros2.bus import Bus
+from drivers.transports.ros2.definitions import Definitions
+from drivers.transports.ros2.interfaces_table import INTERFACES
+from drivers.transports.ros2.link import LinkSettings
 from drivers.transports.ros2.transport import Ros2Transport
+from drivers.transports.ros2.types import Types
 from drivers.transports.urls import line_key, make_transport
 from drivers.virtual.ros2_node import Ros2Node
 from labweb.domain.errors import DefinitionError, PreconditionError, UnreachableError
@@ -62,3 +71,54 @@ def test_addresses_of_nodes() -> None:
                 "ros2://127.0.0.1/a?domain=300", "ros2://127.0.0.1/a?peers=x"):  # fmt: skip
         with pytest.raises(DefinitionError):
             line_key(url)
+
+
+GO, GO_TEXT = "nav/action/Go", "int32 order\n---\nint32 done\n---\nint32 left"
+
+
+class Robot:
+    """A node in a participant of its own that drives until its goal is cancelled."""
+
+    def __init__(self, bus: Bus) -> None:
+        self.begun, self.cancelled = threading.Event(), threading.Event()
+        action = bus.types.definitions.action(GO)
+        self.server = ActionServer(bus, "/arm_1/go", action, taken=self.take, cancel=self.cancel)
+
+    def take(self, goal: Goal, decide: Decide) -> None:
+        decide(True)
+        self.server.move(goal, GoalState.EXECUTING)
+        self.begun.set()
+
+    def cancel(self, _: Goal) -> bool:
+        self.cancelled.set()
+        return True
+
+
+@pytest.fixture
+def robot() -> Iterator[tuple[Robot, int]]:
+    domain = 110 + secrets.randbelow(90)
+    bus = Bus(LinkSettings(domain=domain), Types(Definitions(INTERFACES, {GO: GO_TEXT})))
+    yield Robot(bus), domain
+    bus.close()
+
+
+def test_a_process_that_follows_one_that_died_cancels_the_goal_that_it_does_not_know(
+    robot: tuple[Robot, int],
+) -> None:
+    made, domain = robot
+
+    dead = Bus(LinkSettings(domain=domain), Types(Definitions(INTERFACES, {GO: GO_TEXT})))
+    client = ActionClient(dead, "/arm_1/go", dead.types.definitions.action(GO))
+    client.wait(20.0)
+    client.begin({"order": 5}, lambda _: None, 20.0)
+    assert made.begun.wait(5.0)
+    dead.close()
+    transport = make_transport(f"ros2://127.0.0.1/arm_1?domain={domain}")
+    assert isinstance(transport, Ros2Transport)
+    config = {"definitions": {GO: GO_TEXT}, "goals": {"go": f"go {GO}"}, "answer_limit_s": 20.0}
+    successor = Ros2Node(transport, config)
+    successor.connect()
+    assert not made.cancelled.is_set()
+    successor.halt()
+    assert made.cancelled.wait(5.0)
+    successor.close()

@@ -47,6 +47,23 @@ def test_a_refusal_with_a_null_character_is_kept_and_shown(bench: Bench) -> None
     assert bench.host.state == "online"
 
 
+def test_a_device_whose_own_driver_its_host_cannot_load_says_so_and_what_to_do(
+    bench: Bench,
+) -> None:
+    edge, device = an_edge(bench), bench.device("timer_1")
+    said = {"device_id": str(device.id), "digest": device.driver.digest}
+    problem = {"code": "driver.digest", "message": "drivers.virtual.timer is not what was approved"}
+    for _ in range(2):
+        edge.report("driver_refused", None, **said, **problem)
+    ticket = Ticket.objects.get()
+    assert ticket.code == "driver.not_served"
+    assert f"{device.name} is not served" in ticket.message
+    assert "is not what was approved. Put the approved source back" in ticket.message
+    assert bench.device("timer_1").driver_problem["code"] == "driver.digest"
+    edge.report("driver_serving", None, **said)
+    assert bench.device("timer_1").driver_problem == {}
+
+
 def test_a_version_that_cannot_be_switched_is_given_up_for_a_suspended_device_too(
     bench: Bench,
 ) -> None:
