@@ -10,6 +10,7 @@ from typing import Any
 from labweb.domain.graph.topology import Medium
 
 NL_PER_ML = 1_000_000
+NL_PER_UL = 1_000
 
 
 class Role(StrEnum):

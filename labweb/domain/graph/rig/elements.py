@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from decimal import Decimal
 from functools import lru_cache
@@ -164,14 +164,14 @@ def named_volume(entry: object) -> tuple[object, object] | None:
     return None
 
 
-def listed_liquids(said: Mapping[str, Any]) -> list[object]:
-    """Return what an object of a node lists as liquid in it, as it stands; one alone is a list."""
-    found: list[object] = [said] if "liquid_volume" in said else []
+def listed_liquids(said: Mapping[str, Any]) -> Iterator[list[object]]:
+    """Yield each list of liquids in an object of a node, as it stands; one alone is a list."""
+    if "liquid_volume" in said:
+        yield [said]
     for name in ("liquid", "liquids"):
         value = said.get(name)
         if value is not None and value != "":
-            found += value if isinstance(value, list | tuple) else [value]
-    return found
+            yield list(value) if isinstance(value, list | tuple) else [value]
 
 
 def medium_of(link: Mapping[str, Any], ends: tuple[Sort, Sort], *, chemputer: bool) -> Medium:

@@ -11,7 +11,7 @@ from typing import Any
 from labweb.domain.errors import Finding, LabFileError
 from labweb.domain.graph.elements import Tube
 from labweb.domain.graph.lab_file.guard import MAX_BYTES, MAX_NODES, decode_json, refuse, refuse_all
-from labweb.domain.graph.lab_file.uni_lab_os.nodes import parse_ports
+from labweb.domain.graph.lab_file.uni_lab_os.nodes import links_field_of, parse_ports
 from labweb.domain.graph.rig.classes import chemputer_sort
 from labweb.domain.graph.rig.elements import (
     count_ports,
@@ -81,7 +81,7 @@ def unpacked(raw: bytes) -> bytes:
 
 
 def _build(value: Mapping[str, Any], format_: RigFormat, text: str | None) -> Rig:
-    links_field = next((name for name in ("links", "edges") if name in value), None)
+    links_field = links_field_of(value)
     findings: list[Finding] = []
     nodes = _entries(value.get("nodes"), "nodes", findings)
     links = [] if links_field is None else _entries(value[links_field], links_field, findings)
@@ -134,6 +134,11 @@ def _keyed(
             findings.append(Finding("lab_file.node_id", f"{subject}: {given}", subject))
         else:
             found.append((key, node))
+            findings += [
+                Finding("lab_file.field", f"node {key}: {name}: is no object", key, {"field": name})
+                for name in ("config", "data")
+                if node.get(name) is not None and not isinstance(node[name], Mapping)
+            ]
     counts = Counter(key for key, _ in found)
     findings += [
         Finding(

@@ -48,14 +48,46 @@ def _check_element(reader: _Reader, element: Element) -> Iterator[Finding]:
             what = " and ".join(repr(value) for value in values)
             message = f"`{name}` of node {element.key} is said twice, {what}: say it once"
             yield _finding(message, element.key, name)
-    entries = [entry for place in said for entry in listed_liquids(place)]
-    yield from _check_liquids(reader, entries)
+    lists = list(_lists(element))
+    yield from _check_liquids(reader, [entry for entries in lists for entry in entries])
+    if len({tuple(sorted(_amounts(element, entries))) for entries in lists}) > 1:
+        message = f"node {element.key} lists its liquids more than once and differs: list them once"
+        yield _finding(message, element.key, _LISTED)
+        return
+    entries = lists[0] if lists else []
     levels = [reader.read(place[_LEVEL]) for place in said if _is_said(place.get(_LEVEL))]
     read = [reader.read((named_volume(entry) or ("", None))[1]) for entry in entries]
     total = sum(amount for amount in read if amount)
     if entries and None not in read and any(level != total for level in levels):
         message = f"`{_LEVEL}` of node {element.key} is not the sum of the liquids that it lists"
         yield _finding(message, element.key, _LEVEL)
+
+
+def listed_nl(element: Element) -> list[tuple[str, int]]:
+    """Return what a graph lists as liquid in an element: names and nanolitres.
+
+    A list that stands in a node twice is read once; `check_volumes` refuses two that differ.
+    """
+    lists = list(_lists(element))
+    return _amounts(element, lists[0]) if lists else []
+
+
+def level_nl(element: Element) -> int:
+    """Return how much a graph says is in an element, whatever it is; 0: it does not say."""
+    said = (place.get(_LEVEL) for place in _places(element.attributes))
+    return next((v for v in (volume_nl(one, element.nl_per_unit) for one in said) if v), 0)
+
+
+def _lists(element: Element) -> Iterator[list[object]]:
+    """Yield each list of liquids that is not empty."""
+    for place in _places(element.attributes):
+        yield from filter(None, listed_liquids(place))
+
+
+def _amounts(element: Element, entries: list[object]) -> list[tuple[str, int]]:
+    named = (named_volume(entry) or ("", None) for entry in entries)
+    read = ((name, volume_nl(volume, element.nl_per_unit)) for name, volume in named)
+    return [(name, nl) for name, nl in read if isinstance(name, str) and name and nl]
 
 
 def _check_liquids(reader: _Reader, entries: list[object]) -> Iterator[Finding]:

@@ -13,9 +13,9 @@ from typing import Any
 from labweb.domain.graph.elements import NL_PER_ML, Role
 from labweb.domain.graph.lab_file.amounts import from_nl
 from labweb.domain.graph.lab_file.uni_lab_os.vessels import nl_per_unit
-from labweb.domain.graph.rig.elements import volume_nl
+from labweb.domain.graph.rig.elements import element_of
 from labweb.domain.workflows.advise.drawing import Drawing, NotDrawnError, Port
-from labweb.domain.workflows.on_rig.equipment import COLLECT, GASES
+from labweb.domain.workflows.on_rig.equipment import COLLECT, GASES, size_nl
 
 VALVE_PORTS = 8
 """Positions of a valve that is added.
@@ -128,8 +128,7 @@ class UniDrawing(Drawing):
         node = self._entries[key]
         size_ml, chemical = fields.get("max_volume"), fields.get("chemical")
         if isinstance(size_ml, int | float):
-            config = node.setdefault("config", {})
-            config["max_volume"] = size_ml * (NL_PER_ML // nl_per_unit(config))
+            _resize(node, size_ml)
         held = (node.get("data") or {}).get("liquid")
         if isinstance(chemical, str) and chemical:
             amount = {"liquid_volume": node["config"]["max_volume"]}
@@ -216,11 +215,18 @@ def _is_valve(node: Mapping[str, Any]) -> bool:
     return "valve" in str(node.get("class"))
 
 
-def _view(node: Mapping[str, Any]) -> dict[str, Any]:
+def _resize(node: dict[str, Any], size_ml: float) -> None:
+    """Write the size of a vessel in its `config`, in the unit of the node, and nowhere else."""
     config = node.get("config")
-    size = config.get("max_volume") if isinstance(config, Mapping) else None
+    node["config"] = config = dict(config) if isinstance(config, Mapping) else {}
+    for place in (node, config, node.get("data")):
+        if isinstance(place, dict):
+            for name in ("max_volume", "capacity_ul"):
+                place.pop(name, None)
+    config["max_volume"] = size_ml * (NL_PER_ML // nl_per_unit(config))
+
+
+def _view(node: Mapping[str, Any]) -> dict[str, Any]:
     found = {"id": str(node["id"]), "class": str(node.get("class") or "")}
-    if nl_per_unit(config) != NL_PER_ML:
-        size_nl = volume_nl(size, nl_per_unit(config))
-        size = None if size_nl is None else from_nl(size_nl, NL_PER_ML)
-    return found if size is None else found | {"max_volume": size}
+    found_nl = size_nl(element_of(found["id"], node))
+    return found if found_nl is None else found | {"max_volume": from_nl(found_nl, NL_PER_ML)}

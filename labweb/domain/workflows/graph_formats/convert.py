@@ -208,7 +208,7 @@ def _unheld_by_uni(lab: Mapping[str, Any]) -> Iterator[Finding]:
     for one in lab["resources"]:
         outer = {name: value for name, value in one.items() if name not in ("config", "data")}
         yield from unheld(one["key"], outer, held, UNI_LAB_OS)
-    for one in lab["connections"]:
+    for one in lab.get("connections", ()):
         if one.get("extra"):
             continue  # It came of such a graph.
         if one["medium"] not in _UNI_MEDIA:
@@ -242,6 +242,6 @@ def _unheld_by_chemputer(lab: Mapping[str, Any], known: set[str]) -> Iterator[Fi
     for one in (entry for entry in lab["resources"] if entry["key"] in known):
         entry = {**one, "name": None if one["name"] == one["key"] else one["name"]}
         yield from unheld(one["key"], entry, held, CHEMPUTER)
-    for one in lab["connections"]:
+    for one in lab.get("connections", ()):
         held = frozenset({"key", "source", "target", "medium", "is_two_way", "dead_volume_ul"})
         yield from unheld(one["key"], one, held, CHEMPUTER)

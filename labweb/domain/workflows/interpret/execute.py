@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping
 from itertools import chain
 
 from labweb.domain.errors import Finding
+from labweb.domain.graph.elements import Role
 from labweb.domain.graph.rig.model import Rig
 from labweb.domain.graph.rig.volumes import check_volumes
 from labweb.domain.workflows.interpret.apparatus import abilities, vessels_of
@@ -64,6 +65,7 @@ def execute(rig: Rig, plan: Plan, graph_sha256: str = "") -> State:
     state.reactivity = Reactivity(plumbing.elements, plan, _condensing(plumbing))
     state.findings += [*check_volumes(rig), *state.reactivity.check_declared(plan)]
     _check_vessels(state, plan)
+    _check_stated(state, plan)
     _fill_before(state, plan)
     records, rounds = [], Rounds(state)
     for step in plan.steps:
@@ -118,6 +120,35 @@ def _check_vessels(state: State, plan: Plan) -> None:
         for key in sorted(keys):
             message = f"{place} names {key!r}, which is no vessel of the graph"
             state.complain("interpret.unknown_vessel", message, vessel=key)
+
+
+def _check_stated(state: State, plan: Plan) -> None:
+    """Add a finding for what the graph says is there and the plan does not begin with.
+
+    A plan may begin with more: what somebody states beside the graph. What is in the flask of a
+    reagent is that reagent, whatever the graph calls it.
+    """
+    for key, element in sorted(state.plumbing.elements.items()):
+        is_vessel = state.plumbing.is_vessel(key)
+        if not is_vessel and element.role is not Role.PUMP:
+            continue
+        total, named = state.plumbing.stated(key)
+        if not is_vessel and total:
+            message = f"the graph says that {microlitres(total)} are in the syringe {key}"
+            state.complain("interpret.syringe_not_empty", message, device=key)
+        elif is_vessel:
+            held = plan.contents.get(key, Contents())
+            wanted = {} if key in plan.bindings.flasks() else named
+            pairs = [("liquid", total, held.volume.least)]
+            pairs += [(n, nl, held.liquids.get(n, NOTHING).least) for n, nl in wanted.items()]
+            for name, said, begun in pairs:
+                if begun < said - TOLERANCE:
+                    message = (
+                        f"the graph says that {microlitres(said)} of {name} are in {key}, and the "
+                        f"plan begins with {microlitres(begun)}"
+                    )
+                    state.complain("interpret.contents", message, vessel=key)
+                    break
 
 
 def _fill_before(state: State, plan: Plan) -> None:

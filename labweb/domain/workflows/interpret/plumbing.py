@@ -4,16 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
-from labweb.domain.graph.elements import Element, Role, is_numbered
+from labweb.domain.graph.elements import NL_PER_UL, Element, Role, is_numbered
 from labweb.domain.graph.rig.elements import volume_nl
 from labweb.domain.graph.rig.model import Rig
+from labweb.domain.graph.rig.volumes import level_nl, listed_nl
 from labweb.domain.graph.topology import Medium
 from labweb.domain.workflows.interpret.matter import UNITS_PER_NL
 
 _CARRIES = frozenset((Medium.LIQUID, Medium.GAS, Medium.VACUUM))
 _GASES = frozenset(("air", "nitrogen", "argon", "ar", "n2", "hydrogen", "h2"))
 COLLECT = "#collect"
+_OF_LABS = "capacity_ul"
+"""How much a vessel holds in a lab of ours."""
+
 _SIDES = 2
 """Tubes of a solenoid."""
 
@@ -134,11 +139,24 @@ class Plumbing:
         if key.endswith(COLLECT) and key not in self.elements:
             owner, name = key.removesuffix(COLLECT), "collection_flask_volume"
         element = self.elements[owner]
-        attributes, config = element.attributes, element.attributes.get("config")
-        for place in (config if isinstance(config, Mapping) else {}, attributes):
-            if found := volume_nl(place.get(name), element.nl_per_unit):
-                return found * UNITS_PER_NL
+        units = ((name, element.nl_per_unit), (_OF_LABS, NL_PER_UL if owner == key else 0))
+        for said, unit in units:
+            for place in _places(element):
+                if unit and (found := volume_nl(place.get(said), unit)):
+                    return found * UNITS_PER_NL
         return None
+
+    def stated(self, key: str) -> tuple[int, dict[str, int]]:
+        """Return the units of liquid that the graph says are in an element, and of each by name.
+
+        Of what is known by the label of its vessel there are no names.
+        """
+        element, listed = self.elements[key], dict[str, int]()
+        for name, amount in listed_nl(element):
+            listed[name] = listed.get(name, 0) + amount * UNITS_PER_NL
+        level = level_nl(element) * UNITS_PER_NL
+        is_labelled = bool(level and _label(element))
+        return max(level, sum(listed.values())), {} if is_labelled else listed
 
     def can_turn(self, element: Element, port: str) -> bool:
         """Tell whether a valve, or a pump with a valve, has that position."""
@@ -212,10 +230,17 @@ class Plumbing:
         return self._forth.get(key, []) + self._back.get(key, [])
 
 
+def _places(element: Element) -> Iterator[Mapping[str, Any]]:
+    """Yield the objects of a node in which the graph says something of it."""
+    yield element.attributes
+    for inner in (element.attributes.get(name) for name in ("config", "data")):
+        if isinstance(inner, Mapping):
+            yield inner
+
+
 def _label(element: Element) -> str:
     """Return what the graph says at a node that is in it."""
-    inner = (element.attributes.get(name) for name in ("config", "data"))
-    for place in (element.attributes, *(one for one in inner if isinstance(one, Mapping))):
+    for place in _places(element):
         chemical = place.get("chemical")
         if isinstance(chemical, str) and chemical.strip():
             return chemical.strip()

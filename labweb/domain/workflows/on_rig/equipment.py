@@ -11,9 +11,10 @@ from functools import cached_property
 from itertools import product
 from typing import Any
 
-from labweb.domain.graph.elements import Element, Role
-from labweb.domain.graph.rig.elements import decimal, listed_liquids, named_volume, volume_nl
+from labweb.domain.graph.elements import NL_PER_UL, Element, Role
+from labweb.domain.graph.rig.elements import decimal, volume_nl
 from labweb.domain.graph.rig.model import Rig, RigFormat
+from labweb.domain.graph.rig.volumes import level_nl, listed_nl
 from labweb.domain.graph.topology import Medium
 
 COLLECT = "collect"
@@ -241,21 +242,13 @@ class Equipment:
     def capacity_nl(self, key: str) -> int | None:
         """Return how much a vessel holds; None: nobody says."""
         owner, _, part = key.partition("#")
-        name = "max_volume" if not part else "collection_flask_volume"
         element = self.elements[owner]
-        for place in places(element):
-            found = volume_nl(place.get(name), element.nl_per_unit)
-            if found is None and isinstance(place.get("capacity_ul"), int | float) and not part:
-                found = round(place["capacity_ul"] * 1000)
-            if found:
-                return found
-        return None
+        return size_nl(element, "collection_flask_volume") if part else size_nl(element)
 
     def contents(self, key: str) -> list[tuple[str, int]]:
         """Return what the graph says is in a vessel: names and nanolitres."""
-        said, unit = list(places(self.elements[key])), self.elements[key].nl_per_unit
-        level = next((v for v in (volume_nl(p.get("current_volume"), unit) for p in said) if v), 0)
-        listed = [liquid for place in said for liquid in _liquids(place, unit)]
+        element = self.elements[key]
+        level, listed = level_nl(element), listed_nl(element)
         if level and (self.chemical(key) or not listed):
             return [(self.chemical(key) or f"contents of {key}", level)]
         return listed
@@ -361,6 +354,17 @@ def places(element: Element) -> Iterator[Mapping[str, Any]]:
             yield found
 
 
+def size_nl(element: Element, name: str = "max_volume") -> int | None:
+    """Return how much a graph says that an element holds; None: it does not say."""
+    for place in places(element):
+        found = volume_nl(place.get(name), element.nl_per_unit)
+        if found is None and name == "max_volume":
+            found = volume_nl(place.get("capacity_ul"), NL_PER_UL)
+        if found:
+            return found
+    return None
+
+
 def _thermostat(element: Element) -> Thermostat:
     low = next(_numbers(element, "min_temp", "min_temperature_c"), None)
     high = next(_numbers(element, "max_temp", "max_temperature_c"), None)
@@ -378,11 +382,3 @@ def _numbers(element: Element, *names: str) -> Iterator[Decimal]:
         found = decimal(place.get(name))
         if found is not None:
             yield found
-
-
-def _liquids(said: Mapping[str, Any], unit: int) -> Iterator[tuple[str, int]]:
-    for entry in listed_liquids(said):
-        liquid, volume = named_volume(entry) or (None, None)
-        amount = volume_nl(volume, unit)
-        if isinstance(liquid, str) and liquid and amount:
-            yield liquid, amount

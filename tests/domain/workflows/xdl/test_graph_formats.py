@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 
 from labweb.domain.errors import LabError
+from labweb.domain.graph.elements import Role
 from labweb.domain.graph.lab_file.read import read_lab
 from labweb.domain.graph.rig.model import RigFormat
 from labweb.domain.graph.rig.read import read_rig, unpacked
@@ -216,3 +217,23 @@ def test_published_graphs_come_back_from_every_syntax_and_from_a_lab(folder: Pat
                 assert plain(convert(found.raw, family, "x").raw) == own, (path.name, target)
         count += 1
     assert count > 5
+
+
+def test_a_lab_as_a_station_says_how_much_is_held_in_millilitres() -> None:
+    raw = convert(STARTER, Target.UNI_LAB_OS, "x").raw
+    config = {one["id"]: one["config"] for one in plain(raw)["nodes"]}
+    assert config["pump_1"]["max_volume"] == 5
+    assert config["reactor_1"]["max_volume"] == 100
+    assert not any("capacity_ul" in one for one in config.values())
+    pumps = {one.key: one.capacity_nl for one in read_rig(raw).elements if one.role is Role.PUMP}
+    assert pumps == {"pump_1": 5_000_000, "pump_2": 5_000_000}
+    back = plain(convert(raw, Target.LABWEB, "x").raw)
+    (reactor,) = (one for one in back["resources"] if one["key"] == "reactor_1")
+    assert reactor["config"]["capacity_ul"] == 100_000
+
+
+@pytest.mark.parametrize("target", list(Target))
+def test_a_lab_without_connections_is_converted(target: Target) -> None:
+    lab = plain(STARTER)
+    del lab["connections"]
+    assert convert(json.dumps(lab).encode(), target, "x").raw

@@ -110,3 +110,69 @@ def test_a_message_names_the_unit_of_its_node() -> None:
         "`max_volume` of node main is 'much', which is no volume in µL; correct it, or take the "
         "field away where nobody knows"
     ]
+
+
+LISTED = [{"liquid_type": "DMF", "liquid_volume": 5}]
+
+
+def test_a_list_of_liquids_that_stands_in_a_node_twice_is_read_once() -> None:
+    graph = counting("collection", 50_000, ["DMF", 5])
+    node = next(one for one in graph["nodes"] if one["id"] == "collection")
+    node["data"]["liquid"] = LISTED
+    assert compiled(recipe(ADD), graph)["contents"]["collection"][0]["volume_ul"] == 5
+    lab = read_uni_lab_os(json.dumps(graph).encode(), "station")
+    assert 5_000 in [nl for held in lab.contents.values() for nl in held.values()]
+
+
+def test_two_lists_of_liquids_that_differ_are_refused() -> None:
+    graph = counting("collection", 50_000, ["DMF", 6])
+    next(one for one in graph["nodes"] if one["id"] == "collection")["data"]["liquid"] = LISTED
+    assert said(graph) == [
+        "node collection lists its liquids more than once and differs: list them once"
+    ]
+
+
+def test_a_size_that_the_import_cannot_read_is_told() -> None:
+    for size, is_told in ((2_000, False), ("Infinity", False), ("2000", True), (0.0001, True)):
+        lab = read_uni_lab_os(json.dumps(counting("main", size)).encode(), "station")
+        codes = [one.code for one in lab.notes if one.subject == "main"]
+        assert codes == ["uni_lab_os.amount_unread"] * is_told
+
+
+@pytest.mark.parametrize("field", ["config", "data"])
+def test_a_node_whose_settings_are_no_object_is_refused(field: str) -> None:
+    graph = counting("main", 2_000)
+    next(one for one in graph["nodes"] if one["id"] == "main")[field] = "much"
+    with pytest.raises(LabError) as caught:
+        read_rig(json.dumps(graph).encode())
+    assert [(one.code, one.subject) for one in caught.value.findings] == [
+        ("lab_file.field", "main")
+    ]
+
+
+def test_a_graph_with_links_and_edges_is_refused() -> None:
+    graph = counting("main", 2_000)
+    graph["edges"] = [graph["links"].pop()]
+    with pytest.raises(LabError) as caught:
+        read_rig(json.dumps(graph).encode())
+    assert [one.code for one in caught.value.findings] == ["lab_file.links_twice"]
+
+
+@pytest.mark.parametrize(
+    "said_so",
+    [
+        {"config": None, "max_volume": 1},
+        {"config": {}, "max_volume": 1},
+        {"config": {}, "data": {"max_volume": 1}},
+        {"config": {"capacity_ul": 1000}},
+    ],
+)
+def test_a_vessel_is_exchanged_wherever_its_size_is_said(said_so: dict[str, Any]) -> None:
+    graph: dict[str, Any] = json.loads(station())
+    next(one for one in graph["nodes"] if one["id"] == "main").update(said_so)
+    advice = advised(Asked(name="r", recipe=recipe(ADD), graph=json.dumps(graph).encode()))
+    (change,) = advice["changes"]
+    assert "which holds 1 mL, for one of 25 mL" in change["text"]
+    new = next(one for one in json.loads(advice["graph"])["nodes"] if one["id"] == "main")
+    assert new["config"] == {"max_volume": 25}
+    assert "max_volume" not in new

@@ -7,7 +7,8 @@ from copy import deepcopy
 from typing import Any
 from uuid import UUID
 
-from labweb.domain.graph.lab_file.amounts import from_nl
+from labweb.domain.graph.elements import NL_PER_ML, NL_PER_UL
+from labweb.domain.graph.lab_file.amounts import from_nl, to_nl
 from labweb.domain.graph.lab_file.model import LabFile
 from labweb.domain.graph.lab_file.uni_lab_os.nodes import parse_ports
 from labweb.domain.graph.lab_file.uni_lab_os.resources import is_imported, is_synthetic, to_node
@@ -47,7 +48,7 @@ def _node(resource: Resource, lab: LabFile, keys: Mapping[UUID, str]) -> dict[st
             "children": [keys[child.id] for child in lab.tree.children.get(resource.id, ())],
             "type": resource.kind,
             "class": "",
-            "config": dict(resource.config),
+            "config": _sized(resource.config),
             "data": dict(resource.data),
         }
     else:
@@ -58,6 +59,18 @@ def _node(resource: Resource, lab: LabFile, keys: Mapping[UUID, str]) -> dict[st
     if is_vessel(resource.kind):
         _write_contents(node, resource, lab)
     return node
+
+
+def _sized(config: Mapping[str, Any]) -> dict[str, Any]:
+    """Write how much is held as the format says it: `max_volume` in mL, if it is whole nL."""
+    found = dict(config)
+    capacity_ul = found.get("capacity_ul")
+    if isinstance(capacity_ul, int | float) and not isinstance(capacity_ul, bool):
+        capacity_nl = to_nl(capacity_ul, NL_PER_UL)
+        if capacity_nl is not None:
+            found["max_volume"] = from_nl(capacity_nl, NL_PER_ML)
+            del found["capacity_ul"]
+    return found
 
 
 def _parent(resource: Resource, keys: Mapping[UUID, str]) -> str | None:

@@ -69,7 +69,7 @@ def read_graph(raw: bytes) -> Graph:
     value = decode_json(raw, MAX_FOREIGN_DEPTH)
     if not isinstance(value, Mapping) or not isinstance(value.get("nodes"), list):
         raise refuse(*_why_no_graph(value))
-    links_field = _links_field(value)
+    links_field = links_field_of(value)
     raw_nodes = value["nodes"]
     raw_links = [] if links_field is None else value[links_field]
     for name, entries in (("nodes", raw_nodes), (str(links_field), raw_links)):
@@ -102,7 +102,12 @@ def _why_no_graph(value: object) -> tuple[str, str, str]:
     return "lab_file.no_nodes", 'the file has no list "nodes", so it is no graph of a lab', ""
 
 
-def _links_field(value: Mapping[str, Any]) -> str | None:
+def links_field_of(value: Mapping[str, Any]) -> str | None:
+    """Return the field that holds the links; None: the graph has neither.
+
+    Raises:
+        LabFileError: Both hold some, and nobody knows which of them count.
+    """
     present = [name for name in ("links", "edges") if name in value]
     if len(present) > 1:
         filled = [name for name in present if value[name]]

@@ -14,6 +14,9 @@ from labweb.domain.graph.lab_file.uni_lab_os.words import is_pylabrobot
 UNKNOWN = "unknown"
 """Material of a liquid that the file gives an amount of, but no name."""
 
+_ENDLESS = "Infinity"
+"""What PyLabRobot writes as size where it means none."""
+
 _NL_PER_ML = 1_000_000
 _NL_PER_UL = 1_000
 
@@ -39,14 +42,13 @@ def read_holding(key: str, raw: Mapping[str, Any]) -> Holding:
     config = _mapping(raw.get("config"))
     scale = nl_per_unit(config)
     holding = Holding()
-    capacity = next(
-        (part for part in (config.get("max_volume"), raw.get("max_volume")) if _is_number(part)),
-        None,
-    )
-    if capacity is not None and capacity > 0:
-        capacity_nl = to_nl(capacity, scale)
-        if capacity_nl:
-            holding.capacity_ul = capacity_nl / 1000 if capacity_nl % 1000 else capacity_nl // 1000
+    said = [one for one in (config.get("max_volume"), raw.get("max_volume")) if one is not None]
+    capacity_nl = next((nl for one in said if _is_number(one) and (nl := to_nl(one, scale))), None)
+    if capacity_nl:
+        holding.capacity_ul = capacity_nl / 1000 if capacity_nl % 1000 else capacity_nl // 1000
+    elif said and not (scale == _NL_PER_UL and said == [_ENDLESS]):
+        text = f"{key}: the size {said[0]!r} is none in whole nanolitres; kept as written"
+        holding.notes.append(Finding("uni_lab_os.amount_unread", text, key))
     liquids = _liquids(key, raw, holding.notes)
     for name, amount in liquids:
         _add(key, name, amount, scale, holding)
