@@ -203,7 +203,7 @@ class Stack:
             for path in sorted((self.data / "logs").glob("*.log"))
             if path.stat().st_size
         ]
-        for path in ("hosts", "devices"):
+        for path in ("hosts", "devices", "runs"):
             try:
                 parts.append(f"-- {path}\n{json.dumps(self.client('admin').get(path))[:3000]}")
             except (AssertionError, httpx.HTTPError, OSError) as error:
