@@ -8,14 +8,13 @@ from typing import Any
 
 from labweb.domain.errors import Finding
 from labweb.domain.graph.elements import NL_PER_ML, Element, Role
+from labweb.domain.graph.lab_file.uni_lab_os.words import ENDLESS
 from labweb.domain.graph.rig.elements import decimal, listed_liquids, named_volume, volume_nl
 from labweb.domain.graph.rig.model import Rig
 
 _SIZES = ("max_volume", "collection_flask_volume")
 _LEVEL = "current_volume"
 _LISTED = "liquid"
-_ENDLESS = "Infinity"
-"""What PyLabRobot writes as size where it means none."""
 
 
 def check_volumes(rig: Rig) -> list[Finding]:
@@ -41,7 +40,7 @@ def _check_element(reader: _Reader, element: Element) -> Iterator[Finding]:
     for name in (*_SIZES, _LEVEL):
         values = [place[name] for place in said if _is_said(place.get(name))]
         if name in _SIZES and reader.unit != NL_PER_ML:
-            values = [value for value in values if value != _ENDLESS]
+            values = [value for value in values if value != ENDLESS]
         bad = [finding for value in values for finding in reader.unreadable(name, value)]
         yield from bad
         if not bad and len({reader.read(value) for value in values}) > 1:

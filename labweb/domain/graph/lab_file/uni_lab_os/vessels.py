@@ -7,18 +7,13 @@ from dataclasses import dataclass, field
 from typing import Any, TypeGuard
 
 from labweb.domain.errors import Finding
+from labweb.domain.graph.elements import NL_PER_ML, NL_PER_UL
 from labweb.domain.graph.lab_file.amounts import to_nl
 from labweb.domain.graph.lab_file.guard import MAX_FOREIGN_TEXT
-from labweb.domain.graph.lab_file.uni_lab_os.words import is_pylabrobot
+from labweb.domain.graph.lab_file.uni_lab_os.words import ENDLESS, is_pylabrobot
 
 UNKNOWN = "unknown"
 """Material of a liquid that the file gives an amount of, but no name."""
-
-_ENDLESS = "Infinity"
-"""What PyLabRobot writes as size where it means none."""
-
-_NL_PER_ML = 1_000_000
-_NL_PER_UL = 1_000
 
 
 @dataclass
@@ -34,7 +29,7 @@ class Holding:
 
 def nl_per_unit(config: object) -> int:
     """Return what one unit of volume of a node is: PyLabRobot counts µL, the format mL."""
-    return _NL_PER_UL if is_pylabrobot(config) else _NL_PER_ML
+    return NL_PER_UL if is_pylabrobot(config) else NL_PER_ML
 
 
 def read_holding(key: str, raw: Mapping[str, Any]) -> Holding:
@@ -46,7 +41,7 @@ def read_holding(key: str, raw: Mapping[str, Any]) -> Holding:
     capacity_nl = next((nl for one in said if _is_number(one) and (nl := to_nl(one, scale))), None)
     if capacity_nl:
         holding.capacity_ul = capacity_nl / 1000 if capacity_nl % 1000 else capacity_nl // 1000
-    elif said and not (scale == _NL_PER_UL and said == [_ENDLESS]):
+    elif said and not (scale == NL_PER_UL and said == [ENDLESS]):
         text = f"{key}: the size {said[0]!r} is none in whole nanolitres; kept as written"
         holding.notes.append(Finding("uni_lab_os.amount_unread", text, key))
     liquids = _liquids(key, raw, holding.notes)

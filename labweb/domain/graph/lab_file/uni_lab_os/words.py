@@ -16,6 +16,9 @@ FORMAT = "uni_lab_os"
 
 FOREIGN = "foreign"
 
+ENDLESS = "Infinity"
+"""What PyLabRobot writes as size where it means none."""
+
 KIND_BY_TYPE: Mapping[str, str] = {
     "container": "vessel",
     "deck": "deck",
