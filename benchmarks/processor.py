@@ -54,7 +54,7 @@ def is_below(pid: int, root_pid: int, parents: Mapping[int, int]) -> bool:
 
 def _role(pid: int) -> str:
     try:
-        words = Path(f"/proc/{pid}/cmdline").read_text().split("\0")
+        words = Path(f"/proc/{pid}/cmdline").read_text().replace("\0", " ").split()
     except OSError:
         return "other"
     names = {Path(word).name for word in words}

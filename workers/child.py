@@ -1,9 +1,8 @@
 """Start one process that ends with its parent.
 
 `python -m workers.child PARENT SIGNAL exec ARGV…` becomes another program;
-`python -m workers.child PARENT SIGNAL run ARGV…` becomes `workers.run`, and `… trial ARGV…`
-becomes `workers.trial`. It imports little, so
-that the host's Valkey answers at once.
+`python -m workers.child PARENT SIGNAL fork HANDLE` becomes the fork server, and
+`… tryouts.child` what tries a driver. It imports little, so that the host's Valkey answers at once.
 """
 
 from __future__ import annotations
@@ -13,6 +12,7 @@ import os
 import runpy
 import sys
 from collections.abc import Sequence
+from importlib import import_module
 
 PR_SET_PDEATHSIG = 1
 EXIT_ORPHAN = 71
@@ -24,6 +24,9 @@ def main(argv: Sequence[str]) -> None:
     die_with_parent(int(parent), int(number))
     if kind == "exec":
         os.execv(rest[0], rest)  # noqa: S606 - the argument list is the supervisor's
+    if kind == "fork":
+        import_module("workers.fork_server").main(rest)
+        return
     sys.argv = [f"workers.{kind}", *rest]
     runpy.run_module(f"workers.{kind}", run_name="__main__", alter_sys=True)
 

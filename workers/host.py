@@ -25,10 +25,11 @@ from workers.bounds import marks_of
 from workers.config import HostConfig, line_queue, load_config
 from workers.confine import describe, is_possible
 from workers.devices import fingerprint, lines_of
+from workers.fork_server import ForkServer, bury
 from workers.identity import load_identity
 from workers.journal import Journal, check_journal, create_journal
 from workers.keys import create_key
-from workers.processes import Child
+from workers.processes import Child, start_program
 from workers.session import disarm_if_regressed, record_boot
 from workers.store import Store
 from workers.trial import Trials
@@ -73,12 +74,12 @@ class Supervisor:
         reason = disarm_if_regressed(self._journal)
         if reason is not None:
             log.error("the journal is not the newest one (%s): nothing starts here", reason)
-        self._environment = _environment(config)
         self._store = Store(config.valkey_url)
         self._wake = waker(make_host_app(config), self._store)
         self._services = self._make_services()
         self._lines: dict[str, Child] = {}
-        self._trials = Trials(config, path, self._environment)
+        self._forks = ForkServer(_environment(config))
+        self._trials = Trials(config, path, self._forks)
         self._valkey: Child | None = _valkey_child(config)
         self._bell = PlainBell(config.supervisor_bell)
         self._stopping = threading.Event()
@@ -90,6 +91,7 @@ class Supervisor:
             signal(number, self._on_signal)
         signal(SIGCHLD, self._on_child)
         try:
+            self._forks.start()
             self._start_valkey()
             self._watch()
         finally:
@@ -125,10 +127,12 @@ class Supervisor:
             log.error("%s", error)
 
     def _keep(self, *children: Child) -> None:
-        if self._valkey is not None:
-            self._valkey.keep(self._environment)
-        for child in children:
-            child.keep(self._environment)
+        self._forks.start()
+        known = [child for child in (self._valkey, *children) if child is not None]
+        for child in known:
+            child.keep()
+        running = [child.process for child in known if child.process is not None]
+        bury({one.pid for one in running} | self._trials.pids() | self._forks.pids())
 
     def _keep_lines(self) -> None:
         """Have one process for each line, with the devices the server told last."""
@@ -182,15 +186,15 @@ class Supervisor:
 
     def _child(self, name: str, kind: str, *rest: str) -> Child:
         orphan_signal = SIGTERM if kind == "line" else SIGKILL
-        arguments = ("run", kind, str(self._path), *rest)
-        return Child(name, arguments, orphan_signal)
+        argv = [kind, str(self._path), *rest]
+        return Child(name, lambda: self._forks.fork(orphan_signal, "run", argv))
 
     # --- start and end ---
 
     def _start_valkey(self) -> None:
         if self._valkey is not None:
             (self._config.folder / "valkey").mkdir(exist_ok=True, mode=0o700)
-            self._valkey.keep(self._environment)
+            self._valkey.keep()
         deadline_s = time.monotonic() + VALKEY_START_S
         while not self._store.ping():
             if time.monotonic() > deadline_s:
@@ -210,6 +214,7 @@ class Supervisor:
         """End lines and accept first, so that the uplink can still tell of what they did."""
         log.info("host %s ends", self._config.host_id)
         self._trials.end()
+        self._forks.end()
         *others, uplink = self._services
         acting = [*self._lines.values(), *others]
         self._end_all(acting, self._config.stop_grace_s + HALT_S)
@@ -292,7 +297,8 @@ def valkey_arguments(config: HostConfig) -> list[str]:
 def _valkey_child(config: HostConfig) -> Child | None:
     if config.valkey.socket is None:
         return None
-    return Child("valkey", ("exec", *valkey_arguments(config)))
+    arguments = valkey_arguments(config)
+    return Child("valkey", lambda: start_program(arguments))
 
 
 _NOT_OURS = frozenset(

@@ -7,9 +7,10 @@ import os
 import subprocess
 import sys
 import time
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from signal import SIGKILL, SIGTERM, SIGUSR2, Signals
+from typing import Protocol
 from uuid import UUID
 
 from labweb.domain.messages import DeviceConfig
@@ -22,16 +23,31 @@ STEADY_S = 10.0
 """A process that ran this long had a good start: the next pause is short again."""
 
 
+class Process(Protocol):
+    """What was started, as far as anybody here asks."""
+
+    @property
+    def pid(self) -> int:
+        """Its process id."""
+
+    @property
+    def returncode(self) -> int | None:
+        """Its exit code; None: it ran when it was last asked for."""
+
+    def poll(self) -> int | None:
+        """Return its exit code, and reap it; None: it runs."""
+
+    def send_signal(self, sig: Signals, /) -> None:
+        """Send it a signal, if it runs."""
+
+
 @dataclass
 class Child:
     """One process that shall run as long as the host does."""
 
     name: str
-    arguments: Sequence[str]
-    """What `workers.child` is called with, after parent and signal."""
-
-    orphan_signal: Signals = SIGKILL
-    """What the kernel sends it when the supervisor dies."""
+    start: Callable[[], Process | None]
+    """Starts it; None: it cannot be started yet."""
 
     fingerprint: str = ""
     """Changes when the process has to be replaced."""
@@ -42,7 +58,7 @@ class Child:
     is_leaving: bool = False
     """It was told to let another process take over."""
 
-    popen: subprocess.Popen[bytes] | None = None
+    process: Process | None = None
     _started_s: float = 0.0
     _next_start_s: float = 0.0
     _pause_s: float = field(default=FIRST_PAUSE_S)
@@ -50,34 +66,31 @@ class Child:
     @property
     def is_running(self) -> bool:
         """Say whether it runs, and reap it if not."""
-        return self.popen is not None and self.popen.poll() is None
+        return self.process is not None and self.process.poll() is None
 
-    def keep(self, environment: Mapping[str, str]) -> None:
+    def keep(self) -> None:
         """Start it unless it runs; after a quick end, wait longer each time."""
         now_s = time.monotonic()
         if self.is_running:
             return
-        if self.popen is not None:
-            self._note_end(self.popen, now_s)
-        if now_s < self._next_start_s:
+        if self.process is not None:
+            self._note_end(self.process, now_s)
+        if now_s < self._next_start_s or (started := self.start()) is None:
             return
-        argv = [sys.executable, "-m", "workers.child", str(os.getpid())]
-        argv += [str(int(self.orphan_signal)), *self.arguments]
-        self.popen = subprocess.Popen(argv, env=dict(environment), stdin=subprocess.DEVNULL)
-        self._started_s = now_s
-        log.info("%s runs as process %d", self.name, self.popen.pid)
+        self.process, self._started_s = started, now_s
+        log.info("%s runs as process %d", self.name, started.pid)
 
-    def _note_end(self, popen: subprocess.Popen[bytes], now_s: float) -> None:
+    def _note_end(self, process: Process, now_s: float) -> None:
         if self.is_leaving:
-            self.is_leaving, self.popen, self._next_start_s = False, None, now_s
+            self.is_leaving, self.process, self._next_start_s = False, None, now_s
             log.info("%s has left", self.name)
             return
-        log.warning("%s ended with code %s", self.name, popen.returncode)
+        log.warning("%s ended with code %s", self.name, process.returncode)
         if now_s - self._started_s > STEADY_S:
             self._pause_s = FIRST_PAUSE_S
         self._next_start_s = now_s + self._pause_s
         self._pause_s = min(self._pause_s * 2, LONGEST_PAUSE_S)
-        self.popen = None
+        self.process = None
 
     def mark(self, fingerprint: str, devices: Iterable[DeviceConfig]) -> None:
         """Note which devices it serves, with which versions."""
@@ -91,5 +104,11 @@ class Child:
 
     def tell(self, number: Signals = SIGTERM) -> None:
         """Send it a signal, if it runs."""
-        if self.popen is not None and self.is_running:
-            self.popen.send_signal(number)
+        if self.process is not None and self.is_running:
+            self.process.send_signal(number)
+
+
+def start_program(argv: Sequence[str]) -> Process:
+    """Start another program, which ends at once when this process dies."""
+    tied = [sys.executable, "-m", "workers.child", str(os.getpid()), str(int(SIGKILL)), "exec"]
+    return subprocess.Popen([*tied, *argv], stdin=subprocess.DEVNULL)

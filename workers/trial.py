@@ -5,11 +5,10 @@ from __future__ import annotations
 import contextlib
 import logging
 import os
-import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from signal import SIGKILL
@@ -25,6 +24,7 @@ from workers.bounds import confine_line
 from workers.config import HostConfig, load_config
 from workers.devices import fingerprint
 from workers.drivers import Drivers, DriverStore, is_installed, tell_refused
+from workers.fork_server import Forked, ForkServer
 from workers.journal import Journal
 
 log = logging.getLogger(__name__)
@@ -48,7 +48,7 @@ class Answer(msgspec.Struct, frozen=True):
 @dataclass
 class _Trial:
     devices: list[DeviceConfig]
-    popen: subprocess.Popen[bytes]
+    process: Forked
     output: IO[bytes]
     began_s: float = field(default_factory=time.monotonic)
 
@@ -59,10 +59,10 @@ class Trials:
     A version is tried once for each device, as long as it is staged there.
     """
 
-    def __init__(self, config: HostConfig, path: Path, environment: Mapping[str, str]) -> None:
+    def __init__(self, config: HostConfig, path: Path, forks: ForkServer) -> None:
         self._store = DriverStore(config.drivers_folder)
         self._path = path
-        self._environment = dict(environment)
+        self._forks = forks
         self._running: dict[str, _Trial] = {}
         self._done: set[str] = set()
 
@@ -75,8 +75,8 @@ class Trials:
             if mark not in self._done and self._is_here(device):
                 due.setdefault(device.digest, []).append(device)
         for digest, devices in due.items():
-            if digest not in self._running:
-                self._running[digest] = self._begin(devices)
+            if digest not in self._running and (begun := self._begin(devices)) is not None:
+                self._running[digest] = begun
         for digest, trial in list(self._running.items()):
             if self._has_ended(trial):
                 del self._running[digest]
@@ -84,37 +84,41 @@ class Trials:
                 self._done |= {fingerprint([one]) for one in tried}
                 _tell(journal, trial, tried)
 
+    def pids(self) -> set[int]:
+        """Return the process ids of what runs."""
+        return {trial.process.pid for trial in self._running.values()}
+
     def end(self) -> None:
         """End what runs."""
         for trial in self._running.values():
-            trial.popen.kill()
-            trial.popen.wait()
+            trial.process.kill()
+            trial.process.wait()
             trial.output.close()
 
     def _is_here(self, device: DeviceConfig) -> bool:
         return is_installed(device.module, device.digest) or self._store.has(device.digest)
 
-    def _begin(self, devices: list[DeviceConfig]) -> _Trial:
+    def _begin(self, devices: list[DeviceConfig]) -> _Trial | None:
         output = tempfile.TemporaryFile()  # noqa: SIM115 - closed when it has ended
-        argv = [sys.executable, "-m", "workers.child", str(os.getpid()), str(int(SIGKILL))]
-        argv += ["trial", str(self._path), *(str(device.id) for device in devices)]
-        popen = subprocess.Popen(
-            argv, env=self._environment, stdin=subprocess.DEVNULL, stdout=output
-        )
-        return _Trial(devices, popen, output)
+        argv = [str(self._path), *(str(device.id) for device in devices)]
+        process = self._forks.fork(SIGKILL, "trial", argv, output)
+        if process is None:
+            output.close()
+            return None
+        return _Trial(devices, process, output)
 
     def _has_ended(self, trial: _Trial) -> bool:
-        if trial.popen.poll() is None and time.monotonic() - trial.began_s > WITHIN_S:
-            trial.popen.kill()
-            trial.popen.wait()
-        return trial.popen.poll() is not None
+        if trial.process.poll() is None and time.monotonic() - trial.began_s > WITHIN_S:
+            trial.process.kill()
+            trial.process.wait()
+        return trial.process.poll() is not None
 
 
 def _tell(journal: Journal, trial: _Trial, devices: list[DeviceConfig]) -> None:
     answers = _answers(trial)
     took_s = time.monotonic() - trial.began_s
-    late = f", it may take {WITHIN_S:.0f} s" if trial.popen.returncode == -SIGKILL else ""
-    text = f"the driver ended its process with code {trial.popen.returncode}{late}"
+    late = f", it may take {WITHIN_S:.0f} s" if trial.process.returncode == -SIGKILL else ""
+    text = f"the driver ended its process with code {trial.process.returncode}{late}"
     for device in devices:
         answer = answers.get(device.id) or Answer(device.id, code="driver.trial", message=text)
         if answer.code:
@@ -161,5 +165,6 @@ def run_trial(config: HostConfig, device_ids: Sequence[UUID]) -> None:
         sys.stdout.buffer.flush()
 
 
-if __name__ == "__main__":
-    run_trial(load_config(Path(sys.argv[1])), [UUID(text) for text in sys.argv[2:]])
+def main(argv: Sequence[str]) -> None:
+    """Run a trial: the file of the host's configuration, and the devices."""
+    run_trial(load_config(Path(argv[0])), [UUID(text) for text in argv[1:]])

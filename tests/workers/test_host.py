@@ -247,7 +247,7 @@ def _of_kinds(running: Running, *kinds: str) -> list[int]:
     for entry in Path("/proc").iterdir():
         if entry.name.isdigit():
             try:
-                words = (entry / "cmdline").read_bytes().decode().split("\0")
+                words = (entry / "cmdline").read_bytes().decode().replace("\0", " ").split()
             except OSError:
                 continue
             if str(running.file) in words and any(kind in words for kind in kinds):

@@ -1,0 +1,203 @@
+"""The process that starts the host's others: whose children they are, what they hold, and ends."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import pytest
+
+from tests.workers.bench import ROOT, environment, until
+
+SUPERVISOR = """
+import json, os, sys, tempfile, threading
+from signal import SIGKILL, SIGTERM
+from workers.fork_server import ForkServer, bury
+
+forks = ForkServer(os.environ)
+for text in sys.stdin:
+    order = json.loads(text)
+    found = {}
+    if order["do"] == "fork":
+        started, output = None, tempfile.TemporaryFile()
+        while started is None:
+            threading.Event().wait(0.02)
+            started = forks.fork(SIGTERM, "forked_probe", order["argv"], output)
+        found["pid"] = started.pid
+        if order["waits"]:
+            found["code"] = started.wait()
+            output.seek(0)
+            found["said"] = output.read().decode()
+    elif order["do"] == "bury":
+        bury(set(order["known"]))
+    found["server"] = sorted(forks.pids())
+    print(json.dumps(found), flush=True)
+"""
+
+
+class Supervisor:
+    """Forks in a process of its own, which a test may kill."""
+
+    def __init__(self, folder: Path) -> None:
+        # What is forked is a module of `workers`; this one is the test's.
+        package = folder / "workers"
+        package.mkdir()
+        (package / "forked_probe.py").write_text(PROBE)
+        start = f"import workers; workers.__path__.append({str(package)!r})\n"
+        (folder / "sitecustomize.py").write_text(start)
+        self._popen = subprocess.Popen(
+            [sys.executable, "-c", SUPERVISOR],
+            cwd=ROOT,
+            env=environment(PYTHONPATH=f"{folder}:{ROOT}", OF_THE_HOST="yes"),
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+        )
+        self.pid = self._popen.pid
+        self.server = 0
+
+    def ask(self, **order: Any) -> dict[str, Any]:  # noqa: ANN401 - any field
+        assert self._popen.stdin is not None
+        assert self._popen.stdout is not None
+        self._popen.stdin.write(msgspec.json.encode(order).decode() + "\n")
+        self._popen.stdin.flush()
+        found: dict[str, Any] = msgspec.json.decode(self._popen.stdout.readline())
+        (self.server,) = found["server"] or [0]
+        return found
+
+    def fork(self, *argv: str, waits: bool = True) -> dict[str, Any]:
+        return self.ask(do="fork", argv=list(argv), waits=waits)
+
+    def kill(self) -> None:
+        self._popen.kill()
+        self._popen.communicate()
+
+
+PROBE = """
+import json, os, signal, sys, threading
+
+def main(argv):
+    if argv[0] == "look":
+        handles = {}
+        for name in os.listdir("/proc/self/fd"):
+            try:
+                handles[name] = os.readlink(f"/proc/self/fd/{name}")
+            except OSError:
+                pass
+        parent = os.getppid()
+        print(json.dumps({
+            "parent": parent,
+            "handles": handles,
+            "threads": len(os.listdir("/proc/self/task")),
+            "is_imported": "celery.worker.strategy" in sys.modules,
+            "host": os.environ.get("OF_THE_HOST"),
+            "interrupt": signal.getsignal(signal.SIGINT) is signal.default_int_handler,
+        }))
+    elif argv[0] == "exit":
+        sys.exit(int(argv[1]))
+    elif argv[0] == "leave":
+        left = os.fork()
+        if left:
+            print(left, flush=True)
+        os._exit(0)
+    else:
+        threading.Event().wait(60)
+"""
+
+
+@pytest.fixture
+def supervisor() -> Iterator[Supervisor]:
+    with tempfile.TemporaryDirectory(prefix="fs") as name:
+        made = Supervisor(Path(name))
+        try:
+            yield made
+        finally:
+            made.kill()
+
+
+def test_what_is_forked_is_the_supervisors_child_and_holds_nothing_of_the_fork_server(
+    supervisor: Supervisor,
+) -> None:
+    found = msgspec.json.decode(supervisor.fork("look")["said"])
+    assert found["parent"] == supervisor.pid
+    assert (found["threads"], found["is_imported"], found["host"]) == (1, True, "yes")
+    assert found["interrupt"]
+    inherited = _handles(supervisor.server)
+    sockets = {at for at in found["handles"].values() if at.startswith("socket:")}
+    assert any(at.startswith("socket:") for at in inherited)
+    assert not sockets
+
+
+def test_its_exit_code_is_the_supervisors_to_read(supervisor: Supervisor) -> None:
+    assert supervisor.fork("exit", "7")["code"] == 7
+    assert supervisor.fork("exit", "0")["code"] == 0
+
+
+def test_it_says_in_the_list_of_processes_what_it_is(supervisor: Supervisor) -> None:
+    pid = supervisor.fork("sit", "a line", waits=False)["pid"]
+    title = Path(f"/proc/{pid}/cmdline").read_bytes().rstrip(b"\0").decode()
+    assert title == f"{sys.executable} -m workers.forked_probe sit a line"
+
+
+def test_it_dies_with_the_supervisor_and_not_with_the_fork_server(supervisor: Supervisor) -> None:
+    first = supervisor.fork("sit", waits=False)["pid"]
+    server = supervisor.server
+    os.kill(server, signal.SIGKILL)
+    second = supervisor.fork("sit", waits=False)["pid"]
+    assert supervisor.server != server
+    assert _runs(first)
+    assert _runs(second)
+    supervisor.kill()
+    until(lambda: not any(map(_runs, (first, second, supervisor.server))))
+
+
+def test_a_fork_server_that_hangs_is_replaced(supervisor: Supervisor) -> None:
+    supervisor.fork("exit", "0")
+    stuck = supervisor.server
+    os.kill(stuck, signal.SIGSTOP)
+    began_s = time.monotonic()
+    found = supervisor.fork("exit", "3")
+    assert time.monotonic() - began_s > 5
+    assert (found["code"], supervisor.server == stuck) == (3, False)
+    assert not _runs(stuck)
+
+
+def test_what_its_processes_leave_behind_is_reaped_and_nothing_that_is_asked_for(
+    supervisor: Supervisor,
+) -> None:
+    left = int(supervisor.fork("leave")["said"])
+    until(lambda: _state(left) in {"Z", ""})
+    kept = supervisor.fork("exit", "5", waits=False)["pid"]
+    until(lambda: _state(kept) == "Z")
+    until(lambda: supervisor.ask(do="bury", known=[kept, supervisor.server]) and not _state(left))
+    assert _state(kept) == "Z"
+    supervisor.ask(do="bury", known=[supervisor.server])
+    assert _state(kept) == ""
+
+
+def _handles(pid: int) -> list[str]:
+    found = []
+    for entry in Path(f"/proc/{pid}/fd").iterdir():
+        with contextlib.suppress(OSError):
+            found.append(str(entry.readlink()))
+    return found
+
+
+def _runs(pid: int) -> bool:
+    return _state(pid) not in {"", "Z", "X"}
+
+
+def _state(pid: int) -> str:
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(") ")[2].split()[0]
+    except OSError:
+        return ""

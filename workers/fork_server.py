@@ -1,0 +1,284 @@
+"""A process that has imported all that a host's processes need, and forks them: in a moment.
+
+To import Celery, transports and cryptography takes a processor seconds, to fork milliseconds. So a
+line that ended, or whose driver is replaced, is back at once, and twenty lines share one copy of
+the code in memory.
+
+What is forked is the supervisor's child, not this one's: it is forked twice, and the supervisor
+takes up orphans. So who ends, who is told of it and who dies with whom is as if the supervisor had
+started it. The fork server holds no key, no journal and no socket but the supervisor's, and a
+process lets go of that before anything of its own runs: a driver cannot ask for another process.
+
+Source:
+    fork(2); unix(7), SCM_RIGHTS; prctl(2), PR_SET_CHILD_SUBREAPER.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import ctypes
+import gc
+import logging
+import os
+import select
+import socket
+import struct
+import subprocess
+import sys
+import time
+from collections.abc import Mapping, Sequence
+from importlib import import_module
+from signal import SIG_IGN, SIGINT, SIGKILL, Signals, default_int_handler, signal
+from typing import IO
+
+import msgspec
+from setproctitle import setproctitle
+
+from workers.child import EXIT_ORPHAN, die_with_parent
+
+log = logging.getLogger(__name__)
+
+IMPORTS = (
+    "billiard.pool",
+    "workers.run",
+    "workers.trial",
+    "celery.app.amqp",
+    "celery.app.control",
+    "celery.app.events",
+    "celery.app.log",
+    "celery.apps.worker",
+    "celery.backends.base",
+    "celery.bin.celery",
+    "celery.concurrency.solo",
+    "celery.events.receiver",
+    "celery.loaders.app",
+    "celery.worker.autoscale",
+    "celery.worker.components",
+    "celery.worker.consumer.delayed_delivery",
+    "celery.worker.strategy",
+    "celery.worker.worker",
+    "kombu.transport.redis",
+)
+"""What takes long, or is imported late; none of it may start a thread."""
+
+PR_SET_CHILD_SUBREAPER = 36
+PATIENCE_S = 10.0
+"""How long a fork may take, on a busy machine."""
+
+START_AGAIN_S = 1.0
+MAX_WISH_BYTES = 64 * 1024
+_PID = struct.Struct("=i")
+_GO = b"."
+
+
+class Wish(msgspec.Struct, frozen=True):
+    """What shall be started."""
+
+    parent: int
+    """Process id of the supervisor."""
+
+    orphan_signal: int
+    kind: str
+    """Module of `workers` whose `main` it becomes."""
+
+    argv: list[str]
+
+
+class Forked:
+    """A process that was forked for this one, in the place of a `subprocess.Popen`."""
+
+    def __init__(self, pid: int) -> None:
+        self.pid = pid
+        self.returncode: int | None = None
+
+    def poll(self) -> int | None:
+        """Return its exit code as `subprocess` gives it, and reap it; None: it runs."""
+        return self.returncode if self.returncode is not None else self._wait(os.WNOHANG)
+
+    def wait(self) -> int:
+        """Wait for its end; return its exit code."""
+        code = self.poll()
+        return self._wait(0) or 0 if code is None else code
+
+    def send_signal(self, number: Signals) -> None:
+        """Send it a signal, if it runs."""
+        if self.poll() is None:
+            os.kill(self.pid, number)
+
+    def kill(self) -> None:
+        """End it at once."""
+        self.send_signal(SIGKILL)
+
+    def _wait(self, options: int) -> int | None:
+        pid, status = os.waitpid(self.pid, options)
+        if pid:
+            self.returncode = os.waitstatus_to_exitcode(status)
+        return self.returncode
+
+
+class ForkServer:
+    """The supervisor's end: starts the fork server, again if need be, and asks it."""
+
+    def __init__(self, environment: Mapping[str, str]) -> None:
+        self._environment = dict(environment)
+        self._popen: subprocess.Popen[bytes] | None = None
+        self._channel: socket.socket | None = None
+        self._is_ready = False
+        self._next_start_s = 0.0
+
+    def start(self) -> None:
+        """Start it, unless it runs; it is ready some seconds later."""
+        if self._popen is not None and self._popen.poll() is None:
+            return
+        if time.monotonic() < self._next_start_s:
+            return
+        if self._popen is not None:
+            log.warning("the fork server ended with code %s", self._popen.returncode)
+        self._close()
+        self._next_start_s = time.monotonic() + START_AGAIN_S
+        adopt_orphans()
+        self._channel, there = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        argv = [sys.executable, "-m", "workers.child", str(os.getpid()), str(int(SIGKILL))]
+        with there:
+            self._popen = subprocess.Popen(
+                [*argv, "fork", str(there.fileno())],
+                env=self._environment,
+                stdin=subprocess.DEVNULL,
+                pass_fds=[there.fileno()],
+            )
+        self._channel.settimeout(PATIENCE_S)
+        log.info("the fork server runs as process %d", self._popen.pid)
+
+    def fork(
+        self,
+        orphan_signal: Signals,
+        kind: str,
+        argv: Sequence[str],
+        output: IO[bytes] | None = None,
+    ) -> Forked | None:
+        """Start a process; None: it did not come about, and may be asked for again.
+
+        Args:
+            orphan_signal: What the kernel sends it when this process dies.
+            kind: Module of `workers` whose `main` it becomes.
+            argv: What that is called with.
+            output: What becomes its standard output; None: that of this process.
+        """
+        self.start()
+        if self._channel is None or not self._can_fork(self._channel):
+            return None
+        near, far = socket.socketpair()
+        with near:
+            try:
+                with far:
+                    wish = Wish(os.getpid(), int(orphan_signal), kind, list(argv))
+                    handles = [far.fileno(), *([] if output is None else [output.fileno()])]
+                    socket.send_fds(self._channel, [msgspec.json.encode(wish)], handles)
+                near.settimeout(PATIENCE_S)
+                # Until it has the word to go, it ends when this end is closed.
+                (pid,) = _PID.unpack(near.recv(_PID.size))
+                near.sendall(_GO)
+            except (OSError, struct.error) as error:
+                log.error("the fork server did not start %s %s: %s", kind, " ".join(argv), error)
+                self.end()
+                return None
+        return Forked(pid)
+
+    def pids(self) -> set[int]:
+        """Return its process id, if it was started."""
+        return set() if self._popen is None else {self._popen.pid}
+
+    def end(self) -> None:
+        """End it; what it has forked goes on."""
+        if self._popen is not None:
+            self._popen.kill()
+            self._popen.wait()
+        self._close()
+
+    def _can_fork(self, channel: socket.socket) -> bool:
+        if not self._is_ready and select.select([channel], [], [], 0.0)[0]:
+            self._is_ready = channel.recv(1) == _GO
+        return self._is_ready
+
+    def _close(self) -> None:
+        if self._channel is not None:
+            self._channel.close()
+        self._channel, self._is_ready = None, False
+
+
+def adopt_orphans() -> None:
+    """Become the parent of what the children of this process leave behind.
+
+    Raises:
+        OSError: The kernel refuses.
+    """
+    libc = ctypes.CDLL(None, use_errno=True)
+    if libc.prctl(PR_SET_CHILD_SUBREAPER, 1, 0, 0, 0) != 0:
+        raise OSError(ctypes.get_errno(), "PR_SET_CHILD_SUBREAPER")
+
+
+def bury(known: set[int]) -> None:
+    """Reap the ended children that nobody else asks for.
+
+    Args:
+        known: Process ids of those that are asked for.
+    """
+    with contextlib.suppress(ChildProcessError):
+        while found := os.waitid(os.P_ALL, 0, os.WEXITED | os.WNOHANG | os.WNOWAIT):
+            if found.si_pid in known:
+                return  # whoever asks for it reaps it, and the others come after
+            os.waitpid(found.si_pid, 0)
+
+
+def main(argv: Sequence[str]) -> None:
+    """Import all, then fork for every wish; what is forked returns from here at its end."""
+    signal(SIGINT, SIG_IGN)
+    channel = socket.socket(fileno=int(argv[0]))
+    for name in IMPORTS:
+        import_module(name)
+    gc.collect()
+    gc.freeze()
+    channel.sendall(_GO)
+    while True:
+        raw, handles, _, _ = socket.recv_fds(channel, MAX_WISH_BYTES, 2)
+        if not raw:
+            return
+        if _fork_twice():
+            channel.close()
+            _become(msgspec.json.decode(raw, type=Wish), *handles)
+            return
+        for handle in handles:
+            os.close(handle)
+
+
+def _fork_twice() -> bool:
+    """Say whether this is the new process, whose parent is gone or about to be."""
+    between = os.fork()
+    if between:
+        os.waitpid(between, 0)
+        return False
+    if os.fork():
+        os._exit(0)
+    return True
+
+
+def _become(wish: Wish, link: int, output: int | None = None) -> None:
+    signal(SIGINT, default_int_handler)
+    with socket.socket(fileno=link) as told:
+        while os.getppid() != wish.parent:
+            _wait_for_parent(told)
+        die_with_parent(wish.parent, wish.orphan_signal)
+        setproctitle(" ".join([sys.executable, "-m", f"workers.{wish.kind}", *wish.argv]))
+        told.sendall(_PID.pack(os.getpid()))
+        if told.recv(1) != _GO:
+            raise SystemExit(EXIT_ORPHAN)
+    if output is not None:
+        os.dup2(output, sys.stdout.fileno())
+        os.close(output)
+    import_module(f"workers.{wish.kind}").main(wish.argv)
+
+
+def _wait_for_parent(told: socket.socket) -> None:
+    """Wait a moment for the process between to end; leave with the supervisor."""
+    if select.select([told], [], [], 0.0005)[0]:
+        raise SystemExit(EXIT_ORPHAN)
