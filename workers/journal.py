@@ -167,9 +167,9 @@ class Journal:
     def actions(
         self, line: str, *states: ActionState, limit_count: int | None = None
     ) -> list[ActionRow]:
-        """Return the actions of a line in these states, in dispatch order."""
+        """Return the actions of a line in these states, none of them an end, in dispatch order."""
         marks = ", ".join("?" for _ in states)
-        query = f"SELECT * FROM action WHERE line = ? AND st IN ({marks}) ORDER BY dseq LIMIT ?"  # noqa: S608 - only question marks
+        query = f"SELECT * {FROM_UNFINISHED} AND line = ? AND st IN ({marks}) ORDER BY dseq LIMIT ?"
         limit = -1 if limit_count is None else limit_count
         return [to_action(row) for row in self._all(query, (line, *states, limit))]
 
@@ -186,6 +186,10 @@ class Journal:
         """Return how many actions are not final."""
         row = self._one(f"SELECT count(*) {FROM_UNFINISHED}")
         return 0 if row is None else int(row[0])
+
+    def has_accepted(self) -> bool:
+        """Say whether an action has yet to start."""
+        return self._one(f"SELECT 1 {FROM_UNFINISHED} AND st = 'accepted' LIMIT 1") is not None
 
     def waiting_lines(self) -> list[str]:
         """Return the lines that have something to do."""

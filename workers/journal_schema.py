@@ -5,7 +5,7 @@ from __future__ import annotations
 import sqlite3
 from uuid import UUID
 
-from labweb.domain.runs.edge import ActionState
+from labweb.domain.runs.edge import FINAL, ActionState
 from labweb.domain.runs.journal import ActionRow as ActionRow
 from labweb.domain.runs.journal import JournalError as JournalError
 from labweb.domain.runs.standing import STATE_KEYS
@@ -30,8 +30,6 @@ CREATE TABLE action (
     report TEXT,
     conclusion TEXT
 );
-CREATE INDEX action_open ON action (line, st, dseq);
-CREATE INDEX action_device ON action (device_id, st);
 CREATE TABLE event (
     seq INTEGER PRIMARY KEY,
     prev_hash TEXT NOT NULL,
@@ -57,24 +55,32 @@ MIGRATIONS = (VERSION_1,)
 """Script by version; forward only, one entry per released version."""
 
 
-_UNFINISHED = "st IN ('accepted', 'started', 'actuated', 'in_doubt')"
+_UNFINISHED = f"st NOT IN ({', '.join(sorted(map(repr, map(str, FINAL))))})"
+"""Said so that SQLite still takes the rows of one state in the order of the index."""
 
-FROM_UNFINISHED = f"FROM action INDEXED BY action_unfinished WHERE {_UNFINISHED}"
+FROM_UNFINISHED = f"FROM action INDEXED BY action_waits WHERE {_UNFINISHED}"
 """The actions that have not ended, however many have."""
 
 SELECT_STATE = f"SELECT key, value FROM meta WHERE key IN ({', '.join(map(repr, STATE_KEYS))})"  # noqa: S608 - our own names
 """What decides whether anything may start, without the devices and keys, which are long."""
 
-SELECT_NEXT = """
-SELECT * FROM (
-    SELECT * FROM action WHERE line = ? AND st = 'actuated' ORDER BY dseq LIMIT ?
-) UNION ALL SELECT * FROM (
-    SELECT * FROM action WHERE line = ? AND st = 'accepted' ORDER BY dseq LIMIT ?
+SELECT_NEXT = " UNION ALL ".join(
+    f"SELECT * FROM (SELECT * {FROM_UNFINISHED} AND line = ? AND st = '{st}' ORDER BY dseq LIMIT ?)"  # noqa: S608 - our own names
+    for st in ("actuated", "accepted")
 )
-"""
 
-INDEXES = (f"CREATE INDEX IF NOT EXISTS action_unfinished ON action (dseq) WHERE {_UNFINISHED}",)
-"""Change no answer, only how soon it comes; a journal gets them whatever its version."""
+INDEXES = (
+    "DROP INDEX IF EXISTS action_open",
+    "DROP INDEX IF EXISTS action_device",
+    "DROP INDEX IF EXISTS action_unfinished",
+    f"CREATE INDEX IF NOT EXISTS action_waits ON action (line, st, dseq) WHERE {_UNFINISHED}",
+    "CREATE INDEX IF NOT EXISTS action_in_doubt ON action (device_id) WHERE st = 'in_doubt'",
+)
+"""Change no answer, only how soon it comes; a journal gets them whatever its version.
+
+None of them holds an action that has ended, which is asked for by its id alone: each step writes
+all pages that it changes twice, to the log and to the file.
+"""
 
 
 def to_action(row: sqlite3.Row) -> ActionRow:

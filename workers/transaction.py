@@ -38,6 +38,7 @@ class Transaction:
         self._first = head
         self._wall_s = wall_s
         self.head = head
+        self._state: dict[str, str] | None = None
         self.is_urgent = False
         """An event was appended that the server waits for."""
 
@@ -87,6 +88,7 @@ class Transaction:
 
     def set_meta(self, key: str, value: str | None) -> None:
         """Remember a value; None forgets it."""
+        self._state = None
         if value is None:
             self._run("DELETE FROM meta WHERE key = ?", (key,))
         else:
@@ -94,7 +96,9 @@ class Transaction:
 
     def host_state(self, boot_id: str) -> HostState:
         """Return what decides whether anything may start, as of this write."""
-        return state_of(dict(self._run(SELECT_STATE)), boot_id)
+        if self._state is None:
+            self._state = dict(self._run(SELECT_STATE))
+        return state_of(self._state, boot_id)
 
     # --- actions ---
 

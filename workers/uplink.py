@@ -96,6 +96,10 @@ HEARTBEAT_S = 1.0
 EVENTS_POLL_S = 0.03
 """How long progress waits to be told, and an end whose bell was lost."""
 
+STREAM_S = 0.01
+"""How far apart frames are while more waits to be done: who is told of each end by itself takes a
+processor as long as who brought it about."""
+
 ACK_TIMEOUT_S = 10.0
 KEEP_ACK_S = 0.2
 SILENCE_S = 20.0
@@ -122,6 +126,7 @@ class Uplink:
         self._instance_id = uuid4().hex
         self._epoch = 0
         self._sent_seq = 0
+        self._sent_s = 0.0
         self._acked = asyncio.Event()
         self._acked_seq = 0
         self._files = FileTeller(
@@ -335,6 +340,9 @@ class Uplink:
 
     async def _tell_frame(self, socket: ClientConnection, bell: Bell) -> None:
         """Tell the next events and wait for their acknowledgement; without any, for the bell."""
+        pause_s = self._sent_s + STREAM_S - time.monotonic()
+        if pause_s > 0 and self._journal.has_accepted():
+            await asyncio.sleep(pause_s)
         events = self._journal.events_after(self._sent_seq)
         if not events:
             await bell.wait(EVENTS_POLL_S)
@@ -342,7 +350,7 @@ class Uplink:
         self._journal.seal_up()
         faults.point("uplink.before_send")
         self._acked.clear()
-        self._sent_seq = events[-1].seq
+        self._sent_seq, self._sent_s = events[-1].seq, time.monotonic()
         await send(socket, Events(epoch=self._epoch, events=events))
         faults.point("uplink.after_send")
         async with asyncio.timeout(ACK_TIMEOUT_S):

@@ -87,7 +87,7 @@ def decide_now(
     """Decide inside the write, so that nothing changes between decision and start."""
     if tx.state_of(row.action_id) is not ActionState.ACCEPTED:
         return Answer(edge.HOLD, "edge.taken", "the action was stopped meanwhile")
-    operation = operations.from_json(do.operation)
+    operation = row.operation
     known = snapshot(tx, operations.touched_ids(operation))
     host = tx.host_state(at.boot_id)
     turn = batch.turn_of(tx, do.batch, standing.offline_s(host, at))
@@ -179,7 +179,7 @@ def write_end(
 
     What it has set is unknown again where its device was halted meanwhile.
     """
-    operation = operations.from_json(row.do.operation)
+    operation = row.operation
     known = snapshot(tx, operations.touched_ids(operation))
     only_reads = isinstance(operation, operations.Read)
     concluded = edge.conclude(report, post, only_reads=only_reads)

@@ -13,6 +13,7 @@ from uuid import UUID
 
 import msgspec
 
+from labweb.domain.crutd.operations import Operation, from_json
 from labweb.domain.errors import LabError
 from labweb.domain.messages import Do, ResourceView, Signed, decode_command
 from labweb.domain.runs.edge import ActionState, HostState
@@ -57,6 +58,11 @@ class ActionRow:
         if not isinstance(command, Do):
             raise JournalError(f"action {self.action_id} holds a {type(command).__name__}")
         return command
+
+    @cached_property
+    def operation(self) -> Operation:
+        """What it is to do to matter."""
+        return from_json(self.do.operation)
 
 
 class HeldResource(msgspec.Struct, frozen=True, kw_only=True):

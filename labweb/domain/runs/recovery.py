@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from enum import StrEnum
 from uuid import UUID
 
 from labweb.domain.runs.halting import LET_GO
@@ -12,6 +13,16 @@ from labweb.domain.runs.job import FINAL, JobState
 UNDONE = frozenset({JobState.ABORTED, JobState.REJECTED, JobState.STOPPED})
 MOST_TRIES = 3
 """After so many equal failures another try is refused: something else is wrong."""
+
+
+class Wait(StrEnum):
+    """What a person has to say before a run can go on."""
+
+    ANSWER = "answer"
+    """What an action did of which nobody knows the outcome."""
+
+    RECOVERY = "recovery"
+    """What becomes of a job that ended undone, or that a halt undid."""
 
 
 def may_retry(state: JobState) -> bool:
@@ -91,6 +102,26 @@ def choices_for(job: Ended, *, is_step_untouched: bool) -> tuple[Choice, ...]:
 def is_taken_away(state: JobState, halted_by: str) -> bool:
     """Say whether a halt took away what a completed job had set, and nobody has answered."""
     return state is JobState.COMPLETE and halted_by not in {"", LET_GO}
+
+
+def waits_for(state: JobState, *, is_passed: bool, halted_by: str) -> Wait | None:
+    """Return what a person has to say of a job before its run can go on; None: nothing.
+
+    Args:
+        state: Where the job stands.
+        is_passed: A person has decided what becomes of it.
+        halted_by: Why a halt of its device undid it; empty: none did.
+    """
+    if state is JobState.IN_DOUBT:
+        return Wait.ANSWER
+    is_undone = may_retry(state) and not is_passed
+    return Wait.RECOVERY if is_undone or is_taken_away(state, halted_by) else None
+
+
+def run_waits_for(jobs: Iterable[Wait | None]) -> Wait | None:
+    """Return what a run waits for, of what its jobs wait for: what was done comes first."""
+    waits = set(jobs)
+    return next((one for one in Wait if one in waits), None)
 
 
 def _after_halt() -> tuple[Choice, ...]:

@@ -303,11 +303,7 @@ def _take_custody(tx: JournalWrite, command: Release | Receive) -> Receipt:
     if isinstance(command, Receive):
         is_new = custody.take_receive(tx, command)
     else:
-        in_use = {
-            node
-            for row in tx.open_rows()
-            for node in operations.touched_ids(operations.from_json(row.do.operation))
-        }
+        in_use = {node for row in tx.open_rows() for node in operations.touched_ids(row.operation)}
         is_new = custody.take_release(tx, command, in_use=in_use)
     return Receipt(Answer(edge.ACCEPT if is_new else edge.DUPLICATE))
 
@@ -345,7 +341,7 @@ def _take_resolve(tx: JournalWrite, signed: Signed, resolve: Resolve) -> Receipt
         text = f"{resolve.answer!r} with {resolve.moved_nl} nL answers nothing"
         return _refuse(tx, resolve, signed, Answer(edge.REFUSE, "envelope.bad_answer", text))
     state, outcome = found
-    operation = operations.from_json(row.do.operation)
+    operation = row.operation
     try:
         before = snapshot(tx, operations.touched_ids(operation))
         change = decide.settle(operation, before, outcome)

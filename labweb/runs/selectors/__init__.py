@@ -8,7 +8,7 @@ from datetime import datetime
 from typing import Any, NamedTuple
 from uuid import UUID
 
-from django.db.models import Exists, OuterRef, Q, QuerySet, UUIDField
+from django.db.models import Q, QuerySet, UUIDField
 
 from labweb.accounts import selectors as account_selectors
 from labweb.approvals import selectors as approval_selectors
@@ -17,7 +17,7 @@ from labweb.common.render import iso
 from labweb.crutd import selectors as crutd_selectors
 from labweb.domain.errors import NotFoundError
 from labweb.domain.runs.job import AT_EDGE, JobState, RunState
-from labweb.domain.runs.recovery import UNDONE
+from labweb.domain.runs.recovery import Wait
 from labweb.enrollment import selectors as enrollment_selectors
 from labweb.enrollment.selectors import Device, EdgeHost
 from labweb.resources import selectors as resource_selectors
@@ -61,6 +61,7 @@ from labweb.runs.selectors.recovery import later_jobs as later_jobs
 from labweb.runs.selectors.recovery import moved_nl as moved_nl
 from labweb.runs.selectors.recovery import recovery_choices as recovery_choices
 from labweb.runs.selectors.recovery import recovery_of as recovery_of
+from labweb.runs.selectors.recovery import waits_of as waits_of
 from labweb.runs.selectors.scheduling import JOB_TO_LOCK as JOB_TO_LOCK
 from labweb.runs.selectors.scheduling import RUN_TO_LOCK as RUN_TO_LOCK
 from labweb.runs.selectors.scheduling import asking_elsewhere as asking_elsewhere
@@ -224,31 +225,21 @@ class LastRun(NamedTuple):
     """The newest run of a workflow."""
 
     run: Run
-    waits_for: str | None
-    """What a person has to say before it can go on: an `answer`, or a `recovery`."""
+    waits_for: Wait | None
+    """What a person has to say before it can go on."""
 
 
 def last_runs(lab: Lab) -> dict[UUID, LastRun]:
     """Return the newest run of each workflow, and what it waits for."""
-    jobs = Job.objects.filter(run_id=OuterRef("pk"))
-    undone = [state.value for state in UNDONE]
-    rows = (
+    rows = list(
         Run.objects.filter(lab=lab)
-        .annotate(
-            is_in_doubt=Exists(jobs.filter(state=JobState.IN_DOUBT.value)),
-            is_undone=Exists(jobs.filter(state__in=undone, passed_by="")),
-        )
         .select_related("version")
         .order_by("version__workflow_id", "-number")
         .distinct("version__workflow_id")
     )
-    ended = (RunState.COMPLETE.value, RunState.ABORTED.value)
-    found = {}
-    for row in rows:
-        waits_for = "answer" if row.is_in_doubt else "recovery" if row.is_undone else None
-        is_over = row.state in ended
-        found[row.version.workflow_id] = LastRun(row, None if is_over else waits_for)
-    return found
+    ended = {RunState.COMPLETE.value, RunState.ABORTED.value}
+    waits = waits_of(row.id for row in rows if row.state not in ended)
+    return {row.version.workflow_id: LastRun(row, waits.get(row.id)) for row in rows}
 
 
 def answers_under_way(ids: Iterable[UUID]) -> dict[UUID, tuple[str, datetime]]:

@@ -16,7 +16,7 @@ from labweb.domain.runs import recovery
 from labweb.domain.runs.departing import Departure
 from labweb.domain.runs.halting import LET_GO
 from labweb.domain.runs.job import FINAL, JobState
-from labweb.domain.runs.recovery import Choice, Ended, Later
+from labweb.domain.runs.recovery import UNDONE, Choice, Ended, Later, Wait
 from labweb.runs.models import Attempt, Job, Run
 
 
@@ -78,9 +78,24 @@ def accepted_departures(run: Run) -> list[Departure]:
 
 def is_unanswered(job: Job) -> bool:
     """Tell whether a person has to say first what a job did, or what becomes of it."""
+    return _waits_for(job) is not None
+
+
+def _waits_for(job: Job) -> Wait | None:
     state = JobState(job.state)
-    is_undone = recovery.may_retry(state) and not job.passed_by
-    return state is JobState.IN_DOUBT or is_undone or is_taken_away(job)
+    return recovery.waits_for(state, is_passed=bool(job.passed_by), halted_by=job.halted_by)
+
+
+def waits_of(run_ids: Iterable[UUID]) -> dict[UUID, Wait]:
+    """Return what runs wait for, of those that wait for a person; one query."""
+    waiting = Q(state=JobState.IN_DOUBT.value) | Q(state__in=[one.value for one in UNDONE])
+    halted = ~Q(halted_by__in=["", LET_GO])
+    rows = Job.objects.filter(waiting | halted, run_id__in=list(run_ids))
+    found: dict[UUID, list[Wait | None]] = {}
+    for job in rows.only("run_id", "state", "passed_by", "halted_by"):
+        found.setdefault(job.run_id, []).append(_waits_for(job))
+    waits = {run_id: recovery.run_waits_for(jobs) for run_id, jobs in found.items()}
+    return {run_id: wait for run_id, wait in waits.items() if wait is not None}
 
 
 def is_taken_away(job: Job) -> bool:

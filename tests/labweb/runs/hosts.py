@@ -21,6 +21,7 @@ from labweb.enrollment import services as enrollment_services
 from labweb.runs import services
 from labweb.runs.models import Job, Outbox, Run
 from tests.builders import Bench, Edge
+from tests.labweb.web import signed_in
 from tests.simulation.memory import Disk, MemoryWrite
 
 
@@ -172,3 +173,11 @@ def states(run: Run) -> list[str]:
 def live_locks() -> int:
     """Count the locks that hold."""
     return ResourceLock.objects.filter(released_at__isnull=True).count()
+
+
+def last_run(bench: Bench, run: Run) -> dict[str, Any]:
+    """What the list of workflows tells of the newest run of a workflow."""
+    rows = signed_in(bench.people["observer"]).get("/api/v1/workflows").json()["workflows"]
+    wanted = str(run.version.workflow_id)
+    found: dict[str, Any] = next(row["last_run"] for row in rows if row["id"] == wanted)
+    return found

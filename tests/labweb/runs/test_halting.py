@@ -22,7 +22,7 @@ from labweb.runs.services import fencing
 from labweb.runs.services.rebuilding import differences, rebuild
 from tests.builders import Bench, Edge, a_started_run
 from tests.labweb.crutd.test_verify import tamper
-from tests.labweb.runs.hosts import Host, states
+from tests.labweb.runs.hosts import Host, last_run, states
 from tests.labweb.web import call, signed_in
 
 HEAT_AND_STIR = "Heat and stir"
@@ -189,6 +189,12 @@ def test_the_card_of_a_step_that_a_stop_undid_offers_it_again_or_to_go_on_withou
     assert [one["name"] for one in choices if one["why_not"] is None] == ["retry", "skip"]
     assert shown["can"]["resume"] is False
     assert [one["kind"] for one in shown["pause_reasons"]] == ["stopped", "halted"]
+    assert last_run(bench, run)["waits_for"] == "recovery"
+    for action in ("stir", "heat_to"):
+        assert choose(bench, job(run, action), "skip") == 200
+    assert last_run(bench, run)["waits_for"] == "recovery", "what was cut off is not decided"
+    assert choose(bench, job(run, "hold"), "skip") == 200
+    assert last_run(bench, run)["waits_for"] is None
 
 
 def test_a_step_that_somebody_lets_go_is_not_asked_for_at_the_next_stop(

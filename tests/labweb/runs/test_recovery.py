@@ -16,6 +16,7 @@ from labweb.domain.crutd.decide import Outcome, OutcomeKind
 from labweb.runs import selectors
 from labweb.runs.models import Attempt, Job, Outbox, Run
 from tests.builders import Bench, Edge, a_started_run, an_edge, dispatched, to_transfer
+from tests.labweb.runs.hosts import last_run
 from tests.labweb.web import call, signed_in
 
 NOTHING = Outcome(kind=OutcomeKind.PARTIAL, moved_nl=0)
@@ -98,13 +99,6 @@ def test_a_skipped_job_takes_the_rest_of_its_step_along_and_moves_nothing(
     assert AuditEntry.objects.filter(action="job.recover", subject=str(job.id)).count() == 1
     assert Run.objects.get(pk=run.pk).state == "complete", "nothing is left to resume"
     assert is_sound(bench)
-
-
-def last_run(bench: Bench, run: Run) -> dict[str, Any]:
-    rows = signed_in(bench.people["observer"]).get("/api/v1/workflows").json()["workflows"]
-    wanted = str(run.version.workflow_id)
-    found: dict[str, Any] = next(row["last_run"] for row in rows if row["id"] == wanted)
-    return found
 
 
 def test_the_list_of_workflows_tells_that_a_run_waits_for_recovery_until_it_is_decided(

@@ -1,0 +1,34 @@
+"""What a person has to say before a run can go on."""
+
+from __future__ import annotations
+
+import pytest
+
+from labweb.domain.runs.halting import LET_GO
+from labweb.domain.runs.job import JobState
+from labweb.domain.runs.recovery import Wait, run_waits_for, waits_for
+
+
+@pytest.mark.parametrize("state", JobState)
+@pytest.mark.parametrize("is_passed", [False, True])
+@pytest.mark.parametrize("halted_by", ["", LET_GO, "edge.stopped"])
+def test_each_job_waits_for_an_answer_for_recovery_or_for_nothing(
+    state: JobState, halted_by: str, *, is_passed: bool
+) -> None:
+    found = waits_for(state, is_passed=is_passed, halted_by=halted_by)
+    undone = {JobState.ABORTED, JobState.REJECTED, JobState.STOPPED}
+    if state is JobState.IN_DOUBT:
+        assert found is Wait.ANSWER
+    elif state in undone and not is_passed:
+        assert found is Wait.RECOVERY
+    elif state is JobState.COMPLETE and halted_by == "edge.stopped":
+        assert found is Wait.RECOVERY, "a halt undid it, whatever was decided before"
+    else:
+        assert found is None
+
+
+def test_a_run_waits_for_what_its_jobs_wait_for_and_for_answers_first() -> None:
+    assert run_waits_for([]) is None
+    assert run_waits_for([None, None]) is None
+    assert run_waits_for([None, Wait.RECOVERY]) is Wait.RECOVERY
+    assert run_waits_for([Wait.RECOVERY, None, Wait.ANSWER]) is Wait.ANSWER
