@@ -315,6 +315,7 @@ _NOT_OURS = frozenset(
 
 def _environment(config: HostConfig) -> dict[str, str]:
     environment = {k: v for k, v in os.environ.items() if k not in _NOT_OURS}
+    environment["NOSETPS"] = "1"  # Celery would call every worker the same in the list of processes
     if config.faults is not None:
         environment |= {"LABWEB_FAULTS": "1", "LABWEB_FAULT": config.faults}
     return environment

@@ -16,7 +16,6 @@ from signal import SIGCHLD, SIGUSR2, signal
 
 from celery import Celery
 from celery.signals import worker_ready, worker_shutting_down
-from setproctitle import getproctitle, setproctitle
 
 from labweb.domain.messages import Signed
 from workers import guard
@@ -174,13 +173,7 @@ def _keep_heap(**_: object) -> None:
 
 
 def _work(app: Celery, queue: str, node: str) -> None:
-    title = getproctitle()
-
-    def keep_title(**_: object) -> None:
-        setproctitle(title)  # Celery has put its own in the place of the one that says which it is
-
     worker_ready.connect(_keep_heap, weak=False)
-    worker_ready.connect(keep_title, weak=False)
     level = logging.getLevelName(logging.getLogger().level)
     app.worker_main(
         [

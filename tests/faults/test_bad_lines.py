@@ -190,9 +190,12 @@ KINDS = ("kill", "raise", "disk_full", "fsync", "timeout", "partial")
 
 
 @contextmanager
-def a_saboteur(line: Line) -> Iterator[str]:
-    """Give an address where a fault makes the line silent (mute), or breaks it (stall)."""
-    server = socket.create_server(("127.0.0.1", 0))
+def a_saboteur(line: Line) -> Iterator[tuple[str, threading.Event]]:
+    """Give an address where a fault makes the line silent (mute), or breaks it (stall).
+
+    With it comes what is set once that was done.
+    """
+    server, is_done = socket.create_server(("127.0.0.1", 0)), threading.Event()
 
     def serve() -> None:
         while True:
@@ -203,12 +206,13 @@ def a_saboteur(line: Line) -> Iterator[str]:
             with client:
                 word = client.recv(16).strip()
                 line.add("half_open") if word == b"mute" else line.add("reset", after_bytes=40)
+                is_done.set()
                 client.sendall(b"ok\n")
 
     thread = threading.Thread(target=serve, daemon=True)
     thread.start()
     try:
-        yield f"127.0.0.1:{server.getsockname()[1]}"
+        yield f"127.0.0.1:{server.getsockname()[1]}", is_done
     finally:
         server.shutdown(socket.SHUT_RDWR)
         server.close()
@@ -242,7 +246,7 @@ def test_a_fault_of_the_uplink_loses_nothing_and_repeats_nothing(
 ) -> None:
     context = multiprocessing.get_context("forkserver")
     context.set_forkserver_preload(["tests.faults.test_bad_lines"])
-    with a_bench(tmp_path) as bench, a_saboteur(bench.line) as saboteur:
+    with a_bench(tmp_path) as bench, a_saboteur(bench.line) as (saboteur, is_done):
         for _ in range(3):
             bench.host.take(a_do(bench.host.server, resources=[]))
         variables = {
@@ -256,6 +260,8 @@ def test_a_fault_of_the_uplink_loses_nothing_and_repeats_nothing(
         if kind in {"kill", "raise"}:
             first.join(15)
             assert first.exitcode == (-signal.SIGKILL if kind == "kill" else 1)
+        elif kind in {"timeout", "partial"}:
+            assert is_done.wait(15)
         else:
             time.sleep(0.7)
         bench.line.mend()

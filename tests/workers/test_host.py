@@ -227,6 +227,7 @@ def test_a_line_whose_guard_has_ended_starts_anew_and_reaches_its_device(
     running.post(a_do(running.hub.server))
     until(lambda: "complete" in running.hub.kinds, within_s=20)
     assert pump.moves == ["A300"]
+    assert len(_of_kinds(running, "accept", "uplink", "line")) == 4, "Celery has renamed one"
 
 
 def _line_and_guard(running: Running) -> tuple[int, int]:
