@@ -10,7 +10,7 @@ import platform
 import sys
 import threading
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from importlib.util import find_spec
 from pathlib import Path
 from signal import SIGCHLD, SIGINT, SIGKILL, SIGTERM, signal
@@ -78,11 +78,12 @@ class Supervisor:
         self._wake = waker(make_host_app(config), self._store)
         self._services = self._make_services()
         self._lines: dict[str, Child] = {}
-        self._forks = ForkServer(_environment(config))
-        self._trials = Trials(config, path, self._forks)
-        self._valkey: Child | None = _valkey_child(config)
-        self._bell = PlainBell(config.supervisor_bell)
         self._stopping = threading.Event()
+        environment = _environment(config)
+        self._forks = ForkServer(environment, self._stopping.is_set)
+        self._trials = Trials(config, path, self._forks)
+        self._valkey: Child | None = _valkey_child(config, environment)
+        self._bell = PlainBell(config.supervisor_bell)
         self._signals_count = 0
 
     def run(self) -> None:
@@ -91,7 +92,7 @@ class Supervisor:
             signal(number, self._on_signal)
         signal(SIGCHLD, self._on_child)
         try:
-            self._forks.start()
+            self._forks.keep()
             self._start_valkey()
             self._watch()
         finally:
@@ -127,7 +128,7 @@ class Supervisor:
             log.error("%s", error)
 
     def _keep(self, *children: Child) -> None:
-        self._forks.start()
+        self._forks.keep()
         known = [child for child in (self._valkey, *children) if child is not None]
         for child in known:
             child.keep()
@@ -294,11 +295,11 @@ def valkey_arguments(config: HostConfig) -> list[str]:
     return [str(find_valkey()), *(word for option in options.items() for word in option)]
 
 
-def _valkey_child(config: HostConfig) -> Child | None:
+def _valkey_child(config: HostConfig, environment: Mapping[str, str]) -> Child | None:
     if config.valkey.socket is None:
         return None
     arguments = valkey_arguments(config)
-    return Child("valkey", lambda: start_program(arguments))
+    return Child("valkey", lambda: start_program(arguments, environment))
 
 
 _NOT_OURS = frozenset(
@@ -315,7 +316,6 @@ _NOT_OURS = frozenset(
 
 def _environment(config: HostConfig) -> dict[str, str]:
     environment = {k: v for k, v in os.environ.items() if k not in _NOT_OURS}
-    environment["NOSETPS"] = "1"  # Celery would call every worker the same in the list of processes
     if config.faults is not None:
         environment |= {"LABWEB_FAULTS": "1", "LABWEB_FAULT": config.faults}
     return environment

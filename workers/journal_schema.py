@@ -79,7 +79,8 @@ INDEXES = (
 """Change no answer, only how soon it comes; a journal gets them whatever its version.
 
 None of them holds an action that has ended, which is asked for by its id alone: each step writes
-all pages that it changes twice, to the log and to the file.
+all pages that it changes twice, to the log and to the file. One that is changed gets another name:
+a journal keeps what it has.
 """
 
 

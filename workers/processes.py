@@ -47,7 +47,7 @@ class Child:
 
     name: str
     start: Callable[[], Process | None]
-    """Starts it; None: it cannot be started yet."""
+    """Starts it; None: it cannot be started yet. An OSError says that it failed."""
 
     fingerprint: str = ""
     """Changes when the process has to be replaced."""
@@ -75,10 +75,17 @@ class Child:
             return
         if self.process is not None:
             self._note_end(self.process, now_s)
-        if now_s < self._next_start_s or (started := self.start()) is None:
+        if now_s < self._next_start_s:
             return
-        self.process, self._started_s = started, now_s
-        log.info("%s runs as process %d", self.name, started.pid)
+        try:
+            started = self.start()
+        except OSError as error:
+            log.error("%s cannot be started: %s", self.name, error)
+            self._put_off(now_s)
+            return
+        if started is not None:
+            self.process, self._started_s = started, now_s
+            log.info("%s runs as process %d", self.name, started.pid)
 
     def _note_end(self, process: Process, now_s: float) -> None:
         if self.is_leaving:
@@ -88,9 +95,12 @@ class Child:
         log.warning("%s ended with code %s", self.name, process.returncode)
         if now_s - self._started_s > STEADY_S:
             self._pause_s = FIRST_PAUSE_S
+        self._put_off(now_s)
+        self.process = None
+
+    def _put_off(self, now_s: float) -> None:
         self._next_start_s = now_s + self._pause_s
         self._pause_s = min(self._pause_s * 2, LONGEST_PAUSE_S)
-        self.process = None
 
     def mark(self, fingerprint: str, devices: Iterable[DeviceConfig]) -> None:
         """Note which devices it serves, with which versions."""
@@ -108,7 +118,11 @@ class Child:
             self.process.send_signal(number)
 
 
-def start_program(argv: Sequence[str]) -> Process:
-    """Start another program, which ends at once when this process dies."""
+def start_program(argv: Sequence[str], environment: Mapping[str, str]) -> Process:
+    """Start another program, which ends at once when this process dies.
+
+    Raises:
+        OSError: It cannot be started.
+    """
     tied = [sys.executable, "-m", "workers.child", str(os.getpid()), str(int(SIGKILL)), "exec"]
-    return subprocess.Popen([*tied, *argv], stdin=subprocess.DEVNULL)
+    return subprocess.Popen([*tied, *argv], env=dict(environment), stdin=subprocess.DEVNULL)

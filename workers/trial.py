@@ -9,6 +9,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
 from signal import SIGKILL
@@ -99,13 +100,18 @@ class Trials:
         return is_installed(device.module, device.digest) or self._store.has(device.digest)
 
     def _begin(self, devices: list[DeviceConfig]) -> _Trial | None:
-        output = tempfile.TemporaryFile()  # noqa: SIM115 - closed when it has ended
         argv = [str(self._path), *(str(device.id) for device in devices)]
-        process = self._forks.fork(SIGKILL, "trial", argv, output)
-        if process is None:
-            output.close()
-            return None
-        return _Trial(devices, process, output)
+        with ExitStack() as undo:
+            try:
+                output = undo.enter_context(tempfile.TemporaryFile())
+                process = self._forks.fork(SIGKILL, "trial", argv, output)
+            except OSError as error:
+                log.error("no driver can be tried: %s", error)
+                return None
+            if process is None:
+                return None
+            undo.pop_all()
+            return _Trial(devices, process, output)
 
     def _has_ended(self, trial: _Trial) -> bool:
         if trial.process.poll() is None and time.monotonic() - trial.began_s > WITHIN_S:

@@ -16,11 +16,13 @@ from typing import Any
 import msgspec
 import pytest
 
+from deploy.embedded.procfs import has_environment
 from tests.workers.bench import ROOT, environment, until
 
 SUPERVISOR = """
 import json, os, sys, tempfile, threading
 from signal import SIGKILL, SIGTERM
+from workers import fork_server
 from workers.fork_server import ForkServer, bury
 
 forks = ForkServer(os.environ)
@@ -31,12 +33,22 @@ for text in sys.stdin:
         started, output = None, tempfile.TemporaryFile()
         while started is None:
             threading.Event().wait(0.02)
-            started = forks.fork(SIGTERM, "forked_probe", order["argv"], output)
-        found["pid"] = started.pid
-        if order["waits"]:
-            found["code"] = started.wait()
+            try:
+                started = forks.fork(SIGTERM, "forked_probe", order["argv"], output)
+            except OSError as error:
+                found["failed"] = str(error)
+                if not order["is_patient"]:
+                    break
+        if started is not None:
+            found["pid"] = started.pid
+        if started is not None and order["waits"]:
+            started.wait()
+            found["code"] = started.returncode
             output.seek(0)
             found["said"] = output.read().decode()
+    elif order["do"] == "keep":
+        fork_server.READY_WITHIN_S = order["ready_s"]
+        forks.keep()
     elif order["do"] == "bury":
         bury(set(order["known"]))
     found["server"] = sorted(forks.pids())
@@ -53,6 +65,8 @@ class Supervisor:
         package.mkdir()
         (package / "forked_probe.py").write_text(PROBE)
         start = f"import workers; workers.__path__.append({str(package)!r})\n"
+        self.no_fork = folder / "no_fork"
+        start += FAILING.format(path=str(self.no_fork))
         (folder / "sitecustomize.py").write_text(start)
         self._popen = subprocess.Popen(
             [sys.executable, "-c", SUPERVISOR],
@@ -74,13 +88,36 @@ class Supervisor:
         (self.server,) = found["server"] or [0]
         return found
 
-    def fork(self, *argv: str, waits: bool = True) -> dict[str, Any]:
-        return self.ask(do="fork", argv=list(argv), waits=waits)
+    def fork(self, *argv: str, waits: bool = True, is_patient: bool = True) -> dict[str, Any]:
+        """Fork the probe; patient: again and again until it has come about."""
+        return self.ask(do="fork", argv=list(argv), waits=waits, is_patient=is_patient)
 
     def kill(self) -> None:
         self._popen.kill()
         self._popen.communicate()
 
+
+FAILING = """
+import errno, os
+
+_fork, _count = os.fork, 0
+
+def fork():
+    global _count
+    try:
+        with open({path!r}) as file:
+            wanted = int(file.read())
+    except OSError:
+        return _fork()
+    _count += 1
+    if _count == wanted:
+        _count = 0
+        raise BlockingIOError(errno.EAGAIN, "no more processes")
+    return _fork()
+
+os.fork = fork
+"""
+"""The system gives no more processes, at the first fork or at the second, while a file says so."""
 
 PROBE = """
 import json, os, signal, sys, threading
@@ -100,6 +137,7 @@ def main(argv):
             "threads": len(os.listdir("/proc/self/task")),
             "is_imported": "celery.worker.strategy" in sys.modules,
             "host": os.environ.get("OF_THE_HOST"),
+            "title": sys.argv,
             "interrupt": signal.getsignal(signal.SIGINT) is signal.default_int_handler,
         }))
     elif argv[0] == "exit":
@@ -131,6 +169,7 @@ def test_what_is_forked_is_the_supervisors_child_and_holds_nothing_of_the_fork_s
     assert found["parent"] == supervisor.pid
     assert (found["threads"], found["is_imported"], found["host"]) == (1, True, "yes")
     assert found["interrupt"]
+    assert found["title"] == ["workers.forked_probe", "look"]
     inherited = _handles(supervisor.server)
     sockets = {at for at in found["handles"].values() if at.startswith("socket:")}
     assert any(at.startswith("socket:") for at in inherited)
@@ -146,6 +185,7 @@ def test_it_says_in_the_list_of_processes_what_it_is(supervisor: Supervisor) -> 
     pid = supervisor.fork("sit", "a line", waits=False)["pid"]
     title = Path(f"/proc/{pid}/cmdline").read_bytes().rstrip(b"\0").decode()
     assert title == f"{sys.executable} -m workers.forked_probe sit a line"
+    assert has_environment(pid, "OF_THE_HOST", "yes"), "the title is written over it"
 
 
 def test_it_dies_with_the_supervisor_and_not_with_the_fork_server(supervisor: Supervisor) -> None:
@@ -158,6 +198,32 @@ def test_it_dies_with_the_supervisor_and_not_with_the_fork_server(supervisor: Su
     assert _runs(second)
     supervisor.kill()
     until(lambda: not any(map(_runs, (first, second, supervisor.server))))
+
+
+@pytest.mark.parametrize("which", ["1", "2"])
+def test_where_the_system_gives_no_more_processes_the_fork_server_stays(
+    supervisor: Supervisor, which: str
+) -> None:
+    supervisor.fork("exit", "0")
+    server = supervisor.server
+    supervisor.no_fork.write_text(which)
+    found = supervisor.fork("exit", "4", is_patient=False)
+    assert "could not fork" in found["failed"]
+    assert "code" not in found
+    supervisor.no_fork.unlink()
+    assert supervisor.fork("exit", "4", is_patient=False)["code"] == 4
+    assert supervisor.server == server
+
+
+def test_a_fork_server_that_is_never_ready_is_replaced(
+    supervisor: Supervisor,
+) -> None:
+    supervisor.ask(do="keep", ready_s=0.5)
+    stuck = supervisor.server
+    os.kill(stuck, signal.SIGSTOP)
+    until(lambda: supervisor.ask(do="keep", ready_s=0.5) and not _runs(stuck))
+    until(lambda: supervisor.ask(do="keep", ready_s=120.0) and supervisor.server not in {0, stuck})
+    assert supervisor.fork("exit", "6")["code"] == 6
 
 
 def test_a_fork_server_that_hangs_is_replaced(supervisor: Supervisor) -> None:
