@@ -136,6 +136,7 @@ export function aJob(
     transaction: null,
     passed_by: null,
     halted_by: null,
+    is_halt_certain: true,
     recovery_class: "R3",
     question: null,
     ...change,

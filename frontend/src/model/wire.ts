@@ -272,6 +272,8 @@ export interface Job {
   passed_by: "skip" | "hand" | "change" | null;
   /** Why its device was halted after it was done, which undid it; `let_go`: somebody goes on so. */
   halted_by: string | null;
+  /** Whether that ends for certain what it had begun; of a foreign node only its maker knows. */
+  is_halt_certain: boolean;
   recovery_class: string;
   question: Question | null;
   recovery?: RecoveryCard | null;

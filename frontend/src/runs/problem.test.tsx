@@ -40,6 +40,15 @@ test("a step that a stop of the lab undid is asked about, and says what was take
   expect(screen.queryByTestId("problem-card")).toBeNull();
 });
 
+test("what a halt makes of a foreign node's goal is said to be known to its maker alone", () => {
+  serve(() => [200, { devices: [] }]);
+  const change = { halted_by: "edge.halted", is_halt_certain: false, recovery };
+  const job = aJob(0, "a", "complete", change);
+  show(<Problems run={{ ...paused("halted"), jobs: [job] }} job={null} />);
+  expect(screen.getByText("May be undone by a halt")).toBeInTheDocument();
+  expect(screen.getByTestId("problem-effect")).toHaveTextContent(/it may be off, or go on/);
+});
+
 test("a failure says how much moved of what was asked for", () => {
   serve(() => [200, { devices: [] }]);
   const recovery = {

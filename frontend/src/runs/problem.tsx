@@ -46,7 +46,8 @@ function ProblemCard({ run, problem }: { run: Run; problem: Problem }) {
   if (problem.kind === "paused") return <PausedCard run={run} />;
   const { job } = problem;
   const undone = isTakenAway(job);
-  const state = undone ? { look: "error" as const, word: words.undone.title } : jobState(job.state);
+  const word = job.is_halt_certain ? words.undone.title : words.undone.mayBe;
+  const state = undone ? { look: "error" as const, word } : jobState(job.state);
   const look = state.look === "stopped" ? "stopped" : "error";
   return (
     <section className="card prob" data-state={look} data-testid="problem-card" data-job={job.id}>
@@ -61,7 +62,9 @@ function ProblemCard({ run, problem }: { run: Run; problem: Problem }) {
       <div className="pb">
         <h2>{undone ? job.sentence : problemText(job) || `${job.sentence} did not complete`}</h2>
         <p className="s" data-testid="problem-effect">
-          {undone ? words.undone.about(job.device.name, job.halted_by ?? "") : effectText(job)}
+          {undone
+            ? words.undone.about(job.device.name, job.halted_by ?? "", job.is_halt_certain)
+            : effectText(job)}
         </p>
         <Evidence job={job} />
         {job.code && <p className="mono m">{job.code}</p>}

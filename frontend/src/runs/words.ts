@@ -23,8 +23,9 @@ export const words = {
   pausing: "Pausing – after the actions that are under way",
   undone: {
     title: "Undone by a halt",
-    about: (device: string, why: string) =>
-      `It was done. Since then ${device} was halted${HALTS[why] ?? ""}, and what it had set is unknown: it may be off.`,
+    mayBe: "May be undone by a halt",
+    about: (device: string, why: string, isCertain: boolean) =>
+      `It was done. Since then ${device} was halted${HALTS[why] ?? ""}, ${isCertain ? "and what it had set is unknown: it may be off." : "and what that makes of it is known to its maker alone: it may be off, or go on."}`,
   },
   resume: "Resume",
   alsoPause: "Pause, too",

@@ -92,6 +92,12 @@ FOREIGN = {"call": "service", "run_goal": "goal"}
 """Actions of a foreign node, by the argument that names what is asked of it. What one has left
 going, and what a halt makes of that, its maker knows: each is asked about."""
 
+
+def is_halt_certain(action: str) -> bool:
+    """Say whether a halt ends for certain what an action had begun; a foreign node's may go on."""
+    return action not in FOREIGN
+
+
 _PLACES = ("_ul", "_mm", "_deg", "_index", "_state", "position")
 """Ends of the names of places and states: what stands tells the same twice."""
 

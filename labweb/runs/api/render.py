@@ -21,6 +21,7 @@ from labweb.domain.approvals.policy import check_decision
 from labweb.domain.approvals.roles import Permission
 from labweb.domain.runs.custody import CustodyState
 from labweb.domain.runs.departing import departures
+from labweb.domain.runs.halting import is_halt_certain
 from labweb.domain.runs.job import AT_EDGE, FINAL, JobState, RunState
 from labweb.domain.runs.session import SessionState
 from labweb.domain.units import render_volume
@@ -282,6 +283,7 @@ def render_job(
         else {"id": str(attempt.transaction_id), "state": attempt.transaction.state},
         "passed_by": job.passed_by or None,
         "halted_by": job.halted_by or None,
+        "is_halt_certain": is_halt_certain(job.action),
         "recovery_class": job.recovery,
         "question": _question(job, names, answered=answered),
     }

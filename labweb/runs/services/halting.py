@@ -15,11 +15,11 @@ from labweb.crutd import services as crutd_services
 from labweb.domain.errors import Finding, StateError
 from labweb.domain.messages import EdgeEvent
 from labweb.domain.runs.halting import (
-    FOREIGN,
     INTERRUPTED,
     STOPPED,
     WITH_ACTION,
     Done,
+    is_halt_certain,
     leaves_standing,
     still_standing,
     voided,
@@ -183,7 +183,7 @@ def _finding(job: Job) -> Finding:
 
 def _undone(job: Job) -> str:
     """Say no more than is known: what a foreign node does after a halt, its maker knows."""
-    return "may be undone" if job.action in FOREIGN else "is undone"
+    return "is undone" if is_halt_certain(job.action) else "may be undone"
 
 
 def _taken(job: Job) -> str:

@@ -6,7 +6,14 @@ from typing import Any
 
 import pytest
 
-from labweb.domain.runs.halting import Done, is_moving, still_standing, tells_motion, voided
+from labweb.domain.runs.halting import (
+    Done,
+    is_halt_certain,
+    is_moving,
+    still_standing,
+    tells_motion,
+    voided,
+)
 from labweb.domain.runs.job import JobState
 from labweb.domain.runs.recovery import Ended, choices_for
 
@@ -119,3 +126,8 @@ def test_a_device_that_turns_evenly_does_not_stand(
 ) -> None:
     assert tells_motion(status)
     assert is_moving(status, before, now) is expected
+
+
+def test_only_what_a_foreign_node_was_asked_for_may_go_on_after_a_halt() -> None:
+    asked = ["stir", "heat_to", "aspirate", "call", "run_goal"]
+    assert [name for name in asked if not is_halt_certain(name)] == ["call", "run_goal"]

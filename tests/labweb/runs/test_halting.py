@@ -185,6 +185,7 @@ def test_the_card_of_a_step_that_a_stop_undid_offers_it_again_or_to_go_on_withou
     cards = {one["action"]: one for one in shown["jobs"]}
     assert cards["stir"]["state"] == "complete"
     assert cards["stir"]["halted_by"] == "edge.stopped"
+    assert cards["stir"]["is_halt_certain"] is True
     choices = cards["stir"]["recovery"]["choices"]
     assert [one["name"] for one in choices if one["why_not"] is None] == ["retry", "skip"]
     assert shown["can"]["resume"] is False
