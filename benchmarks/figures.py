@@ -67,7 +67,8 @@ def report(name: str, figures: Iterable[Figure], record: Path | None = None) -> 
         sys.stdout.write(f"{lines[-1]}\n")
         sys.stdout.flush()
         broken += not figure.is_kept
-    lines.append(f"  load of the machine at the end: {os.getloadavg()[0]:.1f}")
+    load = f"{os.getloadavg()[0]:.1f}; a million additions of Python take {python_ms():.0f} ms"
+    lines.append(f"  load of the machine at the end: {load}")
     sys.stdout.write(f"{lines[-1]}\n")
     if record is not None:
         record.parent.mkdir(parents=True, exist_ok=True)
@@ -112,6 +113,17 @@ def fsync_ms(folder: Path, count: int = 50) -> float:
         took_ms = [1e3 * timed(write) for _ in range(count)]
     path.unlink()
     return median(took_ms)
+
+
+def python_ms(count: int = 200_000, times: int = 9) -> float:
+    """Return how long a million additions take, ms: what a virtual machine gives comes and goes."""
+
+    def add() -> None:
+        total = 0
+        for number in range(count):
+            total += number
+
+    return 1e9 / count * median(timed(add) for _ in range(times))
 
 
 def timed(act: Callable[[], object]) -> float:
