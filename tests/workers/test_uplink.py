@@ -374,8 +374,8 @@ async def test_a_file_that_was_damaged_or_is_gone_is_told_as_lost(
         return {one.action_id for one in hub.frames if isinstance(one, FileGone)}
 
     async with connected(host, hub, key, store):
-        await until(lambda: lost() == {action_id})
-        assert (hub.files, files.waiting()) == ([], [])
+        await until(lambda: lost() == {action_id} and not files.waiting())
+        assert hub.files == []
         await asyncio.to_thread(hub.send, gone)
         await until(lambda: lost() == {action_id, gone.action_id})
 
