@@ -393,13 +393,8 @@ def test_an_older_journal_gets_its_indexes(host: Host) -> None:
     host.journal._connection.execute("CREATE INDEX action_open ON action (line, st, dseq)")
     host.journal.close()
     host.journal = Journal(host.path)
-    rows = host.journal._connection.execute(
-        "SELECT name FROM sqlite_master WHERE type = 'index' AND sql IS NOT NULL"
-    )
-    assert {row["name"] for row in rows} == {
-        "action_in_doubt",
-        "action_waits",
-        "resource_quarantined",
-    }
+    query = "SELECT name FROM sqlite_master WHERE type = 'index' AND name LIKE 'action_%'"
+    names = {row["name"] for row in host.journal._connection.execute(query)}
+    assert names == {"action_in_doubt", "action_waits"}
     assert host.journal.waiting_lines() == [host.line]
     assert host.journal.open_count() == 1

@@ -26,7 +26,7 @@ from labweb.domain.messages import (
 )
 from tests.workers.bench import HOST_ID, Host, a_do
 from tests.workers.hub import Hub
-from workers import patience, uplink
+from workers import patience
 from workers.config import HostConfig, ValkeyConfig
 from workers.files import Files
 from workers.identity import Identity
@@ -122,30 +122,6 @@ async def test_a_long_backlog_goes_up_in_bounded_frames(
     sizes = [len(frame.events) for frame in hub.frames if isinstance(frame, Events)]
     assert max(sizes) <= 500
     assert sum(sizes) == 1202
-
-
-@pytest.mark.parametrize("more_waits", [False, True])
-async def test_ends_are_told_together_only_while_more_waits_to_be_done(
-    host: Host,
-    hub: Hub,
-    key: HostKey,
-    store: Store,
-    more_waits: bool,
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    monkeypatch.setattr(uplink, "STREAM_S", 1.0 if more_waits else 60.0)
-    async with connected(host, hub, key, store):
-        await until(lambda: hub.acked == host.journal.head()[0] > 0)
-        if more_waits:
-            host.take(a_do(host.server))
-        for number in range(2):
-            with host.journal.write() as tx:
-                tx.append("boot", None, {"number": number})
-            head = host.journal.head()[0]
-            if more_waits and number:
-                await asyncio.sleep(0.3)
-                assert hub.acked < head
-            await until(lambda head=head: hub.acked == head)  # type: ignore[misc]
 
 
 async def test_a_host_in_quarantine_is_disarmed(

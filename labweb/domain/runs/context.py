@@ -18,6 +18,8 @@ LONGEST_TEXT = 200
 _CALIBRATION = ("calibration", "offset_")
 """How a driver's settings that a calibration found are called."""
 
+_CONTEXTS = frozenset({"context", "started_context", "actuated_context"})
+
 _Text = Annotated[str, Meta(max_length=LONGEST_TEXT)]
 _Plain = bool | int | float | _Text | None
 
@@ -94,3 +96,11 @@ def read_context(value: Any) -> dict[str, Any] | None:  # noqa: ANN401 - hostile
         return None
     plain: dict[str, Any] = msgspec.to_builtins(found)
     return plain
+
+
+def without_surroundings(evidence: Mapping[str, Any]) -> dict[str, Any]:
+    """Leave out the readings of other devices: who may see a run may not know of them all."""
+    return {
+        key: {**value, "environment": []} if key in _CONTEXTS and isinstance(value, dict) else value
+        for key, value in evidence.items()
+    }

@@ -19,6 +19,7 @@ from labweb.common.prepared import together
 from labweb.common.render import iso
 from labweb.domain.approvals.policy import check_decision
 from labweb.domain.approvals.roles import Permission
+from labweb.domain.runs.context import without_surroundings
 from labweb.domain.runs.custody import CustodyState
 from labweb.domain.runs.departing import departures
 from labweb.domain.runs.halting import is_halt_certain
@@ -287,17 +288,6 @@ def render_job(
         "recovery_class": job.recovery,
         "question": _question(job, names, answered=answered),
     }
-
-
-def without_surroundings(evidence: Mapping[str, Any]) -> dict[str, Any]:
-    """Leave out the readings of other devices: who may see a run may not know of them all."""
-    return {
-        key: {**value, "environment": []} if key in _CONTEXTS and isinstance(value, dict) else value
-        for key, value in evidence.items()
-    }
-
-
-_CONTEXTS = frozenset({"context", "started_context", "actuated_context"})
 
 
 def _question(

@@ -21,6 +21,7 @@ from labweb.crutd import api as crutd_api
 from labweb.crutd import selectors as crutd_selectors
 from labweb.domain.approvals.roles import Permission
 from labweb.domain.errors import DefinitionError, NotFoundError
+from labweb.domain.runs.context import without_surroundings
 from labweb.domain.runs.departing import Departure
 from labweb.domain.runs.job import RunState
 from labweb.resources import selectors as resource_selectors
@@ -154,7 +155,7 @@ class RunLog(APIView):
                 "job_index": jobs[event.action_id].index,
                 "kind": event.kind,
                 "text": _line(event.kind, event.body, jobs[event.action_id].sentence),
-                "body": event.body if is_all_seen else render.without_surroundings(event.body),
+                "body": event.body if is_all_seen else without_surroundings(event.body),
             }
             for event in selectors.host_events(list(jobs))
             if event.action_id is not None
