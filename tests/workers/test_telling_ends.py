@@ -30,9 +30,8 @@ async def test_ends_are_told_together_only_while_more_waits_to_be_done(
             for number in range(2):
                 with host.journal.write() as tx:
                     tx.append("boot", None, {"number": number})
-                head = host.journal.head()[0]
                 if more_waits and number:
                     await asyncio.sleep(0.3)
-                    assert hub.acked < head
-                await until(lambda head=head: hub.acked == head)  # type: ignore[misc]
+                    assert hub.acked < host.journal.head()[0]
+                await until(lambda: hub.acked == host.journal.head()[0])
     host.journal.close()
