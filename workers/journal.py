@@ -32,9 +32,9 @@ from labweb.domain.runs.journal import ActionRow, Chain, JournalError, Seal, fin
 from labweb.domain.runs.moment import Moment
 from labweb.domain.runs.standing import state_of
 from workers import faults
+from workers import journal_schema as schema
 from workers.bell import ring
 from workers.journal_file import begin_write, lengthen_log, open_file, readable
-from workers.journal_schema import FROM_UNFINISHED, SELECT_NEXT, SELECT_STATE, migrate, to_action
 from workers.seal import create_seal, raise_seal, read_seal
 from workers.transaction import Transaction
 
@@ -85,7 +85,7 @@ class Journal:
         self._connection = open_file(path)
         try:
             with readable:
-                migrate(self._connection)
+                schema.migrate(self._connection)
             self.journal_id = UUID(self._must("journal_id"))
             self.host_id = UUID(self._must("host_id"))
         except BaseException:
@@ -106,7 +106,7 @@ class Journal:
     def host_state(self) -> HostState:
         """Return what decides whether anything may start."""
         with readable:
-            return state_of(dict(self._connection.execute(SELECT_STATE)), self.boot_id)
+            return state_of(dict(self._connection.execute(schema.SELECT_STATE)), self.boot_id)
 
     def head(self) -> tuple[int, str]:
         """Return sequence number and hash of the last event; (0, "") when there is none."""
@@ -156,8 +156,8 @@ class Journal:
 
     def action(self, action_id: UUID) -> ActionRow | None:
         """Return one action, or None."""
-        row = self._one("SELECT * FROM action WHERE action_id = ?", (str(action_id),))
-        return None if row is None else to_action(row)
+        row = self._one(schema.SELECT_ACTION, (str(action_id),))
+        return None if row is None else schema.to_action(row)
 
     def state_of(self, action_id: UUID) -> ActionState | None:
         """Return where an action stands, or None."""
@@ -169,32 +169,37 @@ class Journal:
     ) -> list[ActionRow]:
         """Return the actions of a line in these states, none of them an end, in dispatch order."""
         marks = ", ".join("?" for _ in states)
-        query = f"SELECT * {FROM_UNFINISHED} AND line = ? AND st IN ({marks}) ORDER BY dseq LIMIT ?"
+        query = f"{schema.SELECT_UNFINISHED} AND line = ? AND st IN ({marks}) ORDER BY dseq LIMIT ?"
         limit = -1 if limit_count is None else limit_count
-        return [to_action(row) for row in self._all(query, (line, *states, limit))]
+        return [schema.to_action(row) for row in self._all(query, (line, *states, limit))]
 
     def next_of(self, line: str, count: int) -> list[ActionRow]:
         """Return so many answered actions of a line, then as many accepted, in dispatch order."""
-        return [to_action(row) for row in self._all(SELECT_NEXT, (line, count, line, count))]
+        return [
+            schema.to_action(row)
+            for row in self._all(schema.SELECT_NEXT, (line, count, line, count))
+        ]
 
     def open_ids(self) -> list[UUID]:
         """Return every action that is not final, in dispatch order."""
-        query = f"SELECT action_id {FROM_UNFINISHED} ORDER BY dseq"
+        query = f"SELECT action_id {schema.FROM_UNFINISHED} ORDER BY dseq"
         return [UUID(row[0]) for row in self._all(query)]
 
     def open_count(self) -> int:
         """Return how many actions are not final."""
-        row = self._one(f"SELECT count(*) {FROM_UNFINISHED}")
+        row = self._one(f"SELECT count(*) {schema.FROM_UNFINISHED}")
         return 0 if row is None else int(row[0])
 
     def has_accepted(self) -> bool:
         """Say whether an action has yet to start."""
-        return self._one(f"SELECT 1 {FROM_UNFINISHED} AND st = 'accepted' LIMIT 1") is not None
+        return (
+            self._one(f"SELECT 1 {schema.FROM_UNFINISHED} AND st = 'accepted' LIMIT 1") is not None
+        )
 
     def waiting_lines(self) -> list[str]:
         """Return the lines that have something to do."""
         query = (
-            f"SELECT DISTINCT line {FROM_UNFINISHED} AND st IN ('accepted', 'actuated')"
+            f"SELECT DISTINCT line {schema.FROM_UNFINISHED} AND st IN ('accepted', 'actuated')"
             " ORDER BY line"
         )
         return [str(row[0]) for row in self._all(query)]
@@ -247,8 +252,7 @@ class Journal:
         faults.point("journal.after_commit")
         seq, digest = transaction.head
         if transaction.is_binding or (is_sealed and transaction.has_appended):
-            seal = Seal(journal_id=self.journal_id, seq=seq, hash=digest)
-            raise_seal(self._seal_path, seal, self._hash_at)
+            self._raise_seal((seq, digest), transaction.first)
         if transaction.is_urgent:
             ring(self.bell_path)
 
@@ -287,9 +291,14 @@ class Journal:
 
         Nothing is told to the server that a copy could take back unseen.
         """
-        seq, digest = self.head()
-        seal = Seal(journal_id=self.journal_id, seq=seq, hash=digest)
-        raise_seal(self._seal_path, seal, self._hash_at)
+        self._raise_seal(self.head())
+
+    def _raise_seal(self, head: tuple[int, str], known: tuple[int, str] = (0, "")) -> None:
+        """Bring the seal to the journal's end; the hash of one event more is known."""
+        seal = Seal(journal_id=self.journal_id, seq=head[0], hash=head[1])
+        raise_seal(
+            self._seal_path, seal, lambda seq: known[1] if seq == known[0] else self._hash_at(seq)
+        )
 
     def lengthen_log(self) -> None:
         """Have the disk keep room for what is written next, so that each write takes less time.
@@ -361,7 +370,7 @@ def create_journal(path: Path, host_id: UUID) -> UUID:
     os.close(os.open(path, os.O_RDWR | os.O_CREAT, 0o600))
     connection = open_file(path)
     try:
-        migrate(connection)
+        schema.migrate(connection)
         create_seal(path.with_suffix(".seal"), Seal(journal_id=journal_id, seq=0, hash=""))
         connection.execute("BEGIN IMMEDIATE")
         rows = [("journal_id", str(journal_id)), ("host_id", str(host_id))]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sqlite3
+from dataclasses import fields
 from uuid import UUID
 
 from labweb.domain.runs.edge import FINAL, ActionState
@@ -27,8 +28,7 @@ CREATE TABLE action (
     accepted_wall_s REAL NOT NULL,
     is_cancel_wanted INTEGER NOT NULL DEFAULT 0,
     prestate TEXT,
-    report TEXT,
-    conclusion TEXT
+    report TEXT
 );
 CREATE TABLE event (
     seq INTEGER PRIMARY KEY,
@@ -61,11 +61,15 @@ _UNFINISHED = f"st NOT IN ({', '.join(sorted(map(repr, map(str, FINAL))))})"
 FROM_UNFINISHED = f"FROM action INDEXED BY action_waits WHERE {_UNFINISHED}"
 """The actions that have not ended, however many have."""
 
+_COLUMNS = ", ".join(field.name for field in fields(ActionRow))
+SELECT_ACTION = f"SELECT {_COLUMNS} FROM action WHERE action_id = ?"  # noqa: S608 - our own names
+SELECT_UNFINISHED = f"SELECT {_COLUMNS} {FROM_UNFINISHED}"
+
 SELECT_STATE = f"SELECT key, value FROM meta WHERE key IN ({', '.join(map(repr, STATE_KEYS))})"  # noqa: S608 - our own names
 """What decides whether anything may start, without the devices and keys, which are long."""
 
 SELECT_NEXT = " UNION ALL ".join(
-    f"SELECT * FROM (SELECT * {FROM_UNFINISHED} AND line = ? AND st = '{st}' ORDER BY dseq LIMIT ?)"  # noqa: S608 - our own names
+    f"SELECT * FROM ({SELECT_UNFINISHED} AND line = ? AND st = '{st}' ORDER BY dseq LIMIT ?)"  # noqa: S608 - our own names
     for st in ("actuated", "accepted")
 )
 

@@ -103,9 +103,7 @@ class Outcomes:
         following: Following | None,
     ) -> Started | None:
         with self._journal.write(is_sealed=False) as tx:
-            if answered is not None:
-                acting.write_actuated(tx, row, report, answered)
-            acting.write_end(tx, row, report, post)
+            acting.write_end(tx, row, report, post, answered)
             faults.point("execute.before_done")
             if following is None:
                 return None

@@ -14,12 +14,12 @@ from labweb.domain.messages import EdgeEvent, ResourceView, canonical, event_has
 from labweb.domain.runs.edge import ActionState, HostState
 from labweb.domain.runs.journal import ActionRow, HeldResource, JournalError
 from labweb.domain.runs.standing import state_of
-from workers.journal_schema import FROM_UNFINISHED, SELECT_STATE, to_action
+from workers.journal_schema import SELECT_ACTION, SELECT_STATE, SELECT_UNFINISHED, to_action
 
 PROGRESS = frozenset({"accepted", "started", "actuated"})
 """Events that need not be told at once: more of the same action follows."""
 
-_KEPT = {"prestate", "report", "conclusion"}
+_KEPT = {"prestate", "report"}
 
 
 class Transaction:
@@ -35,10 +35,15 @@ class Transaction:
     ) -> None:
         self._connection = connection
         self._journal_id = journal_id
-        self._first = head
+        self.first = head
+        """The last event before this write."""
+
         self._wall_s = wall_s
         self.head = head
-        self._state: dict[str, str] | None = None
+        # What was read or written here stays as it is: nobody else writes meanwhile.
+        self._host: dict[str, HostState] = {}
+        self._states: dict[UUID, ActionState] = {}
+        self._resources: dict[UUID, HeldResource | None] = {}
         self.is_urgent = False
         """An event was appended that the server waits for."""
 
@@ -48,7 +53,7 @@ class Transaction:
     @property
     def has_appended(self) -> bool:
         """Say whether an event was appended."""
-        return self.head != self._first
+        return self.head != self.first
 
     # --- the event log ---
 
@@ -88,7 +93,7 @@ class Transaction:
 
     def set_meta(self, key: str, value: str | None) -> None:
         """Remember a value; None forgets it."""
-        self._state = None
+        self._host.clear()
         if value is None:
             self._run("DELETE FROM meta WHERE key = ?", (key,))
         else:
@@ -96,26 +101,27 @@ class Transaction:
 
     def host_state(self, boot_id: str) -> HostState:
         """Return what decides whether anything may start, as of this write."""
-        if self._state is None:
-            self._state = dict(self._run(SELECT_STATE))
-        return state_of(self._state, boot_id)
+        if boot_id not in self._host:
+            self._host[boot_id] = state_of(dict(self._run(SELECT_STATE)), boot_id)
+        return self._host[boot_id]
 
     # --- actions ---
 
     def action(self, action_id: UUID) -> ActionRow | None:
         """Return one action, or None."""
-        found = self._run("SELECT * FROM action WHERE action_id = ?", (str(action_id),)).fetchone()
+        found = self._run(SELECT_ACTION, (str(action_id),)).fetchone()
         return None if found is None else to_action(found)
 
     def state_of(self, action_id: UUID) -> ActionState | None:
         """Return where an action stands as of this write, or None."""
+        if action_id in self._states:
+            return self._states[action_id]
         found = self._run("SELECT st FROM action WHERE action_id = ?", (str(action_id),)).fetchone()
         return None if found is None else ActionState(found[0])
 
     def open_rows(self) -> list[ActionRow]:
         """Return the actions that have not ended, in dispatch order."""
-        query = f"SELECT * {FROM_UNFINISHED} ORDER BY dseq"
-        return [to_action(row) for row in self._run(query)]
+        return [to_action(row) for row in self._run(f"{SELECT_UNFINISHED} ORDER BY dseq")]
 
     def insert_action(self, row: ActionRow) -> None:
         """Keep a new action."""
@@ -148,7 +154,7 @@ class Transaction:
             action_id: The action.
             before: Where it has to stand.
             after: Where it goes.
-            kept: What is kept of it: `prestate`, `report` or `conclusion`.
+            kept: What is kept of it until it ends: `prestate` or `report`.
 
         Raises:
             JournalError: It is in another state; somebody else was faster.
@@ -165,6 +171,7 @@ class Transaction:
             raise JournalError(
                 f"action {action_id} is not {before.value}", code="journal.lost_claim"
             )
+        self._states[action_id] = after
 
     def want_cancel(self, action_id: UUID) -> None:
         """Remember that a running action shall be stopped."""
@@ -212,23 +219,24 @@ class Transaction:
 
     def resource(self, resource_id: UUID) -> HeldResource | None:
         """Return a resource as this host knows it, or None."""
-        found = self._run(
-            "SELECT view, quarantined_by FROM resource_state WHERE id = ?", (str(resource_id),)
-        ).fetchone()
-        if found is None:
-            return None
-        view = msgspec.json.decode(found[0], type=ResourceView)
-        return HeldResource(view=view, quarantined_by=found[1])
+        if resource_id not in self._resources:
+            found = self._run(
+                "SELECT view, quarantined_by FROM resource_state WHERE id = ?", (str(resource_id),)
+            ).fetchone()
+            self._resources[resource_id] = None if found is None else _to_held(found)
+        return self._resources[resource_id]
 
     def put_resource(self, held: HeldResource) -> None:
         """Keep a resource."""
         view = held.view
         row = (str(view.id), view.rev, canonical(view).decode(), held.quarantined_by)
         self._run("INSERT OR REPLACE INTO resource_state VALUES (?, ?, ?, ?)", row)
+        self._resources[view.id] = held
 
     def drop_resource(self, resource_id: UUID) -> None:
         """Forget a resource that another host owns from here on."""
         self._run("DELETE FROM resource_state WHERE id = ?", (str(resource_id),))
+        self._resources[resource_id] = None
 
     def quarantined_for(self, action_id: UUID) -> list[HeldResource]:
         """Return the resources that an action in doubt has closed."""
@@ -236,16 +244,18 @@ class Transaction:
             "SELECT view, quarantined_by FROM resource_state WHERE quarantined_by = ? ORDER BY id",
             (str(action_id),),
         ).fetchall()
-        return [
-            HeldResource(view=msgspec.json.decode(row[0], type=ResourceView), quarantined_by=row[1])
-            for row in found
-        ]
+        return [_to_held(row) for row in found]
 
     def _run(self, query: str, values: tuple[Any, ...] = ()) -> sqlite3.Cursor:
         try:
             return self._connection.execute(query, values)
         except sqlite3.Error as exc:
             raise JournalError(f"the journal cannot be written: {exc}") from exc
+
+
+def _to_held(row: sqlite3.Row) -> HeldResource:
+    view = msgspec.json.decode(row[0], type=ResourceView)
+    return HeldResource(view=view, quarantined_by=row[1])
 
 
 def _text(value: UUID | None) -> str | None:

@@ -387,8 +387,9 @@ def test_no_question_of_the_journal_reads_the_actions_that_have_ended(host: Host
         assert all("SCAN action" not in one or "action_waits" in one for one in steps), query
 
 
-def test_an_older_journal_gets_its_indexes(host: Host) -> None:
+def test_an_older_journal_gets_its_indexes_and_keeps_a_column_of_no_more_use(host: Host) -> None:
     host.take(a_do(host.server))
+    host.journal._connection.execute("ALTER TABLE action ADD COLUMN conclusion TEXT")
     host.journal._connection.execute("DROP INDEX action_waits")
     host.journal._connection.execute("CREATE INDEX action_open ON action (line, st, dseq)")
     host.journal.close()
@@ -398,3 +399,5 @@ def test_an_older_journal_gets_its_indexes(host: Host) -> None:
     assert names == {"action_in_doubt", "action_waits"}
     assert host.journal.waiting_lines() == [host.line]
     assert host.journal.open_count() == 1
+    host.take(second := a_do(host.server, resources=[]))
+    assert [row.action_id for row in host.journal.next_of(host.line, 2)][1:] == [second.action_id]

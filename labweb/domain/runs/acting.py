@@ -117,7 +117,9 @@ def start(
     write_rejection(tx, row, answer, scene.judged)
     if answer.kind != edge.START:
         return answer
-    tx.move(row.action_id, ActionState.ACCEPTED, ActionState.STARTED, prestate=dict(scene.prestate))
+    # Read again only where something is judged by it, should this end before that.
+    kept = {"prestate": scene.prestate} if do.post else {}
+    tx.move(row.action_id, ActionState.ACCEPTED, ActionState.STARTED, **kept)
     tx.raise_fence(row.device_id, row.dseq)
     body = {
         "pid": scene.pid,
@@ -174,11 +176,26 @@ def write_end(
     row: ActionRow,
     report: Report,
     post: Sequence[tuple[Condition, Result]],
+    answered: Mapping[str, Any] | None = None,
 ) -> Conclusion:
-    """Settle an action and write its end: row, resources and event together.
+    """Settle an action and write its end: row, resources and events together.
 
     What it has set is unknown again where its device was halted meanwhile.
+
+    Args:
+        tx: The write.
+        row: The action.
+        report: What its device answered.
+        post: Its post-conditions with their verdicts.
+        answered: The context of the answer, where `write_actuated` has not written it: nothing is
+            read between answer and end.
+
+    Raises:
+        JournalError: With `answered`, that the action is not started any more.
     """
+    told = report_body(report)
+    if answered is not None:
+        tx.append("actuated", row.action_id, {**told, "context": dict(answered)})
     operation = row.operation
     known = snapshot(tx, operations.touched_ids(operation))
     only_reads = isinstance(operation, operations.Read)
@@ -190,13 +207,13 @@ def write_end(
         "code": conclusion.code,
         "message": conclusion.message,
         "post": results_body(post),
-        "report": report_body(report),
+        "report": told,
     }
     is_undone = conclusion.state is ActionState.COMPLETE and halting.was_halted(tx, row)
     if is_undone:
         body[halting.IS_HALTED] = True
-    current = tx.state_of(row.action_id) or row.st
-    tx.move(row.action_id, current, conclusion.state, conclusion=body)
+    current = ActionState.STARTED if answered is not None else tx.state_of(row.action_id) or row.st
+    tx.move(row.action_id, current, conclusion.state)
     tx.append(conclusion.state.value, row.action_id, body)
     if is_undone:
         halting.write_halt(tx, row, halting.WITH_ACTION)

@@ -249,7 +249,8 @@ def _owed(tx: JournalWrite) -> dict[str, _Owed]:
 
 def was_halted(tx: JournalWrite, row: ActionRow) -> bool:
     """Say whether the device of an action was halted since the action began."""
-    return row.dseq <= tx.host_state("").halted.get(str(row.device_id), -1)
+    host = tx.host_state(row.accepted_boot_id)
+    return row.dseq <= host.halted.get(str(row.device_id), -1)
 
 
 def _devices(tx: JournalWrite) -> list[DeviceConfig]:

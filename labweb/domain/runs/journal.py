@@ -44,7 +44,6 @@ class ActionRow:
     is_cancel_wanted: bool
     prestate: str | None
     report: str | None
-    conclusion: str | None
 
     @property
     def signed(self) -> Signed:
@@ -108,7 +107,7 @@ class JournalWrite(Protocol):
     ) -> None:
         """Take an action from one state to the next, if it is in the first.
 
-        With it goes what is to be kept of it: `prestate`, `report` or `conclusion`.
+        With it goes what is to be kept of it until it ends: `prestate` or `report`.
         """
 
     def want_cancel(self, action_id: UUID) -> None:

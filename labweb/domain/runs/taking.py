@@ -261,7 +261,6 @@ def _take_do(
             is_cancel_wanted=False,
             prestate=None,
             report=None,
-            conclusion=None,
         )
     )
     body: dict[str, Any] = {"epoch": do.epoch, "dseq": do.dseq}
@@ -358,7 +357,7 @@ def _take_resolve(tx: JournalWrite, signed: Signed, resolve: Resolve) -> Receipt
     is_undone = state is ActionState.COMPLETE and halting.was_halted(tx, row)
     if is_undone:  # what happened is over again
         body[halting.IS_HALTED] = True
-    tx.move(row.action_id, ActionState.IN_DOUBT, state, conclusion=body)
+    tx.move(row.action_id, ActionState.IN_DOUBT, state)
     tx.append("resolved", row.action_id, body)
     if is_undone:
         halting.write_halt(tx, row, halting.WITH_ACTION)
