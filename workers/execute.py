@@ -6,7 +6,6 @@ import logging
 import threading
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from queue import SimpleQueue
 from typing import Any, Literal
 
 from drivers.base import DataFile
@@ -20,6 +19,7 @@ from labweb.domain.messages import Do
 from labweb.domain.ports import Clock
 from labweb.domain.runs.bodies import plain
 from labweb.domain.runs.edge import Report
+from labweb.domain.runs.journal import ActionRow
 from workers import faults
 from workers.unit import Unit
 
@@ -37,9 +37,6 @@ class Acted:
     """What came of an action."""
 
     report: Report
-    is_hung: bool = False
-    """The driver has not come back; its process has to end."""
-
     files: tuple[DataFile, ...] = ()
     """What the action hands over, as the report names it; not on disk yet."""
 
@@ -49,121 +46,104 @@ def outer_limit_s(do: Do) -> float:
     return watchdog_s(do.timeout_s)
 
 
-class Actor:
-    """The thread on which the actions of one line call their drivers, one after the other."""
+class Act:
+    """One call of a driver, on its line's thread, which another one watches."""
 
-    def __init__(self) -> None:
-        self._tasks: SimpleQueue[_Task | None] | None = None
+    def __init__(self, unit: Unit, row: ActionRow, clock: Clock) -> None:
+        self.row = row
+        self.unit = unit
+        self._clock = clock
+        self._late_at_s = clock.monotonic_s() + outer_limit_s(row.do)
+        self._ending = threading.Lock()
+        self._is_over = False
+        self._is_halted = False
+        self._is_late = False
+        self._is_given_up = False
 
-    def act(
-        self, unit: Unit, do: Do, clock: Clock, *, is_cancel_wanted: Callable[[], bool]
-    ) -> Acted:
-        """Carry out the action on the thread and wait for its end.
+    def carry_out(self) -> Acted | None:
+        """Carry out the action and return what came of it.
+
+        Returns:
+            None when it took so long that whoever watches has given it up and written that down:
+            nothing may be done on this thread any more.
 
         Effect:
             The device acts, once. Nothing is ever sent again from here.
         """
-        task = _Task(unit, do)
-        unit.is_acting = True
-        self._begin(task)
-        deadline_s = clock.monotonic_s() + outer_limit_s(do)
-        is_halted = False
-        while not task.wait(POLL_S):
-            if clock.monotonic_s() > deadline_s:
-                acted = _overrun(task, unit, clock)
-                if acted.is_hung:
-                    self._tasks = None  # its thread is lost with it
-                return acted
-            if not is_halted and is_cancel_wanted():
-                is_halted = True
-                unit.stop()
-        unit.is_acting = False
-        return Acted(task.report(), files=task.files)
+        self.unit.is_acting = True
+        report, files = self._report()
+        with self._ending:  # a halt that has begun is part of it; none comes after
+            self._is_over = True
+        if self._is_given_up:
+            return None
+        self.unit.is_acting = False
+        if self._is_late:
+            return Acted(_watchdog_report(late=plain(report.evidence), is_hung=False))
+        return Acted(report, files=files)
 
-    def close(self) -> None:
-        """End the thread after what it does now."""
-        if self._tasks is not None:
-            self._tasks.put(None)
-            self._tasks = None
+    def look(self, is_cancel_wanted: Callable[[], bool]) -> Report | None:
+        """Halt the device when its time is over, or once when a person wants it to end.
 
-    def _begin(self, task: _Task) -> None:
-        if self._tasks is None:
-            self._tasks = SimpleQueue()
-            threading.Thread(target=_work, args=(self._tasks,), name="action", daemon=True).start()
-        self._tasks.put(task)
+        Called by another thread again and again. A halt never meets what comes after the action.
+
+        Returns:
+            What there is to tell of an action whose driver does not come back although its device
+            was halted: it is given up, and its process has to end. None: nothing.
+
+        Effect:
+            The device is halted.
+        """
+        is_late = self._clock.monotonic_s() > self._late_at_s
+        if not is_late and (self._is_halted or not is_cancel_wanted()):
+            return None
+        with self._ending:
+            if self._is_over:
+                return None
+            self._is_halted, self._is_late = True, is_late
+            self.unit.stop()
+        if not is_late or self._comes_back():
+            return None
+        return _watchdog_report(late={}, is_hung=True)
+
+    def _comes_back(self) -> bool:
+        deadline_s = self._clock.monotonic_s() + HALT_GRACE_S
+        while not self._is_over and self._clock.monotonic_s() < deadline_s:
+            self._clock.wait(POLL_S)
+        with self._ending:
+            self._is_given_up = not self._is_over
+        return self._is_over
+
+    def _report(self) -> tuple[Report, tuple[DataFile, ...]]:
+        try:
+            with _observed(self.unit):
+                told = self._call()
+                return to_report(self.row.do, self.unit, told), told.files
+        except LabError as error:
+            return _failed(self.row.do, error), ()
+        except Exception as error:
+            log.exception("driver of %s failed", self.unit.config.key)
+            text = f"{type(error).__name__}: {error}"
+            return Report(ok=False, effect=Effect.UNKNOWN, code="driver.bug", message=text), ()
+        except BaseException:  # a driver that would end the process
+            log.exception("driver of %s failed", self.unit.config.key)
+            return Report(ok=False, effect=Effect.UNKNOWN, code="driver.bug"), ()
+
+    def _call(self) -> DriverReport:
+        do = self.row.do
+        if is_plain_read(do, self.unit):
+            statuses = [str(name) for name in do.operation.get("statuses", ())]
+            return DriverReport(evidence={name: self.unit.read(name) for name in statuses})
+        return self.unit.act(do.action, dict(do.args), str(do.action_id))
 
 
-def _work(tasks: SimpleQueue[_Task | None]) -> None:
-    while (task := tasks.get()) is not None:
-        task.run()
-
-
-def _overrun(task: _Task, unit: Unit, clock: Clock) -> Acted:
-    unit.stop()
-    deadline_s = clock.monotonic_s() + HALT_GRACE_S
-    while not task.wait(POLL_S) and clock.monotonic_s() < deadline_s:
-        continue
-    is_hung = not task.is_done
-    late = {} if is_hung else plain(task.report().evidence)
-    report = Report(
+def _watchdog_report(*, late: dict[str, Any], is_hung: bool) -> Report:
+    return Report(
         ok=False,
         effect=Effect.UNKNOWN,
         code="edge.watchdog",
         message="the action did not end in time; the device was told to halt",
         evidence={"late": late, "is_hung": is_hung},
     )
-    unit.is_acting = is_hung
-    return Acted(report, is_hung=is_hung)
-
-
-class _Task:
-    """One call of a driver, and what came of it."""
-
-    def __init__(self, unit: Unit, do: Do) -> None:
-        self._unit = unit
-        self._do = do
-        self._done = threading.Event()
-        self._report: Report | None = None
-        self.files: tuple[DataFile, ...] = ()
-
-    @property
-    def is_done(self) -> bool:
-        return self._done.is_set()
-
-    def wait(self, duration_s: float) -> bool:
-        return self._done.wait(duration_s)
-
-    def report(self) -> Report:
-        assert self._report is not None  # noqa: S101 - set before the event
-        return self._report
-
-    def run(self) -> None:
-        try:
-            with _observed(self._unit):
-                told = self._call()
-                self._report = to_report(self._do, self._unit, told)
-                self.files = told.files
-        except LabError as error:
-            self._report = _failed(self._do, error)
-        except Exception as error:
-            log.exception("driver of %s failed", self._unit.config.key)
-            self._report = Report(
-                ok=False,
-                effect=Effect.UNKNOWN,
-                code="driver.bug",
-                message=f"{type(error).__name__}: {error}",
-            )
-        finally:
-            if self._report is None:
-                self._report = Report(ok=False, effect=Effect.UNKNOWN, code="driver.bug")
-            self._done.set()
-
-    def _call(self) -> DriverReport:
-        if is_plain_read(self._do, self._unit):
-            statuses = [str(name) for name in self._do.operation.get("statuses", ())]
-            return DriverReport(evidence={name: self._unit.read(name) for name in statuses})
-        do = self._do
-        return self._unit.act(do.action, dict(do.args), str(do.action_id))
 
 
 def is_plain_read(do: Do, unit: Unit) -> bool:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import os
 from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Any
 from uuid import UUID
 
@@ -22,30 +23,20 @@ from labweb.domain.runs.context import context_body
 from labweb.domain.runs.edge import ActionState, Answer, Report
 from labweb.domain.runs.journal import ActionRow, JournalError
 from workers import execute, faults
+from workers.beside import LineThread
 from workers.files import Files, Witness
 from workers.halting import halt_and_look
 from workers.journal import Journal
-from workers.keys import is_signed
 from workers.outcomes import Following, Outcomes
 from workers.readings import Reader, judged, prestate_body, prestate_from
 from workers.store import Store
 from workers.unit import Unit
+from workers.watch import AbandonedActionError, HungDriverError, Watch
 
 log = logging.getLogger(__name__)
 
 NEXT_COUNT = 2
 """How many of the waiting actions are looked at before all are."""
-
-
-class HungDriverError(RuntimeError):
-    """A driver did not come back. Its process has to end; the journal knows all."""
-
-
-class AbandonedActionError(RuntimeError):
-    """An action was started, and nothing will write its answer down any more.
-
-    Its process has to end: the next one finds the action and puts it in doubt.
-    """
 
 
 class Executor:
@@ -72,13 +63,18 @@ class Executor:
         self._reader = Reader(units, store, clock)
         self._witness = Witness(files, units, store)
         self._outcomes = Outcomes(journal, clock)
-        self._actor = execute.Actor()
+        self._thread = LineThread()
+        self._watch = Watch(journal, clock, self._wake_others)
+        self._ahead: ActionRow | None = None
+        """The action after the next one, which is read and checked meanwhile."""
+
         self._begun: Started | None = None
         """An action whose start is on disk with the end of the one before, and which acts next."""
 
     def close(self) -> None:
-        """End the thread of the actions."""
-        self._actor.close()
+        """End the line's thread."""
+        self._thread.close()
+        self._watch.close()
 
     # --- after a crash ---
 
@@ -107,6 +103,9 @@ class Executor:
             HungDriverError: A driver hangs; the action is in doubt, the process has to end.
             AbandonedActionError: An action was left between start and answer.
         """
+        return self._thread.run(self._drain, self._watch.look)
+
+    def _drain(self) -> int:
         count = 0
         try:
             while (self._begun or not self._is_closing()) and self._step():
@@ -191,7 +190,7 @@ class Executor:
         with self._journal.write() as tx:
             found = acting.start(tx, row, do, at=self._journal.moment(), scene=scene)
         if isinstance(found, Answer):
-            self._wake_others(do)
+            self._wake_others(self._journal, do)
             return found.kind == edge.REJECT
         self._carry_out(found, unit, before)
         return True
@@ -219,15 +218,15 @@ class Executor:
             device.id == do.device_id and device.digest == do.driver_digest for device in coming
         )
 
-    def _wake_others(self, do: Do) -> None:
+    def _wake_others(self, journal: Journal, do: Do) -> None:
         """Wake the lines whose actions may have waited for this one."""
         if do.batch is not None:
-            for line in self._journal.waiting_lines():
+            for line in journal.waiting_lines():
                 if line != self._line:
                     self._wake(line)
 
     def _problem(self, row: ActionRow, do: Do, unit: Unit | None) -> Answer | None:
-        if not is_signed(row.signed, self._journal.command_keys()):
+        if not self._thread.is_signed(row, self._journal.command_keys()):
             return Answer(edge.REJECT, "edge.bad_signature", "no known key signed this action")
         if unit is None:
             if any(device.id == row.device_id for device in self._journal.devices()):
@@ -246,7 +245,7 @@ class Executor:
     def _reject(self, row: ActionRow, answer: Answer) -> bool:
         with self._journal.write() as tx:
             acting.reject(tx, row, answer)
-        self._wake_others(row.do)
+        self._wake_others(self._journal, row.do)
         return True
 
     # --- the action itself ---
@@ -256,19 +255,11 @@ class Executor:
     ) -> None:
         row, do = started.row, started.do
         faults.point("execute.after_started")
-        acted = self._actor.act(
-            unit, do, self._clock, is_cancel_wanted=lambda: self._is_cancelled(row.action_id)
-        )
-        if unit.driver.is_stopped:
-            self._outcomes.write_halt(row, is_owed=unit.owes_halt)
-            if not self._journal.host_state().stop_latched:
-                # Stopped for this action alone, by a cancel or the watchdog.
-                unit.clear_stop()
+        acted = self._watch.carry_out(unit, row)
+        self._outcomes.write_halt_of(row, unit)
         faults.point("execute.before_actuated")
         if not acted.report.ok:
             self._finish(row, acted.report, [])
-            if acted.is_hung:
-                raise HungDriverError(unit.config.key)
             unit.check_link()
             return
         self._witness.keep_reported(row.action_id, unit.config.id, acted.report.evidence)
@@ -284,15 +275,6 @@ class Executor:
         self._outcomes.write_answer(row, acted.report, context)
         faults.point("execute.after_actuated")
         self._confirm(row, do, acted.report, before)
-
-    def _is_cancelled(self, action_id: UUID) -> bool:
-        """Say whether to halt; the device still acts, so that no fault may end the waiting."""
-        try:
-            row = self._journal.action(action_id)
-        except JournalError as error:
-            log.error("whether to cancel cannot be read: %s", error)
-            return False
-        return row is not None and row.is_cancel_wanted
 
     def _context(self, unit: Unit) -> dict[str, Any]:
         """Return versions of what acts, and the latest readings of the host with their age."""
@@ -336,9 +318,12 @@ class Executor:
         if self._is_closing() or unit.driver.is_stopped:
             return None
         try:
-            following = next(iter(self._journal.next_of(self._line, 1)), None)
-            if following is None or following.st is not ActionState.ACCEPTED:
+            waiting = self._journal.next_of(self._line, NEXT_COUNT)
+            if not waiting or any(one.st is not ActionState.ACCEPTED for one in waiting):
                 return None
+            following = waiting[0]
+            if self._ahead == following:  # read, and checked, meanwhile
+                following = self._ahead
             do = following.do
             if following.device_id != row.device_id or do.pre or do.post:
                 return None
@@ -353,7 +338,13 @@ class Executor:
             prestate=plain(prestate_body({})),
             context=context,
         )
-        return Following(following, do, scene)
+        return Following(following, do, scene, partial(self._prepare, waiting[1:]))
+
+    def _prepare(self, coming: list[ActionRow]) -> None:
+        """Have the one that comes after the next read while the disk is waited for."""
+        self._ahead = next(iter(coming), None)
+        if self._ahead is not None:
+            self._thread.prepare(self._ahead, self._journal.command_keys())
 
     # --- its end ---
 
@@ -372,7 +363,7 @@ class Executor:
         """
         self._begun = self._outcomes.write_end(row, report, post, answered, following)
         faults.point("execute.after_done")
-        self._wake_others(row.do)
+        self._wake_others(self._journal, row.do)
 
 
 def _conditions(plain_conditions: list[dict[str, Any]]) -> list[Condition]:

@@ -59,7 +59,7 @@ def since_boot_s() -> float:
 
 
 class Journal:
-    """One process's hold on the journal. Use each object on one thread only."""
+    """One process's hold on the journal. One thread at a time may use each object."""
 
     def __init__(
         self,

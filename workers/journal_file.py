@@ -43,7 +43,9 @@ def open_file(path: Path) -> sqlite3.Connection:
         JournalError: It cannot be opened.
     """
     try:
-        connection = sqlite3.connect(path, timeout=BUSY_TIMEOUT_S, isolation_level=None)
+        connection = sqlite3.connect(
+            path, timeout=BUSY_TIMEOUT_S, isolation_level=None, check_same_thread=False
+        )
     except sqlite3.Error as exc:
         raise JournalError(f"the journal {path} cannot be opened: {exc}") from exc
     try:

@@ -16,6 +16,7 @@ from labweb.domain.runs.edge import Report
 from labweb.domain.runs.journal import ActionRow, JournalError
 from workers import faults
 from workers.journal import Journal
+from workers.unit import Unit
 
 T = TypeVar("T")
 
@@ -34,6 +35,8 @@ class Following:
     row: ActionRow
     do: Do
     scene: acting.Scene
+    meanwhile: Callable[[], None]
+    """Is called when all is ready for the disk, which takes its time."""
 
 
 class Outcomes:
@@ -56,8 +59,8 @@ class Outcomes:
         row: ActionRow,
         report: Report,
         post: list[tuple[Condition, Result]],
-        answered: dict[str, Any] | None,
-        following: Following | None,
+        answered: dict[str, Any] | None = None,
+        following: Following | None = None,
     ) -> Started | None:
         """Write the end of an action, and return `following` where it began in the same write.
 
@@ -74,14 +77,17 @@ class Outcomes:
             lambda: self._write_end(row, report, post, answered, None),
         )
 
-    def write_halt(self, row: ActionRow, *, is_owed: bool) -> None:
-        """Write that the device was halted with its action, unless all of it was before.
+    def write_halt_of(self, row: ActionRow, unit: Unit) -> None:
+        """Write that the device was halted with its action, if it was and it is not written yet.
 
-        Args:
-            row: The action.
-            is_owed: The word was not delivered: it is to be, before anything else is done there.
+        A word that was not delivered is owed: it is to be, before anything else is done there.
         """
-        self._persist(lambda: self._write_halt(row, is_owed))
+        if unit.driver.is_stopped:
+            is_owed = unit.owes_halt
+            self._persist(lambda: self._write_halt(row, is_owed))
+            if not self._journal.host_state().stop_latched:
+                # Stopped for this action alone, by a cancel or the watchdog.
+                unit.clear_stop()
 
     def _write_halt(self, row: ActionRow, is_owed: bool) -> None:  # noqa: FBT001 - private
         with self._journal.write(is_sealed=False) as tx:
@@ -110,6 +116,7 @@ class Outcomes:
             found = acting.start(
                 tx, following.row, following.do, at=self._journal.moment(), scene=following.scene
             )
+            following.meanwhile()
             return found if isinstance(found, Started) else None
 
     def _persist(self, write: Callable[[], T], again: Callable[[], T] | None = None) -> T:

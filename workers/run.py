@@ -26,7 +26,6 @@ from workers.bounds import confine_line
 from workers.config import HostConfig, command_queue, line_queue, load_config
 from workers.devices import lines_of
 from workers.discovery import run_discovery
-from workers.executor import AbandonedActionError, HungDriverError
 from workers.journal import Journal
 from workers.line import Line
 from workers.store import Store
@@ -34,6 +33,7 @@ from workers.tasks import add_accept, add_execute
 from workers.tryouts.service import run_tryouts
 from workers.uplink import run_uplink
 from workers.waking import attend, waker
+from workers.watch import AbandonedActionError, HungDriverError
 
 EXIT_HUNG = 70
 EXIT_ABANDONED = 72

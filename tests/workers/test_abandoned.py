@@ -8,8 +8,8 @@ from labweb.domain.runs import acting
 from labweb.domain.runs.journal import JournalError
 from tests.workers.bench import Host, PumpProcess, a_do
 from workers import faults, outcomes
-from workers.executor import AbandonedActionError
 from workers.journal import Journal
+from workers.watch import AbandonedActionError
 
 
 def fail_at(monkeypatch: pytest.MonkeyPatch, place: str) -> None:

@@ -28,9 +28,9 @@ from tests.workers.bench import (
     plain,
 )
 from workers import execute, unit
-from workers.executor import AbandonedActionError
 from workers.session import latch_stop
 from workers.store import Sample, Store
+from workers.watch import AbandonedActionError
 
 READ = {"op": "read", "device_id": str(DEVICE_ID), "statuses": ["volume_ul", "port_index"]}
 

@@ -14,7 +14,7 @@ from labweb.domain.runs import acting
 from labweb.domain.runs.journal import JournalError
 from tests.workers.bench import DEVICE_ID, HOST_ID, Host, PumpProcess, a_do, plain
 from workers import faults, outcomes
-from workers.executor import AbandonedActionError
+from workers.watch import AbandonedActionError
 
 BEGUN = ["actuated", "complete", "started"]
 

@@ -389,15 +389,12 @@ def test_no_question_of_the_journal_reads_the_actions_that_have_ended(host: Host
 
 def test_an_older_journal_gets_its_indexes_and_keeps_a_column_of_no_more_use(host: Host) -> None:
     host.take(a_do(host.server))
-    host.journal._connection.execute("ALTER TABLE action ADD COLUMN conclusion TEXT")
-    host.journal._connection.execute("DROP INDEX action_waits")
-    host.journal._connection.execute("CREATE INDEX action_open ON action (line, st, dseq)")
+    older = "DROP INDEX action_waits; CREATE INDEX action_open ON action (line, st, dseq)"
+    host.journal._connection.executescript(f"ALTER TABLE action ADD COLUMN conclusion; {older}")
     host.journal.close()
     host.journal = Journal(host.path)
     query = "SELECT name FROM sqlite_master WHERE type = 'index' AND name LIKE 'action_%'"
-    names = {row["name"] for row in host.journal._connection.execute(query)}
-    assert names == {"action_in_doubt", "action_waits"}
-    assert host.journal.waiting_lines() == [host.line]
-    assert host.journal.open_count() == 1
-    host.take(second := a_do(host.server, resources=[]))
-    assert [row.action_id for row in host.journal.next_of(host.line, 2)][1:] == [second.action_id]
+    rows = host.journal._connection.execute(query)
+    assert {row["name"] for row in rows} == {"action_in_doubt", "action_waits"}
+    host.take(a_do(host.server, resources=[]))
+    assert host.journal.open_count() == 2
