@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar
+from typing import Annotated, Any, ClassVar
 from uuid import UUID
 
 import msgspec
@@ -71,6 +71,21 @@ class Choice(msgspec.Struct, forbid_unknown_fields=True):
     reason: str
     parts: str = ""
     """The decision about parts that come and go, as they were shown."""
+
+
+class ChosenDevice(msgspec.Struct, forbid_unknown_fields=True):
+    """A device that shall have a version."""
+
+    device_id: UUID
+    parts: str = ""
+    """The decision about parts that come and go, as they were shown."""
+
+
+class Choices(msgspec.Struct, forbid_unknown_fields=True):
+    """Body that says which devices shall have a version."""
+
+    devices: Annotated[list[ChosenDevice], msgspec.Meta(min_length=1, max_length=200)]
+    reason: str
 
 
 class Drivers(APIView):
@@ -197,6 +212,25 @@ class DeviceDriver(APIView):
             parts=choice.parts,
         )
         return Response(driver_of(device))
+
+
+class DriverDevices(APIView):
+    """The devices that shall have a version."""
+
+    bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": Choices}
+
+    def post(self, request: Request, approved_id: UUID) -> Response:
+        """Give a version to several devices: to all of them, or to none."""
+        user, wanted = user_of(request), body(request, Choices)
+        devices = run_services.replace_drivers(
+            approved_id,
+            [run_services.Given(one.device_id, one.parts) for one in wanted.devices],
+            actor=user,
+            reason=wanted.reason,
+        )
+        return Response(
+            {"devices": [{"id": str(one.id), "driver": driver_of(one)} for one in devices]}
+        )
 
 
 class DeviceDriverParts(APIView):

@@ -31,6 +31,7 @@ urlpatterns = [
     path("drivers/reading", drivers.DriverReading.as_view()),
     path("drivers/<uuid:driver_id>", drivers.DriverDetail.as_view()),
     path("drivers/<uuid:driver_id>/changes/<uuid:since_id>", drivers.DriverChanges.as_view()),
+    path("drivers/<uuid:approved_id>/devices", drivers.DriverDevices.as_view()),
     path("drivers/<uuid:driver_id>/decision", drivers.DecideDriver.as_view()),
     path("drivers/<uuid:driver_id>/withdraw", drivers.WithdrawDriver.as_view()),
     path("drivers/<uuid:driver_id>/tryouts", tryouts.DriverTryouts.as_view()),

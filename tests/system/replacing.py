@@ -145,10 +145,10 @@ class Versions:
         return version
 
     def give(self, version_id: str, device_ids: list[str] | None = None) -> None:
-        """Say that devices shall have a version; all, if none is named."""
-        for device_id in device_ids or self.ids:
-            choice = {"version_id": version_id, "reason": "a test"}
-            self.admin.call("POST", f"devices/{device_id}/driver", choice)
+        """Say that devices shall have a version, in one call; all, if none is named."""
+        devices = [{"device_id": one} for one in device_ids or self.ids]
+        choice = {"devices": devices, "reason": "a test"}
+        self.admin.call("POST", f"drivers/{version_id}/devices", choice)
 
     def of_devices(self) -> dict[str, dict[str, Any]]:
         """Return what the server says of each device's driver."""

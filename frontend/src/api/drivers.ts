@@ -2,8 +2,10 @@
 
 import {
   useMutation,
+  useQueries,
   useQuery,
   type UseMutationResult,
+  type UseQueryOptions,
   type UseQueryResult,
 } from "@tanstack/react-query";
 import { isChanging } from "@/model/drivers";
@@ -100,13 +102,35 @@ export function useWithdrawDriver(id: string): UseMutationResult<DriverRow, Erro
 
 /** Which parts come and go when a device gets a version, and what speaks against it now. */
 export function usePartChanges(deviceId: string, versionId: string): UseQueryResult<PartChanges> {
-  return useQuery({
+  return useQuery(partChanges(deviceId, versionId));
+}
+
+function partChanges(deviceId: string, versionId: string): UseQueryOptions<PartChanges> {
+  return {
     queryKey: keys.driverParts(deviceId, versionId),
     queryFn: ({ signal }) =>
       call<PartChanges>("GET", `/devices/${deviceId}/driver/${versionId}/parts`, undefined, signal),
     enabled: versionId !== "",
     refetchOnMount: "always",
     retry: false,
+  };
+}
+
+/** The same for several devices, in their order. */
+export function usePartChangesOf(
+  deviceIds: string[],
+  versionId: string,
+): UseQueryResult<PartChanges>[] {
+  return useQueries({ queries: deviceIds.map((id) => partChanges(id, versionId)) });
+}
+
+/** Give several devices a version: all of them, or none. */
+export function useGiveDriverToMany(
+  versionId: string,
+): UseMutationResult<unknown, Error, { devices: { device_id: string }[]; reason: string }> {
+  return useMutation({
+    mutationFn: (choices) => call("POST", `/drivers/${versionId}/devices`, choices),
+    onSettled: refreshDrivers,
   });
 }
 

@@ -239,6 +239,50 @@ test("an approved version is given to a device with a reason", async () => {
   );
 });
 
+test("a version is given to all devices that are ticked, in one call", async () => {
+  const places = ["d1", "d2", "d3", "d4"].map((id) =>
+    aPlace({ id, key: id, name: `Pump ${id}`, can_change: id !== "d4" }),
+  );
+  const none = { decision: "", changes: [], findings: [] };
+  const sent = serve(
+    answers(["admit"], {
+      "GET /drivers/v2": [200, { ...detail, state: "approved" as const, places }],
+      "GET /devices/d1/driver/v2/parts": [200, none],
+      "GET /devices/d2/driver/v2/parts": [200, none],
+      "GET /devices/d3/driver/v2/parts": [200, { ...none, decision: "d".repeat(64) }],
+      "POST /drivers/v2/devices": [200, { devices: [] }],
+    }),
+  );
+  show(page, "/drivers/v2");
+  await userEvent.click(await screen.findByTestId("driver-many"));
+  const dialog = within(screen.getByTestId("many-dialog"));
+  expect(await dialog.findByText(/Its parts change/)).toBeVisible();
+  const boxes = dialog.getAllByTestId("many-device");
+  expect(boxes.map((box) => box.dataset.device)).toEqual(["d1", "d2", "d3"]);
+  expect(boxes[2]).toBeDisabled();
+  expect(screen.getByTestId("many-send")).toBeDisabled();
+  await userEvent.click(screen.getByTestId("many-all"));
+  expect(screen.getByTestId("many-send")).toHaveTextContent("Give to 2");
+  await userEvent.type(screen.getByTestId("many-reason"), "better");
+  await userEvent.click(screen.getByTestId("many-send"));
+  await waitFor(() =>
+    expect(sent.find((one) => one.path.endsWith("/v2/devices"))?.body).toEqual({
+      devices: [{ device_id: "d1" }, { device_id: "d2" }],
+      reason: "better",
+    }),
+  );
+  await waitFor(() => expect(screen.queryByTestId("many-dialog")).toBeNull());
+});
+
+test("where a version is given to one device alone, nothing is offered for several", async () => {
+  serve(
+    answers(["admit"], { "GET /drivers/v2": [200, { ...detail, state: "approved" as const }] }),
+  );
+  show(page, "/drivers/v2");
+  await screen.findByTestId("driver-change");
+  expect(screen.queryByTestId("driver-many")).toBeNull();
+});
+
 test("who gives a version with other parts sees and agrees to each of them", async () => {
   const parts = {
     decision: "d".repeat(64),

@@ -11,6 +11,7 @@ import { Button } from "@/ui/controls";
 import { Glyph } from "@/ui/glyph";
 import { StateText } from "@/ui/state";
 import { ChangeVersion } from "./changeversion";
+import { candidatesOf, GiveToMany } from "./givemany";
 import { words } from "./words";
 
 interface Props {
@@ -20,12 +21,21 @@ interface Props {
 
 export function Places({ driver, versions }: Props) {
   const [asked, setAsked] = useState<string | null>(null);
+  const [isMany, setIsMany] = useState(false);
   const place = driver.places.find((one) => one.id === asked);
+  const candidates = candidatesOf(driver);
   return (
     <Card
       title={words.places.title}
       note={driver.places.length ? String(driver.places.length) : null}
       testId="driver-places"
+      actions={
+        candidates.length > 1 && (
+          <Button testId="driver-many" onClick={() => setIsMany(true)}>
+            {words.places.many.open}
+          </Button>
+        )
+      }
     >
       {driver.places.length === 0 && <Empty>{words.places.none}</Empty>}
       <ul className="places">
@@ -39,6 +49,9 @@ export function Places({ driver, versions }: Props) {
           />
         ))}
       </ul>
+      {isMany && (
+        <GiveToMany driver={driver} candidates={candidates} onClose={() => setIsMany(false)} />
+      )}
       {place && (
         <ChangeVersion
           place={place}

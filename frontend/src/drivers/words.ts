@@ -56,6 +56,16 @@ export const words = {
     hasOther: "has",
     serves: "runs",
     stage: { staged: "Staged", ready: "Built on its host", switched: "Switched" },
+    many: {
+      open: "Give to several…",
+      title: "This version for several devices",
+      text: "All that are ticked get it, or none. The job that acts ends on the version before; the next one begins on the new one.",
+      devices: "Devices",
+      all: (count: number) => `All ${count}`,
+      alone: "Its parts change with this version: give it by itself.",
+      noDevice: "Tick the devices.",
+      send: (count: number) => (count ? `Give to ${count}` : "Give"),
+    },
     dialog: {
       title: (name: string) => `Version for ${name}`,
       text: "The job that acts ends on the version before; the next one begins on the new one. What the host cannot build leaves everything as it is.",

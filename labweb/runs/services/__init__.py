@@ -19,7 +19,13 @@ from labweb.runs.services.control import (
 )
 from labweb.runs.services.custody import begin_transfer, confirm_arrival, hand_over
 from labweb.runs.services.dispatch import publish_outbox
-from labweb.runs.services.drivers import look_at_parts, replace_driver, switch_waiting
+from labweb.runs.services.drivers import (
+    Given,
+    look_at_parts,
+    replace_driver,
+    replace_drivers,
+    switch_waiting,
+)
 from labweb.runs.services.expiry import expire_requests
 from labweb.runs.services.failing import is_away, is_passing, tell_failing
 from labweb.runs.services.fencing import (
@@ -41,6 +47,7 @@ from labweb.runs.services.showing import show_device
 from labweb.runs.services.start import decide_request, preview, start_run
 
 __all__ = [
+    "Given",
     "abort_run",
     "asks_told",
     "begin_calibration",
@@ -74,6 +81,7 @@ __all__ = [
     "rehearse_dispatch",
     "rehearse_start",
     "replace_driver",
+    "replace_drivers",
     "reserve",
     "reset_lab",
     "resolve_job",

@@ -14,7 +14,14 @@ from django.db.transaction import atomic
 from labweb.accounts.selectors import User
 from labweb.crutd import services as crutd_services
 from labweb.domain.enrollment.replacement import Waiting
-from labweb.domain.errors import Finding, LabError, LockedError
+from labweb.domain.errors import (
+    DefinitionError,
+    Finding,
+    LabError,
+    LockedError,
+    PreconditionError,
+    StateError,
+)
 from labweb.domain.messages import EdgeEvent
 from labweb.domain.runs.job import AT_EDGE, FINAL
 from labweb.enrollment import selectors as enrollment_selectors
@@ -101,6 +108,58 @@ def replace_driver(
     if device.is_next_ready and not is_acting(device):
         enrollment_services.switch_driver(device, waiting_at(device_id), _refit)
     return device
+
+
+@dataclass(frozen=True, slots=True)
+class Given:
+    """A device that is to have a version."""
+
+    device_id: UUID
+    parts: str = ""
+    """The decision of `look_at_parts`, where parts come or go with it."""
+
+
+@atomic
+def replace_drivers(
+    version_id: UUID, given: Sequence[Given], *, actor: User, reason: str
+) -> list[Device]:
+    """Say that devices shall have a version of their driver: all of them, or none.
+
+    Args:
+        version_id: Which version.
+        given: The devices, each once.
+        actor: Who says so.
+        reason: Why.
+
+    Raises:
+        PreconditionError: It cannot serve some of them; `findings` list all that speaks against
+            it, each with its device.
+        LabError: As `replace_driver`.
+
+    Effect:
+        None on matter; nothing at all where one of them is refused.
+    """
+    if len({one.device_id for one in given}) != len(given):
+        raise DefinitionError("a device is named twice", code="driver.named_twice")
+    for host_id in sorted({_host_of(one.device_id) for one in given}):
+        enrollment_selectors.host_for_update(host_id)
+    findings: list[Finding] = []
+    devices: list[Device] = []
+    for one in sorted(given, key=lambda one: one.device_id):
+        try:
+            devices.append(
+                replace_driver(
+                    one.device_id, version_id, actor=actor, reason=reason, parts=one.parts
+                )
+            )
+        except (PreconditionError, StateError) as error:
+            name = enrollment_selectors.find_device(one.device_id).name
+            found = error.findings or [Finding(error.code, error.message)]
+            findings += [Finding(each.code, f"{name}: {each.message}", name) for each in found]
+    if findings:
+        text = "; ".join(finding.message for finding in findings)
+        raise PreconditionError(text, code="driver.does_not_fit", findings=findings)
+    return devices
 
 
 def _host_of(device_id: UUID) -> UUID:

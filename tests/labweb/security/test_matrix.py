@@ -115,6 +115,10 @@ API: dict[tuple[str, str], tuple[tuple[str, ...], Any]] = {
     ("GET", "drivers/<driver>"): (MEMBERS, None),
     ("GET", "drivers/<driver>/changes/<since>"): (DECIDERS, None),
     ("POST", "drivers/<driver>/decision"): (DECIDERS, {"is_approved": True}),
+    ("POST", "drivers/<approved>/devices"): (
+        ADMINS,
+        {"devices": [{"device_id": "<device>"}], "reason": "better"},
+    ),
     ("POST", "drivers/<driver>/withdraw"): (ADMINS, {"reason": "old"}),
     ("GET", "drivers/<driver>/tryouts"): (MEMBERS, None),
     ("POST", "drivers/<driver>/tryouts"): (ADMINS, {"host_id": "<host>", "model": "timer"}),
