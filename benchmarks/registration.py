@@ -179,8 +179,8 @@ def _lines(stack: Stack) -> dict[str, set[str]]:
 
 def replace_all(stack: Stack, work: Work) -> list[Registration]:
     """Give ten devices at work one more version of their driver; return how each got it."""
-    versions, saved_s = Versions(stack), time.time()
-    version = versions.bring(lambda text: f"{text}\n# for all\n")
+    versions = Versions(stack)
+    version, saved_s = versions.bring(lambda text: f"{text}\n# for all\n")
     approved_s = time.time()
     versions.give(version["id"])
     wanted_s = time.time()
@@ -210,6 +210,7 @@ def at_work(folder: Path, rounds: int) -> list[Figure]:
         Figure(name=f"{name}: an action, median", value=took_s, unit="s"),
         *figures(f"one of {name}", found),
         *busy_figures(f"one of {name}", found),
+        *figures(f"all {name}", everybody),
         *busy_figures(f"all {name}", everybody),
     ]
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sqlite3
+import time
 from collections import Counter
 from collections.abc import Callable
 from contextlib import closing
@@ -134,15 +135,16 @@ class Versions:
         found: dict[str, Any] = self.admin.get(f"drivers/{device['driver']['version_id']}")
         return found
 
-    def bring(self, change: Callable[[str], str]) -> dict[str, Any]:
-        """Send a text in, and let a second person approve it at once."""
+    def bring(self, change: Callable[[str], str]) -> tuple[dict[str, Any], float]:
+        """Send a text in, and let a second person approve it at once; return when it was sent."""
         present = self.present()
         text = change(present["sources"][present["module"]])
         wanted = {"module": present["module"], "source": text, "note": "a test"}
+        sent_s = time.time()
         version: dict[str, Any] = self.admin.call("POST", "drivers", wanted)
         answer = {"is_approved": True, "comment": "read"}
         self.approver.call("POST", f"drivers/{version['id']}/decision", answer)
-        return version
+        return version, sent_s
 
     def give(self, version_id: str, device_ids: list[str] | None = None) -> None:
         """Say that devices shall have a version, in one call; all, if none is named."""

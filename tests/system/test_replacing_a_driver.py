@@ -42,11 +42,11 @@ def test_ten_pumps_fail_nothing_while_their_driver_is_replaced_refused_and_rolle
     first = versions.present()
     work = Work(stack, f"{VOLUME_ML} mL")
     work.until(lambda: len({one.device for one in deeds(stack)}) == COUNT)
-    second = versions.bring(lambda text: f"{text}\n# second\n")
+    second, _ = versions.bring(lambda text: f"{text}\n# second\n")
     versions.give(second["id"])
     work.until(lambda: versions.all_have(second["id"]))
     work.until(lambda: _latest(deeds(stack)) == {second["digest"]})
-    third = versions.bring(_that_cannot_be_built)
+    third, _ = versions.bring(_that_cannot_be_built)
     victim = versions.ids[0]
     versions.give(third["id"], [victim])
     work.until(lambda: versions.of_devices()[victim]["problem"])

@@ -59,6 +59,11 @@ from labweb.enrollment.selectors.returning import label_of as label_of
 from labweb.enrollment.selectors.returning import places_of as places_of
 from labweb.enrollment.selectors.returning import present_of as present_of
 from labweb.enrollment.selectors.returning import taken_from as taken_from
+from labweb.enrollment.selectors.versions import approved_drivers as approved_drivers
+from labweb.enrollment.selectors.versions import driver_for_update as driver_for_update
+from labweb.enrollment.selectors.versions import driver_names as driver_names
+from labweb.enrollment.selectors.versions import drivers as drivers
+from labweb.enrollment.selectors.versions import find_driver as find_driver
 from labweb.resources import selectors as resource_selectors
 from labweb.resources.selectors import Lab
 
@@ -157,11 +162,17 @@ def find_device(device_id: UUID) -> Device:
     Raises:
         NotFoundError: There is none.
     """
-    related = ("host", "driver", "next_driver", "lab")
-    row = Device.objects.filter(pk=device_id).select_related(*related).first()
+    row = _DEVICE.first(id=device_id)
     if row is None:
         raise NotFoundError(f"no device {device_id}", code="device.not_found")
     return row
+
+
+_DEVICE = Prepared(
+    lambda: Device.objects.filter(pk=Given("id", UUIDField())).select_related(
+        "host", "driver", "next_driver", "lab"
+    )
+)
 
 
 def devices_by_id(ids: Iterable[UUID]) -> dict[UUID, Device]:
@@ -176,11 +187,17 @@ def device_for_update(device_id: UUID) -> Device:
     Raises:
         NotFoundError: There is none.
     """
-    rows = Device.objects.filter(pk=device_id).select_for_update(of=("self",), no_key=True)
-    row = rows.first()
+    row = _DEVICE_TO_LOCK.first(id=device_id)
     if row is None:
         raise NotFoundError(f"no device {device_id}", code="device.not_found")
     return row
+
+
+_DEVICE_TO_LOCK = Prepared(
+    lambda: Device.objects.filter(pk=Given("id", UUIDField())).select_for_update(
+        of=("self",), no_key=True
+    )
+)
 
 
 def node_ids(row: Device) -> set[UUID]:
@@ -253,36 +270,6 @@ def config_for_host(row: Device, driver: DriverVersion | None = None) -> DeviceC
     )
 
 
-def drivers() -> QuerySet[DriverVersion]:
-    """Every version of every driver, by module, the newest first."""
-    rows = DriverVersion.objects.select_related("proposed_by", "approved_by")
-    return rows.order_by("module", "-read_at")
-
-
-def find_driver(version_id: UUID) -> DriverVersion:
-    """Return a driver version with who proposed and approved it.
-
-    Raises:
-        NotFoundError: There is none.
-    """
-    row = drivers().filter(pk=version_id).first()
-    if row is None:
-        raise NotFoundError(f"no driver version {version_id}", code="driver.not_found")
-    return row
-
-
-def driver_for_update(version_id: UUID) -> DriverVersion:
-    """Lock and return a driver version.
-
-    Raises:
-        NotFoundError: There is none.
-    """
-    row = DriverVersion.objects.filter(pk=version_id).select_for_update(no_key=True).first()
-    if row is None:
-        raise NotFoundError(f"no driver version {version_id}", code="driver.not_found")
-    return row
-
-
 def users_of_driver(row: DriverVersion) -> QuerySet[Device]:
     """Devices that use a version, or are to; retired ones count no more."""
     rows = Device.objects.filter(Q(driver=row) | Q(next_driver=row))
@@ -318,12 +305,6 @@ def hosts_switching() -> list[UUID]:
     """Return the hosts at which a version may take over that has not done so yet."""
     rows = Device.objects.filter(is_next_ready=True)
     return sorted(set(rows.values_list("host_id", flat=True)))
-
-
-def driver_names(digests: Iterable[str]) -> dict[str, str]:
-    """Return the class of each driver version by the digest of its source."""
-    rows = DriverVersion.objects.filter(digest__in=list(digests))
-    return {row.digest: f"{row.module}:{row.class_name}" for row in rows}
 
 
 # --- what hosts see ---
@@ -387,9 +368,3 @@ def code_of_candidate(row: Candidate) -> str:
     if not row.public_key:
         return ""
     return code_of(authority.authority_hash(), base64.b64decode(row.public_key))
-
-
-def approved_drivers() -> QuerySet[DriverVersion]:
-    """Driver versions that a device may be given, by class, the newest first."""
-    rows = DriverVersion.objects.filter(state=DriverVersion.State.APPROVED)
-    return rows.order_by("class_name", "-read_at")
