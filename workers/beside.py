@@ -15,10 +15,8 @@ from contextlib import suppress
 from queue import Empty, SimpleQueue
 from typing import TypeVar, cast
 
-import msgspec
-
 from labweb.domain.messages import Signed
-from labweb.domain.runs.journal import ActionRow, JournalError
+from labweb.domain.runs.journal import ActionRow
 from workers.keys import is_signed
 
 T = TypeVar("T")
@@ -33,34 +31,47 @@ class LineThread:
         self._works: SimpleQueue[Callable[[], object] | None] | None = None
         self._told: SimpleQueue[_End | _Ahead] = SimpleQueue()
         self._known: tuple[Signed, str] | None = None
+        self.is_left = False
+        """Nobody hears any more what the thread that worked last does."""
 
     def run(self, work: Callable[[], T], look: Callable[[], None]) -> T:
         """Do it on the thread, and return or raise what comes of it.
 
         Args:
             work: What is to be done.
-            look: Is called here every `LOOK_S` meanwhile. What it raises is raised at once, and
-                the thread is left to itself with what it does.
+            look: Is called here every `LOOK_S` meanwhile. What it raises is raised at once, as is
+                whatever else is raised here meanwhile; the thread `is_left` to itself with what it
+                does, and the next work has another one.
         """
+        self._begin().put(work)
+        try:
+            end = self._watch(look)
+        except BaseException:
+            self._works, self.is_left = None, True
+            raise
+        return cast("T", end.value())
+
+    def _begin(self) -> SimpleQueue[Callable[[], object] | None]:
+        """Return where work is given to the thread, which is started first if there is none."""
         if self._works is None:
-            self._works, self._told = SimpleQueue(), SimpleQueue()
-            ends = (self._works, self._told)
-            threading.Thread(target=_serve, args=ends, name="line", daemon=True).start()
-        self._works.put(work)
+            works: SimpleQueue[Callable[[], object] | None] = SimpleQueue()
+            told: SimpleQueue[_End | _Ahead] = SimpleQueue()
+            threading.Thread(target=_serve, args=(works, told), name="line", daemon=True).start()
+            self._works, self._told, self.is_left = works, told, False
+        return self._works
+
+    def _watch(self, look: Callable[[], None]) -> _End:
+        """Wait for the end of the work; read ahead, and look, meanwhile."""
         due_s = time.monotonic() + LOOK_S
         while True:
             with suppress(Empty):
                 told = self._told.get(timeout=LOOK_S)
                 if isinstance(told, _End):
-                    return cast("T", told.value())
+                    return told
                 self._prepare(*told)
             if time.monotonic() >= due_s:
                 due_s = time.monotonic() + LOOK_S
-                try:
-                    look()
-                except BaseException:
-                    self._works = None
-                    raise
+                look()
 
     def close(self) -> None:
         """End the thread after what it does now."""
@@ -82,7 +93,7 @@ class LineThread:
 
     def _prepare(self, row: ActionRow, keys: Mapping[str, str]) -> None:
         # What is wrong with it is found, and told, when its turn comes.
-        with suppress(msgspec.MsgspecError, JournalError):
+        with suppress(Exception):
             _ = row.operation  # reads the command, too; the row keeps both
             if is_signed(row.signed, keys):
                 self._known = _mark(row, keys)

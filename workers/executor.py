@@ -103,7 +103,14 @@ class Executor:
             HungDriverError: A driver hangs; the action is in doubt, the process has to end.
             AbandonedActionError: An action was left between start and answer.
         """
-        return self._thread.run(self._drain, self._watch.look)
+        try:
+            return self._thread.run(self._drain, self._watch.look)
+        except (HungDriverError, AbandonedActionError):
+            raise
+        except BaseException as error:
+            if self._thread.is_left:
+                raise AbandonedActionError(self._line) from error
+            raise
 
     def _drain(self) -> int:
         count = 0
@@ -256,7 +263,11 @@ class Executor:
         row, do = started.row, started.do
         faults.point("execute.after_started")
         acted = self._watch.carry_out(unit, row)
-        self._outcomes.write_halt_of(row, unit)
+        if unit.driver.is_stopped:
+            self._outcomes.write_halt(row, is_owed=unit.owes_halt)
+            if not self._journal.host_state().stop_latched:
+                # Stopped for this action alone, by a cancel or the watchdog.
+                unit.clear_stop()
         faults.point("execute.before_actuated")
         if not acted.report.ok:
             self._finish(row, acted.report, [])

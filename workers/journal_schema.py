@@ -11,6 +11,7 @@ from labweb.domain.runs.journal import ActionRow as ActionRow
 from labweb.domain.runs.journal import JournalError as JournalError
 from labweb.domain.runs.standing import STATE_KEYS
 
+# An action's row has a conclusion that nobody writes any more: its end is an event.
 VERSION_1 = """
 CREATE TABLE meta (key TEXT PRIMARY KEY, value TEXT NOT NULL) WITHOUT ROWID;
 CREATE TABLE action (
@@ -28,7 +29,8 @@ CREATE TABLE action (
     accepted_wall_s REAL NOT NULL,
     is_cancel_wanted INTEGER NOT NULL DEFAULT 0,
     prestate TEXT,
-    report TEXT
+    report TEXT,
+    conclusion TEXT
 );
 CREATE TABLE event (
     seq INTEGER PRIMARY KEY,

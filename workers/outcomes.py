@@ -16,7 +16,6 @@ from labweb.domain.runs.edge import Report
 from labweb.domain.runs.journal import ActionRow, JournalError
 from workers import faults
 from workers.journal import Journal
-from workers.unit import Unit
 
 T = TypeVar("T")
 
@@ -77,17 +76,14 @@ class Outcomes:
             lambda: self._write_end(row, report, post, answered, None),
         )
 
-    def write_halt_of(self, row: ActionRow, unit: Unit) -> None:
-        """Write that the device was halted with its action, if it was and it is not written yet.
+    def write_halt(self, row: ActionRow, *, is_owed: bool) -> None:
+        """Write that the device was halted with its action, unless all of it was before.
 
-        A word that was not delivered is owed: it is to be, before anything else is done there.
+        Args:
+            row: The action.
+            is_owed: The word was not delivered: it is to be, before anything else is done there.
         """
-        if unit.driver.is_stopped:
-            is_owed = unit.owes_halt
-            self._persist(lambda: self._write_halt(row, is_owed))
-            if not self._journal.host_state().stop_latched:
-                # Stopped for this action alone, by a cancel or the watchdog.
-                unit.clear_stop()
+        self._persist(lambda: self._write_halt(row, is_owed))
 
     def _write_halt(self, row: ActionRow, is_owed: bool) -> None:  # noqa: FBT001 - private
         with self._journal.write(is_sealed=False) as tx:

@@ -94,7 +94,8 @@ class Watch:
         """Write the end of an action in place of its line's thread, which does not come back."""
         journal = self._hold()
         outcomes = Outcomes(journal, self._clock)
-        outcomes.write_halt_of(act.row, act.unit)
+        if act.unit.driver.is_stopped:  # and stays so: the driver may still be in its call
+            outcomes.write_halt(act.row, is_owed=act.unit.owes_halt)
         outcomes.write_end(act.row, report, [])
         self._wake_others(journal, act.row.do)
 

@@ -59,6 +59,7 @@ def test_an_action_whose_driver_hangs_is_in_doubt_and_its_late_return_changes_no
             executor.drain()
         assert host.last(do.action_id)["code"] == "edge.watchdog"
         assert host.last(do.action_id)["report"]["evidence"]["is_hung"] is True
+        assert host.units[DEVICE_ID].driver.is_stopped, "what it is in the midst of goes no further"
         known = host.journal.head()
         hang.may_return.set()
         hang.thread.join(1)  # it waits for work that nobody gives it
@@ -134,7 +135,46 @@ def test_a_fault_of_the_watch_ends_the_process_and_leaves_the_action_to_the_next
     host.take(do)
     with host.executor() as executor, pytest.raises(AbandonedActionError):
         executor.drain()
+    assert host.state(do.action_id) == "started"
+    monkeypatch.setenv("LABWEB_BOOT_ID", host.journal.boot_id)
+    with host.executor() as executor:
+        assert executor.drain() == 0
     hang.may_return.set()
+    hang.thread.join(1)  # what was left behind cannot end it any more
+    assert host.state(do.action_id) == "in_doubt"
+    assert pump.moves == ["A300"]
+
+
+def test_a_thread_that_could_not_be_started_is_started_the_next_time(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def refuse(_: object) -> None:
+        raise RuntimeError("can't start new thread")
+
+    thread = LineThread()
+    with monkeypatch.context() as patch:
+        patch.setattr(threading.Thread, "start", refuse)
+        with pytest.raises(RuntimeError, match="new thread"):
+            thread.run(lambda: 1, lambda: None)
+    assert thread.run(lambda: 2, lambda: None) == 2
+    thread.close()
+
+
+def test_what_is_raised_beside_leaves_the_thread_and_the_next_work_has_its_own_answer(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    thread, may_end = LineThread(), threading.Event()
+
+    def stop() -> None:
+        raise SystemExit
+
+    with pytest.raises(SystemExit):
+        thread.run(lambda: may_end.wait(30), stop)
+    assert thread.is_left
+    may_end.set()
+    assert thread.run(lambda: 2, lambda: None) == 2
+    assert not thread.is_left
+    thread.close()
 
 
 def test_work_raises_where_it_was_asked_for() -> None:

@@ -11,11 +11,16 @@ const text = words.places.many;
 /** Devices that could get a version and are not changing just now. */
 export function candidatesOf(driver: DriverDetail): DriverPlace[] {
   if (driver.state !== "approved") return [];
-  return driver.places.filter(
-    (place) =>
-      place.can_change && place.driver.next === null && place.driver.version_id !== driver.id,
-  );
+  return driver.places
+    .filter(
+      (place) =>
+        place.can_change && place.driver.next === null && place.driver.version_id !== driver.id,
+    )
+    .slice(0, MOST);
 }
+
+/** So many may be given it at once; the others come after. */
+const MOST = 200;
 
 interface Props {
   driver: DriverDetail;

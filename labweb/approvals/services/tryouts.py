@@ -102,10 +102,10 @@ def begin_tryout(version_id: UUID, wanted: TryoutWanted, *, actor: User) -> Tryo
         None. What moves is simulated, and stands in no tree and no ledger.
     """
     _require(actor)
+    host = host_for_update(wanted.host_id)  # first, as where a device is given a version
     version = driver_for_update(version_id)
     if version.state not in _TRIABLE or digest_of(version.sources) != version.digest:
         raise StateError(f"{version} is {version.state}: nothing to try", code="tryout.version")
-    host = host_for_update(wanted.host_id)
     model = _model(host, version, wanted.model)
     _check(version, model, wanted)
     if len(selectors.going_on(host)) >= MOST_AT_ONCE:

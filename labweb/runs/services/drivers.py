@@ -19,6 +19,7 @@ from labweb.domain.errors import (
     Finding,
     LabError,
     LockedError,
+    NotFoundError,
     PreconditionError,
     StateError,
 )
@@ -152,6 +153,8 @@ def replace_drivers(
                     one.device_id, version_id, actor=actor, reason=reason, parts=one.parts
                 )
             )
+        except (NotFoundError, LockedError):
+            raise
         except (PreconditionError, StateError) as error:
             name = enrollment_selectors.find_device(one.device_id).name
             found = error.findings or [Finding(error.code, error.message)]

@@ -86,6 +86,8 @@ def test_a_device_that_is_named_twice_or_is_none_is_refused(bench: Bench) -> Non
     assert refusal.value.code == "driver.named_twice"
     with pytest.raises(NotFoundError):
         give(bench, version.id, [pump, uuid4()])
+    with pytest.raises(NotFoundError, match="no driver version"):
+        give(bench, uuid4(), [pump])
     assert bench.device("pump_1").next_driver is None
 
 
