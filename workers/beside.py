@@ -11,6 +11,7 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable, Mapping
+from concurrent.futures import Future
 from contextlib import suppress
 from queue import Empty, SimpleQueue
 from typing import TypeVar, cast
@@ -29,7 +30,7 @@ class LineThread:
 
     def __init__(self) -> None:
         self._works: SimpleQueue[Callable[[], object] | None] | None = None
-        self._told: SimpleQueue[_End | _Ahead] = SimpleQueue()
+        self._told: SimpleQueue[Future[object] | _Ahead] = SimpleQueue()
         self._known: tuple[Signed, str] | None = None
         self.is_left = False
         """Nobody hears any more what the thread that worked last does."""
@@ -45,28 +46,28 @@ class LineThread:
         """
         self._begin().put(work)
         try:
-            end = self._watch(look)
+            end = self._wait(look)
         except BaseException:
             self._works, self.is_left = None, True
             raise
-        return cast("T", end.value())
+        return cast("T", end.result())
 
     def _begin(self) -> SimpleQueue[Callable[[], object] | None]:
         """Return where work is given to the thread, which is started first if there is none."""
         if self._works is None:
             works: SimpleQueue[Callable[[], object] | None] = SimpleQueue()
-            told: SimpleQueue[_End | _Ahead] = SimpleQueue()
+            told: SimpleQueue[Future[object] | _Ahead] = SimpleQueue()
             threading.Thread(target=_serve, args=(works, told), name="line", daemon=True).start()
             self._works, self._told, self.is_left = works, told, False
         return self._works
 
-    def _watch(self, look: Callable[[], None]) -> _End:
+    def _wait(self, look: Callable[[], None]) -> Future[object]:
         """Wait for the end of the work; read ahead, and look, meanwhile."""
         due_s = time.monotonic() + LOOK_S
         while True:
             with suppress(Empty):
                 told = self._told.get(timeout=LOOK_S)
-                if isinstance(told, _End):
+                if isinstance(told, Future):
                     return told
                 self._prepare(*told)
             if time.monotonic() >= due_s:
@@ -106,25 +107,13 @@ def _mark(row: ActionRow, keys: Mapping[str, str]) -> tuple[Signed, str]:
     return row.signed, keys.get(row.key_id, "")
 
 
-class _End:
-    """How a piece of work has ended."""
-
-    def __init__(self, work: Callable[[], object]) -> None:
-        self._error: BaseException | None = None
-        self._value: object = None
-        try:
-            self._value = work()
-        except BaseException as error:  # noqa: BLE001 - raised again where it was asked for
-            self._error = error
-
-    def value(self) -> object:
-        if self._error is not None:
-            raise self._error
-        return self._value
-
-
 def _serve(
-    works: SimpleQueue[Callable[[], object] | None], told: SimpleQueue[_End | _Ahead]
+    works: SimpleQueue[Callable[[], object] | None], told: SimpleQueue[Future[object] | _Ahead]
 ) -> None:
     while (work := works.get()) is not None:
-        told.put(_End(work))
+        end: Future[object] = Future()
+        try:
+            end.set_result(work())
+        except BaseException as error:  # noqa: BLE001 - raised again where it was asked for
+            end.set_exception(error)
+        told.put(end)

@@ -274,6 +274,21 @@ test("a version is given to all devices that are ticked, in one call", async () 
   await waitFor(() => expect(screen.queryByTestId("many-dialog")).toBeNull());
 });
 
+test("of more devices than one call takes the first are listed, and the rest told of", async () => {
+  const places = Array.from({ length: 201 }, (_, index) =>
+    aPlace({ id: `d${index}`, key: `d${index}`, name: `Pump ${index}` }),
+  );
+  serve(
+    answers(["admit"], {
+      "GET /drivers/v2": [200, { ...detail, state: "approved" as const, places }],
+    }),
+  );
+  show(page, "/drivers/v2");
+  await userEvent.click(await screen.findByTestId("driver-many"));
+  expect(screen.getByText(/first 200 of 201/)).toBeVisible();
+  expect(screen.getAllByTestId("many-device")).toHaveLength(200);
+});
+
 test("where a version is given to one device alone, nothing is offered for several", async () => {
   serve(
     answers(["admit"], { "GET /drivers/v2": [200, { ...detail, state: "approved" as const }] }),

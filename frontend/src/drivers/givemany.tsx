@@ -11,15 +11,13 @@ const text = words.places.many;
 /** Devices that could get a version and are not changing just now. */
 export function candidatesOf(driver: DriverDetail): DriverPlace[] {
   if (driver.state !== "approved") return [];
-  return driver.places
-    .filter(
-      (place) =>
-        place.can_change && place.driver.next === null && place.driver.version_id !== driver.id,
-    )
-    .slice(0, MOST);
+  return driver.places.filter(
+    (place) =>
+      place.can_change && place.driver.next === null && place.driver.version_id !== driver.id,
+  );
 }
 
-/** So many may be given it at once; the others come after. */
+/** So many may be given it in one call. */
 const MOST = 200;
 
 interface Props {
@@ -28,7 +26,8 @@ interface Props {
   onClose: () => void;
 }
 
-export function GiveToMany({ driver, candidates, onClose }: Props) {
+export function GiveToMany({ driver, candidates: all, onClose }: Props) {
+  const candidates = all.slice(0, MOST);
   const give = useGiveDriverToMany(driver.id);
   const [ticked, setTicked] = useState<string[]>([]);
   const [reason, setReason] = useState("");
@@ -50,6 +49,7 @@ export function GiveToMany({ driver, candidates, onClose }: Props) {
       >
         <p className="s">{text.text}</p>
         <Devices places={candidates} why={why} chosen={chosen} onChoose={setTicked} />
+        {all.length > MOST && <p className="help">{text.more(MOST, all.length)}</p>}
         <TextField
           label={words.places.dialog.reason}
           value={reason}

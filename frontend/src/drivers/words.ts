@@ -63,6 +63,8 @@ export const words = {
       devices: "Devices",
       all: (count: number) => `All ${count}`,
       alone: "Its parts change with this version: give it by itself.",
+      more: (most: number, count: number) =>
+        `These are the first ${most} of ${count}: give it to the others after them.`,
       noDevice: "Tick the devices.",
       send: (count: number) => (count ? `Give to ${count}` : "Give"),
     },

@@ -142,7 +142,8 @@ def replace_drivers(
     """
     if len({one.device_id for one in given}) != len(given):
         raise DefinitionError("a device is named twice", code="driver.named_twice")
-    for host_id in sorted({_host_of(one.device_id) for one in given}):
+    known = enrollment_selectors.devices_by_id(one.device_id for one in given)
+    for host_id in sorted({device.host_id for device in known.values()}):
         enrollment_selectors.host_for_update(host_id)
     findings: list[Finding] = []
     devices: list[Device] = []
@@ -156,7 +157,7 @@ def replace_drivers(
         except (NotFoundError, LockedError):
             raise
         except (PreconditionError, StateError) as error:
-            name = enrollment_selectors.find_device(one.device_id).name
+            name = known[one.device_id].name
             found = error.findings or [Finding(error.code, error.message)]
             findings += [Finding(each.code, f"{name}: {each.message}", name) for each in found]
     if findings:
