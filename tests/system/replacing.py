@@ -6,7 +6,7 @@ import json
 import sqlite3
 import time
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import closing
 from dataclasses import dataclass
 from typing import Any
@@ -35,8 +35,11 @@ class Deed:
 class Work:
     """Transfers from each pump's bottle to its flask, one after the other: no pump rests."""
 
-    def __init__(self, stack: Stack, volume: str) -> None:
-        """Start the first on each pump."""
+    def __init__(
+        self, stack: Stack, volume: str, flow_rates: Mapping[int, str] | None = None
+    ) -> None:
+        """Start the first on each pump; those whose number has a flow rate keep to it."""
+        rates = flow_rates or {}
         self.stack, self.client = stack, stack.client()
         keys = stack.keys()
         ids = {row["key"]: str(row["id"]) for row in self.client.get("devices")["devices"]}
@@ -48,7 +51,8 @@ class Work:
         self._planned: Counter[str] = Counter()
         for device, number in self.numbers.items():
             ends = {"source": keys[f"bottle_{number}"], "target": keys[f"flask_{number}"]}
-            version = self.client.draw_step("transfer", {**ends, "volume": volume})
+            rate = {"flow_rate": rates[number]} if number in rates else {}
+            version = self.client.draw_step("transfer", {**ends, **rate, "volume": volume})
             self._versions[device] = version
         self.go_on()
 
