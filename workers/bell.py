@@ -21,14 +21,21 @@ from pathlib import Path
 MOST_RINGS = 4096
 
 
-def ring(path: Path) -> None:
-    """Wake whoever waits; nobody may."""
-    with contextlib.suppress(OSError):
+def ring(path: Path) -> bool:
+    """Wake whoever waits; False: nobody does."""
+    try:
         handle = os.open(path, os.O_WRONLY | os.O_NONBLOCK)
-        try:
-            os.write(handle, b"!")
-        finally:
-            os.close(handle)
+    except OSError:
+        return False
+    try:
+        os.write(handle, b"!")
+    except BlockingIOError:
+        return True  # it is full, and so rings already
+    except OSError:
+        return False
+    finally:
+        os.close(handle)
+    return True
 
 
 def hang(path: Path) -> None:

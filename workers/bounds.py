@@ -45,7 +45,7 @@ def bounds_of(config: HostConfig, line: str, devices: Sequence[DeviceConfig]) ->
     journal = config.journal_path
     own = [journal, *(journal.with_name(journal.name + end) for end in ("-wal", "-shm"))]
     own += [journal.with_suffix(".seal"), journal.with_suffix(".bell")]
-    own += [config.folder / f"{line_queue(line)}.lock"]
+    own += [config.folder / f"{line_queue(line)}.lock", config.bell_of(line)]
     store = DriverStore(config.drivers_folder)
     segments = segments_of([device.transport for device in devices])
     addresses = [one for device in devices for one in addresses_of(device.transport)]
@@ -62,6 +62,7 @@ def bounds_of(config: HostConfig, line: str, devices: Sequence[DeviceConfig]) ->
         ),
         writable=existing([*own, *device_files(devices)]),
         folders=existing([config.files_of(line)]),
+        bells=existing([config.bells_path]),
         addresses=tuple(sorted(set(addresses))),
         datagrams=_beats([device.transport for device in devices]),
         segments=segments,

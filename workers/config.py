@@ -152,6 +152,15 @@ class HostConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
         return self.folder / "supervisor.bell"
 
     @property
+    def bells_path(self) -> Path:
+        """Return where the bells of the lines hang."""
+        return self.folder / "bells"
+
+    def bell_of(self, line: str) -> Path:
+        """Return where the bell of one line hangs."""
+        return self.bells_path / line_queue(line)
+
+    @property
     def files_path(self) -> Path:
         """Return where files wait for the server, in a folder of each line."""
         return self.folder / "files"

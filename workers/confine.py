@@ -70,6 +70,9 @@ class Bounds:
     folders: tuple[Path, ...] = ()
     """Folders in which files may be made, read, written and removed."""
 
+    bells: tuple[Path, ...] = ()
+    """Folders whose files may be written to, not read, and no other made: bells to be rung."""
+
     addresses: tuple[Address, ...] = ()
     """Hosts and TCP ports that may be connected to; none: no TCP socket at all."""
 
@@ -189,6 +192,8 @@ def _landlock(libc: ctypes.CDLL, bounds: Bounds) -> None:
         for path in bounds.folders:
             made = _READ | _READ_DIR | _WRITE | _TRUNCATE | _MAKE_FILE | _REMOVE_FILE
             _allow(libc, ruleset, path, files & made)
+        for path in bounds.bells:
+            _allow(libc, ruleset, path, files & _WRITE)
         for port in bounds.ports if net else ():
             rule = struct.pack("=QQ", _CONNECT, port)
             _check(libc.syscall(_ADD, ruleset, _NET_PORT, rule, 0))

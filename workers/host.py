@@ -75,7 +75,7 @@ class Supervisor:
         if reason is not None:
             log.error("the journal is not the newest one (%s): nothing starts here", reason)
         self._store = Store(config.valkey_url)
-        self._wake = waker(make_host_app(config), self._store)
+        self._wake = waker(make_host_app(config), config.bell_of)
         self._services = self._make_services()
         self._lines: dict[str, Child] = {}
         self._stopping = threading.Event()

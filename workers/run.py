@@ -28,7 +28,6 @@ from workers.devices import lines_of
 from workers.discovery import run_discovery
 from workers.journal import Journal
 from workers.line import Line
-from workers.store import Store
 from workers.tasks import add_accept, add_execute
 from workers.tryouts.service import run_tryouts
 from workers.uplink import run_uplink
@@ -70,7 +69,7 @@ def run_accept(config: HostConfig) -> None:
     journal = Journal(config.journal_path)
     host_app = make_host_app(config)
     app = make_accept_app(config)
-    wake_line = waker(host_app, Store(config.valkey_url))
+    wake_line = waker(host_app, config.bell_of)
     is_taking = threading.Event()
 
     def take(signed: Signed) -> None:
@@ -92,12 +91,11 @@ def run_accept(config: HostConfig) -> None:
 def run_line(config: HostConfig, name: str) -> None:
     """Serve the devices of one line until told to end."""
     _confine(config, name)
-    store = Store(config.valkey_url)
-    line = Line(config, name, waker(make_host_app(config), store))
+    line = Line(config, name, waker(make_host_app(config), config.bell_of))
     app = make_host_app(config, (name,))
 
     def drain() -> None:
-        attend(store, name, line.drain, lambda: line.is_closing)
+        attend(config.bell_of(name), line.drain, lambda: line.is_closing)
         if line.is_leaving:
             line.release()
             os._exit(0)
@@ -142,6 +140,8 @@ def _confine(config: HostConfig, name: str) -> None:
     journal = Journal(config.journal_path)
     try:
         hang(journal.bell_path)
+        config.bells_path.mkdir(mode=0o700, exist_ok=True)
+        hang(config.bell_of(name))
         (config.folder / f"{line_queue(name)}.lock").touch(mode=0o600)
         config.files_of(name).mkdir(mode=0o700, parents=True, exist_ok=True)
         confine_line(config, name, lines_of(journal.devices()).get(name, []))

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import threading
-import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any, cast
 from uuid import UUID
@@ -41,7 +39,6 @@ TRYOUT_WORDS, TRYOUT_TOLD, TRYOUT_OFFER = (
 """What is asked of drivers that are tried, what is told of them, and what can be simulated."""
 
 STOP_CHANNEL = "edge:stop"
-RING_CHANNEL = "edge:ring"
 TIMEOUT_S = 0.5
 PICTURE_S = 20
 """How long a picture is at hand after it was taken."""
@@ -203,38 +200,6 @@ class Store:
             return bool(self._redis.publish(f"{STOP_CHANNEL}:{line}", b"stop"))
         except RedisError:
             return False
-
-    def ring_line(self, line: str) -> bool:
-        """Tell a line that it has something to do; False: nobody listens."""
-        try:
-            return int(self._redis.publish(f"{RING_CHANNEL}:{line}", b"")) > 0
-        except RedisError:
-            return False
-
-    @contextmanager
-    def listening(self, line: str) -> Iterator[Callable[[float], bool]]:
-        """Listen for a line's bell; the yielded function waits for a ring, or for so long.
-
-        It says False when none came, and at once when the link is broken.
-        """
-        heard = self._redis.pubsub()  # type: ignore[no-untyped-call]
-
-        def wait(longest_s: float, sort: str = "message") -> bool:
-            until_s = time.monotonic() + longest_s
-            with suppress(RedisError):
-                while (left_s := until_s - time.monotonic()) > 0:
-                    told = heard.get_message(timeout=left_s)
-                    if told is not None and told["type"] == sort:
-                        return True
-            return False
-
-        try:
-            with suppress(RedisError):
-                heard.subscribe(f"{RING_CHANNEL}:{line}")
-            is_heard = wait(TIMEOUT_S, "subscribe")
-            yield lambda longest_s: is_heard and wait(longest_s)
-        finally:
-            heard.close()
 
     def wait_for_stop(self, line: str, *, wait_s: float) -> bool:
         """Wait for the word to halt; False: none came. A broken link counts as silence."""

@@ -385,7 +385,7 @@ def run_uplink(config: HostConfig) -> None:
         Journal(config.journal_path),
         load_identity(Path(config.key_file), config.ca_path),
         store,
-        waker(make_host_app(config), store),
+        waker(make_host_app(config), config.bell_of),
     )
     with contextlib.suppress(asyncio.CancelledError):
         asyncio.run(_until_told(uplink))

@@ -1,43 +1,51 @@
 """How a line learns that it has something to do.
 
-A worker that has just acted listens a while for a word on the host's Valkey; one that sleeps is
-sent a message. The word costs a fraction of the message, and both may be lost: who hears one
-looks into the journal, and the supervisor rings again.
+A worker that has just acted listens a while for its bell; one that sleeps is sent a message. The
+bell costs a fraction of the message, and both may be lost: who hears one looks into the journal,
+and the supervisor rings again.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import closing
+from pathlib import Path
 
 from celery import Celery
 
 from workers.app import wake
-from workers.store import Store
+from workers.bell import PlainBell, ring
 
 LISTENS_S = 2.0
 
 
-def waker(app: Celery, store: Store) -> Callable[[str], None]:
-    """Return what wakes a line, by word or by message."""
+def waker(app: Celery, bell_of: Callable[[str], Path]) -> Callable[[str], None]:
+    """Return what wakes a line, by its bell or by message."""
 
     def wake_line(line: str) -> None:
-        if not store.ring_line(line):
+        if not ring(bell_of(line)):
             wake(app, line)
 
     return wake_line
 
 
-def attend(
-    store: Store, line: str, drain: Callable[[], object], is_over: Callable[[], bool]
-) -> None:
-    """Drain a line's queue, and then again for each word, until none has come for a while.
+def attend(path: Path, drain: Callable[[], object], is_over: Callable[[], bool]) -> None:
+    """Drain a line's queue, and then again for each ring, until none has come for a while.
 
     Whoever found nobody listening has sent a message, which this worker does not take before it
     returns; so it looks once more when it begins to listen, and once when it has ended.
+
+    Args:
+        path: Where the line's bell hangs.
+        drain: Carries out what may start now.
+        is_over: Says whether to listen no longer.
+
+    Raises:
+        OSError: The bell cannot be listened to; the queue was drained.
     """
     drain()
-    with store.listening(line) as wait:
+    with closing(PlainBell(path)) as bell:
         drain()
-        while not is_over() and wait(LISTENS_S):
+        while not is_over() and bell.wait(LISTENS_S):
             drain()
     drain()

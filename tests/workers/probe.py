@@ -18,10 +18,14 @@ from pathlib import Path
 import msgspec
 
 from labweb.domain.messages import DeviceConfig
+from workers.bell import PlainBell, hang, ring
 from workers.bounds import confine_line
 from workers.config import load_config
 from workers.drivers import DriverStore
 from workers.journal import Journal
+
+OTHER_LINE = "serial:/dev/other"
+"""A line whose bell somebody listens for."""
 
 
 def works(act: Callable[[], object]) -> bool:
@@ -48,6 +52,11 @@ def write_journal(path: Path) -> None:
     journal.close()
 
 
+def ring_or_fail(path: Path) -> None:
+    if not ring(path):
+        raise OSError(path)
+
+
 def ptrace_parent() -> None:
     libc = ctypes.CDLL(None, use_errno=True)
     if libc.ptrace(16, os.getppid(), None, None) != 0:
@@ -67,6 +76,11 @@ def main() -> None:
         "own journal": works(lambda: write_journal(config.journal_path)),
         "own device": works(lambda: connect(own_port)),
         "code of the release": works(lambda: __import__("drivers.processing.huber_pb")),
+        "own bell": works(lambda: PlainBell(config.bell_of(line)).close()),
+        "ringing another line": works(lambda: ring_or_fail(config.bell_of(OTHER_LINE))),
+        "hearing another line's bell": works(lambda: PlainBell(config.bell_of(OTHER_LINE))),
+        "another bell": works(lambda: hang(config.bells_path / "x")),
+        "file beside the bells": works(lambda: (config.bells_path / "y").write_text("y")),
         "another driver's file": works(other_file.read_bytes),
         "list of drivers": works(lambda: list(config.drivers_folder.iterdir())),
         "key of the host": works(Path(config.key_file).read_bytes),

@@ -6,6 +6,7 @@ import json
 import socket
 import subprocess
 import sys
+from contextlib import closing
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from uuid import uuid4
@@ -22,9 +23,10 @@ from labweb.domain.enrollment.bundle import digest_of, encode_bundle
 from labweb.domain.errors import StateError
 from labweb.domain.messages import DeviceConfig
 from tests.workers.bench import HOST_ID, ROOT, Host, PumpProcess, a_device, environment
+from tests.workers.probe import OTHER_LINE
 from tests.workers.test_drivers import approval, version
 from workers import bounds, confine, host
-from workers.bell import hang
+from workers.bell import PlainBell, hang
 from workers.bounds import bounds_of, device_files, marks_of
 from workers.config import HostConfig, ValkeyConfig, line_queue
 from workers.drivers import DriverStore
@@ -33,7 +35,14 @@ from workers.keys import create_key
 confining = pytest.mark.skipif(
     confine.landlock_abi() < 4, reason="the kernel has no Landlock with ports"
 )
-OWN = {"own bundle", "own journal", "own device", "code of the release"}
+OWN = {
+    "own bundle",
+    "own journal",
+    "own bell",
+    "own device",
+    "code of the release",
+    "ringing another line",
+}
 
 
 def a_config(folder: Path, **changes: object) -> HostConfig:
@@ -66,10 +75,13 @@ def test_a_line_reaches_what_is_its_own_and_nothing_else(
     line = line_key(pump.url)
     (config.folder / f"{line_queue(line)}.lock").touch()
     hang(host.journal.bell_path)
+    config.bells_path.mkdir()
+    hang(config.bell_of(line))
     path = tmp_path / "host.json"
     path.write_bytes(msgspec.json.encode(config))
     own_port = int(pump.url.rpartition(":")[2])
     with (
+        closing(PlainBell(config.bell_of(OTHER_LINE))),
         socket.create_server(("127.0.0.1", 0)) as elsewhere,
         socket.create_server(("127.0.0.2", own_port)),
     ):

@@ -10,6 +10,7 @@ import pytest
 from celery import Celery
 
 from workers import waking
+from workers.bell import hang, ring
 from workers.config import line_queue
 from workers.store import Store
 from workers.waking import attend, waker
@@ -18,13 +19,20 @@ LINE = "serial:/dev/line"
 
 
 @pytest.fixture
+def bell(tmp_path: Path) -> Path:
+    """Return where the line's bell hangs."""
+    hang(tmp_path / "bell")
+    return tmp_path / "bell"
+
+
+@pytest.fixture
 def wake_line(
-    store: Store, valkey_socket: Path, monkeypatch: pytest.MonkeyPatch
+    bell: Path, valkey_socket: Path, monkeypatch: pytest.MonkeyPatch
 ) -> Callable[[str], None]:
     """What accept and uplink wake a line with; a message lies in the queue of its worker."""
     monkeypatch.setattr(waking, "LISTENS_S", 0.3)
     broker = f"redis+socket://{valkey_socket}?virtual_host=0"
-    return waker(Celery("host", broker=broker, set_as_current=False, fixups=[]), store)
+    return waker(Celery("host", broker=broker, set_as_current=False, fixups=[]), lambda _line: bell)
 
 
 def test_a_line_that_sleeps_is_sent_a_message(
@@ -34,8 +42,8 @@ def test_a_line_that_sleeps_is_sent_a_message(
     assert store.queue_length(line_queue(LINE)) == 1
 
 
-def test_a_line_that_listens_drains_again_for_each_word_and_gets_no_message(
-    store: Store, wake_line: Callable[[str], None]
+def test_a_line_that_listens_drains_again_for_each_ring_and_gets_no_message(
+    store: Store, bell: Path, wake_line: Callable[[str], None]
 ) -> None:
     drains: list[int] = []
 
@@ -44,13 +52,13 @@ def test_a_line_that_listens_drains_again_for_each_word_and_gets_no_message(
         if len(drains) in {2, 3}:
             threading.Timer(0.05, wake_line, (LINE,)).start()
 
-    attend(store, LINE, drain, lambda: False)
+    attend(bell, drain, lambda: False)
     assert (len(drains), store.queue_length(line_queue(LINE))) == (5, 0)
-    assert not store.ring_line(LINE), "nobody listens any more"
+    assert not ring(bell), "nobody listens any more"
 
 
 def test_what_comes_before_it_listens_is_found_without_the_message(
-    store: Store, wake_line: Callable[[str], None]
+    store: Store, bell: Path, wake_line: Callable[[str], None]
 ) -> None:
     """The worker takes no message before it returns: it has to look once it listens."""
     waiting = ["first"]
@@ -63,20 +71,21 @@ def test_what_comes_before_it_listens_is_found_without_the_message(
             waiting.append("second")
             wake_line(LINE)
 
-    attend(store, LINE, drain, lambda: bool(done))
+    attend(bell, drain, lambda: bool(done))
     assert done == ["first", "second"]
     assert store.queue_length(line_queue(LINE)) == 1
 
 
-def test_a_line_that_ends_listens_no_longer(store: Store) -> None:
+def test_a_line_that_ends_listens_no_longer(bell: Path) -> None:
     drains: list[int] = []
-    attend(store, LINE, lambda: drains.append(0), lambda: True)
+    attend(bell, lambda: drains.append(0), lambda: True)
     assert len(drains) == 3
 
 
-def test_without_valkey_it_drains_and_returns(tmp_path: Path) -> None:
-    store = Store(f"unix://{tmp_path / 'nothing'}?db=0")
+def test_where_no_bell_can_hang_the_queue_is_drained_all_the_same(tmp_path: Path) -> None:
+    path = tmp_path / "bell"
+    path.write_bytes(b"")
     drains: list[int] = []
-    attend(store, LINE, lambda: drains.append(0), lambda: False)
-    assert len(drains) == 3
-    assert not store.ring_line(LINE)
+    with pytest.raises(FileExistsError):
+        attend(path, lambda: drains.append(0), lambda: False)
+    assert drains == [0]
