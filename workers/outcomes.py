@@ -87,10 +87,7 @@ class Outcomes:
 
     def _write_halt(self, row: ActionRow, is_owed: bool) -> None:  # noqa: FBT001 - private
         with self._journal.write(is_sealed=False) as tx:
-            if is_owed:
-                halting.owe_halt(tx, row.device_id, halting.WITH_ACTION, row.action_id)
-            if not halting.was_halted(tx, row):
-                halting.write_halt(tx, row, halting.WITH_ACTION)
+            halting.halt_with_action(tx, row, is_owed=is_owed)
 
     def _write_answer(self, row: ActionRow, report: Report, context: dict[str, Any]) -> None:
         with self._journal.write(is_sealed=False) as tx:

@@ -61,7 +61,7 @@ def check_end(world: World, job: Job) -> None:
     moved_nl = sum(world.matter.moved_nl.get(one.id, 0) for one in last)
     if job.state is JobState.COMPLETE:
         require(count == 1, "I2", f"job {job.index} is complete and happened {count} times")
-        whole = moved_nl == job.operation.amount_nl
+        whole = moved_nl == job.amount_nl
         require(whole, "I2", f"job {job.index} is complete and moved {moved_nl} nL")
     elif job.state in {JobState.REJECTED, JobState.STOPPED}:
         require(count == 0, "I2", f"job {job.index} is {job.state.value} and happened")
@@ -87,7 +87,7 @@ def check_turn(world: World, host: SimHost, attempt: Attempt) -> None:
     for index in job.after:
         before = world.server.by_index[index]
         moved_nl = [world.matter.moved_nl.get(one.id, 0) for one in before.actions]
-        is_whole = bool(moved_nl) and moved_nl[-1] == before.operation.amount_nl
+        is_whole = bool(moved_nl) and moved_nl[-1] == before.amount_nl
         require(is_whole, "B1", f"job {job.index} starts though job {index} did not happen whole")
     policy = job.policy
     if policy is None or host.lost_at_s is None:

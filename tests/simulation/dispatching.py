@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from datetime import UTC, datetime
 from functools import partial
+from uuid import UUID
 
 import msgspec
 
@@ -161,12 +162,16 @@ class Dispatching(Record):
             if one.run != members[0].run
         )
         targets = frozenset().union(*(made.targets for made in members))
-        if any(target in holders for target in targets):
+        if any(target in holders for target in self.whole_of(members)):
             return None
         bench = (id_of(BENCH),)
         wanted = locks.lock_set(targets, dict.fromkeys(targets, bench))
         held = [lock for one in self.attempts.values() for lock in one.locks]
         return None if locks.conflicts(wanted, held) else wanted
+
+    def whole_of(self, members: list[Job]) -> frozenset[UUID]:
+        """Return what has to be free of other runs for jobs to begin: here, what they touch."""
+        return frozenset().union(*(made.targets for made in members))
 
     def _attempt(self, made: Job, share: tuple[locks.Lock, ...]) -> Attempt:
         host = self.host(made.host)
@@ -196,7 +201,7 @@ class Dispatching(Record):
             line="line",
             device_id=made.device_id,
             driver_digest="d",
-            action="stroke",
+            action=made.action,
             args={},
             operation=operations.to_json(made.operation),
             resources=[self.vessels[vessel].view for vessel in touched],

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Iterator
 from random import Random
-from typing import Protocol
 from uuid import UUID
 
 import msgspec
@@ -37,6 +36,7 @@ from labweb.domain.runs.moment import Moment
 from tests.simulation.lab import DEVICE_COUNT, JOURNAL, PUMPS, host_id, id_of
 from tests.simulation.link import Link
 from tests.simulation.memory import Disk, MemoryWrite
+from tests.simulation.outside import Lab
 
 
 def _action_ids(command: Command) -> list[UUID]:
@@ -56,30 +56,6 @@ FOLLOWS_SHARE = 0.7
 
 class KilledError(BaseException):
     """The host died at this very point."""
-
-
-class Lab(Protocol):
-    """What a host touches outside itself."""
-
-    now_s: float
-
-    def started(self, host: SimHost, row: ActionRow) -> None:
-        """Look at a start that is on disk."""
-
-    def begin(self, host: SimHost, started: Started) -> None:
-        """Send the first byte."""
-
-    def finish(self, host: SimHost, started: Started) -> Report:
-        """Let the device answer."""
-
-    def accepted(self, host: SimHost, row: ActionRow) -> None:
-        """Look at what was journaled."""
-
-    def link_lost(self, host: SimHost) -> None:
-        """Look at what was written when the server went away."""
-
-    def say(self, text: str) -> None:
-        """Write a line of the trace."""
 
 
 class SimHost:
@@ -234,13 +210,16 @@ class SimHost:
     def _work(self) -> Generator[str, None, None]:
         """Work as the process of a line does; every yield is a place to die."""
         for row in self.disk.rows(ActionState.STARTED):
-            with self.write() as tx:
-                acting.recover(tx, row)
-            yield "recovered"
+            yield from self._recover(row)
         while True:
             is_moved = yield from self._step()
             if not is_moved:
                 yield "idle"
+
+    def _recover(self, row: ActionRow) -> Generator[str, None, None]:
+        with self.write() as tx:
+            acting.recover(tx, row)
+        yield "recovered"
 
     def _step(self) -> Generator[str, None, bool]:
         for row in self.disk.rows(ActionState.ACTUATED):
@@ -287,6 +266,7 @@ class SimHost:
         yield "acting"
         report = self.lab.finish(self, started)
         self.acting = None
+        yield from self._after_act(started)
         yield "before actuated"
         if report.ok:
             with self.write(is_sealed=False) as tx:
@@ -297,6 +277,10 @@ class SimHost:
         if begun is None:
             yield "after done"
         return begun
+
+    def _after_act(self, started: Started) -> Iterator[str]:
+        """Write down what has become of the device besides: here nothing does."""
+        return iter(())
 
     def _following(self, row: ActionRow) -> ActionRow | None:
         """Return the action that begins in the write that ends this one, as a draw decides."""

@@ -10,7 +10,7 @@ import msgspec
 from labweb.domain.crutd import decide, lifecycle, operations
 from labweb.domain.crutd.decide import Change, Outcome, OutcomeKind, ResourceState
 from labweb.domain.crutd.lifecycle import TransactionState
-from labweb.domain.crutd.operations import TransferLiquid
+from labweb.domain.crutd.operations import TransferLiquid, Update
 from labweb.domain.errors import StateError
 from labweb.domain.resources.contents import add, remove
 from labweb.domain.runs import batch, job
@@ -68,7 +68,7 @@ class Record:
         self.vessels[vessel_id] = Vessel(view)
         return True
 
-    def snapshot(self, operation: TransferLiquid) -> dict[UUID, ResourceState]:
+    def snapshot(self, operation: TransferLiquid | Update) -> dict[UUID, ResourceState]:
         found = {}
         for vessel_id in operations.touched_ids(operation):
             vessel = self.vessels[vessel_id]
@@ -113,6 +113,10 @@ class Record:
                 left = pour(vessel.view.contents, parts)  # type: ignore[arg-type]
                 vessel.view = msgspec.structs.replace(vessel.view, contents=left)
                 touched.add(UUID(account))
+        for vessel_id, data in change.data.items():
+            vessel = self.vessels[vessel_id]
+            vessel.view = msgspec.structs.replace(vessel.view, data={**vessel.view.data, **data})
+            touched.add(vessel_id)
         for vessel_id in change.quarantined:
             # The first cause stays: its answer, or a person's measure, opens the vessel.
             if self.vessels[vessel_id].quarantined_by is None:

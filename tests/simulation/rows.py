@@ -8,7 +8,7 @@ from typing import Protocol
 from uuid import UUID
 
 from labweb.domain.crutd.lifecycle import TransactionState
-from labweb.domain.crutd.operations import TransferLiquid
+from labweb.domain.crutd.operations import TransferLiquid, Update, touched_ids
 from labweb.domain.messages import (
     Command,
     EdgeEvent,
@@ -40,7 +40,7 @@ class Job:
     run: int
     host: str
     device_id: UUID
-    operation: TransferLiquid
+    operation: TransferLiquid | Update
     after: tuple[int, ...]
     state: JobState = JobState.QUEUED
     has_started: bool = False
@@ -51,12 +51,20 @@ class Job:
 
     targets: frozenset[UUID] = field(init=False)
     seen: scheduler.JobView | None = None
+    action: str = "stroke"
+    halted_by: str = ""
+    """Cause of the halt that has taken away what it had set; empty: it stands."""
+
     policy: Policy | None = None
     """How its batch behaves with the server away; None: it goes alone."""
 
     def __post_init__(self) -> None:
-        touched = (self.operation.source_id, self.operation.target_id)
-        self.targets = frozenset({self.device_id, *touched})
+        self.targets = frozenset({self.device_id, *touched_ids(self.operation)})
+
+    @property
+    def amount_nl(self) -> int:
+        """What it moves."""
+        return self.operation.amount_nl if isinstance(self.operation, TransferLiquid) else 0
 
     @property
     def view(self) -> scheduler.JobView:

@@ -232,6 +232,7 @@ def _round(world: World) -> None:
     world.server.tick()
     for host in world.hosts.values():
         world.set_aside(host)
+        world.settle(host)
         if host.link is not None and host.link.is_cut:
             host.kill_uplink()
         _talk(world, host)

@@ -16,6 +16,7 @@ from labweb.domain.errors import LabError
 from labweb.domain.messages import (
     Ack,
     Cancel,
+    DeviceConfig,
     EdgeEvent,
     Events,
     Hello,
@@ -171,10 +172,15 @@ class SimServer(Dispatching):
                 floor=host.record.floor,
                 server_at_s=self.watch.now_s,
                 mode=opening.mode,
+                devices=self.devices_of(host),
             )
         )
         if opening.mode == "normal":
             self._maybe_resume(host, link)
+
+    def devices_of(self, host: Host) -> list[DeviceConfig]:
+        """Return what a host is told of its devices: here nothing is halted by the record."""
+        return []
 
     def _maybe_resume(self, host: Host, link: Link) -> None:
         if link.is_resumed or not session.is_caught_up(host.record.acked_seq, link.pending_head):
@@ -244,6 +250,7 @@ class SimServer(Dispatching):
 
     def _take_event(self, host: Host, event: EdgeEvent) -> None:
         if event.action_id is None:
+            self._take_word(host, event)
             return
         attempt = self.attempts.get(event.action_id)
         if attempt is None or attempt.job.host != host.name:
@@ -264,6 +271,9 @@ class SimServer(Dispatching):
                 self._settle(attempt, meaning.outcome, event.body.get("change"), event.body)
         if meaning.state is not None:
             self.move(attempt.job, meaning.state, Mover.EDGE)
+
+    def _take_word(self, host: Host, event: EdgeEvent) -> None:
+        """Apply what a host tells of itself: here nothing comes of it."""
 
     # --- quarantine ---
 

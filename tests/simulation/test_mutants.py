@@ -12,6 +12,7 @@ from tests.simulation import rule_mutants as rules
 from tests.simulation.batch_mutants import OF_BATCHES
 from tests.simulation.checks import ViolationError
 from tests.simulation.directed import Schedule
+from tests.simulation.halt_mutants import OF_HALTS
 from tests.simulation.mutants import Mutant
 from tests.simulation.schedule import run
 from tests.simulation.test_moving import OF_CUSTODY
@@ -79,9 +80,11 @@ def test_every_mutant_has_a_schedule_that_kills_it() -> None:
 
 def test_the_page_counts_the_mutants_that_there_are() -> None:
     page = (Path(__file__).parents[2] / "docs" / "reliability.md").read_text("utf-8")
-    counted = re.search(r"(\d+) of \1, (\d+) of \2 of batches, and (\d+) of \3 of custody", page)
+    kinds = (", ", " of batches, ", " of custody and ", " of halts")
+    told = "".join(rf"(\d+) of \{number}{kind}" for number, kind in enumerate(kinds, start=1))
+    counted = re.search(told, page)
     assert counted is not None
-    found = (SEEDS.keys() | BY_HAND.keys(), OF_BATCHES, OF_CUSTODY)
+    found = (SEEDS.keys() | BY_HAND.keys(), OF_BATCHES, OF_CUSTODY, OF_HALTS)
     assert [int(text) for text in counted.groups()] == [len(one) for one in found]
 
 

@@ -31,14 +31,17 @@ Post = tuple[Signed, Command]
 class World:
     """Everything of one schedule."""
 
+    host_class = SimHost
+    server_class = SimServer
+
     def __init__(self, seed: int, *, trace: list[str] | None = None) -> None:
         self.rng = Random(seed)
         self.trace = trace
         self.now_s = 1000.0
         self.server_up_at_s = 1000.0
         self.matter = Matter()
-        self.server = SimServer(self)
-        self.hosts = {name: SimHost(name, self, Random(f"{seed} {name}")) for name in HOSTS}
+        self.server = self.server_class(self)
+        self.hosts = {name: self.host_class(name, self, Random(f"{seed} {name}")) for name in HOSTS}
         self.brokers: dict[str, deque[Post]] = {name: deque() for name in HOSTS}
         self.links: dict[str, list[Link]] = {name: [] for name in HOSTS}
         self.is_cut_off: dict[str, set[str]] = {name: set() for name in HOSTS}
@@ -292,6 +295,9 @@ class World:
                 self.say(f"{host.name}: the whole disk is put back to event {disk.head[0]}")
                 self.guarded(host, lambda: host.start(is_cold=True))
                 return
+
+    def settle(self, host: SimHost) -> None:
+        """Let the faults of a host end that only some schedules know."""
 
     # --- people ---
 

@@ -5,12 +5,13 @@ from __future__ import annotations
 import multiprocessing
 import signal
 import time
+from uuid import uuid4
 
 import msgspec
 import pytest
 
 from labweb.domain.errors import DeviceError
-from labweb.domain.messages import Cancel, Do, Resolve
+from labweb.domain.messages import Cancel, Do, Resolve, StopLab
 from labweb.domain.runs.halting import owe_halt
 from tests.workers.bench import (
     BOOT_ID,
@@ -30,7 +31,7 @@ from workers.clock import SystemClock
 from workers.halting import LateHalts
 from workers.journal import Journal
 from workers.line import make_units
-from workers.session import open_session
+from workers.session import latch_stop, open_session
 from workers.unit import Unit
 
 SET = {"rate_setpoint_ul_s": 50.0, "is_running": True, "port_index": 3}
@@ -189,11 +190,31 @@ def test_a_halt_that_a_device_refuses_stays_owed(
             late = late_halts(host, [])
             for _ in range(3):
                 late.look(host.journal.host_state().owes_halt)
-                time.sleep(0.2)
+                time.sleep(0.2)  # a refused halt leaves nothing that one could wait for
             assert host.journal.host_state().owes_halt == {str(DEVICE_ID)}
     with host.executor():
         late_halts(host, []).look(host.journal.host_state().owes_halt)
         until(lambda: not host.journal.host_state().owes_halt)
+
+
+def test_a_stop_that_was_reset_before_its_line_came_back_is_carried_out_before_anything_acts(
+    host: Host, pump: PumpProcess
+) -> None:
+    latch_stop(host.journal, StopLab(stop_id=uuid4(), issued_by="ada"))
+    with host.journal.write() as tx:
+        tx.set_meta("stop_id", None)
+    woken: list[str] = []
+    with host.executor() as executor:
+        host.take(a_do(host.server))
+        until(lambda: is_reached(host.units[DEVICE_ID]))
+        assert executor.drain() == 0
+        assert not pump.moves, "the lab was stopped, and its device was told nothing yet"
+        late_halts(host, woken).look(host.journal.host_state().owes_halt)
+        until(lambda: woken)
+        assert executor.drain() == 1
+    found = [one.body for one in host.events() if one.kind == "halted"]
+    assert [one["code"] for one in found] == ["edge.stopped"] * 2
+    assert found[1]["message"] == "its device was halted, and stands"
 
 
 def test_a_cancel_that_does_not_reach_the_device_is_owed_too(

@@ -191,9 +191,14 @@ def _is_timed(one: Done) -> bool:
 
 
 def write_halts(tx: JournalWrite, code: str) -> None:
-    """Write down that every device of this host was halted."""
+    """Write down that every device of this host is halted, each by the process of its line.
+
+    It is owed from here on: that process may be away, or the device not answer, and the cause be
+    over before either comes back.
+    """
     for device in _devices(tx):
         _write_halt(tx, device, code, None)
+        owe_halt(tx, device.id, code, None)
 
 
 def write_halt(tx: JournalWrite, row: ActionRow, code: str) -> None:
@@ -205,6 +210,20 @@ def write_halt(tx: JournalWrite, row: ActionRow, code: str) -> None:
     for device in _devices(tx):
         if device.id == row.device_id:
             _write_halt(tx, device, code, row.action_id)
+
+
+def halt_with_action(tx: JournalWrite, row: ActionRow, *, is_owed: bool) -> None:
+    """Write down that a device was halted with its action, unless all of it was before.
+
+    Args:
+        tx: The write.
+        row: The action.
+        is_owed: The word was not delivered: it is to be, before anything else is done there.
+    """
+    if is_owed:
+        owe_halt(tx, row.device_id, WITH_ACTION, row.action_id)
+    if not was_halted(tx, row):
+        write_halt(tx, row, WITH_ACTION)
 
 
 class _Owed(msgspec.Struct, frozen=True, kw_only=True):

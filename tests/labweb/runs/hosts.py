@@ -130,6 +130,14 @@ class Host:
         with self.write() as tx:
             standing.write_stop(tx, StopLab(stop_id=stop_id, issued_by="ada"))
 
+    def halt_owed(self) -> None:
+        """Halt what is owed a halt, as the processes of the lines do once a device answers."""
+        for device_id in sorted(self.disk.host_state("").owes_halt):
+            with self.write() as tx:
+                halting.write_late_halt(
+                    tx, UUID(device_id), "its device was halted, and stands", {}
+                )
+
     def tell(self) -> None:
         """Send what the server has not read."""
         fresh = self.disk.events[self.told :]

@@ -96,6 +96,7 @@ def stopped(bench: Bench, host: Host, run: Run) -> None:
     services.stop_lab(actor=bench.people["chemist"])
     hear_stop(bench, host)
     host.end(row, HALTED, is_halted=True)
+    host.halt_owed()
     host.tell()
     reset(bench, host)
     host.tell()

@@ -1,0 +1,126 @@
+"""The same for the rules of halts; `halts.run` plays them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+from labweb.domain.messages import canonical
+from labweb.domain.runs import acting, halting, standing
+from labweb.domain.runs.acting import Found
+from labweb.domain.runs.edge import HostState
+from labweb.domain.runs.journal import ActionRow
+from tests.simulation.halting import HaltingHost
+from tests.simulation.memory import MemoryWrite
+from tests.simulation.mutants import Mutant, Patch
+
+
+def owed_halt_is_forgotten(patch: Patch) -> None:
+    """A halt that was not delivered is not remembered."""
+    patch.setattr(halting, "owe_halt", lambda *_: None)
+
+
+def owed_halt_in_memory(patch: Patch) -> None:
+    """It is forgotten when the program starts again."""
+    real = HaltingHost.start
+
+    def start(self: HaltingHost, *, is_cold: bool) -> None:
+        self.disk.meta.pop("owed_halts", None)
+        real(self, is_cold=is_cold)
+
+    patch.setattr(HaltingHost, "start", start)
+
+
+def owed_halt_holds_nothing(patch: Patch) -> None:
+    """A device that owes a halt acts all the same."""
+    real = standing.state_of
+
+    def state_of(meta: dict[str, str], boot_id: str) -> HostState:
+        found = real(meta, boot_id)
+        return replace(found, owes_halt=frozenset())
+
+    # The rule alone: who looks for what is owed still finds it.
+    real_decide = acting.decide_now
+
+    def decide(tx: MemoryWrite, row: ActionRow, *rest: Any) -> Any:  # noqa: ANN401 - as the rule
+        with patch.context() as inner:
+            inner.setattr("tests.simulation.memory.state_of", state_of)
+            return real_decide(tx, row, *rest)
+
+    patch.setattr(acting, "decide_now", decide)
+
+
+def refused_halt_counts(patch: Patch) -> None:
+    """A halt that a device did not confirm counts as delivered."""
+    real = acting.recover
+
+    def recover(tx: MemoryWrite, row: ActionRow, found: Found | None = None) -> bool:
+        return real(tx, row, None if found is None else replace(found, is_owed=not found.is_halted))
+
+    patch.setattr(acting, "recover", recover)
+
+
+def stop_owes_nothing(patch: Patch) -> None:
+    """A stop that is over before a line has heard of it has halted nothing."""
+    real = halting.owe_halt
+
+    def owe(tx: MemoryWrite, device_id: Any, code: str, action_id: Any) -> None:  # noqa: ANN401
+        if code != halting.STOPPED:
+            real(tx, device_id, code, action_id)
+
+    patch.setattr(halting, "owe_halt", owe)
+
+
+def halt_voids_nothing(patch: Patch) -> None:
+    """What a device was set to is taken to stand after a halt."""
+
+    def voided(data: Mapping[str, Any]) -> dict[str, None]:
+        return {}
+
+    patch.setattr(halting, "voided", voided)
+
+
+def late_halt_voids_nothing(patch: Patch) -> None:
+    """A halt that comes late ends what is owed and says nothing."""
+
+    def write(tx: MemoryWrite, device_id: Any, *_: object) -> None:  # noqa: ANN401 - an id
+        owed = halting._owed(tx)
+        if owed.pop(str(device_id), None) is not None:
+            tx.set_meta("owed_halts", canonical(owed).decode())
+
+    patch.setattr(halting, "write_late_halt", write)
+
+
+def interrupted_and_kept(patch: Patch) -> None:
+    """What the successor of a line has halted is taken to be set as before."""
+    real = acting.recover
+
+    def recover(tx: MemoryWrite, row: ActionRow, found: Found | None = None) -> bool:
+        return real(tx, row, None if found is None else replace(found, is_halted=False))
+
+    patch.setattr(acting, "recover", recover)
+
+
+def end_ignores_a_halt(patch: Patch) -> None:
+    """An action that ends after its device was halted sets it on record."""
+    patch.setattr(halting, "was_halted", lambda tx, row: False)
+
+
+def steps_stand_after_a_halt(patch: Patch) -> None:
+    """A step counts as done though its device was halted since."""
+    patch.setattr(halting, "still_standing", lambda done: [])
+
+
+OF_HALTS: tuple[Mutant, ...] = (
+    owed_halt_is_forgotten,
+    owed_halt_in_memory,
+    owed_halt_holds_nothing,
+    refused_halt_counts,
+    stop_owes_nothing,
+    halt_voids_nothing,
+    late_halt_voids_nothing,
+    interrupted_and_kept,
+    end_ignores_a_halt,
+    steps_stand_after_a_halt,
+)

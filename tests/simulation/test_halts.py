@@ -1,0 +1,59 @@
+"""Devices that are halted: no schedule violates anything, and every rule is needed."""
+
+from __future__ import annotations
+
+import os
+
+import pytest
+
+from tests.simulation import halt_mutants as rules
+from tests.simulation import halts, mutants
+from tests.simulation.__main__ import play
+from tests.simulation.checks import ViolationError
+from tests.simulation.mutants import Mutant
+from tests.simulation.test_mutants import name_of
+
+BLOCKS = 4
+IS_SOAK = bool(os.environ.get("LABWEB_SOAK"))
+IN_TEST = 600
+COUNT = 200_000 if IS_SOAK else IN_TEST
+FIRST = int(os.environ.get("LABWEB_SEED", "0")) * COUNT if IS_SOAK else 0
+SIZE = COUNT // BLOCKS
+
+SEEDS: dict[Mutant, tuple[int, str]] = {
+    rules.owed_halt_is_forgotten: (5, "H1"),
+    rules.owed_halt_in_memory: (5, "H1"),
+    rules.owed_halt_holds_nothing: (31, "H1"),
+    rules.refused_halt_counts: (360, "H1"),
+    rules.stop_owes_nothing: (5, "H1"),
+    rules.halt_voids_nothing: (1, "H2"),
+    rules.late_halt_voids_nothing: (154, "H2"),
+    rules.interrupted_and_kept: (15, "H2"),
+    rules.end_ignores_a_halt: (15, "H2"),
+    rules.steps_stand_after_a_halt: (2, "H3"),
+}
+"""Seed that kills a mutant, and the invariant that it violates."""
+
+
+@pytest.mark.parametrize("block", range(BLOCKS))
+def test_no_schedule_of_halts_violates_an_invariant(block: int) -> None:
+    first = FIRST + block * SIZE
+    found = play(range(first, first + SIZE), halts.run)
+    lines = [f"python -m tests.simulation --halts --seeds {seed}  {text}" for seed, text in found]
+    assert not found, "\n".join(lines[:10])
+
+
+def test_every_mutant_has_a_seed_that_kills_it() -> None:
+    assert set(rules.OF_HALTS) == SEEDS.keys()
+
+
+def test_the_schedules_of_make_test_kill_every_mutant_of_a_seed() -> None:
+    assert max(seed for seed, _ in SEEDS.values()) < IN_TEST
+
+
+@pytest.mark.parametrize("mutant", SEEDS, ids=name_of)
+def test_a_pinned_seed_finds_out_that_a_rule_is_gone(mutant: Mutant) -> None:
+    seed, invariant = SEEDS[mutant]
+    halts.run(seed)
+    with mutants.mutated(mutant), pytest.raises(ViolationError, match=rf"^{invariant}:"):
+        halts.run(seed)
