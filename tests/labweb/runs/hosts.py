@@ -138,8 +138,10 @@ class Host:
                     tx, UUID(device_id), "its device was halted, and stands", {}
                 )
 
-    def tell(self) -> None:
-        """Send what the server has not read."""
+    def tell(self, *, halts_owed: bool = False) -> None:
+        """Send what the server has not read, once what is owed a halt was halted."""
+        if halts_owed:
+            self.halt_owed()
         fresh = self.disk.events[self.told :]
         assert services.ingest_events(self.edge.host_id, self.edge.epoch, fresh) is not None
         self.told = len(self.disk.events)

@@ -96,8 +96,7 @@ def stopped(bench: Bench, host: Host, run: Run) -> None:
     services.stop_lab(actor=bench.people["chemist"])
     hear_stop(bench, host)
     host.end(row, HALTED, is_halted=True)
-    host.halt_owed()
-    host.tell()
+    host.tell(halts_owed=True)
     reset(bench, host)
     host.tell()
 
