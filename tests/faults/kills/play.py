@@ -30,6 +30,9 @@ NO_PROGRESS_S = 15.0
 
 FIRST_TAG, LAST_TAG = 1000, 5999
 STEPS_PER_UL = 3
+HALF_A_STEP_NL = 500 / STEPS_PER_UL
+"""A plunger stands at whole steps; each amount that is asked for is some."""
+
 ENDS = frozenset({"complete", "aborted", "rejected", "stopped", "resolved"})
 POINTS = (
     "accept.before_commit",
@@ -238,7 +241,9 @@ class Game:
         asked_nl = int(one.do.operation["amount_nl"])
         before_ul = self.volumes_ul[one.bench.device.id]
         seen_nl = round(abs(one.bench.pump.moved_ul - before_ul) * 1000)
-        if count and seen_nl < asked_nl - 500:  # its line died, and the next one halted it
+        if (
+            count and seen_nl < asked_nl - HALF_A_STEP_NL
+        ):  # its line died, and the next one halted it
             answer, moved_nl = ("partly", seen_nl) if seen_nl else ("did_not", None)
             one.is_cut_short = True
         one.answer = Resolve(
@@ -321,7 +326,7 @@ class Game:
             return
         self._let_stand(bench)
         recorded_ul = sum(held.view.contents.values()) / 1000
-        if abs(recorded_ul - bench.pump.moved_ul) > 0.5:
+        if abs(recorded_ul - bench.pump.moved_ul) * 1000 > HALF_A_STEP_NL:
             self._violate(f"{recorded_ul} µL on record, {bench.pump.moved_ul} µL in the syringe")
 
     def _violate(self, text: str) -> None:
