@@ -28,6 +28,8 @@ def ring(path: Path) -> bool:
     except OSError:
         return False
     try:
+        if not stat.S_ISFIFO(os.fstat(handle).st_mode):
+            return False
         os.write(handle, b"!")
     except BlockingIOError:
         return True  # it is full, and so rings already
@@ -66,7 +68,8 @@ class PlainBell:
         """Wait for a ring since the last wait, or for so long; say whether somebody rang."""
         is_rung = bool(select.select([self._handle], [], [], longest_s)[0])
         if is_rung:
-            os.read(self._handle, MOST_RINGS)
+            with contextlib.suppress(BlockingIOError):  # another one has heard it
+                os.read(self._handle, MOST_RINGS)
         return is_rung
 
     def close(self) -> None:

@@ -19,7 +19,7 @@ from redis.exceptions import RedisError
 
 from labweb.domain.errors import DefinitionError, LabError, StateError
 from labweb.domain.runs.edge import ActionState
-from workers.app import make_host_app
+from workers.app import make_host_app, wake
 from workers.bell import PlainBell, ring
 from workers.bounds import marks_of
 from workers.config import HostConfig, line_queue, load_config
@@ -33,7 +33,6 @@ from workers.processes import Child, start_program
 from workers.session import disarm_if_regressed, record_boot
 from workers.store import Store
 from workers.trial import Trials
-from workers.waking import waker
 
 log = logging.getLogger(__name__)
 
@@ -75,7 +74,7 @@ class Supervisor:
         if reason is not None:
             log.error("the journal is not the newest one (%s): nothing starts here", reason)
         self._store = Store(config.valkey_url)
-        self._wake = waker(make_host_app(config), config.bell_of)
+        self._host_app = make_host_app(config)
         self._services = self._make_services()
         self._lines: dict[str, Child] = {}
         self._stopping = threading.Event()
@@ -166,10 +165,11 @@ class Supervisor:
         )
 
     def _ring(self) -> None:
-        """Post wake-ups again for lines that have work and no bell waiting."""
+        """Ring again for lines that have work, and post a message where none waits."""
         for line in self._journal.waiting_lines():
             if line in self._lines and self._store.queue_length(line_queue(line)) == 0:
-                self._wake(line)
+                ring(self._config.bell_of(line))
+                wake(self._host_app, line)
 
     def _prune(self) -> None:
         self._journal.prune(self._config.retention_s)

@@ -16,6 +16,7 @@ from drivers.transports.urls import make_transport
 from labweb.domain.errors import LabError
 from labweb.domain.messages import DeviceConfig
 from labweb.domain.ports import Clock
+from labweb.domain.runs import halting
 from labweb.domain.runs.journal import JournalError
 from workers.clock import SystemClock
 from workers.config import HostConfig, line_queue
@@ -190,10 +191,10 @@ class StopWatch:
             journal.close()
 
     def _look(self, journal: Journal) -> None:
+        owed: frozenset[str] = frozenset()
         try:
             host = journal.host_state()
-            is_latched = host.stop_latched
-            self._late.look(host.owes_halt)
+            is_latched, owed = host.stop_latched, host.owes_halt
         except JournalError:
             log.exception("the stop latch cannot be read; devices are halted")
             is_latched = True
@@ -202,17 +203,38 @@ class StopWatch:
             self._is_halted = True
             _halt_all(self._units)
         elif self._is_halted and not is_latched and not self._closing.is_set():
-            # One that the halt has not reached still owes it, on disk, and is halted first.
-            self._is_halted = False
-            for unit in self._units.values():
-                unit.clear_stop()
+            self._release(journal)
+        try:
+            self._late.look(owed)
+        except (JournalError, RuntimeError):  # no thread is left, say
+            log.exception("halts that are owed cannot be delivered now")
+
+    def _release(self, journal: Journal) -> None:
+        """Let the devices act again; one that the halt has not reached is halted first.
+
+        A stop that is on disk owes that already; one that came by word alone does not.
+        """
+        owing = [unit.config.id for unit in self._units.values() if unit.owes_halt]
+        try:
+            if owing:
+                with journal.write() as tx:
+                    for device_id in owing:
+                        halting.owe_halt(tx, device_id, halting.STOPPED, None)
+        except JournalError:
+            log.exception("which devices are still to be halted is not on disk: none may act")
+            return
+        self._is_halted = False
+        for unit in self._units.values():
+            unit.clear_stop()
 
 
 def _halt_all(units: dict[UUID, Unit]) -> None:
     """Halt all devices at once: on a slow wire the second must not wait for the first's answer."""
-    threads = [threading.Thread(target=unit.stop, daemon=True) for unit in units.values()]
-    for thread in threads:
-        thread.start()
+    for unit in units.values():
+        try:
+            threading.Thread(target=unit.stop, daemon=True).start()
+        except RuntimeError:  # no thread is left
+            unit.stop()
 
 
 def make_units(

@@ -7,6 +7,7 @@ and the supervisor rings again.
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable
 from contextlib import closing
 from pathlib import Path
@@ -15,6 +16,8 @@ from celery import Celery
 
 from workers.app import wake
 from workers.bell import PlainBell, ring
+
+log = logging.getLogger(__name__)
 
 LISTENS_S = 2.0
 
@@ -33,18 +36,21 @@ def attend(path: Path, drain: Callable[[], object], is_over: Callable[[], bool])
     """Drain a line's queue, and then again for each ring, until none has come for a while.
 
     Whoever found nobody listening has sent a message, which this worker does not take before it
-    returns; so it looks once more when it begins to listen, and once when it has ended.
+    returns; so it looks once more when it begins to listen, and once when it has ended. Where the
+    bell cannot be listened to, messages alone wake the line.
 
     Args:
         path: Where the line's bell hangs.
         drain: Carries out what may start now.
         is_over: Says whether to listen no longer.
-
-    Raises:
-        OSError: The bell cannot be listened to; the queue was drained.
     """
     drain()
-    with closing(PlainBell(path)) as bell:
+    try:
+        bell = PlainBell(path)
+    except OSError as error:
+        log.error("the bell %s cannot be listened to: %s", path.name, error)
+        return
+    with closing(bell):
         drain()
         while not is_over() and bell.wait(LISTENS_S):
             drain()

@@ -83,10 +83,11 @@ class CountingPump:
             self.is_mute = False
 
     def _position(self) -> float:
+        """Return where the plunger stands: at a whole step, wherever it is halted."""
         way = self._target - self._from
         limit = abs(way) * (STALLS_AT if self.is_stalled else 1.0)
         gone = min((time.monotonic() - self._began_s) * self._speed / self._slowness, limit)
-        return self._from + (gone if way > 0 else -gone)
+        return self._from + int(gone if way > 0 else -gone)
 
     def _stall(self) -> None:
         """Stop within the stroke that is under way, and within each later one."""

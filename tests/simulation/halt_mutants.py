@@ -18,7 +18,7 @@ from tests.simulation.mutants import Mutant, Patch
 
 def owed_halt_is_forgotten(patch: Patch) -> None:
     """A halt that was not delivered is not remembered."""
-    patch.setattr(halting, "owe_halt", lambda *_: None)
+    patch.setattr(halting, "_owe", lambda *_: None)
 
 
 def owed_halt_in_memory(patch: Patch) -> None:
@@ -63,13 +63,13 @@ def refused_halt_counts(patch: Patch) -> None:
 
 def stop_owes_nothing(patch: Patch) -> None:
     """A stop that is over before a line has heard of it has halted nothing."""
-    real = halting.owe_halt
+    real = halting._owe
 
-    def owe(tx: MemoryWrite, device_id: Any, code: str, action_id: Any) -> None:  # noqa: ANN401
+    def owe(tx: MemoryWrite, device_ids: Any, code: str, action_id: Any) -> None:  # noqa: ANN401
         if code != halting.STOPPED:
-            real(tx, device_id, code, action_id)
+            real(tx, device_ids, code, action_id)
 
-    patch.setattr(halting, "owe_halt", owe)
+    patch.setattr(halting, "_owe", owe)
 
 
 def halt_voids_nothing(patch: Patch) -> None:

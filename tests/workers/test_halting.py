@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import multiprocessing
 import signal
+import threading
 import time
+from contextlib import closing
 from uuid import uuid4
 
 import msgspec
@@ -215,6 +217,29 @@ def test_a_stop_that_was_reset_before_its_line_came_back_is_carried_out_before_a
     found = [one.body for one in host.events() if one.kind == "halted"]
     assert [one["code"] for one in found] == ["edge.stopped"] * 2
     assert found[1]["message"] == "its device was halted, and stands"
+
+
+def test_what_acts_is_stopped_by_a_stop_that_was_reset_before_its_line_looked(
+    host: Host, pump: PumpProcess
+) -> None:
+    pump.tell("slow 50")
+    do = a_do(host.server)
+    host.take(do)
+
+    def stop_and_reset() -> None:
+        until(lambda: pump.moves)
+        with closing(Journal(host.path)) as journal:
+            latch_stop(journal, StopLab(stop_id=uuid4(), issued_by="ada"))
+            with journal.write() as tx:
+                tx.set_meta("stop_id", None)
+
+    with host.executor() as executor:
+        stopping = threading.Thread(target=stop_and_reset)
+        stopping.start()
+        executor.drain()
+        stopping.join()
+    assert host.state(do.action_id) == "aborted"
+    assert host.last(do.action_id)["outcome"]["moved_nl"] < 99_000
 
 
 def test_a_cancel_that_does_not_reach_the_device_is_owed_too(

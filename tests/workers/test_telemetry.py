@@ -15,6 +15,7 @@ from labweb.domain.errors import EnrollmentError, StateError
 from labweb.domain.messages import StopLab
 from tests.drivers.wire import answering
 from tests.workers.bench import DEVICE_ID, HOST_ID, Host, PumpProcess, a_device, installed, until
+from workers import line
 from workers.clock import SystemClock
 from workers.config import HostConfig, ValkeyConfig
 from workers.halting import LateHalts
@@ -144,6 +145,27 @@ def test_a_device_that_a_stop_has_not_reached_is_halted_after_the_reset_before_i
     until(lambda: not host.journal.host_state().owes_halt)
     told = [one.body["code"] for one in host.events() if one.kind == "halted"]
     assert told == ["edge.stopped"] * 2, "with the latch, and when it was reached"
+    watch.stop()
+    unit.close()
+
+
+def test_a_device_that_a_word_without_a_latch_has_not_reached_owes_its_halt_too(
+    host: Host,
+    pump: PumpProcess,
+    valkey_socket: Path,
+    store: Store,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The disk refused the latch: the word alone was heard, and the device was away."""
+    monkeypatch.setattr(line, "BELIEVE_S", 0.5)
+    units = make_units([host.device], SystemClock(), installed())
+    unit = units[DEVICE_ID]
+    watch = a_watch(host, valkey_socket, units)
+    watch.start()
+    until(lambda: store.announce_stop(host.line))
+    until(lambda: unit.owes_halt)
+    until(lambda: not unit.driver.is_stopped)
+    assert host.journal.host_state().owes_halt == {str(DEVICE_ID)}
     watch.stop()
     unit.close()
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from typing import Any
 from uuid import UUID
@@ -161,6 +161,9 @@ def decide_start(
         fence = candidate.max_fence
         return Answer(REJECT, "edge.fenced", f"fence {fence} has passed this device")
     against = _decide_late(candidate) or turn
+    if against is not None and against.kind == REJECT and candidate.owes_halt:
+        why = "its device had to be halted first, and could not be"
+        against = replace(against, message=f"{against.message}; {why}")
     if against is not None:
         return against
     if candidate.owes_halt:

@@ -196,9 +196,10 @@ def write_halts(tx: JournalWrite, code: str) -> None:
     It is owed from here on: that process may be away, or the device not answer, and the cause be
     over before either comes back.
     """
-    for device in _devices(tx):
+    devices = _devices(tx)
+    for device in devices:
         _write_halt(tx, device, code, None)
-        owe_halt(tx, device.id, code, None)
+    _owe(tx, [device.id for device in devices], code, None)
 
 
 def write_halt(tx: JournalWrite, row: ActionRow, code: str) -> None:
@@ -236,10 +237,17 @@ class _Owed(msgspec.Struct, frozen=True, kw_only=True):
 def owe_halt(tx: JournalWrite, device_id: UUID, code: str, action_id: UUID | None) -> None:
     """Remember that a device has to be halted once it answers; until then nothing starts on it.
 
-    The first cause stays. It is on disk, so that no crash and no restart forgets it.
+    The first cause stays, and the first action that waits to hear of it. It is on disk, so that no
+    crash and no restart forgets it.
     """
+    _owe(tx, [device_id], code, action_id)
+
+
+def _owe(tx: JournalWrite, device_ids: Iterable[UUID], code: str, action_id: UUID | None) -> None:
     owed = _owed(tx)
-    owed.setdefault(str(device_id), _Owed(code=code, action_id=action_id))
+    for key in map(str, device_ids):
+        known = owed.get(key, _Owed(code=code, action_id=action_id))
+        owed[key] = _Owed(code=known.code, action_id=known.action_id or action_id)
     tx.set_meta("owed_halts", canonical(owed).decode())
 
 

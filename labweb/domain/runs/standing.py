@@ -15,7 +15,7 @@ import msgspec
 from labweb.domain.messages import DeviceConfig, StopLab, Tick, Welcome, canonical
 from labweb.domain.runs import halting
 from labweb.domain.runs.batch import stop_safely
-from labweb.domain.runs.edge import HostState
+from labweb.domain.runs.edge import ActionState, HostState
 from labweb.domain.runs.journal import JournalWrite
 from labweb.domain.runs.moment import Moment
 
@@ -161,10 +161,14 @@ def write_disarmed(tx: JournalWrite) -> None:
 def write_stop(tx: JournalWrite, stop: StopLab) -> None:
     """Close the stop latch, and void what the devices are set to: their lines halt them all.
 
-    Only a signed Reset opens it.
+    Only a signed Reset opens it. What acts is stopped as by a cancel, also by a line that comes
+    to look at it only after that.
     """
     if tx.meta().get("stop_id") != str(stop.stop_id):
         tx.set_meta("stop_id", str(stop.stop_id))
         body = {"stop_id": str(stop.stop_id), "issued_by": stop.issued_by}
         tx.append("stop_latched", None, body)
         halting.write_halts(tx, halting.STOPPED)
+        for row in tx.open_rows():
+            if row.st is ActionState.STARTED:
+                tx.want_cancel(row.action_id)

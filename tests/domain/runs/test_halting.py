@@ -2,20 +2,25 @@
 
 from __future__ import annotations
 
+import json
 from typing import Any
+from uuid import UUID
 
 import pytest
 
+from labweb.domain.runs.edge import Candidate, HostState, decide_start
 from labweb.domain.runs.halting import (
     Done,
     is_halt_certain,
     is_moving,
+    owe_halt,
     still_standing,
     tells_motion,
     voided,
 )
 from labweb.domain.runs.job import JobState
 from labweb.domain.runs.recovery import Ended, choices_for
+from tests.simulation.memory import Disk, MemoryWrite
 
 
 def done(*actions: str | tuple[str, dict[str, Any]]) -> list[Done]:
@@ -131,3 +136,33 @@ def test_a_device_that_turns_evenly_does_not_stand(
 def test_only_what_a_foreign_node_was_asked_for_may_go_on_after_a_halt() -> None:
     asked = ["stir", "heat_to", "aspirate", "call", "run_goal"]
     assert [name for name in asked if not is_halt_certain(name)] == ["call", "run_goal"]
+
+
+def a_disk() -> Disk:
+    return Disk(UUID(int=1), UUID(int=2))
+
+
+def owed(disk: Disk) -> dict[str, dict[str, str | None]]:
+    found: dict[str, dict[str, str | None]] = json.loads(disk.meta.get("owed_halts", "{}"))
+    return found
+
+
+def test_the_first_cause_of_an_owed_halt_stays_and_the_first_action_that_waits_for_it() -> None:
+    """A stop owes it first; the action that it cut off is asked about, and hears of it later."""
+    disk, device = a_disk(), UUID(int=3)
+    for code, action in (("edge.stopped", None), ("edge.halted", 4), ("edge.interrupted", 5)):
+        with MemoryWrite(disk, 0.0, lambda _: None) as tx:
+            owe_halt(tx, device, code, None if action is None else UUID(int=action))
+    assert owed(disk) == {str(device): {"code": "edge.stopped", "action_id": str(UUID(int=4))}}
+
+
+def test_what_was_too_old_to_start_says_that_its_device_owed_a_halt() -> None:
+    host = HostState(
+        host_id=UUID(int=1), epoch=1, floor=0, boot_id="b", armed_boot_id="b", stop_latched=False
+    )
+    late = Candidate(
+        dseq=1, max_fence=0, age_s=20.0, ttl_s=10.0, numbers_hold_s=None, owes_halt=True
+    )
+    answer = decide_start(host, late, findings=[], results=[])
+    assert answer.code == "edge.expired"
+    assert answer.message.endswith("its device had to be halted first, and could not be")
