@@ -99,8 +99,7 @@ class HaltingHost(SimHost):
 
     def kill_line(self) -> None:
         super().kill_line()
-        if hasattr(self, "pumping"):
-            self._forget()
+        self._forget()
 
     def _recover(self, row: ActionRow) -> Generator[str, None, None]:
         found = self.pumping.halt(self, row.device_id)
@@ -150,9 +149,6 @@ class HaltingHost(SimHost):
 class HaltingWorld(World):
     """Knows what each device is really set to, and which must not act before it was halted."""
 
-    host_class = HaltingHost  # type: ignore[assignment]
-    server_class = HaltingServer
-
     def __init__(self, seed: int, *, trace: list[str] | None = None) -> None:
         self.set_to: dict[UUID, float | None] = {}
         self.loose: set[UUID] = set()
@@ -166,6 +162,12 @@ class HaltingWorld(World):
 
         self.stop_count = 0
         super().__init__(seed, trace=trace)
+
+    def make_server(self) -> SimServer:
+        return HaltingServer(self)
+
+    def make_host(self, name: str, rng: Random) -> SimHost:
+        return HaltingHost(name, self, rng)
 
     # --- devices ---
 

@@ -2,23 +2,17 @@
 
 from __future__ import annotations
 
-import os
-
 import pytest
 
 from tests.simulation import batch_mutants as rules
 from tests.simulation import batches, directed_hosts, mutants
 from tests.simulation.__main__ import play
+from tests.simulation.blocks import blocks
 from tests.simulation.checks import ViolationError
 from tests.simulation.mutants import Mutant
 from tests.simulation.test_mutants import name_of
 
-BLOCKS = 4
-IS_SOAK = bool(os.environ.get("LABWEB_SOAK"))
 IN_TEST = 600
-COUNT = 200_000 if IS_SOAK else IN_TEST
-FIRST = int(os.environ.get("LABWEB_SEED", "0")) * COUNT if IS_SOAK else 0
-SIZE = COUNT // BLOCKS
 
 SEEDS: dict[Mutant, tuple[int, str]] = {
     rules.batch_out_of_order: (3, "B1"),
@@ -36,10 +30,9 @@ FOUND = (1470,)
 """Seeds that have violated an invariant once."""
 
 
-@pytest.mark.parametrize("block", range(BLOCKS))
-def test_no_schedule_of_batches_violates_an_invariant(block: int) -> None:
-    first = FIRST + block * SIZE
-    found = play(range(first, first + SIZE), batches.run)
+@pytest.mark.parametrize("seeds", blocks(IN_TEST, 200_000, blocks_count=4), ids=str)
+def test_no_schedule_of_batches_violates_an_invariant(seeds: range) -> None:
+    found = play(seeds, batches.run)
     lines = [f"python -m tests.simulation --batches --seeds {seed}  {text}" for seed, text in found]
     assert not found, "\n".join(lines[:10])
 

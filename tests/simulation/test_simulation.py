@@ -5,28 +5,20 @@ The counts are those of `make test`; `make soak` plays a million, other ones eac
 
 from __future__ import annotations
 
-import os
-
 import pytest
 
 from tests.simulation.__main__ import play
+from tests.simulation.blocks import blocks
 from tests.simulation.schedule import run
 from tests.simulation.test_mutants import SEEDS
 
-BLOCKS = 20
-IS_SOAK = bool(os.environ.get("LABWEB_SOAK"))
 IN_TEST = 10_000
 """Far more than kill every mutant that a schedule of a seed kills."""
 
-COUNT = 1_000_000 if IS_SOAK else IN_TEST
-FIRST = int(os.environ.get("LABWEB_SEED", "0")) * COUNT if IS_SOAK else 0
-SIZE = COUNT // BLOCKS
 
-
-@pytest.mark.parametrize("block", range(BLOCKS))
-def test_no_schedule_of_faults_violates_an_invariant(block: int) -> None:
-    first = FIRST + block * SIZE
-    found = play(range(first, first + SIZE))
+@pytest.mark.parametrize("seeds", blocks(IN_TEST, 1_000_000, blocks_count=20), ids=str)
+def test_no_schedule_of_faults_violates_an_invariant(seeds: range) -> None:
+    found = play(seeds)
     lines = [f"python -m tests.simulation --seeds {seed}   {text}" for seed, text in found[:10]]
     assert not found, "\n".join(lines)
 

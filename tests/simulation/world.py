@@ -31,17 +31,14 @@ Post = tuple[Signed, Command]
 class World:
     """Everything of one schedule."""
 
-    host_class = SimHost
-    server_class = SimServer
-
     def __init__(self, seed: int, *, trace: list[str] | None = None) -> None:
         self.rng = Random(seed)
         self.trace = trace
         self.now_s = 1000.0
         self.server_up_at_s = 1000.0
         self.matter = Matter()
-        self.server = self.server_class(self)
-        self.hosts = {name: self.host_class(name, self, Random(f"{seed} {name}")) for name in HOSTS}
+        self.server = self.make_server()
+        self.hosts = {name: self.make_host(name, Random(f"{seed} {name}")) for name in HOSTS}
         self.brokers: dict[str, deque[Post]] = {name: deque() for name in HOSTS}
         self.links: dict[str, list[Link]] = {name: [] for name in HOSTS}
         self.is_cut_off: dict[str, set[str]] = {name: set() for name in HOSTS}
@@ -49,6 +46,12 @@ class World:
         self.is_calm = False
         for host in self.hosts.values():
             self.guarded(host, partial(host.start, is_cold=True))
+
+    def make_server(self) -> SimServer:
+        return SimServer(self)
+
+    def make_host(self, name: str, rng: Random) -> SimHost:
+        return SimHost(name, self, rng)
 
     def say(self, text: str) -> None:
         if self.trace is not None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import multiprocessing
 import signal
 import threading
-import time
 from contextlib import closing
 from uuid import uuid4
 
@@ -184,15 +183,24 @@ def test_a_halt_that_a_device_refuses_stays_owed(
     monkeypatch.setattr(halting, "AGAIN_S", 0.0)
     with host.executor():
         pass
+    refused: list[Unit | None] = []
+
+    def refuse_again(unit: Unit | None) -> None:
+        refused.append(unit)
+        refuse(unit)
+
     with monkeypatch.context() as refusing:
-        refusing.setattr(Unit, "halt", refuse)
+        refusing.setattr(Unit, "halt", refuse_again)
         with host.journal.write() as tx:
             owe_halt(tx, DEVICE_ID, "edge.interrupted", None)
         with host.executor():
             late = late_halts(host, [])
-            for _ in range(3):
+
+            def has_refused_thrice() -> bool:
                 late.look(host.journal.host_state().owes_halt)
-                time.sleep(0.2)  # a refused halt leaves nothing that one could wait for
+                return len(refused) >= 3
+
+            until(has_refused_thrice)
             assert host.journal.host_state().owes_halt == {str(DEVICE_ID)}
     with host.executor():
         late_halts(host, []).look(host.journal.host_state().owes_halt)

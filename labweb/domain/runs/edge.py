@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Any
 from uuid import UUID
@@ -161,9 +161,6 @@ def decide_start(
         fence = candidate.max_fence
         return Answer(REJECT, "edge.fenced", f"fence {fence} has passed this device")
     against = _decide_late(candidate) or turn
-    if against is not None and against.kind == REJECT and candidate.owes_halt:
-        why = "its device had to be halted first, and could not be"
-        against = replace(against, message=f"{against.message}; {why}")
     if against is not None:
         return against
     if candidate.owes_halt:
@@ -182,7 +179,9 @@ def _decide_late(candidate: Candidate) -> Answer | None:
     if age_s == NEVER_S:
         return Answer(REJECT, "edge.rebooted", "the machine was restarted since it was accepted")
     if age_s > ttl_s:
-        return Answer(REJECT, "edge.expired", f"waited {age_s:.0f} s, may wait {ttl_s:.0f} s")
+        why = "; its device is still to be halted first" if candidate.owes_halt else ""
+        text = f"waited {age_s:.0f} s, may wait {ttl_s:.0f} s{why}"
+        return Answer(REJECT, "edge.expired", text)
     oldest_s = max(age_s, candidate.sent_age_s)
     if candidate.numbers_hold_s is not None and oldest_s >= candidate.numbers_hold_s:
         text = "the calibration that made its numbers has ended: calibrate the device, then resume"

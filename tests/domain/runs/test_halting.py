@@ -165,4 +165,4 @@ def test_what_was_too_old_to_start_says_that_its_device_owed_a_halt() -> None:
     )
     answer = decide_start(host, late, findings=[], results=[])
     assert answer.code == "edge.expired"
-    assert answer.message.endswith("its device had to be halted first, and could not be")
+    assert answer.message.endswith("; its device is still to be halted first")

@@ -138,13 +138,18 @@ class Host:
                     tx, UUID(device_id), "its device was halted, and stands", {}
                 )
 
-    def tell(self, *, halts_owed: bool = False) -> None:
-        """Send what the server has not read, once what is owed a halt was halted."""
-        if halts_owed:
-            self.halt_owed()
+    def tell(self) -> None:
+        """Send what the server has not read."""
         fresh = self.disk.events[self.told :]
         assert services.ingest_events(self.edge.host_id, self.edge.epoch, fresh) is not None
         self.told = len(self.disk.events)
+
+
+def hear_stop(bench: Bench, host: Host) -> None:
+    """Have the host take the word of the stop that is latched."""
+    bench.lab.refresh_from_db()
+    assert bench.lab.stop_id is not None
+    host.stop(bench.lab.stop_id)
 
 
 def judged(

@@ -22,7 +22,7 @@ from labweb.runs.services import fencing
 from labweb.runs.services.rebuilding import differences, rebuild
 from tests.builders import Bench, Edge, a_started_run
 from tests.labweb.crutd.test_verify import tamper
-from tests.labweb.runs.hosts import Host, last_run, states
+from tests.labweb.runs.hosts import Host, hear_stop, last_run, states
 from tests.labweb.web import call, signed_in
 
 HEAT_AND_STIR = "Heat and stir"
@@ -77,13 +77,6 @@ def agrees(bench: Bench, host: Host) -> bool:
     return differences(bench.lab) == []
 
 
-def hear_stop(bench: Bench, host: Host) -> None:
-    """Have the host take the word of the stop that is latched."""
-    bench.lab.refresh_from_db()
-    assert bench.lab.stop_id is not None
-    host.stop(bench.lab.stop_id)
-
-
 def reset(bench: Bench, host: Host) -> None:
     services.reset_lab(actor=bench.people["approver"], reason="looked at every device")
     host.take()
@@ -96,7 +89,8 @@ def stopped(bench: Bench, host: Host, run: Run) -> None:
     services.stop_lab(actor=bench.people["chemist"])
     hear_stop(bench, host)
     host.end(row, HALTED, is_halted=True)
-    host.tell(halts_owed=True)
+    host.halt_owed()
+    host.tell()
     reset(bench, host)
     host.tell()
 
