@@ -19,6 +19,7 @@ from drivers.load import call_action
 from drivers.transports.base import ByteTransport, Direction
 from drivers.transports.urls import make_transport
 from labweb.domain.errors import DeviceTimeoutError
+from tests.drivers.conformance import placed_models
 from tests.drivers.conformance.instruments import CASES, Case
 from tests.fixtures.running import Process
 
@@ -131,6 +132,14 @@ def quick(monkeypatch: pytest.MonkeyPatch) -> None:
         for constant, value in TIMES.items():
             if hasattr(module, constant):
                 monkeypatch.setattr(module, constant, value)
+
+
+@pytest.fixture(autouse=True)
+def unhurried(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let the driver of a placed model wait, until a test says that it shall not."""
+    spec = getattr(request.node, "callspec", None)
+    if spec and isinstance(case := spec.params.get("case"), placed_models.Case):
+        placed_models.patient(monkeypatch, case)
 
 
 @pytest.fixture

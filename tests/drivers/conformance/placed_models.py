@@ -3,17 +3,18 @@
 import importlib
 import json
 import socket
+import sys
 import threading
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from types import ModuleType
 from typing import Any
 
 from drivers.base import Driver, Report
 from drivers.load import call_action, load_driver, read_spec
-from drivers.processing import _opentrons
 from drivers.transports import modbus
 from drivers.transports.opcua import transport as opcua
 from drivers.transports.s7 import transport as s7
@@ -26,6 +27,9 @@ from tests.fixtures.running import Process, until
 
 SPEED = 50
 """Simulated seconds in a real one."""
+
+PATIENT_S = 5.0
+"""So long a driver waits where no test looks at how long it does."""
 
 QUICK = {
     "poll_s": 0.02,
@@ -160,15 +164,16 @@ class Bench:
         self.cure(case)
         if case.is_latching:
             self.inflict(case, "power_loss", for_s=0.5)
+            until(lambda: not self.faults(case))
         driver = self.driver(case, **config)
-        until(lambda: _connects(driver), 3)
+        until(lambda: _connects(driver), 20)
         for act in case.at_first:
             do(driver, act)
         try:
             yield driver
         finally:
             self.cure(case)
-            until(lambda: _halts(driver, case.at_first), 3)
+            until(lambda: _halts(driver, case.at_first), 20)
             driver.close()
 
     def inflict(self, case: Case, fault: str, **options: object) -> None:
@@ -182,8 +187,11 @@ class Bench:
 
     def has_struck(self, case: Case, fault: str) -> bool:
         """Tell whether a fault that waited for its moment has met it."""
-        found = self._process.get(f"/instruments/{case.model}/faults")
-        return any(one["fault"] == fault and one["tripped"] for one in found)
+        return any(one["fault"] == fault and one["tripped"] for one in self.faults(case))
+
+    def faults(self, case: Case) -> list[dict[str, Any]]:
+        """List what is inflicted and not over."""
+        return list(self._process.get(f"/instruments/{case.model}/faults"))
 
     def state(self, case: Case) -> dict[str, Any]:
         return dict(self._process.get(f"/instruments/{case.model}")["state"])
@@ -290,17 +298,34 @@ class Doing:
 def impatient(monkeypatch: Any, case: Case, answer_s: float = 0.2) -> None:  # noqa: ANN401
     """Let the driver wait for an answer no longer than a test can."""
     module = importlib.import_module(case.dotted)
-    for name in {"ANSWER_S", "TARE_S"} & vars(module).keys():
-        monkeypatch.setattr(module, name, answer_s)
-    if hasattr(module, "ASK_S"):
-        monkeypatch.setattr(module, "ASK_S", 2 * answer_s)
-    monkeypatch.setattr(_opentrons, "ANSWER_S", answer_s)
-    monkeypatch.setattr(_opentrons, "ASK_S", 2 * answer_s)
-    monkeypatch.setattr(_opentrons, "END_S", 10 * answer_s)
+    for one in (module, *_beside(module)):
+        for name in {"ANSWER_S", "TARE_S"} & vars(one).keys():
+            monkeypatch.setattr(one, name, answer_s)
+        for name, times in {"ASK_S": 2, "END_S": 10}.items():
+            if hasattr(one, name):
+                monkeypatch.setattr(one, name, times * answer_s)
     monkeypatch.setattr(modbus, "OPEN_TIMEOUT_S", answer_s)
     monkeypatch.setattr(s7, "ANSWER_S", max(answer_s, 0.3))
     monkeypatch.setattr(sila, "ANSWER_S", max(answer_s, 0.5))
     monkeypatch.setattr(opcua, "ANSWER_S", max(answer_s, 0.5))
+
+
+def patient(monkeypatch: Any, case: Case) -> None:  # noqa: ANN401
+    """Let the driver wait for an answer of an instrument that a slow machine does not let run."""
+    monkeypatch.undo()
+    module = importlib.import_module(case.dotted)
+    for one in (module, *_beside(module)):
+        if hasattr(one, "ANSWER_S"):
+            monkeypatch.setattr(one, "ANSWER_S", max(one.ANSWER_S, PATIENT_S))
+
+
+def _beside(module: ModuleType) -> list[ModuleType]:
+    """List what a driver shares with its siblings: modules of its folder that are named `_…`."""
+    found = (sys.modules.get(getattr(one, "__module__", "")) for one in vars(module).values())
+    shared = f"{module.__package__}._"
+    return list(
+        {one.__name__: one for one in found if one and one.__name__.startswith(shared)}.values()
+    )
 
 
 def sent_by(driver: Driver[Any, Any]) -> list[bytes]:

@@ -28,6 +28,7 @@ from tests.drivers.conformance.placed_models import (
     Doing,
     do,
     impatient,
+    patient,
     running,
     sent_by,
 )
@@ -77,7 +78,9 @@ def test_a_garbled_answer_is_never_a_value(
 ) -> None:
     impatient(monkeypatch, case)
     with bench.connected(case) as device:
+        patient(monkeypatch, case)
         assert isinstance(read_status(device, case.status), float | int | str)
+        impatient(monkeypatch, case)
         bench.inflict(case, "garbled", mode=mode)
         with pytest.raises(DeviceError) as caught:
             read_status(device, case.status)
@@ -106,8 +109,10 @@ def test_a_busy_instrument_starts_nothing(
 ) -> None:
     impatient(monkeypatch, case)
     with bench.connected(case) as device:
+        patient(monkeypatch, case)
         for act in case.ready:
             do(device, act)
+        impatient(monkeypatch, case)
         before = len(bench.acts(case))
         bench.inflict(case, "busy")
         error = Doing(device, case.act).failure()
@@ -149,7 +154,7 @@ def test_whatever_it_does_when_its_instrument_is_gone_nobody_knows_how_it_ended(
 ) -> None:
     impatient(monkeypatch, case)  # a link that waits as long as when it was opened, too
     with bench.connected(case) as device:
-        monkeypatch.undo()  # what comes before is done however slow the machine is
+        patient(monkeypatch, case)  # what comes before is done however slow the machine is
         if case in GOES_ON:  # what the last test began goes on to its end
             until(lambda: all(one["ending"] for one in bench.acts(case)))
         for one in deed.first:
