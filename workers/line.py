@@ -60,6 +60,7 @@ class Line:
         self.units = self._load()
         self.is_draining = False
         self.is_leaving = False
+        self._is_released = False
         self._closing = threading.Event()
         self._executor = Executor(
             self._journal,
@@ -125,8 +126,15 @@ class Line:
         self.is_leaving = True
         self._closing.set()
 
-    def release(self) -> None:
-        """Let go of the wire, at the end of the process."""
+    def release(self) -> bool:
+        """Let go of the wire, at the end of the process; False: that has begun already.
+
+        A signal may come while threads are waited for. What its handler would wait for then,
+        it would wait for in vain.
+        """
+        if self._is_released:
+            return False
+        self._is_released = True
         self._closing.set()
         self._watch.stop()
         self._sampler.stop()
@@ -136,6 +144,7 @@ class Line:
         self._journal.close()
         self._store.close()
         os.close(self._lock)
+        return True
 
     def _halt_acting(self) -> None:
         for unit in self.units.values():

@@ -94,28 +94,27 @@ def run_line(config: HostConfig, name: str) -> None:
     line = Line(config, name, waker(make_host_app(config), config.bell_of))
     app = make_host_app(config, (name,))
 
+    def end() -> None:
+        if not line.is_draining and line.release():
+            os._exit(0)
+
     def drain() -> None:
         attend(config.bell_of(name), line.drain, lambda: line.is_closing)
         if line.is_leaving:
-            line.release()
-            os._exit(0)
+            end()
 
     add_execute(app, name, _ending_when_hung(drain))
 
     def close(**_: object) -> None:
         line.close()
-        if not line.is_draining:
-            line.release()
-            os._exit(0)
+        end()
         last = threading.Timer(config.stop_grace_s + HALT_S, os._exit, (EXIT_HUNG,))
         last.daemon = True
         last.start()
 
     def leave(*_: object) -> None:
         line.leave()
-        if not line.is_draining:
-            line.release()
-            os._exit(0)
+        end()
 
     worker_shutting_down.connect(close, weak=False)
 
