@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
-from labweb.domain.messages import canonical
+from labweb.domain.messages import StopLab, canonical
 from labweb.domain.runs import acting, halting, standing
 from labweb.domain.runs.acting import Found
 from labweb.domain.runs.edge import HostState
@@ -72,6 +72,32 @@ def stop_owes_nothing(patch: Patch) -> None:
     patch.setattr(halting, "_owe", owe)
 
 
+def stop_spares_what_acts(patch: Patch) -> None:
+    """An action that is under way when the lab is stopped is not told."""
+    real = standing.write_stop
+
+    def write_stop(tx: MemoryWrite, stop: StopLab) -> None:
+        with patch.context() as inner:
+            inner.setattr(MemoryWrite, "want_cancel", lambda *_: None)
+            real(tx, stop)
+
+    patch.setattr(standing, "write_stop", write_stop)
+
+
+def last_cause_counts(patch: Patch) -> None:
+    """A halt that is owed forgets why it was, and which action waits to hear of it."""
+    real = halting._owe
+
+    def owe(tx: MemoryWrite, device_ids: Any, code: str, action_id: Any) -> None:  # noqa: ANN401
+        wanted = list(device_ids)
+        keys = set(map(str, wanted))
+        kept = {key: due for key, due in halting._owed(tx).items() if key not in keys}
+        tx.set_meta("owed_halts", canonical(kept).decode())
+        real(tx, wanted, code, action_id)
+
+    patch.setattr(halting, "_owe", owe)
+
+
 def halt_voids_nothing(patch: Patch) -> None:
     """What a device was set to is taken to stand after a halt."""
 
@@ -118,6 +144,8 @@ OF_HALTS: tuple[Mutant, ...] = (
     owed_halt_holds_nothing,
     refused_halt_counts,
     stop_owes_nothing,
+    stop_spares_what_acts,
+    last_cause_counts,
     halt_voids_nothing,
     late_halt_voids_nothing,
     interrupted_and_kept,

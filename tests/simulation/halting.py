@@ -21,6 +21,7 @@ from tests.simulation.checks import require
 from tests.simulation.directed import signed
 from tests.simulation.host import SimHost
 from tests.simulation.lab import DEVICE_COUNT, PUMPS, Pump
+from tests.simulation.memory import MemoryWrite
 from tests.simulation.rows import Host, Job
 from tests.simulation.server import SimServer
 from tests.simulation.world import World
@@ -92,6 +93,38 @@ class HaltingHost(SimHost):
         self.silent: set[UUID] = set()
         self._forget()
 
+    def new_journal(self) -> None:
+        super().new_journal()
+        self.owed: dict[str, dict[str, str | None]] = {}
+        """What the journal said last of halts that are owed, by device."""
+
+    def write(self, *, is_sealed: bool = True) -> MemoryWrite:
+        made = super().write(is_sealed=is_sealed)
+        seal = made._on_commit
+
+        def on_commit(has_appended: bool) -> None:
+            self._check_owed()
+            seal(has_appended)
+
+        made._on_commit = on_commit
+        return made
+
+    def _check_owed(self) -> None:
+        """H5: until a halt is delivered, why it is due stays, and who waits for it hears of it."""
+        now = msgspec.json.decode(self.disk.meta.get("owed_halts", "{}"))
+        for key, due in self.owed.items():
+            told = now.get(key) or self._late_halt(key)
+            is_kept = told["code"] == due["code"]
+            is_heard = due["action_id"] in {None, told["action_id"]}
+            text = f"a halt was due to {due}, and counts now as due to {told}"
+            require(is_kept and is_heard, "H5", text)
+        self.owed = now
+
+    def _late_halt(self, key: str) -> dict[str, str | None]:
+        """Return what was told last of the halts of a device."""
+        bodies = (one.body for one in reversed(self.disk.events) if one.kind == "halted")
+        return next(body for body in bodies if body["device_id"] == key)
+
     def _forget(self) -> None:
         """Begin as a process of the line does, which knows what is on disk."""
         self.is_halted = False
@@ -157,6 +190,9 @@ class HaltingWorld(World):
         self.was_set: set[UUID] = set()
         """Actions whose device was set by them."""
 
+        self.stopped: set[UUID] = set()
+        """Actions that were under way when their lab was stopped."""
+
         self.unknown: set[UUID] = set()
         """Devices of which a person has said that nobody knows what they are set to."""
 
@@ -188,6 +224,8 @@ class HaltingWorld(World):
         assert isinstance(host, HaltingHost)
         row = started.row
         is_stopped = host.is_halted or host.disk.actions[row.action_id].is_cancel_wanted
+        text = f"dispatch {row.dseq} acts on after its lab was stopped"
+        require(is_stopped or row.action_id not in self.stopped, "H4", text)
         if self._is_update(row):
             report = self._set(host, row, is_stopped=is_stopped)
         else:
@@ -249,6 +287,8 @@ class HaltingWorld(World):
         self.say(f"the lab is stopped at {host.name}")
         self.loose |= host.device_ids
         self.guarded(host, lambda: host.stop(UUID(int=self.stop_count)))
+        if host.acting is not None and "stop_id" in host.disk.meta:
+            self.stopped.add(host.acting.row.action_id)
 
     def reset(self, host: HaltingHost) -> None:
         """Release the stop, by a word that only its own host takes."""
