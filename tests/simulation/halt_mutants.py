@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
+from labweb.domain.crutd import decide
 from labweb.domain.messages import StopLab, canonical
 from labweb.domain.runs import acting, halting, standing
 from labweb.domain.runs.acting import Found
@@ -118,6 +119,11 @@ def late_halt_voids_nothing(patch: Patch) -> None:
     patch.setattr(halting, "write_late_halt", write)
 
 
+def given_up_and_kept(patch: Patch) -> None:
+    """Where a person cannot tell either, the set-point before counts on."""
+    patch.setattr(decide, "given_up", lambda operation: {})
+
+
 def interrupted_and_kept(patch: Patch) -> None:
     """What the successor of a line has halted is taken to be set as before."""
     real = acting.recover
@@ -148,6 +154,7 @@ OF_HALTS: tuple[Mutant, ...] = (
     last_cause_counts,
     halt_voids_nothing,
     late_halt_voids_nothing,
+    given_up_and_kept,
     interrupted_and_kept,
     end_ignores_a_halt,
     steps_stand_after_a_halt,

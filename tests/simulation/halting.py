@@ -242,7 +242,7 @@ class HaltingWorld(World):
         if kind > 0.97:
             return Report(ok=False, effect=Effect.NONE, code="device.refused")
         self._turn(row)
-        if kind > 0.94:
+        if kind > 0.85:
             return Report(ok=False, effect=Effect.UNKNOWN, code="device.silent")
         return Report(ok=True)
 
@@ -272,7 +272,7 @@ class HaltingWorld(World):
         if not isinstance(job.operation, Update):
             super().answer(job, rng)
             return
-        if not self.is_calm and rng.random() < 0.15:
+        if not self.is_calm and rng.random() < 0.5:
             self.unknown.add(job.device_id)
             self.server.resolve(job, "discard", None)
         else:
@@ -321,7 +321,7 @@ class HaltingWorld(World):
             self._check_record(row.device_id, held.view.data.get(SETPOINT), "its host")
 
     def _check_record(self, device_id: UUID, known: object, who: str) -> None:
-        if known is None or device_id in self.unknown:
+        if known is None:
             return
         real = self.set_to.get(device_id)
         require(known == real, "H2", f"a pump is set to {real}; {who} has {known} on record")

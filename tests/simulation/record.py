@@ -158,5 +158,6 @@ class Record:
 
     def _discard(self, attempt: Attempt, revs: dict[str, int]) -> None:
         lifecycle.check_step(attempt.transaction, TransactionState.ROLLED_BACK)
-        self._set_revs(revs)
+        data = decide.given_up(attempt.job.operation)
+        self._write(attempt, Change(state=TransactionState.ROLLED_BACK, data=data), revs)
         self._close(attempt, TransactionState.ROLLED_BACK, is_freed=False)

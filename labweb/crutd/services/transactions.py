@@ -280,15 +280,16 @@ def discard(transaction_id: UUID, settlement: Settlement) -> None:
     """Give a transaction in doubt up: nothing is posted, its resources stay quarantined.
 
     Effect:
-        What the vessels hold stays unknown until a person takes stock of them.
+        What the vessels hold stays unknown until a person takes stock of them, and what a
+        device is set to until it is set anew.
     """
     row = selectors.transaction_for_update(transaction_id)
     lifecycle.check_step(TransactionState(row.state), TransactionState.ROLLED_BACK)
-    change = Change(state=TransactionState.ROLLED_BACK)
-    post(row, (), _reserved(row, operations.from_json(row.operation)))
-    # The host has raised them by closing the vessels anew; what it is sent next must not
-    # look older than what it knows.
-    resource_services.set_revs(settlement.revs)
+    operation = operations.from_json(row.operation)
+    change = Change(state=TransactionState.ROLLED_BACK, data=decide.given_up(operation))
+    # The host has raised the revisions by closing the vessels anew; what it is sent next must
+    # not look older than what it knows.
+    _apply(row, operation, change, settlement)
     _close(row, change, settlement)
     record(row, change)
 

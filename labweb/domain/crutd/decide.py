@@ -163,6 +163,19 @@ def settle(operation: Operation, snapshot: Snapshot, outcome: Outcome) -> Change
     return _settle_placed(operation, outcome)
 
 
+def given_up(operation: Operation) -> dict[UUID, dict[str, None]]:
+    """Return what nobody knows any more of resources' `data`, once a person cannot tell either.
+
+    Example:
+        >>> heater = UUID(int=1)
+        >>> given_up(Update(resource_id=heater, data={"temperature_setpoint_c": 60.0}))
+        {UUID('00000000-0000-0000-0000-000000000001'): {'temperature_setpoint_c': None}}
+    """
+    if not isinstance(operation, Update):
+        return {}
+    return {operation.resource_id: dict.fromkeys(operation.data)}
+
+
 def _settle_placed(
     operation: Create | Read | Update | TransferResource | Delete | Restore | Refit | Disconnect,
     outcome: Outcome,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 from uuid import UUID
 
@@ -13,6 +13,7 @@ import msgspec
 
 from labweb.domain.crutd import decide, operations
 from labweb.domain.crutd.conditions import Condition, Verification
+from labweb.domain.crutd.decide import OutcomeKind
 from labweb.domain.errors import LabError
 from labweb.domain.messages import (
     PROTOCOL_VERSION,
@@ -346,6 +347,8 @@ def _take_resolve(tx: JournalWrite, signed: Signed, resolve: Resolve) -> Receipt
         change = decide.settle(operation, before, outcome)
     except LabError as exc:
         return _refuse(tx, resolve, signed, Answer(edge.REFUSE, exc.code, exc.message))
+    if outcome.kind is OutcomeKind.UNKNOWN:
+        change = replace(change, data=decide.given_up(operation))
     revs = apply_change(tx, change, row.action_id)
     body = change_body(change, revs, outcome, Verification.ASSUMED)
     body |= {

@@ -20,7 +20,7 @@ from labweb.domain.errors import ReconcileError
 from labweb.domain.graph.lab_file.read import read_lab
 from labweb.resources.models import Resource
 from labweb.runs import services as run_services
-from tests.builders import Bench, a_started_run, a_user, an_edge, to_transfer
+from tests.builders import Bench, a_started_run, a_user, an_edge, dispatched, to_transfer
 from tests.labs import generated_lab
 from tests.labweb.crutd.test_verify import tamper
 from tests.labweb.web import read, signed_in
@@ -79,6 +79,26 @@ def test_a_doubt_and_each_answer_to_it_are_rebuilt(bench: Bench, answer: str) ->
     assert rebuild_differences(bench.lab) == []
     still = any(node.quarantined_by for node in replayed(bench.lab).nodes.values())
     assert still is (answer == "discard")
+
+
+def test_what_a_device_was_to_be_set_to_is_unknown_once_nobody_can_tell(bench: Bench) -> None:
+    edge, run = an_edge(bench), a_started_run(bench)
+    attempt = dispatched(run)
+    seen: set[str] = set()
+    while (asked := attempt.job.operation)["op"] != "update" or asked["resource_id"] not in seen:
+        seen |= {asked["resource_id"]} if asked["op"] == "update" else set()
+        edge.complete(attempt)
+        attempt = dispatched(run)
+    before = Resource.objects.get(pk=asked["resource_id"]).data
+    assert all(before[name] is not None for name in asked["data"])
+    edge.lose(attempt)
+    run_services.resolve_job(
+        attempt.job_id, actor=bench.people["chemist"], answer="discard", moved_nl=None, note="?"
+    )
+    edge.resolve(attempt)
+    unknown = dict.fromkeys(asked["data"])
+    assert Resource.objects.get(pk=asked["resource_id"]).data == {**before, **unknown}
+    assert rebuild_differences(bench.lab) == []
 
 
 def test_a_difference_between_edge_and_server_is_rebuilt(bench: Bench) -> None:
