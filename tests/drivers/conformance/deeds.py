@@ -26,6 +26,9 @@ class Deed:
     reading: str = ""
     """Status whose value is its `temperature_c`: where it stands by then."""
 
+    below_k: float = 0.0
+    """How far below that: what is set so already has nothing to begin."""
+
     is_harmless: bool = False
     """It changes nothing but what is told: whatever fails, nothing was done."""
 
@@ -41,7 +44,8 @@ class Deed:
         name, arguments = self.act
         if not self.reading:
             return self.act
-        return name, {**arguments, "temperature_c": round(read_status(device, self.reading), 1)}
+        wanted_c = read_status(device, self.reading) - self.below_k
+        return name, {**arguments, "temperature_c": round(wanted_c, 1)}
 
     @property
     def moment(self) -> dict[str, Any]:
@@ -84,8 +88,7 @@ MOVE: Action = (
 HOLDING = Deed(act=("hold", {"duration_s": 5.0, "tolerance_c": 8.0}), reading="temperature_c")
 CONTROLLING = (
     Deed(act=TEMPER),
-    # A controller that rests where it is to hold has nothing to begin.
-    replace(HOLDING, first=(TEMPER,)),
+    replace(HOLDING, first=(TEMPER,), below_k=6.0),
     Deed(act=("stop_control", {}), first=(TEMPER,)),
 )
 FLOW: Action = (
