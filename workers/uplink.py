@@ -14,7 +14,7 @@ import signal
 import time
 from collections.abc import Callable
 from pathlib import Path
-from uuid import uuid4
+from uuid import UUID, uuid4
 
 import msgspec
 from websockets.asyncio.client import ClientConnection, connect
@@ -363,17 +363,19 @@ class Uplink:
 
     def _heartbeat(self) -> Heartbeat:
         now_s = time.monotonic()
+        host = self._journal.host_state()
         return Heartbeat(
             epoch=self._epoch,
             mono_s=now_s,
             seq_head=self._journal.head()[0],
-            stop_latched=self._journal.host_state().stop_latched,
+            stop_latched=host.stop_latched,
             disk_free_bytes=shutil.disk_usage(self._config.folder).free,
             lines={line: now_s - at_s for line, at_s in self._store.alive().items()},
             wall_s=time.time(),
             open_count=self._journal.open_count(),
             confinement="unconfined: faults are armed" if faults.are_armed() else describe(),
             serving=self._serving.news(self._epoch),
+            halts_owed=frozenset(map(UUID, host.owes_halt)),
         )
 
 

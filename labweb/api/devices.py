@@ -133,6 +133,7 @@ def _device(row: Device, latest: dict[str, tuple[float, Any]], job: Job | None) 
         "host": {"id": str(row.host_id), "name": row.host.name},
         "state": row.state,
         "link": _link(row, latest),
+        "is_halt_owed": str(row.id) in row.host.heartbeat.get("halts_owed", ()),
         "job": None
         if job is None
         else {

@@ -218,6 +218,7 @@ async def test_the_stop_latch_is_on_disk_when_the_stop_is_acknowledged(
         assert host.journal.host_state().stop_latched
         assert hub.acknowledged_stops[0].lines == []  # no executor listens in this test
         await until(lambda: "stop_latched" in hub.kinds)
+        await until(lambda: hub.heartbeats[-1].halts_owed == {host.device.id})
 
 
 def told(hub: Hub) -> list[float]:

@@ -63,6 +63,11 @@ export function DevicePage() {
         )}
       </div>
       {device.error && <AsOf at={device.dataUpdatedAt} why={device.error.message} />}
+      {data.is_halt_owed && (
+        <p className="as-of t12" role="status" data-testid="halt-owed">
+          {words.haltOwed}
+        </p>
+      )}
       <div className="col">
         <Calibrations key={`calibrations of ${data.id}`} device={data} />
         <History key={data.id} device={data} />

@@ -20,6 +20,8 @@ export const words = {
   },
   title: "Devices",
   none: "No device yet. A device that announces itself waits for review in Admin.",
+  haltOwed:
+    "Its host has to halt it before anything begins on it: the lab was stopped, or an action was cut off, while it did not answer. It is halted as soon as it answers.",
   noReadings: "It has not told anything yet.",
   history: {
     title: "Telemetry",

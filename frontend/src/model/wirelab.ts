@@ -247,6 +247,8 @@ export interface DeviceRow {
   host: { id: Id; name: string } | null;
   state: string;
   link: "online" | "stale" | "offline" | "not_enrolled" | "quarantined";
+  /** Nothing begins on it before its host has halted it. */
+  is_halt_owed: boolean;
   job: { id: Id; run_id: Id; run_number: number; sentence: string; state: JobState } | null;
   readings: Reading[];
 }

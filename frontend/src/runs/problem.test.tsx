@@ -1,5 +1,5 @@
 // @vitest-environment jsdom
-import { screen } from "@testing-library/react";
+import { screen, waitFor } from "@testing-library/react";
 import { expect, test } from "vitest";
 import { aJob, aRun, iso } from "@/model/samples";
 import { serve, show } from "@/testpage";
@@ -47,6 +47,26 @@ test("what a halt makes of a foreign node's goal is said to be known to its make
   show(<Problems run={{ ...paused("halted"), jobs: [job] }} job={null} />);
   expect(screen.getByText("May be undone by a halt")).toBeInTheDocument();
   expect(screen.getByTestId("problem-effect")).toHaveTextContent(/it may be off, or go on/);
+});
+
+test.each([
+  ["stale", false, /It does not answer its host/],
+  ["online", true, /Its host has to halt it first/],
+] as const)("what waits at its host says why: %s, a halt owed %s", async (link, owed, text) => {
+  const job = aJob(0, "a", "accepted");
+  const device = { id: job.device.id, name: "Pump 1", link, is_halt_owed: owed, readings: [] };
+  serve(() => [200, { devices: [device] }]);
+  show(<Problems run={aRun([job])} job={null} />);
+  expect(await screen.findByTestId("waits-card")).toHaveTextContent(text);
+});
+
+test("what a device that answers was sent does not wait for it", async () => {
+  const job = aJob(0, "a", "accepted");
+  const device = { id: job.device.id, name: "Pump 1", link: "online", is_halt_owed: false };
+  const sent = serve(() => [200, { devices: [device] }]);
+  show(<Problems run={aRun([job])} job={null} />);
+  await waitFor(() => expect(sent).not.toHaveLength(0));
+  expect(screen.queryByTestId("waits-card")).toBeNull();
 });
 
 test("a failure says how much moved of what was asked for", () => {

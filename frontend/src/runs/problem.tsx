@@ -109,13 +109,15 @@ function WaitsForRun({ other }: { other: NonNullable<Run["waits_for"]> }) {
   );
 }
 
-/** Work that a host has, for a device that does not answer. */
+/** Work that a host has, for a device that does not answer or has to be halted before. */
 function WaitsForDevices({ run }: { run: Run }) {
   const devices = useDevices();
   useTopics("devices");
   const waiting = run.jobs.filter((job) => job.state === "accepted");
   const away = (devices.data ?? []).filter(
-    (device) => device.link !== "online" && waiting.some((job) => job.device.id === device.id),
+    (device) =>
+      (device.link !== "online" || device.is_halt_owed) &&
+      waiting.some((job) => job.device.id === device.id),
   );
   return away.map((device) => (
     <section key={device.id} className="card prob" data-testid="waits-card" data-state="offline">
@@ -124,7 +126,7 @@ function WaitsForDevices({ run }: { run: Run }) {
         Waits for {device.name}
       </div>
       <div className="pb">
-        <p className="s">{words.waits}</p>
+        <p className="s">{device.is_halt_owed ? words.waitsForHalt : words.waits}</p>
         <Link className="btn" to={`/devices/${device.id}`}>
           Open {device.name}
         </Link>

@@ -96,6 +96,8 @@ export const words = {
   waitsForRun:
     "It is in the middle of a step with a pump or a vessel that this run needs next. This run goes on by itself.",
   waits: "It does not answer its host. The action begins by itself once it does; or abort the run.",
+  waitsForHalt:
+    "Its host has to halt it first: the lab was stopped, or an action was cut off, while it did not answer. The action begins by itself once it is halted; or abort the run.",
   notNow: "Not possible in this state, or not by you.",
   tabs: {
     timeline: "Timeline",

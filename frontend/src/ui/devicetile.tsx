@@ -14,6 +14,7 @@ import { Age } from "./time";
 export function deviceState(device: DeviceRow): State {
   if (device.link !== "online") return linkState(device.link);
   if (device.job?.state === "in_doubt") return jobState("in_doubt");
+  if (device.is_halt_owed) return { look: "paused", word: "To be halted" };
   return device.job ? { look: "running", word: "Busy" } : { look: "idle", word: "Idle" };
 }
 

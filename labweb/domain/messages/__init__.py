@@ -188,6 +188,9 @@ class Heartbeat(msgspec.Struct, frozen=True, tag="heartbeat", tag_field="t", kw_
     serving: dict[str, str] | None = None
     """Digest of the version that serves, by device; None: as was said last in this session."""
 
+    halts_owed: frozenset[UUID] = frozenset()
+    """Devices that have to be halted before they act again, and were not yet."""
+
 
 class StopLab(msgspec.Struct, frozen=True, tag="stop_lab", tag_field="t", kw_only=True):
     """Software stop: halt every device now and latch."""

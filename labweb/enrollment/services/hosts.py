@@ -276,12 +276,19 @@ def beat(
         changes["clock_skew_s"] = round(wall_s - at.timestamp(), 3)
     if not rows.update(**changes):
         return False
+    if "heartbeat" in changes:
+        for device_id in sorted(_halts_owed(row.heartbeat) ^ _halts_owed(heartbeat)):
+            feed.publish("devices", {"device_id": device_id})
     state = state_by_beat(SessionState(row.state), is_resumed=is_resumed)
     if state.value != row.state and rows.filter(state=row.state).update(
         state=state.value, state_at=now(), away_since_at=None
     ):
         feed.publish("hosts", {"host_id": str(host_id)})
     return True
+
+
+def _halts_owed(heartbeat: Mapping[str, Any]) -> set[str]:
+    return set(heartbeat.get("halts_owed", ()))
 
 
 def note_serving(host_id: UUID, epoch: int, serving: Mapping[str, str]) -> None:

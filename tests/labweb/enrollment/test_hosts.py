@@ -9,6 +9,7 @@ from labweb.enrollment import services as enrollment_services
 from labweb.enrollment.models import EdgeHost
 from labweb.runs import services
 from tests.builders import Bench, a_started_run, a_user, an_edge, dispatched
+from tests.labweb.web import read, signed_in
 
 
 def test_a_second_process_is_refused_while_the_first_one_lives(bench: Bench) -> None:
@@ -48,6 +49,21 @@ def test_a_journal_that_does_not_know_a_session_the_host_has_spoken_in_is_a_copy
     welcome = enrollment_services.open_session(edge.hello("n", epoch_last=0), "n")
     assert welcome.mode == "quarantine"
     assert bench.host.heartbeat["code"] == "host.epoch_regressed"
+
+
+def test_a_device_that_is_to_be_halted_first_says_so_until_it_is(bench: Bench) -> None:
+    edge = an_edge(bench)
+    heater = str(bench.device("heater_1").id)
+
+    def told() -> dict[str, bool]:
+        rows = read(signed_in(bench.people["observer"]), "/api/v1/devices")["devices"]
+        return {row["key"]: row["is_halt_owed"] for row in rows if row["is_halt_owed"]}
+
+    assert told() == {}
+    assert enrollment_services.beat(edge.host_id, edge.epoch, {"halts_owed": [heater]})
+    assert told() == {"heater_1": True}
+    assert enrollment_services.beat(edge.host_id, edge.epoch, {"halts_owed": []})
+    assert told() == {}
 
 
 def test_one_person_cannot_fence_a_host_alone_nor_one_that_answers(bench: Bench) -> None:
