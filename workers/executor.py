@@ -264,7 +264,9 @@ class Executor:
         faults.point("execute.after_started")
         acted = self._watch.carry_out(unit, row)
         if unit.driver.is_stopped:
-            self._outcomes.write_halt(row, is_owed=unit.owes_halt)
+            unit.check_link()  # some devices answer no command: only a question tells
+            is_owed = unit.owes_halt or not unit.is_online
+            self._outcomes.write_halt(row, is_owed=is_owed)
             if not self._journal.host_state().stop_latched:
                 # Stopped for this action alone, by a cancel or the watchdog.
                 unit.clear_stop()

@@ -75,6 +75,12 @@ def _watched(unit: Unit, clock: Clock) -> Found:
             text = f"{MAY_MOVE}: it was halted, and {names} did not come to rest"
             return Found(is_halted=True, text=text, readings=now)
         before = now
+    if not now:
+        unit.check_link()
+    if not unit.is_online:
+        # Some devices answer no command: that the word was sent says nothing.
+        text = f"{MAY_MOVE}: it was told to halt, and does not answer"
+        return Found(is_halted=True, is_owed=True, text=text)
     if not any(tells_motion(name) for name in now):
         text = "its device was halted; it tells nothing by which one sees that it stands"
         return Found(is_halted=True, text=text, readings=now)

@@ -60,7 +60,10 @@ class Line:
         self.units = self._load()
         self.is_draining = False
         self.is_leaving = False
-        self._is_released = False
+        self.is_released = False
+        """It has begun to let go of the wire."""
+
+        self._is_ending = False
         self._closing = threading.Event()
         self._executor = Executor(
             self._journal,
@@ -114,8 +117,9 @@ class Line:
 
     def close(self) -> None:
         """Start nothing more; after the grace, halt the devices that still act."""
-        if self._closing.is_set():
+        if self._is_ending:
             return
+        self._is_ending = True
         self._closing.set()
         timer = threading.Timer(self._config.stop_grace_s, self._halt_acting)
         timer.daemon = True
@@ -126,15 +130,15 @@ class Line:
         self.is_leaving = True
         self._closing.set()
 
-    def release(self) -> bool:
-        """Let go of the wire, at the end of the process; False: that has begun already.
+    def release(self) -> None:
+        """Let go of the wire, at the end of the process, unless that has begun already.
 
         A signal may come while threads are waited for. What its handler would wait for then,
         it would wait for in vain.
         """
-        if self._is_released:
-            return False
-        self._is_released = True
+        if self.is_released:
+            return
+        self.is_released = True
         self._closing.set()
         self._watch.stop()
         self._sampler.stop()
@@ -144,7 +148,6 @@ class Line:
         self._journal.close()
         self._store.close()
         os.close(self._lock)
-        return True
 
     def _halt_acting(self) -> None:
         for unit in self.units.values():

@@ -95,7 +95,11 @@ def run_line(config: HostConfig, name: str) -> None:
     app = make_host_app(config, (name,))
 
     def end() -> None:
-        if not line.is_draining and line.release():
+        if line.is_draining or line.is_released:
+            return
+        try:
+            line.release()
+        finally:
             os._exit(0)
 
     def drain() -> None:

@@ -83,7 +83,9 @@ class Unit:
         self.close()
 
     def check_link(self) -> None:
-        """Ask who answers after an action failed; a silent device is offline."""
+        """Ask who answers after a halt or a failure; a silent device is offline."""
+        if not self.is_online:
+            return
         try:
             with _border(self.config.key):
                 self.driver.identify()

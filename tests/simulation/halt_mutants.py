@@ -99,6 +99,17 @@ def last_cause_counts(patch: Patch) -> None:
     patch.setattr(halting, "_owe", owe)
 
 
+def later_action_is_not_told(patch: Patch) -> None:
+    """An action that is cut off when its device owes a halt already never hears of it."""
+    real = halting._owe
+
+    def owe(tx: MemoryWrite, device_ids: Any, code: str, action_id: Any) -> None:  # noqa: ANN401
+        wanted = [one for one in device_ids if str(one) not in halting._owed(tx)]
+        real(tx, wanted, code, action_id)
+
+    patch.setattr(halting, "_owe", owe)
+
+
 def halt_voids_nothing(patch: Patch) -> None:
     """What a device was set to is taken to stand after a halt."""
 
@@ -152,6 +163,7 @@ OF_HALTS: tuple[Mutant, ...] = (
     stop_owes_nothing,
     stop_spares_what_acts,
     last_cause_counts,
+    later_action_is_not_told,
     halt_voids_nothing,
     late_halt_voids_nothing,
     given_up_and_kept,

@@ -98,6 +98,8 @@ class HaltingHost(SimHost):
         self.owed: dict[str, dict[str, str | None]] = {}
         """What the journal said last of halts that are owed, by device."""
 
+        self.looked_seq = 0
+
     def write(self, *, is_sealed: bool = True) -> MemoryWrite:
         made = super().write(is_sealed=is_sealed)
         seal = made._on_commit
@@ -114,16 +116,25 @@ class HaltingHost(SimHost):
         now = msgspec.json.decode(self.disk.meta.get("owed_halts", "{}"))
         for key, due in self.owed.items():
             told = now.get(key) or self._late_halt(key)
+            require(bool(told), "H5", f"a halt that was due to {due} is told to nobody")
             is_kept = told["code"] == due["code"]
             is_heard = due["action_id"] in {None, told["action_id"]}
             text = f"a halt was due to {due}, and counts now as due to {told}"
             require(is_kept and is_heard, "H5", text)
         self.owed = now
+        self.looked_seq = self.disk.head[0]
 
     def _late_halt(self, key: str) -> dict[str, str | None]:
-        """Return what was told last of the halts of a device."""
-        bodies = (one.body for one in reversed(self.disk.events) if one.kind == "halted")
-        return next(body for body in bodies if body["device_id"] == key)
+        """Return what this write tells of a halt of a device."""
+        since = (one for one in self.disk.events if one.seq > self.looked_seq)
+        bodies = (one.body for one in since if one.kind == "halted")
+        return next((body for body in bodies if body["device_id"] == key), {})
+
+    def _check_heard(self, row: ActionRow) -> None:
+        """H5: some action waits to hear of the halt, this one or one before it."""
+        due = self.owed.get(str(row.device_id))
+        is_heard = due is not None and due["action_id"] is not None
+        require(is_heard, "H5", f"dispatch {row.dseq} is not told of the halt that is owed")
 
     def _forget(self) -> None:
         """Begin as a process of the line does, which knows what is on disk."""
@@ -138,7 +149,9 @@ class HaltingHost(SimHost):
         found = self.pumping.halt(self, row.device_id)
         yield "halted"
         with self.write() as tx:
-            acting.recover(tx, row, found)
+            is_new = acting.recover(tx, row, found)
+        if is_new and found.is_owed:
+            self._check_heard(row)
         yield "recovered"
 
     def _try(self, row: ActionRow) -> Generator[str, None, bool]:
@@ -151,6 +164,8 @@ class HaltingHost(SimHost):
         if found is not None:
             with self.write(is_sealed=False) as tx:
                 halting.halt_with_action(tx, started.row, is_owed=found.is_owed)
+            if found.is_owed:
+                self._check_heard(started.row)
             yield "halt written"
 
     def stop(self, stop_id: UUID) -> None:

@@ -15,15 +15,16 @@ from tests.simulation.test_mutants import name_of
 IN_TEST = 600
 
 SEEDS: dict[Mutant, tuple[int, str]] = {
-    rules.owed_halt_is_forgotten: (5, "H1"),
-    rules.owed_halt_in_memory: (5, "H1"),
+    rules.owed_halt_is_forgotten: (1, "H5"),
+    rules.owed_halt_in_memory: (0, "H5"),
     rules.owed_halt_holds_nothing: (31, "H1"),
-    rules.refused_halt_counts: (482, "H1"),
+    rules.refused_halt_counts: (1, "H5"),
     rules.stop_owes_nothing: (5, "H1"),
     rules.stop_spares_what_acts: (47, "H4"),
     rules.last_cause_counts: (1, "H5"),
+    rules.later_action_is_not_told: (52, "H5"),
     rules.halt_voids_nothing: (2, "H2"),
-    rules.late_halt_voids_nothing: (1, "H5"),
+    rules.late_halt_voids_nothing: (0, "H5"),
     rules.given_up_and_kept: (389, "H2"),
     rules.interrupted_and_kept: (15, "H2"),
     rules.end_ignores_a_halt: (12, "H2"),

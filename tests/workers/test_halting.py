@@ -5,15 +5,19 @@ from __future__ import annotations
 import multiprocessing
 import signal
 import threading
+from collections.abc import Iterator
 from contextlib import closing
 from uuid import uuid4
 
 import msgspec
 import pytest
 
+from drivers.load import call_action, read_spec
 from labweb.domain.errors import DeviceError
 from labweb.domain.messages import Cancel, Do, Resolve, StopLab
 from labweb.domain.runs.halting import owe_halt
+from tests.drivers.conformance.cases import HEATER_STIRRERS
+from tests.drivers.conformance.placed_models import Bench, Case, running
 from tests.workers.bench import (
     BOOT_ID,
     DEVICE_ID,
@@ -21,6 +25,7 @@ from tests.workers.bench import (
     SYRINGE_ID,
     Host,
     PumpProcess,
+    a_device,
     a_do,
     a_syringe,
     installed,
@@ -262,6 +267,45 @@ def test_a_cancel_that_does_not_reach_the_device_is_owed_too(
             tx.want_cancel(do.action_id)
         executor.drain()
         assert host.journal.host_state().owes_halt == {str(DEVICE_ID)}
+
+
+@pytest.fixture
+def plate() -> Iterator[tuple[Bench, Case, Unit]]:
+    """Connect a stirring plate, which answers questions and no command."""
+    case = HEATER_STIRRERS[0]
+    spec = read_spec(case.dotted)
+    with running([case]) as bench:
+        device = a_device(
+            bench.url(case),
+            module=case.dotted,
+            class_name=spec.class_name,
+            digest=spec.digest,
+            config=case.config,
+            statuses={"speed_rpm": 1.0, "temperature_c": 1.0},
+        )
+        (unit,) = make_units([device], SystemClock(), installed()).values()
+        until(lambda: is_reached(unit))
+        yield bench, case, unit
+        unit.close()
+
+
+def test_a_device_that_answers_no_command_counts_as_halted_only_when_it_answers_a_question(
+    plate: tuple[Bench, Case, Unit], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    bench, case, unit = plate
+    monkeypatch.setattr(halting, "STAND_S", 0.6)
+    call_action(unit.driver, "stir", {"speed_rpm": 300.0})
+    bench.inflict(case, "no_answer")
+    found = halting.halt_and_look(unit, SystemClock())
+    assert (found.is_halted, found.is_owed) == (True, True)
+    assert found.text == "its device may still move: it was told to halt, and does not answer"
+    assert not unit.is_online
+    bench.cure(case)
+    until(lambda: is_reached(unit))
+    monkeypatch.undo()
+    found = halting.halt_and_look(unit, SystemClock())
+    assert (found.is_halted, found.is_owed) == (True, False)
+    assert found.text == "its device was halted, and stands"
 
 
 def test_a_device_that_does_not_come_to_rest_may_still_move_and_the_doubt_says_so(

@@ -291,7 +291,7 @@ def discard(transaction_id: UUID, settlement: Settlement) -> None:
     # not look older than what it knows.
     _apply(row, operation, change, settlement)
     _close(row, change, settlement)
-    record(row, change)
+    record(row, change, revs=settlement.revs)
 
 
 @atomic

@@ -8,6 +8,7 @@ from uuid import UUID
 
 import msgspec
 
+from labweb.approvals.models import ApprovalRequest
 from labweb.common.clock import now
 from labweb.crutd.models import ResourceLock
 from labweb.domain.crutd.conditions import Condition, Readings, Result, evaluate
@@ -20,7 +21,7 @@ from labweb.domain.runs.moment import Moment
 from labweb.enrollment import services as enrollment_services
 from labweb.runs import services
 from labweb.runs.models import Job, Outbox, Run
-from tests.builders import Bench, Edge
+from tests.builders import Bench, Edge, a_started_run
 from tests.labweb.web import signed_in
 from tests.simulation.memory import Disk, MemoryWrite
 
@@ -196,3 +197,11 @@ def last_run(bench: Bench, run: Run) -> dict[str, Any]:
     wanted = str(run.version.workflow_id)
     found: dict[str, Any] = next(row["last_run"] for row in rows if row["id"] == wanted)
     return found
+
+
+def a_heating_run(bench: Bench) -> Run:
+    """Start to heat and stir, with the approval that this needs."""
+    made = a_started_run(bench, "Heat and stir")
+    asked = ApprovalRequest.objects.get(run_id=made.id)
+    services.decide_request(asked.id, actor=bench.people["approver"], is_approved=True, comment="x")
+    return Run.objects.get(pk=made.pk)

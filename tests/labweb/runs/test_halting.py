@@ -6,7 +6,6 @@ from typing import Any
 
 import pytest
 
-from labweb.approvals.models import ApprovalRequest
 from labweb.crutd.models import Event, Ticket
 from labweb.domain.errors import Effect, StateError
 from labweb.domain.messages import Cancel
@@ -20,9 +19,9 @@ from labweb.runs import services
 from labweb.runs.models import Attempt, Job, Run
 from labweb.runs.services import fencing
 from labweb.runs.services.rebuilding import differences, rebuild
-from tests.builders import Bench, Edge, a_started_run
+from tests.builders import Bench, Edge
 from tests.labweb.crutd.test_verify import tamper
-from tests.labweb.runs.hosts import Host, hear_stop, last_run, states
+from tests.labweb.runs.hosts import Host, a_heating_run, hear_stop, last_run, states
 from tests.labweb.web import call, signed_in
 
 HEAT_AND_STIR = "Heat and stir"
@@ -37,10 +36,7 @@ def host(bench: Bench) -> Host:
 
 @pytest.fixture
 def run(bench: Bench) -> Run:
-    made = a_started_run(bench, HEAT_AND_STIR)
-    asked = ApprovalRequest.objects.get(run_id=made.id)
-    services.decide_request(asked.id, actor=bench.people["approver"], is_approved=True, comment="x")
-    return Run.objects.get(pk=made.pk)
+    return a_heating_run(bench)
 
 
 def next_one(host: Host) -> None:
