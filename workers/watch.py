@@ -94,8 +94,10 @@ class Watch:
         """Write the end of an action in place of its line's thread, which does not come back."""
         journal = self._hold()
         outcomes = Outcomes(journal, self._clock)
-        if act.unit.driver.is_stopped:  # and stays so: the driver may still be in its call
-            outcomes.write_halt(act.row, is_owed=act.unit.owes_halt)
+        if act.unit.driver.is_stopped:
+            # And stays so: the driver may still be in its call. Whether its device heard the word,
+            # nobody has seen: the process that follows halts it again, and looks.
+            outcomes.write_halt(act.row, is_owed=True)
         outcomes.write_end(act.row, report, [])
         self._wake_others(journal, act.row.do)
 

@@ -60,6 +60,7 @@ def test_an_action_whose_driver_hangs_is_in_doubt_and_its_late_return_changes_no
         assert host.last(do.action_id)["code"] == "edge.watchdog"
         assert host.last(do.action_id)["report"]["evidence"]["is_hung"] is True
         assert host.units[DEVICE_ID].driver.is_stopped, "what it is in the midst of goes no further"
+        assert host.journal.host_state().owes_halt == {str(DEVICE_ID)}
         known = host.journal.head()
         hang.may_return.set()
         hang.thread.join(1)  # it waits for work that nobody gives it

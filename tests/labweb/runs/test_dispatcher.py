@@ -12,6 +12,7 @@ from django.db import connection
 from django.db.utils import OperationalError
 
 from labweb.runs.management.commands.dispatcher import Command, Watch, close_connections
+from tests.fixtures.running import until
 
 
 def _with_another_connection() -> None:
@@ -33,10 +34,7 @@ def test_after_a_failure_of_the_database_the_dispatcher_leads_again() -> None:
         assert command._is_leader()
         _with_another_connection()
         close_connections()
-        deadline_s = time.monotonic() + 10.0  # the database ends a connection in its own time
-        while not (leads := command._is_leader()) and time.monotonic() < deadline_s:
-            time.sleep(0.02)
-        assert leads, "its own lock, left in the pool, keeps it out"
+        until(command._is_leader, 10)  # a lock of its own, left in the pool, would keep it out
     finally:
         close_connections()
 
@@ -49,14 +47,17 @@ def test_one_dispatcher_leads_and_the_next_takes_over_when_it_ends() -> None:
         leads.append(Command()._is_leader())
         connection.close()
 
+    def another_leads() -> bool:
+        thread = threading.Thread(target=ask)
+        thread.start()
+        thread.join()
+        close_connections()
+        return leads[-1]
+
     try:
         assert Command()._is_leader()
-        for _ in range(2):
-            thread = threading.Thread(target=ask)
-            thread.start()
-            thread.join()
-            close_connections()
-        assert leads == [False, True]
+        assert not another_leads(), "one leads already; it ends its connections only after this"
+        until(another_leads)  # the database ends a connection in its own time
     finally:
         close_connections()
 
