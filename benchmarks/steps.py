@@ -79,12 +79,17 @@ def on_one_device(folder: Path, broker: str, count: int) -> tuple[Alone, Alone]:
     times = SHORT_TIMES if count < LEAST_TOLD else TIMES if count < LONG else 1
     firsts, found = [], []
     for number in range(hosts_count):
-        host = Host(folder, f"one{count}-{number}", broker, 1)
-        with host.running():
-            wait_for(lambda host=host: _lines_count(host) == 1, START_S)  # type: ignore[misc]
-            firsts.append(_behind_a_plug(host, WARM_COUNT))
-            found += [_behind_a_plug(host, count) for _ in range(times)]
+        first, *later = _on(Host(folder, f"one{count}-{number}", broker, 1), count, times)
+        firsts.append(first)
+        found += later
     return _middle(firsts), _middle(found)
+
+
+def _on(host: Host, count: int, times: int) -> list[Alone]:
+    """Return what the first steps of a fresh host cost, and so many so often after them."""
+    with host.running():
+        wait_for(lambda: _lines_count(host) == 1, START_S)
+        return [_behind_a_plug(host, one) for one in (WARM_COUNT, *[count] * times)]
 
 
 def _middle(found: list[Alone]) -> Alone:

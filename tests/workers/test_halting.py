@@ -269,6 +269,22 @@ def test_a_cancel_that_does_not_reach_the_device_is_owed_too(
         assert host.journal.host_state().owes_halt == {str(DEVICE_ID)}
 
 
+def test_a_cancel_that_a_device_may_not_have_heard_is_owed_until_it_answers_a_question(
+    host: Host, pump: PumpProcess, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pump.tell("mute_after_move")
+    do = a_do(host.server)
+    host.take(do)
+    with host.executor() as executor:
+        unit = host.units[DEVICE_ID]
+        monkeypatch.setattr(unit.driver, "halt", lambda: None)  # sent, and never answered
+        with host.journal.write() as tx:
+            tx.want_cancel(do.action_id)
+        executor.drain()
+        assert not unit.owes_halt, "the word went out"
+        assert host.journal.host_state().owes_halt == {str(DEVICE_ID)}
+
+
 @pytest.fixture
 def plate() -> Iterator[tuple[Bench, Case, Unit]]:
     """Connect a stirring plate, which answers questions and no command."""

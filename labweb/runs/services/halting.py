@@ -61,17 +61,12 @@ def take_halt(host: EdgeHost, event: EdgeEvent) -> None:
     for row in resource_selectors.rows_for_update(nodes).values():
         gone = voided(row.data)
         known = told.get(str(row.id))
-        # What is unknown here may still be known to a host of an older version.
-        if known is not None and _still_known(known, row.data) != gone:
+        if known is not None and dict(known) != gone:
             _doubt_halt(host, row.id, known, gone)
         if gone or known:
             rev = max(row.rev + 1, int(revs.get(str(row.id), 0)))
             why = f"{device.name} was halted: {_why(code)}"
             crutd_services.note_halt(row, gone, rev=rev, code=code, message=why)
-
-
-def _still_known(told: Mapping[str, Any], data: Mapping[str, Any]) -> dict[str, Any]:
-    return {name: value for name, value in told.items() if data.get(name, name) is not None}
 
 
 def _note_found(host: EdgeHost, body: Mapping[str, Any]) -> None:
