@@ -43,11 +43,13 @@ export function show(node: ReactNode, at = "/"): RenderResult {
       disconnect(): void {}
     },
   );
-  return render(
-    <MantineProvider env="test">
-      <QueryClientProvider client={client}>
-        <MemoryRouter initialEntries={[at]}>{node}</MemoryRouter>
-      </QueryClientProvider>
-    </MantineProvider>,
-  );
+  return render(node, {
+    wrapper: ({ children }) => (
+      <MantineProvider env="test">
+        <QueryClientProvider client={client}>
+          <MemoryRouter initialEntries={[at]}>{children}</MemoryRouter>
+        </QueryClientProvider>
+      </MantineProvider>
+    ),
+  });
 }

@@ -98,6 +98,18 @@ test("reset asks for the reason, and sends it", async () => {
   );
 });
 
+test("a stop that ends while its question stands open leaves none to the next stop", async () => {
+  const page = show(<StopBanner lab={stopped} user={user} />);
+  await userEvent.click(screen.getByTestId("reset-lab"));
+  await userEvent.type(await screen.findByTestId("reset-reason"), "bench is dry");
+  page.rerender(<StopBanner lab={lab} user={user} />);
+  const next = { ...stopped, stop: { ...stopped.stop, stop_id: "t" } };
+  page.rerender(<StopBanner lab={next} user={user} />);
+  expect(screen.queryByTestId("reset-reason")).not.toBeInTheDocument();
+  await userEvent.click(screen.getByTestId("reset-lab"));
+  expect(await screen.findByTestId("reset-reason")).toHaveValue("");
+});
+
 test("who may not reset sees a disabled button", () => {
   show(<StopBanner lab={stopped} user={{ ...user, permissions: ["view"] }} />);
   expect(screen.getByTestId("reset-lab")).toBeDisabled();

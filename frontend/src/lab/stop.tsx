@@ -1,5 +1,6 @@
 /** Stop lab: one press, no question; who has acknowledged; and the way back. */
 
+import { useEffect } from "react";
 import { create } from "zustand";
 import { useStopLab, useResetLab } from "@/api/commands";
 import { useStatus } from "@/api/connection";
@@ -54,9 +55,15 @@ export function StopButton() {
 }
 
 export function StopBanner({ lab, user }: { lab: Lab; user: User }) {
+  if (!lab.stop.is_stopped) return null;
+  return <Stopped key={lab.stop.stop_id} lab={lab} user={user} />;
+}
+
+/** One stop. The question why it may end goes with it, whoever ends it: the next stop asks anew. */
+function Stopped({ lab, user }: { lab: Lab; user: User }) {
   const { isAsking, ask } = useReset();
   const now = useNow(500);
-  if (!lab.stop.is_stopped) return null;
+  useEffect(() => () => ask(false), [ask]);
   const since = toSeconds(lab.stop.stopped_at) ?? now;
   const mayReset = user.permissions.includes("reset");
   return (
@@ -79,7 +86,7 @@ export function StopBanner({ lab, user }: { lab: Lab; user: User }) {
       >
         {words.stop.reset}
       </Button>
-      <ResetDialog isOpen={isAsking} onClose={() => ask(false)} />
+      <ResetDialog stop={lab.stop.stop_id} isOpen={isAsking} onClose={() => ask(false)} />
     </div>
   );
 }
@@ -101,8 +108,16 @@ function HostAck({ host, isLate }: { host: StopHost; isLate: boolean }) {
   );
 }
 
-function ResetDialog({ isOpen, onClose }: { isOpen: boolean; onClose: () => void }) {
-  const [reason, setReason, forget] = useKept("reset", "");
+function ResetDialog({
+  stop,
+  isOpen,
+  onClose,
+}: {
+  stop: string | null;
+  isOpen: boolean;
+  onClose: () => void;
+}) {
+  const [reason, setReason, forget] = useKept(`reset/${stop}`, "");
   const reset = useResetLab();
   const send = (): void => {
     reset.mutate(reason.trim(), {
