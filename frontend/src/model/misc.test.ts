@@ -180,6 +180,9 @@ test.each([
   ["temperature_setpoint_c 40.0", "set 40.0 °C"],
   ["mass_mg 31000.0", "31.000 g"],
   ["state ready", "state ready"],
+  ["temperature_setpoint_c None", "no temperature set"],
+  ["rate_setpoint_ul_s unknown", "set rate unknown"],
+  ["port_index unknown, is_initialized unknown", "port unknown, unknown whether initialized"],
 ])("the change %s is written %s", (text, words) => {
   expect(changeWords(text).replaceAll("\u202f", " ")).toBe(words);
 });

@@ -23,6 +23,7 @@ from labweb.crutd.selectors.past import Past, as_it_was
 from labweb.domain.approvals.roles import Permission
 from labweb.domain.crutd import operations
 from labweb.domain.crutd.ledger import Amount
+from labweb.domain.crutd.lifecycle import TransactionState
 from labweb.domain.errors import DefinitionError, Finding, NotFoundError
 from labweb.domain.resources.contents import LotId
 from labweb.domain.resources.kinds import KINDS, is_vessel
@@ -330,9 +331,7 @@ def _summary(
         case "transfer_resource" | "restore":
             return f"{names.get('subject')}: {names.get('source')} → {names.get('target')}"
         case "update":
-            data = next(iter((change.get("data") or {}).values()), operation.get("data", {}))
-            facts = ", ".join(f"{key} {value}" for key, value in sorted(data.items()))
-            return f"{names.get('subject')}: {facts}"
+            return f"{names.get('subject')}: {_updated(operation, change)}"
         case "read":
             if not reading:
                 return ", ".join(operation.get("statuses", [])) or "reading"
@@ -342,6 +341,15 @@ def _summary(
             return f"{names.get('subject')}: received {text} in all"
         case _:
             return _booked(operation, names, text)
+
+
+def _updated(operation: Mapping[str, Any], change: Mapping[str, Any]) -> str:
+    """Say what is set now; of an update that was given up, what nobody knows any more."""
+    data = next(iter((change.get("data") or {}).values()), None)
+    if data and change.get("state") == TransactionState.ROLLED_BACK.value:
+        return ", ".join(f"{key} unknown" for key in sorted(data))
+    data = operation.get("data", {}) if data is None else data
+    return ", ".join(f"{key} {value}" for key, value in sorted(data.items()))
 
 
 def _booked(operation: Mapping[str, Any], names: Mapping[str, str], text: str) -> str:

@@ -11,8 +11,10 @@ from django.db import OperationalError
 
 from labweb.accounts import selectors as account_selectors
 from labweb.common.prepared import Question, together
+from labweb.crutd import selectors
 from labweb.crutd.selectors import reserved
 from labweb.domain.approvals.roles import Permission
+from labweb.domain.crutd.lifecycle import TransactionState
 from labweb.domain.errors import Finding, LockedError
 from labweb.domain.runs.locks import Lock, conflicts, lock_set
 from labweb.domain.runs.reserving import Claim, in_the_way
@@ -67,7 +69,7 @@ def check_free(
     if blocked:
         holder = next(owner for lock, owner in held if lock.resource_id == blocked[0])
         raise LockedError(
-            f"{_name_of(blocked[0], rows)} is in use",
+            f"{_name_of(blocked[0], rows)} is in use: {_what_holds(holder)}",
             code="crutd.locked",
             context={"resource_id": str(blocked[0]), "transaction_id": str(holder)},
         )
@@ -80,6 +82,14 @@ def _name_of(resource_id: UUID, rows: Mapping[UUID, Resource]) -> str:
         return rows[resource_id].name
     names = " and ".join(sorted(row.name for row in rows.values()))
     return f"what {names} stands in"
+
+
+def _what_holds(transaction_id: UUID) -> str:
+    """Say what has to end before, and whether it takes a person."""
+    holder = selectors.find_transaction(transaction_id)
+    if holder.state == TransactionState.QUARANTINED.value:
+        return f"a person answers first what became of its {holder.name} in doubt"
+    return f"its {holder.name} has not ended yet"
 
 
 def _refuse(findings: Sequence[Finding]) -> None:

@@ -61,6 +61,8 @@ def test_a_vessel_whose_outcome_was_given_up_is_freed_by_taking_stock(bench: Ben
     stock = correction(bench, key, account="SUSPENSE", measured_nl={lot: 4_000_000})
     status, told = post(bench, stock)
     assert (status, told["code"]) == (423, "crutd.locked"), "a doubt is answered first"
+    words = "is in use: a person answers first what became of its transfer in doubt"
+    assert told["message"].endswith(words)
     run_services.resolve_job(
         attempt.job_id, actor=bench.people["chemist"], answer="discard", moved_nl=None, note="?"
     )

@@ -129,7 +129,7 @@ def test_a_lock_above_is_told_by_what_it_concerns(bench: Bench) -> None:
             lab=bench.lab, targets=[], actor_id=None,
         )  # fmt: skip
     name = bench.node("ph_1").name
-    assert refusal.value.message == f"what {name} stands in is in use"
+    assert refusal.value.message == f"what {name} stands in is in use: its read has not ended yet"
 
 
 def queries_of_a_transfer(bench: Bench) -> tuple[int, int]:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from labweb.crutd.models import Ticket
+from labweb.crutd.api import render_events
+from labweb.crutd.models import Event, Ticket
 from labweb.domain.runs.edge import Report
 from labweb.resources.models import Resource
 from labweb.runs import services
@@ -34,6 +35,8 @@ def test_what_nobody_can_tell_of_a_setting_is_unknown_to_host_and_server_and_the
     assert data(bench)["speed_setpoint_rpm"] == 400.0
     assert agrees(bench, host)
     assert not Ticket.objects.exists()
+    [told] = render_events(list(Event.objects.filter(state="rolled_back")))
+    assert told["summary"].endswith(": temperature_setpoint_c unknown")
 
 
 def test_what_nobody_can_tell_of_a_transfer_leaves_the_same_revisions_in_events_and_vessels(
