@@ -28,7 +28,8 @@ function setLab(lab: Lab): void {
     user: old?.user ?? null,
     lab,
   }));
-  void client.invalidateQueries({ queryKey: keys.home });
+  // The stream may have told of later news before this answer came.
+  refreshNeeds();
   void client.invalidateQueries({ queryKey: keys.runs });
 }
 

@@ -3,6 +3,7 @@ import { screen, waitFor } from "@testing-library/react";
 import userEvent from "@testing-library/user-event";
 import { beforeEach, expect, test } from "vitest";
 import { useConnection } from "@/api/connection";
+import { useSession } from "@/api/queries";
 import type { Lab, User } from "@/model/wire";
 import { serve, show } from "@/testpage";
 import { LoginPage, isDrawnByServer, safeNext } from "./login";
@@ -60,6 +61,28 @@ test("a stop that was not confirmed says to use the red button", async () => {
   show(<StopButton />);
   await userEvent.click(screen.getByTestId("stop-lab"));
   expect(await screen.findByTestId("stop-failed")).toHaveTextContent("red button on the bench");
+});
+
+function Told() {
+  const session = useSession().data;
+  return session?.lab ? <StopBanner lab={session.lab} user={user} /> : null;
+}
+
+test("an answer that comes after later news of the hosts does not hide it", async () => {
+  const [one] = stopped.stop.hosts;
+  const later = { ...stopped, stop: { ...stopped.stop, hosts: [one] } };
+  const sent = serve((path) => [200, path === "/session" ? { user, lab: later } : stopped]);
+  show(
+    <>
+      <StopButton />
+      <Told />
+    </>,
+  );
+  expect(await screen.findAllByTestId("stop-host")).toHaveLength(1);
+  await userEvent.click(screen.getByTestId("stop-lab"));
+  const asked = ["/session", "/lab/stop", "/session"].map((path) => `/api/v1${path}`);
+  await waitFor(() => expect(sent.map((one) => one.path)).toEqual(asked));
+  await waitFor(() => expect(screen.getAllByTestId("stop-host")).toHaveLength(1));
 });
 
 test("Stop lab is disabled only when the browser is offline, and says so", () => {
