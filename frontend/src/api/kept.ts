@@ -16,21 +16,26 @@ function read<T>(place: string, initial: T): T {
   return text === null ? initial : (JSON.parse(text) as T);
 }
 
-/** State of this tab by a name, until it is sent: its value, how to change and how to forget it. */
+/**
+ * State of this tab by a name, until it is sent: its value, how to change and how to forget it.
+ * With another name it is what was written by that one.
+ */
 export function useKept<T>(name: string, initial: T): [T, (value: T) => void, () => void] {
-  const [value, setValue] = useState(() => read(placeOf(name), initial));
+  const place = placeOf(name);
+  const [kept, keep] = useState(() => ({ place, value: read(place, initial) }));
+  const value = kept.place === place ? kept.value : read(place, initial);
   const set = (next: T): void => {
-    setValue(next);
+    keep({ place, value: next });
     try {
-      sessionStorage.setItem(placeOf(name), JSON.stringify(next));
+      sessionStorage.setItem(place, JSON.stringify(next));
     } catch {
       // The browser's room is full: what is on the page stays there.
-      sessionStorage.removeItem(placeOf(name));
+      sessionStorage.removeItem(place);
     }
   };
   const forget = (): void => {
-    setValue(initial);
-    sessionStorage.removeItem(placeOf(name));
+    keep({ place, value: initial });
+    sessionStorage.removeItem(place);
   };
   return [value, set, forget];
 }

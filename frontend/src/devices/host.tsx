@@ -60,12 +60,12 @@ export function HostPage() {
       <div className="col">
         <Jobs host={data} />
         <Devices host={data} />
-        <Moves host={data} />
+        <Moves host={data} key={`moves of ${id}`} />
         <Tickets host={data} />
       </div>
       <aside className="col">
         <Session host={data} />
-        <Acts host={data} />
+        <Acts host={data} key={id} />
       </aside>
     </div>
   );

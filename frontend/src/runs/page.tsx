@@ -48,7 +48,7 @@ export function RunPage() {
   return (
     <>
       {run.error && <AsOf at={run.dataUpdatedAt} why={run.error.message} />}
-      <Body run={run.data} />
+      <Body run={run.data} key={id} />
     </>
   );
 }
