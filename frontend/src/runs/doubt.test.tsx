@@ -132,3 +132,16 @@ test("an answer that is being written stays when the page is left", async () => 
   expect(screen.getByTestId("answer-amount")).toHaveValue("2.74");
   expect(screen.getByTestId("answer-note")).toHaveValue("read the plunger");
 });
+
+test("what was seen of one doubt is not offered for the next of the same action", async () => {
+  serve(() => [200, {}]);
+  const page = show(card());
+  await userEvent.click(screen.getByTestId("answer-happened"));
+  await userEvent.type(screen.getByTestId("answer-note"), "tube is full");
+  const again = { ...job, state_at: iso(60) };
+  page.rerender(<DoubtCard run={aRun([again])} job={again} question={question} />);
+  expect(screen.getByTestId("answer-note")).toHaveValue("");
+  expect(screen.getByTestId("answer-happened")).not.toBeChecked();
+  page.rerender(card());
+  expect(screen.getByTestId("answer-note")).toHaveValue("tube is full");
+});

@@ -55,7 +55,7 @@ export function DoubtCard({ run, job, question }: { run: Run; job: Job; question
             )}
           </p>
         ) : (
-          <Answers run={run} job={job} question={question} />
+          <Answers key={job.state_at} run={run} job={job} question={question} />
         )}
       </div>
     </section>
@@ -95,10 +95,10 @@ interface Written {
   note: string;
 }
 
-/** The answer being written, not sent yet. */
-function useDraft(jobId: string, asked: number | null) {
+/** The answer being written, not sent yet; a job that is tried again may be in doubt again. */
+function useDraft(job: Job, asked: number | null) {
   const initial: Written = { kind: null, amount: "", note: "" };
-  const [written, set, forget] = useKept(`answer/${jobId}`, initial);
+  const [written, set, forget] = useKept(`answer/${job.id}/${job.state_at}`, initial);
   const change = (part: Partial<Written>): void => set({ ...written, ...part });
   return { ...written, change, forget, read: readPart(written.amount, asked ?? 0) };
 }
@@ -106,7 +106,7 @@ function useDraft(jobId: string, asked: number | null) {
 function Answers({ run, job, question }: { run: Run; job: Job; question: Question }) {
   const resolve = useResolve(job.id, run.id);
   const asked = question.asked_ul;
-  const draft = useDraft(job.id, asked);
+  const draft = useDraft(job, asked);
   const { kind, note, read } = draft;
   const part = read.ul === null ? null : formatVolume(read.ul * 1000);
   const whole = asked === null ? "it as done" : formatVolume(asked * 1000);
