@@ -95,8 +95,8 @@ export class LiveSocket {
     this.attempt = 0;
     this.heardAt = Date.now();
     this.seqs.reset();
-    const topics = [...this.listeners.keys()];
-    if (topics.length) this.send({ subscribe: topics });
+    // Each by itself: of a frame with one topic that there is not, the server takes none.
+    for (const topic of this.listeners.keys()) this.send({ subscribe: [topic] });
     this.ping();
     this.pulse = setInterval(() => this.ping(), PING_MS);
     this.events.onOpen(isAgain);
