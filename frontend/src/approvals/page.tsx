@@ -1,7 +1,8 @@
 /** Approvals: the queue left, the evidence in reading order, the decision right. */
 
 import "./approvals.css";
-import { Link, useParams, useSearchParams } from "react-router";
+import { useState } from "react";
+import { Link, useLocation, useParams, useSearchParams } from "react-router";
 import { useTopics } from "@/api/live";
 import { useApproval, useApprovals } from "@/api/queries";
 import { formatLeft, toSeconds } from "@/model/format";
@@ -28,7 +29,8 @@ export function ApprovalsPage() {
   const requests = useApprovals(state);
   const isPhone = matchMedia("(max-width: 640px)").matches;
   const asked = fromPath ?? params.get("id");
-  const chosen = asked ?? (isPhone ? null : (requests.data?.[0]?.id ?? null));
+  const first = useFirst(requests);
+  const chosen = asked ?? (isPhone ? null : first);
   useTopics("approvals");
   const linkTo = (id: string): string =>
     `/approvals?id=${id}${state === "all" ? "&state=all" : ""}`;
@@ -75,6 +77,17 @@ export function ApprovalsPage() {
       )}
     </div>
   );
+}
+
+/** The topmost as it was when the page was opened: what comes later does not slip under a decision. */
+function useFirst(requests: ReturnType<typeof useApprovals>): string | null {
+  const { key } = useLocation();
+  const [kept, keep] = useState<{ key: string; id: string } | null>(null);
+  if (kept?.key === key) return kept.id;
+  const id = requests.data?.[0]?.id ?? null;
+  const isFresh = requests.isFetchedAfterMount && !requests.isPlaceholderData;
+  if (id !== null && isFresh) keep({ key, id });
+  return id;
 }
 
 function Chosen({ id }: { id: string }) {

@@ -1,0 +1,42 @@
+// @vitest-environment jsdom
+import { act, screen, waitFor } from "@testing-library/react";
+import { expect, test, vi } from "vitest";
+import { keys } from "@/api/keys";
+import { client } from "@/api/live";
+import { serve, show } from "@/testpage";
+import { ApprovalsPage } from "./page";
+
+vi.mock("./review", () => ({
+  Review: ({ request }: { request: { title: string } }) => <h1>{request.title}</h1>,
+}));
+
+const request = (id: string) => ({
+  id,
+  about: "run",
+  title: `Start ${id}`,
+  state: "open",
+  asked_at: "2026-11-20T06:02:07Z",
+  asked_by: { id: 1, name: "Li Na" },
+  expires_at: null,
+  decision: null,
+  run: { id: "r", number: 1 },
+});
+
+test("a request that comes in takes the place of none that is being read", async () => {
+  let ids = ["a"];
+  serve((path) =>
+    path.startsWith("/approvals?")
+      ? [200, { requests: ids.map(request) }]
+      : [200, request(path.replace("/approvals/", ""))],
+  );
+  show(<ApprovalsPage />, "/approvals");
+  expect(await screen.findByRole("heading", { name: "Start a" })).toBeInTheDocument();
+  ids = ["b", "a"];
+  await act(() => client.invalidateQueries({ queryKey: keys.approvals }));
+  await screen.findByText("Start b");
+  expect(screen.getByRole("heading", { name: "Start a" })).toBeInTheDocument();
+  ids = ["b"];
+  await act(() => client.invalidateQueries({ queryKey: keys.approvals }));
+  await waitFor(() => expect(screen.getAllByTestId("approval-row")).toHaveLength(1));
+  expect(screen.getByRole("heading", { name: "Start a" })).toBeInTheDocument();
+});
