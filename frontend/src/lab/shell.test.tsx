@@ -1,5 +1,5 @@
 // @vitest-environment jsdom
-import { screen, waitFor } from "@testing-library/react";
+import { act, screen, waitFor } from "@testing-library/react";
 import userEvent from "@testing-library/user-event";
 import { beforeEach, expect, test } from "vitest";
 import { useConnection } from "@/api/connection";
@@ -7,7 +7,7 @@ import { useSession } from "@/api/queries";
 import type { Lab, User } from "@/model/wire";
 import { serve, show } from "@/testpage";
 import { LoginPage, isDrawnByServer, safeNext } from "./login";
-import { StopBanner, StopButton } from "./stop";
+import { StopBanner, StopButton, useReset } from "./stop";
 
 const lab: Lab = {
   id: "l",
@@ -105,6 +105,14 @@ test("each host is listed, and a silent one is named", () => {
   expect(hosts[1]).toHaveClass("late");
 });
 
+test("a silent host is named within a second or two also where the browser's clock is behind", async () => {
+  const ahead = { ...stopped.stop, stopped_at: new Date(Date.now() + 60_000).toISOString() };
+  show(<StopBanner lab={{ ...stopped, stop: ahead }} user={user} />);
+  const silent = screen.getAllByTestId("stop-host")[1];
+  expect(silent).not.toHaveClass("late");
+  await waitFor(() => expect(silent).toHaveClass("late"), { timeout: 2500 });
+});
+
 test("reset asks for the reason, and sends it", async () => {
   const sent = serve(() => [200, lab]);
   show(<StopBanner lab={stopped} user={user} />);
@@ -131,6 +139,14 @@ test("a stop that ends while its question stands open leaves none to the next st
   expect(screen.queryByTestId("reset-reason")).not.toBeInTheDocument();
   await userEvent.click(screen.getByTestId("reset-lab"));
   expect(await screen.findByTestId("reset-reason")).toHaveValue("");
+});
+
+test("a question about a stop that was over already does not open with the next", async () => {
+  const page = show(<StopBanner lab={lab} user={user} />);
+  act(() => useReset.getState().ask(true));
+  page.rerender(<StopBanner lab={stopped} user={user} />);
+  await waitFor(() => expect(useReset.getState().isAsking).toBe(false));
+  expect(screen.queryByTestId("reset-reason")).not.toBeInTheDocument();
 });
 
 test("who may not reset sees a disabled button", () => {

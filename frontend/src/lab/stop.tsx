@@ -1,6 +1,6 @@
 /** Stop lab: one press, no question; who has acknowledged; and the way back. */
 
-import { useEffect } from "react";
+import { useEffect, useState } from "react";
 import { create } from "zustand";
 import { useStopLab, useResetLab } from "@/api/commands";
 import { useStatus } from "@/api/connection";
@@ -63,8 +63,14 @@ export function StopBanner({ lab, user }: { lab: Lab; user: User }) {
 function Stopped({ lab, user }: { lab: Lab; user: User }) {
   const { isAsking, ask } = useReset();
   const now = useNow(500);
-  useEffect(() => () => ask(false), [ask]);
-  const since = toSeconds(lab.stop.stopped_at) ?? now;
+  // Home may have asked about a stop that was over already.
+  useEffect(() => {
+    ask(false);
+    return () => ask(false);
+  }, [ask]);
+  // By the clock of the server, or since this page was told: its own clock may be behind.
+  const [toldAt] = useState(now);
+  const since = Math.min(toSeconds(lab.stop.stopped_at) ?? now, toldAt);
   const mayReset = user.permissions.includes("reset");
   return (
     <div className="banner stopped" role="alert" data-testid="stop-banner" data-state="stopped">
