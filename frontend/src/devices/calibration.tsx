@@ -84,7 +84,7 @@ function InForce({ row, kind }: { row: Calibration; kind: CalibratedQuantity }) 
           {row.reasons.length > 0 && `: ${row.reasons.join("; ")}`}
         </span>
         <i className="sp" />
-        {row.can.withdraw && <Withdraw row={row} />}
+        {row.can.withdraw && <Withdraw key={row.id} row={row} />}
       </div>
       <Facts row={row} kind={kind} />
       <Levels row={row} kind={kind} />
