@@ -102,11 +102,49 @@ test("after a loss it connects again, subscribes again and says so", () => {
   expect(log).toEqual(["open", "close 1006", "again"]);
 });
 
-test("who is not signed in is not tried again", () => {
-  open();
+test("who is not signed in any more is not tried again once the page knows", () => {
+  const { live } = open();
   last().drop(4401);
+  live.stop();
   vi.advanceTimersByTime(60_000);
   expect(FarEnd.all).toHaveLength(1);
+});
+
+test("who is still signed in, by another session, is heard again", () => {
+  const { log } = open();
+  last().drop(4401);
+  vi.advanceTimersByTime(7900);
+  expect(FarEnd.all).toHaveLength(1);
+  vi.advanceTimersByTime(200);
+  expect(FarEnd.all).toHaveLength(2);
+  last().accept();
+  expect(log).toEqual(["open", "close 4401", "again"]);
+});
+
+test("what was fetched before a first connection that took several tries is fetched again", () => {
+  const log: string[] = [];
+  const live = new LiveSocket("ws://lab/ws/v1/", {
+    onOpen: (isAgain) => log.push(isAgain ? "again" : "open"),
+    onClose: () => undefined,
+    onGap: () => undefined,
+    onLatency: () => undefined,
+  });
+  live.start();
+  last().drop(1006);
+  vi.advanceTimersByTime(600);
+  last().accept();
+  expect(log).toEqual(["again"]);
+});
+
+test("a connection that is slow to end leaves no pulse beside that of the next", () => {
+  const { live } = open();
+  last().close = () => undefined;
+  live.stop();
+  live.start();
+  last().accept();
+  vi.advanceTimersByTime(5000);
+  const pings = last().sent.filter((frame) => "ping" in frame);
+  expect(pings).toHaveLength(2);
 });
 
 test("a server that falls silent counts as lost", () => {

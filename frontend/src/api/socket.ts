@@ -22,6 +22,7 @@ export interface SocketEvents {
 const PING_MS = 5000;
 const SILENT_MS = 12_000;
 const NOT_SIGNED_IN = 4401;
+const SIGNED_OUT_MS = 8000;
 
 /** The live stream of this tab. */
 export class LiveSocket {
@@ -90,7 +91,8 @@ export class LiveSocket {
   }
 
   private opened(): void {
-    const isAgain = this.wasOpen;
+    // What a page fetched before tries that failed may be as old as those.
+    const isAgain = this.wasOpen || this.attempt > 0;
     this.wasOpen = true;
     this.attempt = 0;
     this.heardAt = Date.now();
@@ -98,6 +100,8 @@ export class LiveSocket {
     // Each by itself: of a frame with one topic that there is not, the server takes none.
     for (const topic of this.listeners.keys()) this.send({ subscribe: [topic] });
     this.ping();
+    // Of a connection that was stopped and did not end before this one began.
+    clearInterval(this.pulse);
     this.pulse = setInterval(() => this.ping(), PING_MS);
     this.events.onOpen(isAgain);
   }
@@ -108,9 +112,11 @@ export class LiveSocket {
     clearInterval(this.pulse);
     this.pings.clear();
     this.events.onClose(code);
-    if (code === NOT_SIGNED_IN) this.isWanted = false;
     if (!this.isWanted) return;
-    this.retry = setTimeout(() => this.open(), backOff(this.attempt, Math.random()));
+    // Whoever is signed out stops it. Who is not has another session by now, as after a new password.
+    const isOut = code === NOT_SIGNED_IN;
+    const wait = isOut ? SIGNED_OUT_MS : backOff(this.attempt, Math.random());
+    this.retry = setTimeout(() => this.open(), wait);
     this.attempt += 1;
   }
 
