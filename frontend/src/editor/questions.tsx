@@ -1,6 +1,6 @@
 /** What the editor asks or tells about drafts: somebody else saved, something is not saved, or no longer proved. */
 
-import { call } from "@/api/client";
+import { call, messageOf } from "@/api/client";
 import { keys } from "@/api/keys";
 import { client } from "@/api/live";
 import type { Workflow } from "@/model/wire";
@@ -23,15 +23,27 @@ export function Questions() {
 
 function Conflict() {
   const workflowId = useEditor((state) => state.workflowId);
-  const fetchTheirs = (): Promise<Workflow> => call<Workflow>("GET", `/workflows/${workflowId}`);
+  /** Null: it cannot be had, which is told, or another workflow is open by now. */
+  const fetchTheirs = async (): Promise<Workflow | null> => {
+    const isOpen = (): boolean => useEditor.getState().workflowId === workflowId;
+    try {
+      const theirs = await call<Workflow>("GET", `/workflows/${workflowId}`);
+      return isOpen() ? theirs : null;
+    } catch (error) {
+      if (isOpen()) useEditor.getState().setSaving({ problem: messageOf(error) });
+      return null;
+    }
+  };
   const loadTheirs = async (): Promise<void> => {
     const theirs = await fetchTheirs();
+    if (!theirs) return;
     client.setQueryData(keys.workflow(workflowId), theirs);
     const { open, owner } = useEditor.getState();
     open(theirs, owner);
   };
   const keepMine = async (): Promise<void> => {
     const theirs = await fetchTheirs();
+    if (!theirs) return;
     // The server has theirs: even an unchanged page has something to save now.
     const { setSaving } = useEditor.getState();
     setSaving({ conflict: null, revision: theirs.draft_revision, saved: theirs.draft });

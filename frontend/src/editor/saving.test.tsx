@@ -1,7 +1,7 @@
 // @vitest-environment jsdom
 import { act, screen, waitFor } from "@testing-library/react";
 import userEvent from "@testing-library/user-event";
-import { beforeEach, expect, test } from "vitest";
+import { beforeEach, expect, test, vi } from "vitest";
 import { renameWorkflow } from "@/model/document";
 import { aDocument } from "@/model/samples";
 import type { CheckResult, Finding, Proof, Workflow, WorkflowDocument } from "@/model/wire";
@@ -222,4 +222,29 @@ test("nothing is saved or started when somebody saved while the sheet was open",
   await waitFor(() => expect(screen.getByTestId("start-run")).toBeDisabled());
   const written = sent.filter((one) => one.method !== "GET").map((one) => one.path);
   expect(written).toEqual(["/api/v1/workflows/check"]);
+});
+
+test("their draft that comes after another workflow was opened changes nothing of that one", async () => {
+  let told: (answer: Response) => void = () => undefined;
+  vi.stubGlobal("fetch", () => new Promise<Response>((resolve) => (told = resolve)));
+  show(<Page />);
+  act(() => editor().open(aWorkflow(), "ada"));
+  act(() => editor().setSaving({ conflict: 2 }));
+  await userEvent.click(screen.getByTestId("keep-mine"));
+  act(() => editor().open(aWorkflow({ id: "w2", draft_revision: 7 }), "ada"));
+  await act(async () => {
+    told(new Response(JSON.stringify(aWorkflow(THEIRS))));
+    await new Promise((wake) => setTimeout(wake, 20));
+  });
+  expect(editor()).toMatchObject({ workflowId: "w2", saving: { revision: 7 } });
+});
+
+test("their draft that cannot be had is told", async () => {
+  serve(() => [500, { code: "http.500", message: "the server is ill", findings: [] }]);
+  show(<Page />);
+  act(() => editor().open(aWorkflow(), "ada"));
+  act(() => editor().setSaving({ conflict: 2 }));
+  await userEvent.click(screen.getByTestId("load-theirs"));
+  await waitFor(() => expect(editor().saving.problem).toBe("The server is ill"));
+  expect(screen.getByTestId("draft-conflict")).toBeInTheDocument();
 });
