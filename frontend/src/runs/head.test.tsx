@@ -42,3 +42,18 @@ test("the reason of an abort stays until it is sent, and a doubt is named", () =
   fireEvent.click(screen.getByTestId("abort"));
   expect(screen.getByTestId("abort-reason")).toHaveValue("wrong flask");
 });
+
+test("an abort that was refused after its dialog was closed is told all the same", async () => {
+  let answer: (response: Response) => void = () => undefined;
+  vi.stubGlobal("fetch", () => new Promise<Response>((resolve) => (answer = resolve)));
+  show(<RunHead run={paused} />);
+  fireEvent.click(screen.getByTestId("abort"));
+  fireEvent.change(screen.getByTestId("abort-reason"), { target: { value: "wrong flask" } });
+  fireEvent.click(screen.getByTestId("abort-confirm"));
+  await vi.waitFor(() => expect(screen.getByTestId("abort-confirm")).toBeDisabled());
+  fireEvent.click(screen.getByText("Go on with the run"));
+  const refusal = { code: "run.refused", message: "it was not aborted", findings: [] };
+  answer(new Response(JSON.stringify(refusal), { status: 409 }));
+  await vi.waitFor(() => expect(screen.queryByTestId("abort-reason")).toBeNull());
+  await vi.waitFor(() => expect(screen.getByRole("alert")).toHaveTextContent("It was not aborted"));
+});

@@ -52,17 +52,20 @@ export function RunHead({ run }: { run: Run }) {
 
 function Acts({ run }: { run: Run }) {
   const act = useRunAct(run.id);
+  const abort = useRunAct(run.id);
   const [isAborting, setAborting] = useState(false);
   const isOver = run.state === "complete" || run.state === "aborted";
   const offline = useStatus() === "offline" ? "Not connected." : null;
   if (isOver) return <Exports run={run} />;
   const isPaused = run.pause_reasons.length > 0 || run.can.resume || run.state === "paused";
   const mayResume = run.can.resume && !isHeldByProof(run);
+  // Who closed the dialog before the answer came is told here.
+  const error = act.error ?? (isAborting ? null : abort.error);
   return (
     <>
-      {act.error && (
+      {error && (
         <span className="t12 err" role="alert">
-          {act.error.message}
+          {error.message}
         </span>
       )}
       {isPaused && !mayResume && <span className="t12 m wide">{whyNotResume(run)}</span>}
@@ -101,7 +104,7 @@ function Acts({ run }: { run: Run }) {
           {words.abort}
         </Button>
       </span>
-      <AbortDialog run={run} isOpen={isAborting} onClose={() => setAborting(false)} />
+      <AbortDialog run={run} act={abort} isOpen={isAborting} onClose={() => setAborting(false)} />
     </>
   );
 }
@@ -145,8 +148,14 @@ function UnderWay({ jobs }: { jobs: Run["jobs"] }) {
   );
 }
 
-function AbortDialog(props: { run: Run; isOpen: boolean; onClose: () => void }) {
-  const act = useRunAct(props.run.id);
+interface Aborting {
+  run: Run;
+  act: ReturnType<typeof useRunAct>;
+  isOpen: boolean;
+  onClose: () => void;
+}
+
+function AbortDialog({ act, ...props }: Aborting) {
   const [reason, setReason, forget] = useKept(`abort/${props.run.id}`, "");
   const send = (): void =>
     act.mutate(
