@@ -133,12 +133,13 @@ class BrowserConsumer(AsyncWebsocketConsumer):
             error = {"code": "feed.too_many", "message": f"at most {MAX_TOPICS} topics"}
             await self._send({"error": error})
             return
-        unknown = sorted(wanted - await _allowed(self.user, wanted)) if wanted else []
+        allowed = await _allowed(self.user, wanted) if wanted else frozenset()
+        # A topic that is gone silences none that was asked for beside it.
+        self.topics = (self.topics | allowed) - left
+        unknown = sorted(wanted - allowed)
         if unknown:
             error = {"code": "feed.unknown_topic", "message": f"no topic {', '.join(unknown)}"}
             await self._send({"error": error})
-            return
-        self.topics = (self.topics | wanted) - left
 
     async def feed_messages(self, message: dict[str, Any]) -> None:
         """Forward what was announced on the topics of this tab, each by itself."""

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
-from contextlib import contextmanager
 from typing import Any
 
 import pytest
@@ -18,17 +16,6 @@ from tests.system.stack import Stack
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(180)]
 
 ANSWERS = ["It happened", "It did not", "Partly", "I cannot tell"]
-
-
-@contextmanager
-def muted(stack: Stack, device: str) -> Iterator[None]:
-    """Let an instrument hear everything and answer nothing."""
-    with stack.instruments() as control:
-        control.post(f"instruments/{device}/faults", json={"fault": "no_answer"})
-        try:
-            yield
-        finally:
-            control.delete(f"instruments/{device}/faults")
 
 
 def answer(visitor: Visitor, kind: str, note: str, amount_ml: str = "") -> None:
@@ -48,7 +35,7 @@ def test_a_muted_pump_stops_the_page_and_a_person_answers(visit: Visit, stack: S
     run = stack.client().start_step("transfer", {**params, "flow_rate": "2 mL/min"})
     chemist.open(f"runs/{run['id']}")
     stack.client().wait_for_run(run["id"], is_drawing)
-    with muted(stack, "pump_1"):
+    with stack.silent("pump_1"):
         chemist.at("resolve-card").wait_for(timeout=90_000)
         chemist.wait_for_state("paused")
         done = chemist.page.locator("[data-testid^=run-step-][data-state=done]")

@@ -13,7 +13,6 @@ from playwright.sync_api import Browser, expect
 
 from tests.e2e.drawing import wait_until_checked
 from tests.e2e.pictures import shoot
-from tests.e2e.test_doubt import muted
 from tests.e2e.test_recipe import WARM, wait_for_plan
 from tests.e2e.visitor import Visitor, visiting
 from tests.labweb.photos import a_photo
@@ -94,7 +93,7 @@ def test_a_run_that_left_its_proof_says_so_and_waits(
         chemist.page.wait_for_url("**/runs/*")
         run_id = chemist.page.url.rstrip("/").split("/")[-1]
         stack.client().wait_for_run(run_id, is_moving)
-        with muted(stack, "pump_1"):
+        with stack.silent("pump_1"):
             stack.client().wait_for_run(run_id, is_over)
             chemist.at("resolve-card").or_(chemist.at("recovery-card")).first.wait_for()
             shoot(chemist, "run-problem")

@@ -220,6 +220,21 @@ class Stack:
         transport = httpx.HTTPTransport(uds=ready["control"].removeprefix("unix:"))
         return httpx.Client(transport=transport, base_url="http://bench/", timeout=10.0)
 
+    @contextmanager
+    def silent(self, device: str, **moment: object) -> Iterator[None]:
+        """Let an instrument hear everything and answer nothing, from a moment on, until this ends.
+
+        What its lab inflicts on it of itself is over with this, too.
+        """
+        faults = f"instruments/{device}/faults"
+        with self.instruments() as control:
+            control.delete(faults).raise_for_status()
+            control.post(faults, json={"fault": "no_answer", **moment}).raise_for_status()
+            try:
+                yield
+            finally:
+                control.delete(faults).raise_for_status()
+
     def volumes_ul(self) -> dict[str, float]:
         """Return what each vessel really holds."""
         with self.instruments() as control:

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
 from typing import Any
 
 import pytest
@@ -103,29 +101,14 @@ def test_a_dilution_is_confirmed_by_the_balance(stack: Stack) -> None:
     assert float(weighed["summary"].removeprefix("Balance 1: mass_mg ")) > 9000
 
 
-@contextmanager
-def falling_silent(stack: Stack, device: str, port: int) -> Iterator[None]:
-    """Let a pump answer no more from the middle of a stroke at a port, until this ends.
-
-    The fault that the lab begins with is over after two seconds at this speed; a driver that a
-    busy machine lets ask only then learns how far the plunger came, and nothing is in doubt.
-    """
-    fault = {"fault": "no_answer", "during_motion": True, "fraction": 0.5, "for_s": 6000.0}
-    faults = f"instruments/{device}/faults"
-    with stack.instruments() as bench:
-        bench.delete(faults).raise_for_status()
-        bench.post(faults, json={**fault, "match": {"port": port}}).raise_for_status()
-        try:
-            yield
-        finally:
-            bench.delete(faults).raise_for_status()
-
-
 def test_a_pump_that_stops_answering_is_in_doubt_and_a_person_says_how_far_it_came(
     stack: Stack,
 ) -> None:
     before = volume_nl(stack, "flask_2")
-    with falling_silent(stack, "pump_2", port=5):
+    # The lab's own fault is over after two seconds at this speed: a driver that a busy machine
+    # lets ask only then learns how far the plunger came, and nothing is in doubt.
+    half_way = {"during_motion": True, "fraction": 0.5, "for_s": 6000.0, "match": {"port": 5}}
+    with stack.silent("pump_2", **half_way):
         run = stack.client().start("Try an error")
         seen = stack.client().wait_for_run(run["id"], is_over, 180)
     told = [(job["sentence"], job["state"], job["message"]) for job in seen["jobs"]]

@@ -74,16 +74,6 @@ test("topics asked for before the connection are subscribed once it is open", ()
   expect(last().sent[0]).toEqual({ subscribe: ["runs"] });
 });
 
-test("each topic is asked for by itself, so that one that is gone silences no other", () => {
-  const { live } = open();
-  live.listen("run:gone", () => undefined);
-  last().drop(1006);
-  vi.advanceTimersByTime(600);
-  last().accept();
-  const asked = last().sent.filter((frame) => "subscribe" in frame);
-  expect(asked).toEqual([{ subscribe: ["runs"] }, { subscribe: ["run:gone"] }]);
-});
-
 test("a gap in the sequence asks for a fresh fetch, and the message is still heard", () => {
   const { log, heard } = open();
   last().tell({ topic: "runs", seq: 1, at: "", data: {} });

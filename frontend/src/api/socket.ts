@@ -97,8 +97,8 @@ export class LiveSocket {
     this.attempt = 0;
     this.heardAt = Date.now();
     this.seqs.reset();
-    // Each by itself: of a frame with one topic that there is not, the server takes none.
-    for (const topic of this.listeners.keys()) this.send({ subscribe: [topic] });
+    const topics = [...this.listeners.keys()];
+    if (topics.length) this.send({ subscribe: topics });
     this.ping();
     // Of a connection that was stopped and did not end before this one began.
     clearInterval(this.pulse);

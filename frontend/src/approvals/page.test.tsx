@@ -6,10 +6,6 @@ import { client } from "@/api/live";
 import { serve, show } from "@/testpage";
 import { ApprovalsPage } from "./page";
 
-vi.mock("./review", () => ({
-  Review: ({ request }: { request: { title: string } }) => <h1>{request.title}</h1>,
-}));
-
 const request = (id: string) => ({
   id,
   about: "run",
@@ -20,6 +16,10 @@ const request = (id: string) => ({
   expires_at: null,
   decision: null,
   run: { id: "r", number: 1 },
+  workflow: { id: "w", name: "Two transfers", version: 1 },
+  policies: [],
+  plan: { digest: "", estimate_s: 0, steps: [], jobs: [], notes: [] },
+  materials: [],
 });
 
 test("a request that comes in takes the place of none that is being read", async () => {
@@ -28,6 +28,13 @@ test("a request that comes in takes the place of none that is being read", async
     path.startsWith("/approvals?")
       ? [200, { requests: ids.map(request) }]
       : [200, request(path.replace("/approvals/", ""))],
+  );
+  vi.stubGlobal(
+    "IntersectionObserver",
+    class {
+      observe(): void {}
+      disconnect(): void {}
+    },
   );
   show(<ApprovalsPage />, "/approvals");
   expect(await screen.findByRole("heading", { name: "Start a" })).toBeInTheDocument();

@@ -1,7 +1,7 @@
 /** Home: what needs a person, then what runs, then the bench. */
 
 import { Link, useNavigate } from "react-router";
-import { useHome } from "@/api/queries";
+import { useHome, useSession } from "@/api/queries";
 import { useTopics } from "@/api/live";
 import { runOutcome } from "@/model/decisions";
 import { lagText, sessionState } from "@/model/hosts";
@@ -94,8 +94,9 @@ function deviceNote(devices: { link: string }[]): string {
 function Needs({ needs, last }: { needs: Need[]; last: RunRow | undefined }) {
   const navigate = useNavigate();
   const askReset = useReset((state) => state.ask);
+  const stop = useSession().data?.lab?.stop.stop_id ?? null;
   const act = (need: Need): void => {
-    if (need.kind === "stopped") askReset(true);
+    if (need.kind === "stopped") askReset(stop);
     else if (need.url.startsWith("/admin/")) window.location.assign(need.url);
     else void navigate(need.url);
   };

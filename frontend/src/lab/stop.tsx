@@ -1,13 +1,13 @@
 /** Stop lab: one press, no question; who has acknowledged; and the way back. */
 
-import { useEffect, useState } from "react";
+import { useState } from "react";
 import { create } from "zustand";
 import { useStopLab, useResetLab } from "@/api/commands";
 import { useStatus } from "@/api/connection";
 import { useKept } from "@/api/kept";
 import { toSeconds } from "@/model/format";
 import { stopTook } from "@/model/hosts";
-import type { Lab, StopHost, User } from "@/model/wire";
+import type { Id, Lab, StopHost, User } from "@/model/wire";
 import { Button, Dialog, Hint, Refused, TextField } from "@/ui/controls";
 import { Glyph } from "@/ui/glyph";
 import { At, useLabTime, useNow } from "@/ui/time";
@@ -15,10 +15,10 @@ import { words } from "./words";
 
 const SILENT_S = 1;
 
-/** Whether the question why it is safe to go on stands open. */
-export const useReset = create<{ isAsking: boolean; ask: (isAsking: boolean) => void }>((set) => ({
-  isAsking: false,
-  ask: (isAsking) => set({ isAsking }),
+/** The stop of which it is asked why it is safe to go on; the next stop is another. */
+export const useReset = create<{ asked: Id | null; ask: (stop: Id | null) => void }>((set) => ({
+  asked: null,
+  ask: (asked) => set({ asked }),
 }));
 
 export function StopButton() {
@@ -59,15 +59,10 @@ export function StopBanner({ lab, user }: { lab: Lab; user: User }) {
   return <Stopped key={lab.stop.stop_id} lab={lab} user={user} />;
 }
 
-/** One stop. The question why it may end goes with it, whoever ends it: the next stop asks anew. */
 function Stopped({ lab, user }: { lab: Lab; user: User }) {
-  const { isAsking, ask } = useReset();
+  const { asked, ask } = useReset();
   const now = useNow(500);
-  // Home may have asked about a stop that was over already.
-  useEffect(() => {
-    ask(false);
-    return () => ask(false);
-  }, [ask]);
+  const stop = lab.stop.stop_id;
   // By the clock of the server, or since this page was told: its own clock may be behind.
   const [toldAt] = useState(now);
   const since = Math.min(toSeconds(lab.stop.stopped_at) ?? now, toldAt);
@@ -88,11 +83,11 @@ function Stopped({ lab, user }: { lab: Lab; user: User }) {
       <Button
         testId="reset-lab"
         why={mayReset ? null : words.stop.nobody}
-        onClick={() => ask(true)}
+        onClick={() => ask(stop)}
       >
         {words.stop.reset}
       </Button>
-      <ResetDialog stop={lab.stop.stop_id} isOpen={isAsking} onClose={() => ask(false)} />
+      <ResetDialog stop={stop} isOpen={stop !== null && asked === stop} onClose={() => ask(null)} />
     </div>
   );
 }
@@ -119,7 +114,7 @@ function ResetDialog({
   isOpen,
   onClose,
 }: {
-  stop: string | null;
+  stop: Id | null;
   isOpen: boolean;
   onClose: () => void;
 }) {

@@ -11,10 +11,10 @@ import { aJob, aRun } from "@/model/samples";
 import { serve, show } from "@/testpage";
 import { RunPage } from "./page";
 
-vi.mock("@/twin/frame", () => ({ TwinChip: () => null, TwinFrame: () => null }));
-vi.mock("./telemetry", () => ({ RunTelemetry: () => null }));
-vi.mock("./files", () => ({ RunFiles: () => null }));
-vi.mock("./report", () => ({ RunReportTab: () => null }));
+// uPlot asks the browser for it as it is loaded.
+vi.hoisted(() =>
+  vi.stubGlobal("matchMedia", () => ({ matches: false, addEventListener: () => undefined })),
+);
 
 const first = aRun([aJob(0, "a", "running")]);
 const second = { ...first, id: "run-2", number: 419 };

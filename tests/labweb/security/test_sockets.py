@@ -144,6 +144,20 @@ async def test_a_topic_that_is_none_is_refused(chemist: tuple[Bench, Client], to
         assert answer["error"]["code"] == "feed.unknown_topic"
 
 
+async def test_a_topic_that_is_none_silences_none_beside_it(
+    chemist: tuple[Bench, Client],
+) -> None:
+    async with a_socket("/ws/v1/", client=chemist[1]) as socket:
+        answer = await socket.ask({"subscribe": ["lab", f"run:{UUID(int=7)}"]})
+        assert answer["error"] == {
+            "code": "feed.unknown_topic",
+            "message": f"no topic run:{UUID(int=7)}",
+        }
+        await asyncio.sleep(0.2)
+        await sync_to_async(feed.publish)("lab", {})
+        assert (await socket.receive())["topic"] == "lab"
+
+
 async def test_too_many_topics_are_refused(chemist: tuple[Bench, Client]) -> None:
     async with a_socket("/ws/v1/", client=chemist[1]) as socket:
         answer = await socket.ask({"subscribe": [f"run:{n}" for n in range(201)]})
