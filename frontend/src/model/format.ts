@@ -230,9 +230,9 @@ const PHRASES: [pattern: RegExp, words: string][] = [
   [/^is_(\w+) True$/, "$1"],
   [/^is_(\w+) False$/, "not $1"],
   [/^is_(\w+) unknown$/, "unknown whether $1"],
-  [/^port_index unknown$/, "port unknown"],
+  [/^port_index unknown$/, "unknown port"],
   [/^(\w+?)_setpoint_\w+ None$/, "no $1 set"],
-  [/^(\w+?)_setpoint_\w+ unknown$/, "set $1 unknown"],
+  [/^(\w+?)_setpoint_\w+ unknown$/, "unknown $1"],
 ];
 
 /** What changed as an event tells it: "port_index 3" is port 3, "is_initialized True" initialized. */

@@ -181,8 +181,8 @@ test.each([
   ["mass_mg 31000.0", "31.000 g"],
   ["state ready", "state ready"],
   ["temperature_setpoint_c None", "no temperature set"],
-  ["rate_setpoint_ul_s unknown", "set rate unknown"],
-  ["port_index unknown, is_initialized unknown", "port unknown, unknown whether initialized"],
+  ["rate_setpoint_ul_s unknown", "unknown rate"],
+  ["port_index unknown, is_initialized unknown", "unknown port, unknown whether initialized"],
 ])("the change %s is written %s", (text, words) => {
   expect(changeWords(text).replaceAll("\u202f", " ")).toBe(words);
 });

@@ -87,3 +87,16 @@ test("a failure says how much moved of what was asked for", () => {
   const effect = screen.getByTestId("problem-effect");
   expect(effect).toHaveTextContent("2.74 mL of 5.00 mL moved, by the record.");
 });
+
+test("an action that was given up is not told as one that did nothing", () => {
+  serve(() => [200, { devices: [] }]);
+  const transaction = { id: "t", state: "rolled_back" };
+  const resolution = { answer: "discard", note: "nobody saw it" };
+  const job = aJob(0, "a", "aborted", { transaction, recovery, evidence: { resolution } });
+  const view = show(<Problems run={aRun([job], { state: "paused" })} job={null} />);
+  expect(screen.getByTestId("problem-effect")).toHaveTextContent(/^Nobody knows what it did/);
+  view.unmount();
+  const told = { ...job, evidence: { resolution: { ...resolution, answer: "did_not" } } };
+  show(<Problems run={aRun([told], { state: "paused" })} job={null} />);
+  expect(screen.getByTestId("problem-effect")).toHaveTextContent(/^Nothing moved/);
+});

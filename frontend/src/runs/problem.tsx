@@ -135,8 +135,9 @@ function WaitsForDevices({ run }: { run: Run }) {
   ));
 }
 
-function effectText({ transaction: known, recovery }: Job): string {
+function effectText({ transaction: known, recovery, evidence }: Job): string {
   const transaction = known?.state ?? null;
+  if (evidence.resolution?.answer === "discard") return words.givenUp;
   if (transaction === "rolled_back")
     return "Nothing moved: the record is as it was before this action.";
   if (transaction === "committed" && recovery?.moved_ul && recovery.asked_ul)

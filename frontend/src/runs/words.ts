@@ -45,6 +45,8 @@ export const words = {
   abortTitle: "Abort this run",
   abortAbout:
     "No further action starts. What is under way is stopped by its device; heating and stirring that this run began is switched off where the driver declares it. Liquid stays where it is.",
+  givenUp:
+    "Nobody knows what it did: what it acts on stays quarantined until a person takes stock of it.",
   abortDoubt: "What is in doubt stays so until a person has answered.",
   abortWhy: "Why",
   abortDo: "Abort run",
