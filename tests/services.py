@@ -71,6 +71,7 @@ class Services:
         (data / "static").mkdir(mode=0o700, parents=True, exist_ok=True)
         os.environ["LABWEB_DATA"] = str(data)
         os.environ["LABWEB_COMMAND_KEY_FILE"] = str(data / "command.key")
+        os.environ["LABWEB_RECORD_KEY_FILE"] = str(data / "record.key")
 
     def start(self) -> None:
         """Start both, unless they run or somebody else's were given in place of both."""

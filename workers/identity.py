@@ -6,6 +6,7 @@ leaves a key with the certificate of another.
 
 from __future__ import annotations
 
+import logging
 import ssl
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,6 +19,8 @@ from cryptography.x509.oid import NameOID
 from labweb.domain.enrollment.join import SERVER_NAME, renew_due_s
 from labweb.domain.errors import EnrollmentError
 from workers.keys import HostKey, create_key, load_key, write_private
+
+log = logging.getLogger(__name__)
 
 NEXT = ".next"
 """Ending of the file with the key that the next certificate is asked for."""
@@ -100,6 +103,21 @@ def take_certificate(key_file: Path, key: HostKey, certificate: str, authority: 
     check_certificate(key, certificate, authority)
     write_private(key_file, key.pem + certificate.encode())
     key_file.with_name(key_file.name + NEXT).unlink(missing_ok=True)
+
+
+def renewed(who: Identity, certificate: str) -> Identity:
+    """Put the next key and its certificate in the place of the present ones; return who this is.
+
+    Raises:
+        EnrollmentError: The certificate is not for the next key, or not of this authority.
+            Nothing changed.
+    """
+    if who.ca_file is None:
+        return who
+    authority = who.ca_file.read_text("ascii")
+    take_certificate(who.key_file, next_key(who.key_file), certificate, authority)
+    log.info("the next certificate is in use")
+    return load_identity(who.key_file, who.ca_file)
 
 
 def check_certificate(key: HostKey, certificate: str, authority: str) -> None:

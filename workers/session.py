@@ -2,15 +2,26 @@
 
 from __future__ import annotations
 
+import logging
 from importlib.metadata import version
 
 import msgspec
 
-from labweb.domain.messages import Devices, Hello, StopLab, Welcome
+from labweb.domain.messages import (
+    Devices,
+    Heads,
+    Hello,
+    StopLab,
+    Welcome,
+    countersigned_bytes,
+)
 from labweb.domain.runs import standing
+from labweb.domain.runs.countersigning import write_head
 from labweb.domain.runs.moment import Moment
 from workers.journal import Journal
-from workers.keys import HostKey
+from workers.keys import HostKey, is_signature
+
+log = logging.getLogger(__name__)
 
 
 def make_hello(journal: Journal, key: HostKey, nonce: str, instance_id: str = "") -> Hello:
@@ -92,6 +103,24 @@ def lose_link(journal: Journal) -> None:
     """
     with journal.write() as tx:
         standing.write_link_lost(tx, journal.moment())
+
+
+def countersign(journal: Journal, key: HostKey, heads: Heads) -> None:
+    """Keep the heads of the server's chains whose signature holds, and sign each of them.
+
+    Effect:
+        On the record only. A chain that is shorter than it was, or another one, is told of.
+    """
+    sound = [
+        one for one in heads.signed if is_signature(heads.key, one.body.encode(), one.signature)
+    ]
+    if len(sound) < len(heads.signed):
+        log.warning("%d heads bear no signature of their key", len(heads.signed) - len(sound))
+    if not sound:
+        return
+    with journal.write() as tx:
+        for one in sound:
+            write_head(tx, heads.key, one, key.sign(countersigned_bytes(heads.key, one)))
 
 
 def latch_stop(journal: Journal, stop: StopLab) -> None:

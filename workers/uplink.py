@@ -30,6 +30,7 @@ from labweb.domain.messages import (
     Devices,
     DriverPart,
     Events,
+    Heads,
     Heartbeat,
     LookPart,
     Nudge,
@@ -61,9 +62,9 @@ from workers.identity import (
     Identity,
     load_identity,
     next_key,
+    renewed,
     server_name,
     signing_request,
-    take_certificate,
 )
 from workers.journal import Journal
 from workers.looking import Looker
@@ -71,6 +72,7 @@ from workers.patience import Patience, RefusedError
 from workers.samples import SampleTeller
 from workers.session import (
     arm,
+    countersign,
     latch_stop,
     lose_link,
     make_hello,
@@ -261,6 +263,8 @@ class Uplink:
                 ring(self._config.supervisor_bell)
             case LookPart():
                 self._looker.take(frame)
+            case Heads():
+                countersign(self._journal, self._identity.key, frame)
             case TryoutPart() | TryoutAsk():
                 hand_on(self._store, frame)
             case AskTold():
@@ -313,14 +317,9 @@ class Uplink:
 
     async def _take_certificate(self, socket: ClientConnection, frame: Renewed) -> None:
         """Put the next key in the place of the present one, and open a session with it."""
-        who = self._identity
-        if who.ca_file is None:
-            return
-        key = next_key(who.key_file)
-        take_certificate(who.key_file, key, frame.certificate, who.ca_file.read_text("ascii"))
-        self._identity = load_identity(who.key_file, who.ca_file)
-        log.info("the next certificate is in use")
-        await socket.close()
+        if self._identity.ca_file is not None:
+            self._identity = renewed(self._identity, frame.certificate)
+            await socket.close()
 
     # --- up ---
 

@@ -13,7 +13,7 @@ import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
-from urllib.parse import parse_qsl, urlencode, urlsplit, urlunsplit
+from urllib.parse import parse_qsl, unquote, urlencode, urlsplit, urlunsplit
 
 from deploy.embedded.errors import EmbeddedError
 from deploy.embedded.layout import CHECKOUT
@@ -22,6 +22,10 @@ DATABASE = "DATABASE_URL"
 REDIS = "REDIS_URL"
 AMQP = "AMQP_URL"
 BROKER = "LABWEB_BROKER_URL"
+OWNER = "LABWEB_DATABASE_OWNER_URL"
+"""The same database for the owner of its tables, who alone changes them; the lab's processes
+never see it."""
+
 NAMES = {DATABASE: "PostgreSQL", REDIS: "Redis", AMQP: "RabbitMQ"}
 """What each variable gives, in the order in which they are told."""
 
@@ -56,6 +60,21 @@ def given_urls(environment: Mapping[str, str] = os.environ) -> dict[str, str]:
     """List the addresses that the person has set; an empty one counts as not set."""
     found = {name: environment.get(name, "").strip() for name in NAMES}
     return {name: url for name, url in found.items() if url}
+
+
+def owner_url(environment: Mapping[str, str] = os.environ) -> str:
+    """Give the address of the person's database for the owner of its tables; empty: none."""
+    return environment.get(OWNER, "").strip()
+
+
+def role_of(database_url: str) -> str:
+    """Give the role that signs in at an address; empty: the address names none.
+
+    Example:
+        >>> role_of("postgresql://labweb_app:secret@10.0.0.5/labweb")
+        'labweb_app'
+    """
+    return unquote(urlsplit(database_url).username or "")
 
 
 def urls_for_children(given: Mapping[str, str]) -> dict[str, str]:

@@ -27,6 +27,9 @@ from deploy.embedded.errors import EmbeddedError
 
 VERSION = "18"
 NAME = "labweb"
+APP_ROLE = "labweb_app"
+"""Role with which the lab's processes sign in: it owns nothing, and only appends to the record."""
+
 LESSER_USER = "nobody"
 _READY_LINE = 7
 _SETTINGS = {
@@ -70,8 +73,16 @@ class Postgres:
 
     @property
     def url(self) -> str:
-        """Give the address in the form that libpq reads."""
-        return f"postgresql://{NAME}@/{NAME}?host={quote(str(self._sockets))}"
+        """Give the address for the owner of the tables, in the form that libpq reads."""
+        return self._url(NAME)
+
+    @property
+    def app_url(self) -> str:
+        """Give the address for the lab's processes."""
+        return self._url(APP_ROLE)
+
+    def _url(self, role: str) -> str:
+        return f"postgresql://{role}@/{NAME}?host={quote(str(self._sockets))}"
 
     def prepare(self, environment: Mapping[str, str]) -> bool:
         """Make the cluster and its database if there is none.

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from deploy.embedded.children import Process, StopOrder
 from deploy.embedded.layout import CHECKOUT, Layout
+from deploy.embedded.postgres import APP_ROLE
 from deploy.embedded.record import MARK
 from deploy.embedded.stack import clean_environment
 
@@ -36,6 +37,9 @@ class Site:
     """Simulated seconds per second."""
 
     with_twin: bool = True
+    database_role: str | None = APP_ROLE
+    """Role with which the processes sign in; None: they own the tables."""
+
     edge: str | None = None
     """Where edge hosts of other machines are let in, over TLS; None: nowhere."""
 

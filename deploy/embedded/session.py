@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import socket
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from time import monotonic
 
@@ -104,7 +104,9 @@ def run(
             with_twin=options.with_twin,
             edge=options.edge,
         )
-        servers = Servers(Stack(site.layout, site.sockets, given=given), found)
+        stack = Stack(site.layout, site.sockets, given=given)
+        site = replace(site, database_role=stack.app_role)
+        servers = Servers(stack, found)
         _Session(site, servers, guard, console, Tables(process_table, stage_table)).run()
     finally:
         record.forget(layout)
@@ -125,7 +127,7 @@ class _Session:
         self._tables = tables
         book = record.begin(guard)
         book.url, book.lab, book.speed = site.url, str(site.lab), site.speed
-        self._environment = processes.environment(site, self._stack.urls, book.token)
+        self._environment = processes.environment(site, self._stack.app_urls, book.token)
         self._supervisor = Supervisor(site.layout, book, console)
 
     def run(self) -> None:
@@ -151,6 +153,11 @@ class _Session:
         }
         for server in self._found.values():
             self._console.line(server.line)
+        if self._site.database_role is None:
+            self._console.line(
+                f"The role of {external.DATABASE} owns the tables, and could rewrite the record. "
+                f"Name another role there, and the owner's address in {external.OWNER}"
+            )
         if valkey is not None:
             self._supervisor.start(valkey.process(), environment)
         if postgres is not None:
@@ -186,7 +193,10 @@ class _Session:
 
     def _run_stage(self, stage: stages.Stage) -> None:
         name = stage.name.lower().replace(" ", "-")
-        code = self._supervisor.run_stage(name, stage.argv, self._environment)
+        environment = self._environment
+        if stage.as_owner:
+            environment = environment | {external.DATABASE: self._stack.owner_url}
+        code = self._supervisor.run_stage(name, stage.argv, environment)
         log = self._supervisor.log_of(name)
         if code != 0:
             said = "\n  ".join(last_lines(log, 12))

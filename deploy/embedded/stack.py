@@ -27,7 +27,7 @@ from deploy.embedded.layout import (
     open_data_directory,
     open_sockets,
 )
-from deploy.embedded.postgres import Postgres
+from deploy.embedded.postgres import APP_ROLE, Postgres
 from deploy.embedded.valkey import Valkey
 
 READY_TIMEOUT_S = 60.0
@@ -82,6 +82,26 @@ class Stack:
         return found | self.given_urls
 
     @property
+    def app_urls(self) -> dict[str, str]:
+        """Give the same addresses for the lab's processes, which own nothing of our database."""
+        if self.postgres is None:
+            return self.urls
+        return self.urls | {external.DATABASE: self.postgres.app_url}
+
+    @property
+    def owner_url(self) -> str:
+        """Give the address of the database for the owner of its tables."""
+        return external.owner_url() or self.urls[external.DATABASE]
+
+    @property
+    def app_role(self) -> str | None:
+        """Give the role of the lab's processes; None: they sign in as the owner of the tables."""
+        if self.postgres is not None:
+            return APP_ROLE
+        role = external.role_of(self.app_urls[external.DATABASE])
+        return role if role and external.owner_url() else None
+
+    @property
     def given_urls(self) -> dict[str, str]:
         """Give those of the addresses that are the person's own."""
         return external.urls_for_children(self._given)
@@ -98,7 +118,10 @@ class Stack:
 
 def clean_environment() -> dict[str, str]:
     """Copy this process's environment without what would mislead a child."""
-    misleading = {"PYTHONDONTWRITEBYTECODE", "NOTIFY_SOCKET", external.BROKER, *external.NAMES}
+    misleading = {
+        *("PYTHONDONTWRITEBYTECODE", "NOTIFY_SOCKET"),
+        *(external.BROKER, external.OWNER, *external.NAMES),
+    }
     return {
         name: value
         for name, value in os.environ.items()

@@ -13,6 +13,7 @@ from pathlib import Path
 from deploy.embedded.layout import CHECKOUT, read_json, write_private
 from deploy.embedded.processes import Site
 
+_GRANTS = CHECKOUT / "labweb" / "accounts" / "management" / "commands" / "grant_database.py"
 _SEEDING_CODE = ("labweb", "drivers", "fixtures", "workers")
 
 
@@ -30,6 +31,9 @@ class Stage:
     makes: tuple[Path, ...] = ()
     """Files it leaves; when one is missing the stage runs again."""
 
+    as_owner: bool = False
+    """It changes tables, so that it signs in as their owner."""
+
 
 def table(site: Site) -> list[Stage]:
     """List the stages of a lab in their order."""
@@ -40,7 +44,13 @@ def table(site: Site) -> list[Stage]:
         seed = (*seed, "--bind", str(site.bind))
     schema = _schema_fingerprint()
     return [
-        Stage("Database tables", (*manage, "migrate", "--noinput", "--skip-checks"), schema),
+        Stage(
+            "Database tables",
+            (*manage, "migrate", "--noinput", "--skip-checks"),
+            schema,
+            as_owner=True,
+        ),
+        *_role_stage(site, schema, manage),
         Stage(
             "Lab and users",
             seed,
@@ -53,6 +63,15 @@ def table(site: Site) -> list[Stage]:
             ),
         ),
     ]
+
+
+def _role_stage(site: Site, schema: str, manage: tuple[str, ...]) -> list[Stage]:
+    """Restrict the role of the lab's processes, after each change of the tables."""
+    if site.database_role is None:
+        return []
+    grants = _digest([schema, site.database_role, _GRANTS.read_text(encoding="utf-8")])
+    argv = (*manage, "grant_database", site.database_role, "--skip-checks")
+    return [Stage("Database role", argv, grants, as_owner=True)]
 
 
 class Ledger:

@@ -63,3 +63,33 @@ class AuditEntry(models.Model):
 
     def __str__(self) -> str:
         return f"{self.action} {self.subject}"
+
+
+class SignedHead(models.Model):
+    """Where a chain ended at a time, signed with a key that is in no database.
+
+    Appended, never edited. A chain that was hashed anew fits its signed heads no more.
+    """
+
+    id = models.BigAutoField(primary_key=True)
+    chain = models.CharField(max_length=64)
+    """`audit`, `decisions`, or `events:` and the id of a lab."""
+
+    seq = models.BigIntegerField()
+    """Number of the last row of the chain."""
+
+    at = models.DateTimeField()
+    key = models.CharField(max_length=64)
+    """Public half of the key, base64. A verifier must know it from elsewhere to trust it."""
+
+    body = models.TextField()
+    """The signed text, a `ChainHead`."""
+
+    signature = models.CharField(max_length=100)
+
+    class Meta:
+        ordering = ["-id"]
+        constraints = [models.UniqueConstraint(fields=["chain", "seq"], name="head_once")]
+
+    def __str__(self) -> str:
+        return f"{self.chain} at {self.seq}"

@@ -15,8 +15,11 @@ from kombu.exceptions import OperationalError as BrokerError
 from redis.exceptions import ConnectionError as RedisAway
 from redis.exceptions import TimeoutError as RedisSilent
 from rest_framework import exceptions
+from rest_framework.request import Request
 from rest_framework.response import Response
 
+from labweb.accounts import services as account_services
+from labweb.accounts.selectors import User
 from labweb.domain import errors
 
 logger = logging.getLogger(__name__)
@@ -51,6 +54,7 @@ def status_of(error: errors.LabError) -> int:
 
 def handle(error: Exception, context: dict[str, Any]) -> Response:
     """Render a failure in the one shape; what nobody foresaw is logged and says no details."""
+    _audit_refusal(error, context.get("request"))
     if isinstance(error, errors.LabError):
         return Response(error.to_json(), status=status_of(error))
     if isinstance(error, Http404):
@@ -62,6 +66,22 @@ def handle(error: Exception, context: dict[str, Any]) -> Response:
     request = context.get("request")
     method, path = getattr(request, "method", "") or "", getattr(request, "path", "")
     return Response(*_failed(error, method, path))
+
+
+def _audit_refusal(error: Exception, request: Request | None) -> None:
+    """Write down who asked for what they may not; a database that is away is not waited for."""
+    is_refusal = isinstance(
+        error, errors.GovernanceError | PermissionDenied | exceptions.PermissionDenied
+    )
+    if not is_refusal or request is None or not isinstance(request.user, User):
+        return
+    code = error.code if isinstance(error, errors.LabError) else "http.permission_denied"
+    try:
+        account_services.write_refusal(
+            request.user, method=request.method or "", path=request.path, code=code
+        )
+    except AWAY:
+        logger.warning("a refusal at %s could not be written down", request.path)
 
 
 def no_such(request: HttpRequest) -> JsonResponse:

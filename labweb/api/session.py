@@ -59,6 +59,9 @@ class Session(APIView):
         user = authenticate(request, username=given.username, password=given.password)
         if not isinstance(user, User):
             _count_failure(keys)
+            account_services.write_failed_sign_in(
+                given.username, address=request.META.get("REMOTE_ADDR", "")
+            )
             raise ForbiddenError("the name or the password is wrong", code="session.wrong")
         cache.delete(_name_key(given.username))
         login(request._request, user)  # noqa: SLF001 - DRF offers no other way to the session
@@ -67,6 +70,8 @@ class Session(APIView):
 
     def delete(self, request: Request) -> Response:
         """Sign out."""
+        if isinstance(request.user, User):
+            account_services.write_audit("session.close", str(request.user.pk), actor=request.user)
         logout(request._request)  # noqa: SLF001 - DRF offers no other way to the session
         return Response(status=204)
 

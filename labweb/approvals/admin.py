@@ -55,14 +55,24 @@ class Policies(admin.ModelAdmin[Policy]):
         form: forms.ModelForm[Policy],
         change: bool,  # noqa: FBT001 - Django's shape
     ) -> None:
-        """Write the policy and who changed it."""
+        """Write the policy, who changed it, and what it was before."""
+        before = _plain(Policy.objects.get(pk=obj.pk)) if change else None
         super().save_model(request, obj, form, change)
         account_services.write_audit(
             "policy.change" if change else "policy.add",
             str(obj.pk),
             actor=None if request.user.pk is None else user_by_id(request.user.pk),
-            detail={"name": obj.name, "rule": obj.rule, "is_active": obj.is_active},
+            detail={**_plain(obj), "before": before},
         )
+
+
+def _plain(row: Policy) -> dict[str, Any]:
+    return {
+        "name": row.name,
+        "rule": row.rule,
+        "allow_self": row.allow_self,
+        "is_active": row.is_active,
+    }
 
 
 @admin.register(ApprovalRequest)

@@ -76,7 +76,13 @@ class ApprovalRequest(Base):
 
 
 class Decision(Base):
-    """A person's answer. One per request; the first writer wins."""
+    """A person's answer. One per request; the first writer wins.
+
+    Appended, never edited; each row binds the one before.
+    """
+
+    seq = models.BigIntegerField(unique=True)
+    """Gap-free, from 1."""
 
     request = models.OneToOneField(
         ApprovalRequest, on_delete=models.PROTECT, related_name="decision"
@@ -88,6 +94,8 @@ class Decision(Base):
     comment = models.TextField(blank=True)
     plan_digest = models.CharField(max_length=64)
     at = models.DateTimeField()
+    prev_hash = models.CharField(max_length=64, blank=True)
+    hash = models.CharField(max_length=64, unique=True)
 
     def __str__(self) -> str:
         return f"{self.printed_name}: {self.meaning}"

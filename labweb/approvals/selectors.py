@@ -2,23 +2,26 @@
 
 from __future__ import annotations
 
+import hashlib
+from collections.abc import Sequence
 from datetime import timedelta
 from uuid import UUID
 
 import msgspec
 from django.db.models import QuerySet, UUIDField
 
+from labweb.accounts.selectors.chain import DECISIONS, first_broken_head
 from labweb.approvals.models import ApprovalRequest as ApprovalRequest
+from labweb.approvals.models import Decision, SimulatorOffer
 from labweb.approvals.models import Policy as Policy
-from labweb.approvals.models import SimulatorOffer
 from labweb.approvals.models import Tryout as Tryout
 from labweb.approvals.models import TryoutAct as TryoutAct
 from labweb.common.clock import now
 from labweb.common.prepared import Given, Prepared
 from labweb.domain.enrollment.spec import DriverSpec
 from labweb.domain.enrollment.tryout import SILENT_S, STARTS_S, Act, Tried, fitting, tried
-from labweb.domain.errors import NotFoundError
-from labweb.domain.messages import SimulatedModel
+from labweb.domain.errors import Finding, NotFoundError
+from labweb.domain.messages import Countersigned, SimulatedModel, canonical
 from labweb.domain.runs.session import SessionState
 from labweb.enrollment.selectors import DriverVersion, EdgeHost
 from labweb.resources.selectors import Lab
@@ -54,6 +57,52 @@ def find_request(request_id: UUID) -> ApprovalRequest:
     if row is None:
         raise NotFoundError(f"no request {request_id}", code="approval.not_found")
     return row
+
+
+def decision_hash(prev: str, row: Decision) -> str:
+    """Return the SHA-256 that binds a decision to all before it."""
+    fields = {
+        "prev": prev,
+        "seq": row.seq,
+        "request": str(row.request_id),
+        "actor": str(row.actor_id),
+        "printed_name": row.printed_name,
+        "is_approved": row.is_approved,
+        "meaning": row.meaning,
+        "comment": row.comment,
+        "plan_digest": row.plan_digest,
+        "at": row.at.isoformat(),
+    }
+    return hashlib.sha256(canonical(fields)).hexdigest()
+
+
+def end_of_decisions() -> tuple[int, str] | None:
+    """Return number and hash of the last decision; None: there is none."""
+    row = Decision.objects.order_by("-seq").values_list("seq", "hash").first()
+    return None if row is None else (row[0], row[1])
+
+
+def first_broken_decision(kept: Sequence[Countersigned] = ()) -> Finding | None:
+    """Return the first decision that is not as it was written, or the first head that fails.
+
+    Args:
+        kept: Heads that were kept outside of this server.
+    """
+    seq, prev = 0, ""
+    for row in Decision.objects.order_by("seq").iterator(chunk_size=2000):
+        if row.seq != seq + 1 or row.prev_hash != prev:
+            text = f"decision {seq + 1} is missing, or was exchanged: decision {row.seq} follows"
+            return Finding("decisions.missing", text, str(seq + 1))
+        if decision_hash(prev, row) != row.hash:
+            text = f"decision {row.seq} was edited: it does not fit its own hash"
+            return Finding("decisions.edited", text, str(row.seq))
+        seq, prev = row.seq, row.hash
+    rows = Decision.objects.all()
+    return first_broken_head(
+        DECISIONS,
+        lambda number: rows.filter(seq=number).values_list("hash", flat=True).first(),
+        kept,
+    )
 
 
 def run_of(row: ApprovalRequest) -> UUID:

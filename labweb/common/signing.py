@@ -15,6 +15,7 @@ from django.conf import settings
 
 from labweb.domain.errors import EnrollmentError
 from labweb.domain.messages import (
+    ChainHead,
     Command,
     DriverApproval,
     LookOrder,
@@ -28,9 +29,14 @@ def _key_path() -> Path:
     return Path(os.environ.get("LABWEB_COMMAND_KEY_FILE", settings.DATA_DIR / "command.key"))
 
 
+def _record_key_path() -> Path:
+    return Path(os.environ.get("LABWEB_RECORD_KEY_FILE", settings.DATA_DIR / "record.key"))
+
+
 def ensure_key() -> None:
-    """Create the key that signs commands, readable by the owner alone, unless it exists."""
+    """Create the keys that sign commands and heads, readable by the owner alone, if missing."""
     make_key(_key_path())
+    make_key(_record_key_path())
 
 
 def make_key(path: Path) -> str:
@@ -65,14 +71,36 @@ def _private_key() -> Ed25519PrivateKey:
     return _read_key(_key_path())
 
 
+@cache
+def _record_key() -> Ed25519PrivateKey:
+    return _read_key(_record_key_path())
+
+
+def record_public_key() -> str:
+    """Return the public half of the key that signs the heads of the record, base64."""
+    return _public_half(_record_key())
+
+
+def sign_head(head: ChainHead) -> Signed:
+    """Sign where a chain ends, with a key that is in no database."""
+    body = canonical(head)
+    signature = base64.b64encode(_record_key().sign(body)).decode()
+    return Signed(body=body.decode(), key_id=id_of(record_public_key()), signature=signature)
+
+
 def public_key() -> str:
     """Return the public half of the command key, base64."""
     return _public_half(_private_key())
 
 
 def key_id() -> str:
-    """Return a short name of the command key: the start of its SHA-256."""
-    return hashlib.sha256(public_key().encode()).hexdigest()[:16]
+    """Return a short name of the command key."""
+    return id_of(public_key())
+
+
+def id_of(key: str) -> str:
+    """Return a short name of a public key: the start of its SHA-256."""
+    return hashlib.sha256(key.encode()).hexdigest()[:16]
 
 
 def sign(statement: Command | DriverApproval | LookOrder | TryoutOrder) -> Signed:

@@ -182,11 +182,12 @@ class EdgeConsumer(AsyncWebsocketConsumer):
         await database_sync_to_async(enrollment_services.resume_host)(self.host_id, self.epoch)
         await self._send(Resume(epoch=self.epoch))
         await self._repeat_stop(self.host_id)
+        await self.edge_heads({})
         for asked in await database_sync_to_async(services.files_asked)(self.host_id):
             await self._send(asked)
 
     async def _repeat_stop(self, host_id: UUID) -> None:
-        stop = await database_sync_to_async(_open_stop)(host_id)
+        stop = await database_sync_to_async(enrollment_selectors.open_stop)(host_id)
         if stop is not None:
             await self._send(stop)
 
@@ -346,6 +347,12 @@ class EdgeConsumer(AsyncWebsocketConsumer):
         if self.is_online:
             await self._send(Nudge(signed=msgspec.convert(message["signed"], Signed)))
 
+    async def edge_heads(self, _message: dict[str, Any]) -> None:
+        """Send the newest heads of the record for the host to countersign."""
+        heads = await database_sync_to_async(services.heads_for_hosts)()
+        if heads is not None and self.is_online:
+            await self._send(heads)
+
     async def edge_rival(self, _message: dict[str, Any]) -> None:
         """Note that another process was refused; if this one lives on, two copies exist."""
         self.beats_to_rival = BEATS_TO_RIVAL
@@ -387,13 +394,3 @@ class EdgeConsumer(AsyncWebsocketConsumer):
 
     async def _send(self, frame: ServerFrame) -> None:
         await self.send(text_data=json.dumps(msgspec.to_builtins(frame)))
-
-
-def _open_stop(host_id: UUID) -> StopLab | None:
-    host = enrollment_selectors.find_host(host_id)
-    if host is None:
-        return None
-    lab = host.lab
-    if not lab.is_stopped or lab.stop_id is None or host.stop_acknowledged == lab.stop_id:
-        return None
-    return StopLab(stop_id=lab.stop_id, issued_by=str(lab.stopped_by_id))

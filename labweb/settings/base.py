@@ -131,6 +131,9 @@ CACHES = {
     }
 }
 
+HEADS_EVERY_S = float(os.environ.get("LABWEB_HEADS_EVERY_S", "600"))
+"""How often the ends of the audit trail, the decisions and the events are signed."""
+
 LANGUAGE_CODE = "en"
 # Times in the admin as everywhere else: the day by its number, the clock with 24 hours, UTC.
 FORMAT_MODULE_PATH = ["labweb.common.formats"]

@@ -176,7 +176,8 @@ def test_a_stage_is_repeated_when_a_given_server_has_another_address(tmp_path: P
 def test_a_lab_starts_without_checks_of_our_own_code_which_are_a_gate(tmp_path: Path) -> None:
     (tmp_path / "lab.json").touch()
     site = _a_site(tmp_path)
-    tables, lab = stages.table(site)
+    tables, role, lab = stages.table(site)
+    assert "--skip-checks" in role.argv
     assert "--skip-checks" in tables.argv
     for name in (lab.argv[2], "dispatcher"):
         assert not load_command_class("labweb.runs", name).requires_system_checks

@@ -5,8 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from datetime import datetime, timedelta
 from functools import partial
+from typing import Any
 from uuid import UUID
 
+from django.db import connection
 from django.db.transaction import atomic, on_commit
 
 from labweb.accounts import services as account_services
@@ -33,6 +35,8 @@ from labweb.resources import selectors as resource_selectors
 from labweb.resources.selectors import Lab
 
 DRIVER_RULE = "A driver needs a second person"
+
+_DECISION_LOCK = 0x6C61_6263
 
 _DRIVER_REQUEST_LIFE = timedelta(days=30)
 
@@ -114,7 +118,7 @@ def decide(request_id: UUID, *, actor: User, is_approved: bool, comment: str) ->
         raise StateError(message, code=code)
     row.state = ApprovalRequest.State.APPROVED if is_approved else ApprovalRequest.State.REJECTED
     row.save(update_fields=["state"])
-    Decision.objects.create(
+    _append_decision(
         request=row,
         actor=actor,
         printed_name=actor.printed_name,
@@ -133,6 +137,16 @@ def decide(request_id: UUID, *, actor: User, is_approved: bool, comment: str) ->
     )
     on_commit(partial(feed.publish, "approvals", {"request_id": str(row.id)}))
     return row
+
+
+def _append_decision(**fields: Any) -> None:  # noqa: ANN401 - the columns of a decision
+    """Bind a decision to the one before, one at a time."""
+    with connection.cursor() as cursor:
+        cursor.execute("SELECT pg_advisory_xact_lock(%s)", [_DECISION_LOCK])
+    seq, prev = selectors.end_of_decisions() or (0, "")
+    decision = Decision(seq=seq + 1, prev_hash=prev, **fields)
+    decision.hash = selectors.decision_hash(prev, decision)
+    decision.save(force_insert=True)
 
 
 def _meaning(row: ApprovalRequest, *, is_approved: bool) -> str:

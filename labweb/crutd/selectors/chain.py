@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import hashlib
 import zlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import msgspec
 
+from labweb.accounts.selectors.chain import EVENTS, first_broken_head
 from labweb.crutd.models import Event, EventHead, EventSubject, LabBase
 from labweb.domain.crutd import operations
 from labweb.domain.errors import Finding
-from labweb.domain.messages import canonical
+from labweb.domain.messages import Countersigned, canonical
 from labweb.resources.selectors import Lab
 
 _AT_ONCE = 2000
@@ -41,6 +42,32 @@ def first_broken_event(lab: Lab) -> Finding | None:
         text = f"event {seq} is the last one, and event {head.seq} was: the end was cut off"
         return Finding("events.truncated", text, str(seq + 1), {"seq": seq + 1})
     return _broken_base(lab)
+
+
+def chain_of(lab: Lab) -> str:
+    """Return the name under which heads of a lab's events are signed."""
+    return f"{EVENTS}{lab.pk}"
+
+
+def end_of_events(lab: Lab) -> tuple[int, str] | None:
+    """Return number and hash of a lab's last event; None: there is none."""
+    row = Event.objects.filter(lab=lab).order_by("-seq").values_list("seq", "hash").first()
+    return None if row is None else (row[0], row[1])
+
+
+def first_broken_signed_head(lab: Lab, kept: Sequence[Countersigned] = ()) -> Finding | None:
+    """Return the first signed head that a lab's events do not fit, or None.
+
+    Args:
+        lab: Whose.
+        kept: Heads that were kept outside of this server.
+    """
+    rows = Event.objects.filter(lab=lab)
+    return first_broken_head(
+        chain_of(lab),
+        lambda seq: rows.filter(seq=seq).values_list("hash", flat=True).first(),
+        kept,
+    )
 
 
 def _batches(lab: Lab, up_to: int | None = None) -> Iterator[list[Event]]:

@@ -38,6 +38,11 @@ from labweb.domain.messages.enrolling import Renew as Renew
 from labweb.domain.messages.enrolling import Renewed as Renewed
 from labweb.domain.messages.enrolling import Sighting as Sighting
 from labweb.domain.messages.enrolling import Sightings as Sightings
+from labweb.domain.messages.heads import ChainHead as ChainHead
+from labweb.domain.messages.heads import Countersigned as Countersigned
+from labweb.domain.messages.heads import Heads as Heads
+from labweb.domain.messages.heads import countersigned_bytes as countersigned_bytes
+from labweb.domain.messages.heads import read_head as read_head
 from labweb.domain.messages.looks import LookOrder as LookOrder
 from labweb.domain.messages.looks import LookPart as LookPart
 from labweb.domain.messages.looks import LookTold as LookTold
@@ -72,7 +77,7 @@ class EdgeEvent(msgspec.Struct, frozen=True, kw_only=True):
     kind: str
     """accepted, refused, rejected, stopped, started, actuated, complete, aborted, in_doubt,
     resolved, boot, armed, link_lost, stop_latched, stop_reset, released, kept, received,
-    driver_ready, driver_refused, driver_serving."""
+    driver_ready, driver_refused, driver_serving, countersigned, head_refused."""
 
     action_id: UUID | None
     at_s: float
@@ -250,6 +255,7 @@ ServerFrame = (
     | TryoutPart
     | TryoutAsk
     | LookPart
+    | Heads
 )
 
 

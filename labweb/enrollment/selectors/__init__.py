@@ -20,7 +20,7 @@ from labweb.domain.enrollment.join import code_of
 from labweb.domain.enrollment.sighting import FORGOTTEN_AFTER_S
 from labweb.domain.enrollment.spec import DriverSpec
 from labweb.domain.errors import NotFoundError
-from labweb.domain.messages import DeviceConfig
+from labweb.domain.messages import DeviceConfig, StopLab
 from labweb.domain.runs.session import SessionState
 from labweb.enrollment.models import Candidate as Candidate
 from labweb.enrollment.models import Device as Device
@@ -76,6 +76,16 @@ def hosts_of(lab: Lab) -> QuerySet[EdgeHost]:
 def find_host(host_id: UUID) -> EdgeHost | None:
     """Return a host, or None."""
     return EdgeHost.objects.filter(pk=host_id).select_related("lab").first()
+
+
+def open_stop(host_id: UUID) -> StopLab | None:
+    """Return the stop of its lab that a host has not acknowledged, or None."""
+    host = find_host(host_id)
+    if host is None or not host.lab.is_stopped or host.lab.stop_id is None:
+        return None
+    if host.stop_acknowledged == host.lab.stop_id:
+        return None
+    return StopLab(stop_id=host.lab.stop_id, issued_by=str(host.lab.stopped_by_id))
 
 
 def host_for_update(host_id: UUID) -> EdgeHost:

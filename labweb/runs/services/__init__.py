@@ -36,6 +36,7 @@ from labweb.runs.services.fencing import (
     revoke_host,
 )
 from labweb.runs.services.files import files_asked, offer_file, read_file, take_file, take_gone
+from labweb.runs.services.heads import heads_for_hosts, sign_heads
 from labweb.runs.services.ingest import ingest_events
 from labweb.runs.services.isolation import isolate_hosts
 from labweb.runs.services.picture import lab_view
@@ -61,6 +62,7 @@ __all__ = [
     "fence_host",
     "files_asked",
     "hand_over",
+    "heads_for_hosts",
     "ingest_events",
     "is_away",
     "is_passing",
@@ -88,6 +90,7 @@ __all__ = [
     "resume_run",
     "revoke_host",
     "show_device",
+    "sign_heads",
     "start_run",
     "stop_lab",
     "switch_waiting",

@@ -33,7 +33,7 @@ from labweb.enrollment import services as enrollment_services
 from labweb.enrollment.selectors import EdgeHost
 from labweb.runs import selectors
 from labweb.runs.models import Attempt, HostEvent, Outbox
-from labweb.runs.services import dispatch, drivers
+from labweb.runs.services import dispatch, drivers, heads
 from labweb.runs.services.batches import settle_batch
 from labweb.runs.services.carrying import hand_on
 from labweb.runs.services.custody import KINDS, take_custody_event
@@ -136,6 +136,8 @@ def _apply_word(host: EdgeHost, event: EdgeEvent) -> None:
         ).update(settled_at=now())
     if event.kind in drivers.KINDS:
         drivers.take_driver_event(host, event)
+    if event.kind in heads.KINDS:
+        heads.take_head_event(host, event)
     if event.kind in KINDS:
         take_custody_event(host, event)
     if event.kind == "halted":

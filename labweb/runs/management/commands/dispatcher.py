@@ -14,6 +14,7 @@ from types import FrameType
 from typing import TypeVar
 from uuid import UUID
 
+from django.conf import settings
 from django.core.management.base import BaseCommand
 from django.db import DEFAULT_DB_ALIAS, connection, connections
 from django.db.backends.postgresql.base import DatabaseWrapper
@@ -154,6 +155,7 @@ class Command(BaseCommand):
     help = "Dispatch queued jobs to edge hosts, ring their doorbells and watch over them."
     requires_system_checks = ()
 
+    _sign_at = 0.0
     _led_by: object | None = None
     """Connection that holds the leader's lock."""
 
@@ -197,6 +199,9 @@ class Command(BaseCommand):
         if self._is_leader():
             doing.do("dispatch jobs", services.dispatch_ready)
             doing.do("send commands", services.publish_outbox)
+            if time.monotonic() >= self._sign_at:
+                self._sign_at = time.monotonic() + settings.HEADS_EVERY_S
+                doing.do("sign the record", services.sign_heads)
 
     def _is_leader(self) -> bool:
         """Tell whether this process leads; its lock lives as long as its connection."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Mapping, Sequence
 from typing import Any
 from uuid import UUID
@@ -10,11 +9,13 @@ from uuid import UUID
 from django.db.transaction import atomic
 
 from labweb.accounts.models import AuditEntry, Grant, User
+from labweb.accounts.selectors.chain import audit_hash
+from labweb.accounts.services.heads import sign_chain as sign_chain
 from labweb.common.clock import now
 from labweb.common.prepared import Question, insert_rows, together
-from labweb.domain.messages import canonical
 
 _AUDIT_LOCK = 0x6C61_6261
+_LONGEST_SUBJECT = 128
 
 
 @atomic
@@ -78,15 +79,6 @@ def write_audit(
     last = together(*end_of_audit())[-1] if after is None else after
     prev = last[0] if last else ""
     at = now()
-    fields = {
-        "prev": prev,
-        "at": at.isoformat(),
-        "actor": None if actor is None else str(actor.pk),
-        "action": action,
-        "subject": subject,
-        "reason": reason,
-        "detail": dict(detail or {}),
-    }
     entry = AuditEntry(
         at=at,
         actor=actor,
@@ -95,7 +87,24 @@ def write_audit(
         reason=reason,
         detail=dict(detail or {}),
         prev_hash=prev,
-        hash=hashlib.sha256(canonical(fields)).hexdigest(),
     )
+    entry.hash = audit_hash(prev, entry)
     insert_rows([entry])
     return entry
+
+
+def write_failed_sign_in(username: str, *, address: str) -> AuditEntry:
+    """Append that somebody could not sign in.
+
+    The name is kept where it is somebody's: what else was typed there may be a password.
+    """
+    user = User.objects.filter(username__iexact=username[:150]).first()
+    known = "" if user is None else str(user.pk)
+    detail = {"address": address, "is_name_known": user is not None}
+    return write_audit("session.refuse", known, actor=None, detail=detail)
+
+
+def write_refusal(actor: User, *, method: str, path: str, code: str) -> AuditEntry:
+    """Append that somebody asked for what they may not do."""
+    detail = {"method": method, "code": code}
+    return write_audit("access.refuse", path[:_LONGEST_SUBJECT], actor=actor, detail=detail)
