@@ -9,17 +9,21 @@ from uuid import UUID
 
 import pytest
 
+from labweb.accounts.models import AuditEntry
 from labweb.common.clock import now
+from labweb.crutd import selectors as crutd_selectors
 from labweb.domain.errors import Effect, StateError
 from labweb.domain.runs import halting
 from labweb.domain.runs.edge import ActionState, Report
 from labweb.domain.runs.journal import ActionRow
-from labweb.enrollment.models import EdgeHost
+from labweb.enrollment.models import Device, EdgeHost
+from labweb.resources import selectors as resource_selectors
 from labweb.runs import services
 from labweb.runs.models import DeviceHalt, Job, Outbox, Run
 from labweb.runs.services import fencing
-from tests.builders import Bench
-from tests.labweb.runs.hosts import Host, a_heating_run, states
+from tests.builders import Bench, a_started_run
+from tests.labweb.runs.hosts import Host, a_heating_run, hear_stop, states
+from tests.labweb.runs.promises import KEPT, keeps, promised
 from tests.labweb.web import call, signed_in
 
 HALTED = Report(
@@ -82,6 +86,9 @@ def cut_off(host: Host, row: ActionRow) -> None:
     host.tell()
 
 
+@keeps(
+    "The run ends here; its record stays.",
+)
 def test_an_abort_halts_what_acts_and_the_run_ends_once_the_device_stands(
     bench: Bench, host: Host, run: Run
 ) -> None:
@@ -100,6 +107,9 @@ def test_an_abort_halts_what_acts_and_the_run_ends_once_the_device_stands(
     assert not Outbox.objects.filter(settled_at__isnull=True).exists()
 
 
+@keeps(
+    "What acts is halted within seconds, and the record says how far it came.",
+)
 def test_the_record_of_an_action_that_was_cut_off_says_how_far_it_came(
     bench: Bench, host: Host, run: Run
 ) -> None:
@@ -113,6 +123,10 @@ def test_the_record_of_an_action_that_was_cut_off_says_how_far_it_came(
     assert bench.node("heater_1").data.get("temperature_setpoint_c") is None
 
 
+@keeps(
+    "Heaters, stirrers, pumps and supplies that this run has set are switched off, too, "
+    "unless another run works with them."
+)
 def test_a_device_that_an_earlier_step_left_on_is_halted_though_nothing_acts_on_it(
     bench: Bench, host: Host, run: Run
 ) -> None:
@@ -141,6 +155,10 @@ def test_an_action_that_completes_as_it_is_cancelled_leaves_nothing_on(
     assert state(run) == "running"
 
 
+@keeps(
+    "A device that does not answer is halted as soon as it answers. "
+    "This page shows which one that is."
+)
 def test_a_device_that_does_not_answer_owes_its_halt_and_the_run_ends(
     bench: Bench, host: Host, run: Run
 ) -> None:
@@ -228,6 +246,10 @@ def test_a_run_behind_waits_for_the_halt_and_then_goes_on(
     assert "dispatched" in states(behind)
 
 
+@keeps(
+    "Heaters, stirrers, pumps and supplies that this run has set are switched off, too, "
+    "unless another run works with them."
+)
 def test_a_device_that_works_for_another_run_is_left_alone_and_that_is_said(
     bench: Bench, host: Host, run: Run
 ) -> None:
@@ -244,6 +266,9 @@ def test_a_device_that_works_for_another_run_is_left_alone_and_that_is_said(
     assert state(run) == "aborted"
 
 
+@keeps(
+    "No further action of this run starts.",
+)
 def test_what_its_host_gives_back_of_an_aborted_run_is_not_sent_again(
     bench: Bench, host: Host, run: Run
 ) -> None:
@@ -259,6 +284,9 @@ def test_what_its_host_gives_back_of_an_aborted_run_is_not_sent_again(
     assert state(run) == "aborted"
 
 
+@keeps(
+    "What is in doubt stays so until a person has answered.",
+)
 def test_a_run_that_is_aborted_ends_though_one_of_its_actions_is_in_doubt(
     bench: Bench, host: Host, run: Run
 ) -> None:
@@ -295,6 +323,71 @@ def test_halts_that_a_lost_journal_had_are_asked_for_again(
     assert (state(run), halts(bench, run)[0][0]) == ("aborted", "owed")
 
 
+@keeps("Liquid stays where it is.")
+def test_liquid_stays_where_it_was_when_its_transfer_was_aborted(bench: Bench, host: Host) -> None:
+    run = a_started_run(bench)
+    row = until_acting(host, "aspirate")
+    operation = row.do.operation
+    syringe, asked_nl = UUID(operation["target_id"]), operation["amount_nl"]
+    source = UUID(operation["source_id"])
+    before = sum(host.disk.resources[source].view.contents.values())
+    abort(bench, run)
+    host.take()
+    told = Report(ok=False, effect=Effect.PARTIAL, code="device.stopped", moved_nl=asked_nl // 3)
+    host.end(row, told, is_halted=True)
+    host.halt_owed()
+    host.tell()
+    assert state(run) == "aborted"
+    rows = {entry.pk: entry for entry in resource_selectors.rows([syringe, source])}
+    found = crutd_selectors.snapshot(list(rows.values()))
+    assert sum(found[syringe].contents.values()) == asked_nl // 3
+    assert sum(found[source].contents.values()) == before - asked_nl // 3
+
+
+@keeps(
+    "What is under way goes on to its end. "
+    "No further action starts before somebody resumes the run."
+)
+def test_a_pause_lets_what_acts_end_and_nothing_begin(bench: Bench, host: Host, run: Run) -> None:
+    row = until_acting(host, "stir")
+    services.pause_run(run.id, actor=bench.people["chemist"])
+    host.take()
+    assert not is_cancelled(host, row)
+    host.end(row, Report(ok=True))
+    host.tell()
+    assert Job.objects.get(run=run, action="stir").state == "complete"
+    assert services.dispatch_ready() == 0
+    services.resume_run(run.id, actor=bench.people["chemist"])
+    assert services.dispatch_ready() == 1
+
+
+@keeps(
+    "Software stop. Use the red button on the bench in an emergency.",
+    "Runs stay paused until somebody resumes them. Your reason is kept.",
+)
+def test_a_stop_of_the_lab_halts_all_and_after_its_reset_runs_stay_paused(
+    bench: Bench, host: Host, run: Run
+) -> None:
+    row = until_acting(host, "stir")
+    services.stop_lab(actor=bench.people["observer"])
+    hear_stop(bench, host)
+    assert is_cancelled(host, row)
+    assert len(host.disk.host_state("").owes_halt) == len(Device.objects.filter(state="enrolled"))
+    cut_off(host, row)
+    host.halt_owed()
+    services.reset_lab(actor=bench.people["approver"], reason="looked at every device")
+    host.take()
+    host.tell()
+    assert state(run) == "paused"
+    assert services.dispatch_ready() == 0
+    kept = AuditEntry.objects.filter(action="lab.reset").latest("id")
+    assert kept.reason == "looked at every device"
+
+
+def test_every_promise_of_a_dialog_is_kept_by_a_test() -> None:
+    assert set(KEPT) == promised()
+
+
 # --- one device ---------------------------------------------------------------------
 
 
@@ -306,6 +399,10 @@ def stop_device(bench: Bench, who: str = "observer") -> dict[str, Any]:
     return found
 
 
+@keeps(
+    "Halts this device now, whether anything acts on it or not.",
+    "The runs that use it are paused and ask how to go on.",
+)
 def test_a_device_is_stopped_in_the_middle_of_an_action_and_its_run_asks_what_to_do(
     bench: Bench, host: Host, run: Run
 ) -> None:
@@ -323,6 +420,9 @@ def test_a_device_is_stopped_in_the_middle_of_an_action_and_its_run_asks_what_to
     assert DeviceHalt.objects.get().state == "halted"
 
 
+@keeps(
+    "Halts this device now, whether anything acts on it or not.",
+)
 def test_a_device_on_which_nothing_acts_is_stopped(bench: Bench, host: Host) -> None:
     assert stop_device(bench)["state"] == "asked"
     assert stop_device(bench)["id"] == str(DeviceHalt.objects.get().pk), "one wish is enough"
@@ -330,6 +430,19 @@ def test_a_device_on_which_nothing_acts_is_stopped(bench: Bench, host: Host) -> 
     host.halt_owed()
     host.tell()
     assert DeviceHalt.objects.get().state == "halted"
+
+
+@keeps("It is a software stop. Use the red button on the bench in an emergency.")
+def test_a_device_that_was_stopped_may_act_again_without_a_reset(bench: Bench, host: Host) -> None:
+    stop_device(bench)
+    run = a_heating_run(bench)
+    services.dispatch_ready()
+    assert "dispatched" not in states(run)
+    host.take()
+    host.halt_owed()
+    host.tell()
+    services.dispatch_ready()
+    assert "dispatched" in states(run)
 
 
 def test_what_waits_at_a_device_that_is_stopped_does_not_begin_afterwards(
