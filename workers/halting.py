@@ -12,7 +12,7 @@ from labweb.domain.errors import LabError
 from labweb.domain.ports import Clock
 from labweb.domain.runs.acting import Found
 from labweb.domain.runs.bodies import plain
-from labweb.domain.runs.halting import is_moving, tells_motion, write_late_halt
+from labweb.domain.runs.halting import is_moving, note_waiting, tells_motion, write_late_halt
 from labweb.domain.runs.journal import JournalError
 from workers.journal import Journal
 from workers.unit import Unit
@@ -100,6 +100,8 @@ def _readings(unit: Unit) -> dict[str, Any]:
     return found
 
 
+SILENT = "it does not answer; it is halted as soon as it answers"
+
 AGAIN_S = 1.0
 """How long until a halt that was refused, or could not be written down, is tried again."""
 
@@ -123,13 +125,24 @@ class LateHalts:
         self._open_journal = open_journal
         self._wake = wake
         self._threads: dict[UUID, threading.Thread] = {}
+        self._told: set[UUID] = set()
+        """Devices of which it was told why they are not halted yet."""
 
     def look(self, owed: Iterable[str]) -> None:
-        """Begin to halt those of the devices that answer."""
-        for device_id in map(UUID, owed):
+        """Begin to halt those of the devices that answer, and tell once which do not.
+
+        Raises:
+            JournalError: Why one is not halted yet could not be written down.
+        """
+        due = set(map(UUID, owed))
+        self._told &= due
+        for device_id in sorted(due):
             unit, thread = self._units.get(device_id), self._threads.get(device_id)
             is_busy = thread is not None and thread.is_alive()
-            if unit is None or not unit.is_online or unit.is_acting or is_busy:
+            if unit is None or unit.is_acting or is_busy:
+                continue
+            if not unit.is_online:
+                self._tell_waiting(unit, SILENT)
                 continue
             thread = threading.Thread(
                 target=self._halt, args=(unit,), name="late-halt", daemon=True
@@ -137,11 +150,23 @@ class LateHalts:
             self._threads[device_id] = thread
             thread.start()
 
+    def _tell_waiting(self, unit: Unit, text: str) -> None:
+        if unit.config.id in self._told:
+            return
+        journal = self._open_journal()
+        try:
+            with journal.write() as tx:
+                note_waiting(tx, unit.config.id, text)
+        finally:
+            journal.close()
+        self._told.add(unit.config.id)
+
     def _halt(self, unit: Unit) -> None:
         found = halt_and_look(unit, self._clock)
         try:
             if found.is_owed:
                 log.warning("device %s: %s", unit.config.key, found.text)
+                self._tell_waiting(unit, found.text)
                 unit.check_link()
             else:
                 journal = self._open_journal()

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Any
+from typing import Any, ClassVar
 from uuid import UUID
 
+import msgspec
 from rest_framework.request import Request
 from rest_framework.response import Response
 from rest_framework.views import APIView
@@ -14,17 +15,21 @@ from labweb.accounts.selectors import User, user_of
 from labweb.api.driver_use import driver_of
 from labweb.common.clock import now
 from labweb.common.render import iso
+from labweb.common.requests import body
 from labweb.domain.approvals.roles import Permission
 from labweb.domain.enrollment.admission import shows_itself
 from labweb.domain.enrollment.spec import UNITS, DriverSpec, StatusSpec
 from labweb.domain.errors import NotFoundError
+from labweb.domain.runs.halting import HaltState
 from labweb.enrollment import selectors as enrollment_selectors
 from labweb.enrollment.selectors import Device, EdgeHost
 from labweb.resources import selectors as resource_selectors
 from labweb.resources.selectors import Lab
 from labweb.runs import selectors as run_selectors
 from labweb.runs import services as run_services
-from labweb.runs.selectors import Job
+from labweb.runs.api.lab import Nothing
+from labweb.runs.api.render import render_halt
+from labweb.runs.selectors import DeviceHalt, Job
 from labweb.telemetry import selectors as telemetry_selectors
 from labweb.telemetry.api import photo_told
 from labweb.workflows.api.drawing import render_actions
@@ -89,6 +94,21 @@ class ShowDevice(APIView):
         return Response({"run_id": str(run.id), "number": run.number}, status=201)
 
 
+class StopDevice(APIView):
+    """Software stop of one device."""
+
+    bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": Nothing}
+
+    def post(self, request: Request, stopped_id: UUID) -> Response:
+        """Halt a device now, whether anything acts on it or not, and return what came of it."""
+        body(request, Nothing)
+        user = user_of(request)
+        seen = resource_selectors.allowed_ids(user, Permission.VIEW)
+        if not enrollment_selectors.is_seen(enrollment_selectors.find_device(stopped_id), seen):
+            raise NotFoundError(f"no device {stopped_id}", code="device.not_found")
+        return Response(render_halt(run_services.stop_device(stopped_id, actor=user)))
+
+
 class Hosts(APIView):
     """Edge hosts of the lab."""
 
@@ -119,10 +139,19 @@ def device_rows(devices: Iterable[Device]) -> list[dict[str, Any]]:
     rows = list(devices)
     latest = telemetry_selectors.latest(row.id for row in rows)
     jobs = run_selectors.jobs_at_devices(row.id for row in rows)
-    return [_device(row, latest.get(row.id, {}), jobs.get(row.id)) for row in rows]
+    halts = run_selectors.open_halts(row.id for row in rows)
+    return [
+        _device(row, latest.get(row.id, {}), jobs.get(row.id), halts.get(row.id)) for row in rows
+    ]
 
 
-def _device(row: Device, latest: dict[str, tuple[float, Any]], job: Job | None) -> dict[str, Any]:
+def _device(
+    row: Device,
+    latest: dict[str, tuple[float, Any]],
+    job: Job | None,
+    halt: DeviceHalt | None,
+) -> dict[str, Any]:
+    is_owed = halt is not None and halt.state == HaltState.OWED
     spec = enrollment_selectors.spec_of(row)
     return {
         "id": str(row.id),
@@ -133,7 +162,8 @@ def _device(row: Device, latest: dict[str, tuple[float, Any]], job: Job | None) 
         "host": {"id": str(row.host_id), "name": row.host.name},
         "state": row.state,
         "link": _link(row, latest),
-        "is_halt_owed": str(row.id) in row.host.heartbeat.get("halts_owed", ()),
+        "is_halt_owed": is_owed or str(row.id) in row.host.heartbeat.get("halts_owed", ()),
+        "halt": None if halt is None else render_halt(halt),
         "job": None
         if job is None
         else {

@@ -103,6 +103,12 @@ def _needs(
             "approval", row.title, f"Asked by {row.asked_by.printed_name} · {row.policies[0]}",
             iso(row.asked_at), f"/drivers/{row.driver_id}", "Review",
         )  # fmt: skip
+    for halt in run_selectors.owed_halts(lab.pk):
+        if enrollment_selectors.is_seen(halt.device, seen):
+            yield _need(
+                "halt_owed", f"{halt.device.name} could not be halted yet", halt.message,
+                iso(halt.at), f"/devices/{halt.device_id}", "Open",
+            )  # fmt: skip
     yield from _paused(runs)
     yield from _unreconciled(lab, seen)
     for device in candidates:

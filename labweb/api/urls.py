@@ -21,6 +21,7 @@ urlpatterns = [
     path("search", home.Search.as_view()),
     path("devices", devices.Devices.as_view()),
     path("devices/<uuid:device_id>", devices.DeviceDetail.as_view()),
+    path("devices/<uuid:stopped_id>/stop", devices.StopDevice.as_view()),
     path("devices/<uuid:showing_id>/show", devices.ShowDevice.as_view()),
     path("devices/<uuid:device_id>/driver", drivers.DeviceDriver.as_view()),
     path(

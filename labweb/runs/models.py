@@ -7,6 +7,7 @@ from django.db import models
 from labweb.common.models import Base, enum_choices
 from labweb.domain.calibration.model import Quantity
 from labweb.domain.runs.custody import CustodyState
+from labweb.domain.runs.halting import HaltState
 from labweb.domain.runs.job import JobState, RunState
 
 
@@ -156,6 +157,34 @@ class Outbox(models.Model):
 
     def __str__(self) -> str:
         return f"{self.kind} {self.action_id}"
+
+
+class DeviceHalt(Base):
+    """One wish to halt one device, and what came of it; its id is the one that its host sees."""
+
+    device = models.ForeignKey("enrollment.Device", on_delete=models.PROTECT, related_name="halts")
+    host = models.ForeignKey("enrollment.EdgeHost", on_delete=models.PROTECT, related_name="+")
+    run = models.ForeignKey(Run, null=True, on_delete=models.PROTECT, related_name="halts")
+    """Run that is aborted; None: a person stopped the device."""
+
+    code = models.CharField(max_length=30)
+    state = models.CharField(max_length=10, choices=enum_choices(HaltState))
+    message = models.TextField(blank=True)
+    """How the device was found, or why it is not halted yet."""
+
+    asked_by = models.ForeignKey(
+        "accounts.User", null=True, on_delete=models.PROTECT, related_name="+"
+    )
+    at = models.DateTimeField()
+    taken_at = models.DateTimeField(null=True)
+    ended_at = models.DateTimeField(null=True)
+
+    class Meta:
+        ordering = ["at"]
+        indexes = [models.Index(fields=["ended_at", "host"])]
+
+    def __str__(self) -> str:
+        return f"halt of {self.device_id}: {self.state}"
 
 
 class HostEvent(models.Model):

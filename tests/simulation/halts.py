@@ -76,7 +76,13 @@ _CUMULATIVE = tuple(accumulate(WEIGHTS.values()))
 def a_halting_world(seed: int, *, trace: list[str] | None = None) -> HaltingWorld:
     """Return a lab with its runs submitted."""
     world = HaltingWorld(seed, trace=trace)
-    for index, (run_number, name, number, what, after) in enumerate(ROUTES):
+    add_routes(world, ROUTES)
+    return world
+
+
+def add_routes(world: World, routes: tuple[Route, ...]) -> None:
+    """Submit the runs of some routes."""
+    for index, (run_number, name, number, what, after) in enumerate(routes):
         pump = PUMPS[name, number]
         is_set = what == "set"
         made = Job(
@@ -92,7 +98,6 @@ def a_halting_world(seed: int, *, trace: list[str] | None = None) -> HaltingWorl
             action="start_flow" if is_set else "stroke",
         )
         world.server.add_job(made)
-    return world
 
 
 def run(seed: int, *, trace: list[str] | None = None, steps: int = STEPS) -> World:

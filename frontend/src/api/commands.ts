@@ -5,6 +5,7 @@ import type {
   ApprovalRequest,
   CheckResult,
   Departure,
+  DeviceHalt,
   Iso,
   Job,
   Lab,
@@ -67,6 +68,17 @@ export function useSignOut(): UseMutationResult<undefined, Error, void> {
 
 export function useStopLab(): UseMutationResult<Lab, Error, void> {
   return useMutation({ mutationFn: () => call<Lab>("POST", "/lab/stop", {}), onSuccess: setLab });
+}
+
+/** Halt one device now. */
+export function useStopDevice(id: string): UseMutationResult<DeviceHalt, Error, void> {
+  return useMutation({
+    mutationFn: () => call<DeviceHalt>("POST", `/devices/${id}/stop`, {}),
+    onSuccess: () => {
+      void client.invalidateQueries({ queryKey: keys.devices });
+      refreshRuns();
+    },
+  });
 }
 
 export function useResetLab(): UseMutationResult<Lab, Error, string> {

@@ -18,6 +18,7 @@ import { Calibrations } from "./calibration";
 import { History } from "./history";
 import { Photo } from "./photo";
 import { ShowItself } from "./showitself";
+import { StopDevice } from "./stop";
 import { words } from "./words";
 
 /** Of these, the newest of each status is sure to be one. */
@@ -76,6 +77,7 @@ export function DevicePage() {
       <aside className="col">
         <Readings deviceId={data.id} readings={data.readings} isAway={data.link !== "online"} />
         <Photo key={`photo of ${data.id}`} device={data} />
+        <StopDevice key={`stop of ${data.id}`} device={data} />
         <ShowItself key={`name of ${data.id}`} device={data} />
         <Driver device={data} />
         <Settings device={data} />

@@ -1,6 +1,18 @@
 /** Words of the devices and of the hosts that own them. */
 
+import promises from "@/model/promises.json";
+
 export const words = {
+  stop: {
+    title: "Stop",
+    about: Object.values(promises.stop_device).join(" "),
+    press: "Stop device",
+    sending: "Sending stop…",
+    mayNot: "You may not stop this device.",
+    notServed: "No host serves it.",
+    offline: "Not connected – use the hardware stop.",
+    failed: "The stop was not confirmed. Use the red button on the bench.",
+  },
   photo: {
     title: "Photo",
     alt: (name: string) => name,
@@ -21,7 +33,7 @@ export const words = {
   title: "Devices",
   none: "No device yet. A device that announces itself waits for review in Admin.",
   haltOwed:
-    "Its host has to halt it before anything begins on it: the lab was stopped, or an action was cut off, while it did not answer. It is halted as soon as it answers.",
+    "Its host has to halt it before anything begins on it: a stop, an abort or the end of an action could not be delivered while it did not answer. It is halted as soon as it answers.",
   noReadings: "It has not told anything yet.",
   history: {
     title: "Telemetry",

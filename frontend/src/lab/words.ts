@@ -1,5 +1,7 @@
 /** Words of the shell, of Home, of the resource tree and of lineage. */
 
+import promises from "@/model/promises.json";
+
 export const words = {
   nav: {
     home: "Home",
@@ -22,7 +24,7 @@ export const words = {
   },
   stop: {
     press: "Stop lab",
-    about: "Software stop. Use the red button on the bench in an emergency.",
+    about: promises.stop_lab.about,
     offline: "Not connected – use the hardware stop.",
     sending: "Sending stop…",
     stopped: "Lab stopped",
@@ -30,7 +32,7 @@ export const words = {
     reset: "Reset…",
     resetTitle: "Reset the lab",
     resetWhy: "Why is it safe to go on?",
-    resetHelp: "Runs stay paused until somebody resumes them. Your reason is kept.",
+    resetHelp: promises.stop_lab.reset,
     resetDo: "Reset lab",
     nobody: "Only people with the right to reset may do this.",
     failed: "The stop was not confirmed. Use the red button on the bench.",

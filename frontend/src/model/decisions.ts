@@ -27,7 +27,10 @@ const ANSWERED: Record<string, string> = {
 };
 
 /** State of a run; one that a person had to bring to its end says so. */
-export function runOutcome(run: Pick<Run, "state" | "recoveries">): State {
+export function runOutcome(
+  run: Pick<Run, "state" | "recoveries"> & Partial<Pick<Run, "is_given_up">>,
+): State {
+  if (run.is_given_up && run.state === "running") return { look: "stopped", word: "Aborting" };
   const state = runState(run.state);
   const count = run.recoveries.length;
   if (run.state !== "complete" || count === 0) return state;

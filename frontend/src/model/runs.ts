@@ -150,6 +150,7 @@ export function findProblems(run: Run): Problem[] {
 const PAUSES: Record<string, string> = {
   user: "Paused",
   stopped: "Lab stopped",
+  device_stopped: "A device of it was stopped",
   halted: "A halt undid what a step had set",
   recovery: "Waits to be resumed after a decision",
   "server error": "The server cannot dispatch it",

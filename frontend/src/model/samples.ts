@@ -181,6 +181,8 @@ export function aRun(jobs: Job[], change: Partial<Run> = {}): Run {
     waits_for: null,
     files: [],
     recoveries: [],
+    is_given_up: false,
+    halts: [],
     execution: null,
     hosts_away: [],
     can: { pause: true, resume: false, abort: true, resolve: true, recover: true },

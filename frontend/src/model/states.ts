@@ -1,7 +1,7 @@
 /** Every state, its word and its look; the same on each page. */
 
 import type { FileState } from "./wirefiles";
-import type { JobState, LastRun, RunState } from "./wire";
+import type { DeviceHalt, JobState, LastRun, RunState } from "./wire";
 
 /** Looks of chips, glyphs, bars and tiles. */
 export type Look =
@@ -82,6 +82,7 @@ const NEED: Record<string, State> = {
   ticket: { look: "error", word: "Conflict" },
   stopped: { look: "stopped", word: "Stopped" },
   candidate: { look: "needs", word: "New device" },
+  halt_owed: { look: "error", word: "Not halted yet" },
 };
 
 /** What an action measured: whether its bytes are here, and were read. */
@@ -107,6 +108,16 @@ export const jobState = (state: string): State => JOB[state as JobState] ?? unkn
 export const transactionState = (state: string): State => TRANSACTION[state] ?? unknown(state);
 export const linkState = (state: string): State => LINK[state] ?? unknown(state);
 export const approvalState = (state: string): State => APPROVAL[state] ?? unknown(state);
+const HALT: Record<DeviceHalt["state"], State> = {
+  asked: { look: "running", word: "Halt sent" },
+  taken: { look: "running", word: "Being halted" },
+  owed: { look: "error", word: "Not halted yet" },
+  halted: { look: "ok", word: "Halted" },
+  kept: { look: "idle", word: "Left on" },
+  lost: { look: "error", word: "Cannot be halted" },
+};
+
+export const haltState = (halt: Pick<DeviceHalt, "state">): State => HALT[halt.state];
 export const fileState = (state: FileState): State => FILE[state];
 export const needState = (kind: string): State => NEED[kind] ?? unknown(kind);
 

@@ -17,7 +17,7 @@ import type {
   WorkflowDocument,
 } from "./wirebase";
 import type { RunFile } from "./wirefiles";
-import type { DeviceRow, HostAway, HostRow } from "./wirelab";
+import type { DeviceHalt, DeviceRow, HostAway, HostRow } from "./wirelab";
 import type { Recovery, RecoveryCard } from "./wirerecovery";
 
 export interface Refusal {
@@ -71,7 +71,15 @@ export interface Session {
 }
 
 export interface Need {
-  kind: "in_doubt" | "approval" | "paused" | "quarantined" | "ticket" | "stopped" | "candidate";
+  kind:
+    | "in_doubt"
+    | "approval"
+    | "paused"
+    | "quarantined"
+    | "ticket"
+    | "stopped"
+    | "candidate"
+    | "halt_owed";
   title: string;
   detail: string;
   since_at: Iso | null;
@@ -196,6 +204,8 @@ export interface RunRow {
   left_s: number | null;
   pause_reasons: PauseReason[];
   recoveries: Recovery[];
+  /** Somebody aborted it: it ends once its devices stand. */
+  is_given_up: boolean;
 }
 
 export type RunState =
@@ -289,6 +299,8 @@ export interface Run extends RunRow {
   document: WorkflowDocument;
   plan: Plan;
   jobs: Job[];
+  /** Of an aborted run: its devices that had to be halted, and what came of it. */
+  halts: DeviceHalt[];
   files: RunFile[];
   approval: { id: Id; state: string } | null;
   /** How a run of a recipe leaves what was proved, and who let it go on so; null: no recipe. */

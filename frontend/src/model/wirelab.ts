@@ -238,6 +238,19 @@ export interface Reading {
   at_s: number | null;
 }
 
+/** A wish to halt one device, and what came of it. */
+export interface DeviceHalt {
+  id: Id;
+  device: { id: Id; name: string };
+  state: "asked" | "taken" | "owed" | "halted" | "kept" | "lost";
+  message: string;
+  at: Iso;
+  ended_at: Iso | null;
+  /** Run that was aborted; null: a person stopped the device. */
+  run: { id: Id; number: number } | null;
+  by: string | null;
+}
+
 export interface DeviceRow {
   id: Id;
   key: string;
@@ -249,6 +262,8 @@ export interface DeviceRow {
   link: "online" | "stale" | "offline" | "not_enrolled" | "quarantined";
   /** Nothing begins on it before its host has halted it. */
   is_halt_owed: boolean;
+  /** The halt that was asked for last and is not delivered; null: none is under way. */
+  halt: DeviceHalt | null;
   job: { id: Id; run_id: Id; run_number: number; sentence: string; state: JobState } | null;
   readings: Reading[];
 }

@@ -57,6 +57,13 @@ function Acts({ run }: { run: Run }) {
   const isOver = run.state === "complete" || run.state === "aborted";
   const offline = useStatus() === "offline" ? "Not connected." : null;
   if (isOver) return <Exports run={run} />;
+  if (run.is_given_up) {
+    return (
+      <span className="t12 s" role="status" data-testid="aborting">
+        {words.aborting}
+      </span>
+    );
+  }
   const isPaused = run.pause_reasons.length > 0 || run.can.resume || run.state === "paused";
   const mayResume = run.can.resume && !isHeldByProof(run);
   // Who closed the dialog before the answer came is told here.
@@ -270,7 +277,10 @@ export function Facts({ run, steps }: { run: Run; steps: StepProgress[] }) {
 
 function needText(run: Run): string {
   const first = findProblems(run)[0];
-  if (run.ended_at) return "nothing";
+  if (first?.kind === "doubt" && run.ended_at) {
+    return `resolve step ${stepNumber(run, first.job.step_id)} now`;
+  }
+  if (run.ended_at || run.is_given_up) return "nothing";
   if (run.state === "awaiting_approval") return "approve the start";
   if (first?.kind === "doubt") return `resolve step ${stepNumber(run, first.job.step_id)} now`;
   if (first?.kind === "failed") return "say what becomes of it";

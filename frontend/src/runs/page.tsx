@@ -13,6 +13,7 @@ import { TwinChip, TwinFrame } from "@/twin/frame";
 import { Icon } from "@/ui/icons";
 import { Decisions } from "./decisions";
 import { RunFiles } from "./files";
+import { Halts } from "./halts";
 import { Facts, RunHead } from "./head";
 import { JobFacts } from "./job";
 import { RunLog } from "./log";
@@ -130,6 +131,7 @@ function Body({ run }: { run: Run }) {
           >
             <TwinFrame title={`Twin of run ${run.number}`} />
           </Card>
+          <Halts run={run} />
           <div className="col problems">
             <Problems run={run} job={job} />
           </div>

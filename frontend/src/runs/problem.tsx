@@ -135,8 +135,9 @@ function WaitsForDevices({ run }: { run: Run }) {
   ));
 }
 
-function effectText({ transaction: known, recovery, evidence }: Job): string {
+function effectText({ transaction: known, recovery, evidence, code }: Job): string {
   const transaction = known?.state ?? null;
+  if (code === "device.stopped" && transaction === "rolled_back") return words.halted;
   if (evidence.resolution?.answer === "discard") return words.givenUp;
   if (transaction === "rolled_back")
     return "Nothing moved: the record is as it was before this action.";

@@ -1,9 +1,13 @@
 /** Words of the list of runs and of the page of one run. */
 
+import promises from "@/model/promises.json";
+
 const HALTS: Record<string, string> = {
   "edge.stopped": " with the whole lab",
   "edge.halted": " with another action",
   "edge.interrupted": ", since the process of its line had died",
+  "edge.run_aborted": " with a run that was aborted",
+  "edge.device_stopped": " by a person",
 };
 
 export const words = {
@@ -20,7 +24,7 @@ export const words = {
     missing: "Files",
   },
   pause: "Pause",
-  pausing: "Pausing – after the actions that are under way",
+  pausing: promises.pause.acts,
   undone: {
     title: "Undone by a halt",
     mayBe: "May be undone by a halt",
@@ -43,11 +47,20 @@ export const words = {
   },
   abort: "Abort…",
   abortTitle: "Abort this run",
-  abortAbout:
-    "No further action starts. What is under way is stopped by its device; heating and stirring that this run began is switched off where the driver declares it. Liquid stays where it is.",
+  abortAbout: [
+    promises.abort.begins,
+    promises.abort.acts,
+    promises.abort.stands,
+    promises.abort.owed,
+    promises.abort.liquid,
+  ].join(" "),
+  aborting: "This run is being aborted: it ends once its devices stand.",
+  halts: { title: "Devices of this run", none: "No device of this run had to be halted." },
+  halted:
+    "It was halted in the middle, and its device is in its safe state. Below is how far it came.",
   givenUp:
     "Nobody knows what it did: what it acts on stays quarantined until a person takes stock of it.",
-  abortDoubt: "What is in doubt stays so until a person has answered.",
+  abortDoubt: promises.abort.doubt,
   abortWhy: "Why",
   abortDo: "Abort run",
   answerFirst: "Answer what is in doubt first.",
@@ -77,7 +90,7 @@ export const words = {
     pick: "Type part of a name",
     note: "Note, required",
     abortNote: "Why, required",
-    aborts: "The run ends here; its record stays.",
+    aborts: promises.abort.ends,
     mayNotAbort: "the run has ended, or it is not yours to end",
     noteHelp: "What you found and what you did about it.",
     then: "The run goes on when you resume it.",

@@ -17,6 +17,7 @@ function aDevice(link: DeviceRow["link"], isHaltOwed: boolean, state: JobState |
     state: "admitted",
     link,
     is_halt_owed: isHaltOwed,
+    halt: null,
     job: state && { ...job, state },
     readings: [],
   };
@@ -28,7 +29,8 @@ test.each([
   ["online", true, null, "To be halted"],
   ["online", true, "accepted", "To be halted"],
   ["online", true, "in_doubt", "In doubt"],
-  ["offline", true, null, "Offline"],
+  ["offline", true, null, "Offline, to be halted"],
+  ["offline", false, null, "Offline"],
 ] as const)("a device that is %s, a halt owed %s, at work %s, is shown as %s", (...given) => {
   const [link, isHaltOwed, state, word] = given;
   show(<BenchGrid devices={[aDevice(link, isHaltOwed, state)]} />);

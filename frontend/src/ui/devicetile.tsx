@@ -2,7 +2,7 @@
 
 import { Link } from "react-router";
 import { readingText } from "@/model/format";
-import { jobState, linkState, type State } from "@/model/states";
+import { haltState, jobState, linkState, type State } from "@/model/states";
 import { isSetpoint } from "@/model/telemetry";
 import type { DeviceRow, Reading } from "@/model/wire";
 import { Icon, iconOf } from "./icons";
@@ -12,9 +12,13 @@ import { Age } from "./time";
 
 /** State of a device for its tile: its link first, then whether it works. */
 export function deviceState(device: DeviceRow): State {
-  if (device.link !== "online") return linkState(device.link);
+  if (device.link !== "online") {
+    const state = linkState(device.link);
+    return device.is_halt_owed ? { ...state, word: `${state.word}, to be halted` } : state;
+  }
   if (device.job?.state === "in_doubt") return jobState("in_doubt");
   if (device.is_halt_owed) return { look: "paused", word: "To be halted" };
+  if (device.halt) return haltState(device.halt);
   return device.job ? { look: "running", word: "Busy" } : { look: "idle", word: "Idle" };
 }
 

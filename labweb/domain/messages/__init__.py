@@ -22,6 +22,7 @@ from labweb.domain.messages.commands import BatchPart as BatchPart
 from labweb.domain.messages.commands import Cancel as Cancel
 from labweb.domain.messages.commands import Command as Command
 from labweb.domain.messages.commands import Do as Do
+from labweb.domain.messages.commands import Halt as Halt
 from labweb.domain.messages.commands import Receive as Receive
 from labweb.domain.messages.commands import Release as Release
 from labweb.domain.messages.commands import Reset as Reset

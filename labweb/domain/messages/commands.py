@@ -100,7 +100,7 @@ class Do(msgspec.Struct, frozen=True, tag="do", tag_field="t", kw_only=True):
 
 
 class Cancel(msgspec.Struct, frozen=True, tag="cancel", tag_field="t", kw_only=True):
-    """Do not start the action; leaves a tombstone when the action is not known."""
+    """Do not start the action, or halt it; leaves a tombstone when the action is not known."""
 
     host_id: UUID
     epoch: int
@@ -139,6 +139,23 @@ class Reset(msgspec.Struct, frozen=True, tag="reset", tag_field="t", kw_only=Tru
     """The stop that is released; a latch of any other stop stays closed."""
 
     reason: str
+    issued_by: str = ""
+    v: int = PROTOCOL_VERSION
+
+
+class Halt(msgspec.Struct, frozen=True, tag="halt", tag_field="t", kw_only=True):
+    """Halt one device, whether something acts on it or not; done once, however often sent."""
+
+    host_id: UUID
+    epoch: int
+    dseq: int
+    halt_id: UUID
+    """Names the wish for ever."""
+
+    device_id: UUID
+    code: str
+    """Why: `edge.run_aborted` or `edge.device_stopped`."""
+
     issued_by: str = ""
     v: int = PROTOCOL_VERSION
 
@@ -195,4 +212,4 @@ class Batch(msgspec.Struct, frozen=True, tag="batch", tag_field="t", kw_only=Tru
     v: int = PROTOCOL_VERSION
 
 
-Command = Do | Cancel | Resolve | Reset | Batch | Release | Receive
+Command = Do | Cancel | Resolve | Reset | Halt | Batch | Release | Receive

@@ -199,7 +199,13 @@ def write_end(
     operation = row.operation
     known = snapshot(tx, operations.touched_ids(operation))
     only_reads = isinstance(operation, operations.Read)
-    concluded = edge.conclude(report, post, only_reads=only_reads)
+    concluded = edge.conclude(
+        report,
+        post,
+        only_reads=only_reads,
+        is_undone_by_halt=isinstance(operation, operations.Update)
+        and halting.is_undone_by_halt(row.do.action),
+    )
     conclusion, change = _settle(operation, known, concluded)
     revs = apply_change(tx, change, row.action_id)
     body = change_body(change, revs, conclusion.outcome, conclusion.verification)

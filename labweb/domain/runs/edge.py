@@ -238,17 +238,23 @@ class Conclusion:
 
 
 def conclude(
-    report: Report, post: Sequence[tuple[Condition, Result]], *, only_reads: bool = False
+    report: Report,
+    post: Sequence[tuple[Condition, Result]],
+    *,
+    only_reads: bool = False,
+    is_undone_by_halt: bool = False,
 ) -> Conclusion:
     """Decide how an action ends from the device's report and the post-conditions.
 
     A sensor that contradicts the device means that nobody knows: in doubt, with both
     numbers as evidence for the person who resolves it. So does one that had to confirm and
     could not look. An action that only reads leaves no doubt: what it had to see was not
-    seen, and it is aborted.
+    seen, and it is aborted. So is one that was to set what a halt takes away again, where its
+    device was halted and has told how far it came.
     """
     if not report.ok:
-        return _conclude_failure(report)
+        is_known = report.code == HALTED_CODE and (only_reads or is_undone_by_halt)
+        return _conclude_failure(report, moved_nl=0 if is_known else None)
     failed = [
         result
         for condition, result in post
@@ -278,17 +284,23 @@ def conclude(
     )
 
 
-def _conclude_failure(report: Report) -> Conclusion:
+HALTED_CODE = "device.stopped"
+"""What a driver says of an action that a halt has ended."""
+
+
+def _conclude_failure(report: Report, *, moved_nl: int | None) -> Conclusion:
+    """Conclude a failure; `moved_nl` is what is known of a part that no volume tells."""
+    moved_nl = moved_nl if report.moved_nl is None else report.moved_nl
     kinds = {
         Effect.NONE: (ActionState.ABORTED, Outcome(kind=OutcomeKind.PARTIAL, moved_nl=0)),
         Effect.PARTIAL: (
             ActionState.ABORTED,
-            Outcome(kind=OutcomeKind.PARTIAL, moved_nl=report.moved_nl),
+            Outcome(kind=OutcomeKind.PARTIAL, moved_nl=moved_nl),
         ),
         Effect.UNKNOWN: (ActionState.IN_DOUBT, Outcome(kind=OutcomeKind.UNKNOWN)),
     }
     effect = report.effect
-    if effect is Effect.PARTIAL and report.moved_nl is None:
+    if effect is Effect.PARTIAL and moved_nl is None:
         effect = Effect.UNKNOWN
     state, outcome = kinds[effect]
     is_known = state is ActionState.ABORTED

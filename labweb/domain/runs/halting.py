@@ -9,12 +9,14 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from enum import StrEnum
 from typing import Any
 from uuid import UUID
 
 import msgspec
 
-from labweb.domain.messages import DeviceConfig, canonical
+from labweb.domain.messages import DeviceConfig, Halt, canonical
+from labweb.domain.runs.edge import ActionState
 from labweb.domain.runs.journal import ActionRow, HeldResource, JournalWrite
 
 STOPPED = "edge.stopped"
@@ -26,11 +28,46 @@ WITH_ACTION = "edge.halted"
 INTERRUPTED = "edge.interrupted"
 """The line of an action died; the one that followed halted the device."""
 
+RUN_ABORTED = "edge.run_aborted"
+"""The run that had set it was aborted."""
+
+DEVICE_STOPPED = "edge.device_stopped"
+"""A person stopped this device alone."""
+
 LET_GO = "let_go"
 """A person goes on without what was taken away."""
 
 IS_HALTED = "is_halted"
 """In the end of an action: its device was halted since it began, and what it set is gone."""
+
+
+class HaltState(StrEnum):
+    """How far a wish to halt one device has come."""
+
+    ASKED = "asked"
+    """Sent; its host has not answered."""
+
+    TAKEN = "taken"
+    """Its host has it on disk, and delivers it."""
+
+    OWED = "owed"
+    """It could not be delivered yet, and is as soon as its device or its host answers."""
+
+    HALTED = "halted"
+    """Delivered. The message says whether the device was seen to stand."""
+
+    KEPT = "kept"
+    """Not asked for: the device works for another run."""
+
+    LOST = "lost"
+    """Its host is given up, or serves it no more: a person has to look at the device."""
+
+
+UNDECIDED = frozenset({HaltState.ASKED, HaltState.TAKEN})
+"""Nothing is known yet of what came of it."""
+
+OPEN_HALTS = UNDECIDED | {HaltState.OWED}
+"""Nothing is sent to the device before it is delivered."""
 
 _SETPOINT = "_setpoint_"
 
@@ -86,6 +123,19 @@ def voided(data: Mapping[str, Any]) -> dict[str, None]:
     """
     names = (name for name in data if _SETPOINT in name or name in _DRIVEN)
     return {name: None for name in sorted(names) if data[name] is not None}
+
+
+def is_undone_by_halt(action: str) -> bool:
+    """Say whether a halt leaves nothing of what an action sets, also where it cuts it off.
+
+    Then it is known what became of it: its device is in its safe state. Where a valve or a
+    gripper stands that was halted in the middle is not.
+
+    Example:
+        >>> is_undone_by_halt("heat_to"), is_undone_by_halt("select_port")
+        (True, False)
+    """
+    return action in _BEGINS or action in _ENDS
 
 
 FOREIGN = {"call": "service", "run_goal": "goal"}
@@ -187,7 +237,81 @@ def _is_timed(one: Done) -> bool:
     return "duration_s" in one.args and one.action != "hold"
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Set:
+    """A completed action that left something going which still goes, as the server knows it."""
+
+    run_id: UUID
+    is_live: bool
+    """Its run has not ended."""
+
+
+def who_keeps(run_id: UUID, standing: Iterable[Set]) -> UUID | None:
+    """Return another live run that a device works for; None: its halt is nobody else's loss.
+
+    Args:
+        run_id: The run that is aborted.
+        standing: All that goes on at the device by now.
+    """
+    others = (one for one in standing if one.is_live and one.run_id != run_id)
+    return next((one.run_id for one in others), None)
+
+
 # --- the host's side ----------------------------------------------------------------
+
+
+def take_halt(tx: JournalWrite, halt: Halt) -> bool:
+    """Write down that one device is to be halted; False: that is known, or was done before.
+
+    It is owed from here on, and the process of its line delivers it, as after a stop of the lab.
+    What acts there is cut off. Of a stop by a person, what waits there is given back: nothing
+    begins at the device that nobody has asked for since.
+
+    Effect:
+        On the record only; the line halts the device.
+    """
+    if not tx.is_first_refusal(f"halt:{halt.halt_id}"):
+        return False
+    is_served = any(device.id == halt.device_id for device in _devices(tx))
+    body = {
+        "halt_id": str(halt.halt_id),
+        "device_id": str(halt.device_id),
+        "code": halt.code,
+        "issued_by": halt.issued_by,
+        "is_served": is_served,
+    }
+    tx.append("halt_taken", None, body)
+    if not is_served:
+        return True
+    for row in tx.open_rows():
+        if row.device_id != halt.device_id:
+            continue
+        if row.st is ActionState.STARTED:
+            tx.want_cancel(row.action_id)
+        elif row.st is ActionState.ACCEPTED and halt.code == DEVICE_STOPPED:
+            tx.move(row.action_id, ActionState.ACCEPTED, ActionState.STOPPED)
+            text = "its device was stopped before it started"
+            told = {"code": halt.code, "message": text, "is_given_back": True}
+            tx.append("stopped", row.action_id, told)
+    owe_halt(tx, halt.device_id, halt.code, None)
+    return True
+
+
+def note_waiting(tx: JournalWrite, device_id: UUID, text: str) -> None:
+    """Tell, once, why a halt that is owed was not delivered yet.
+
+    Args:
+        tx: The write.
+        device_id: Which device.
+        text: Why, as the line has found it.
+    """
+    owed = _owed(tx)
+    due = owed.get(str(device_id))
+    if due is None or due.text:
+        return
+    owed[str(device_id)] = msgspec.structs.replace(due, text=text)
+    tx.set_meta("owed_halts", canonical(owed).decode())
+    tx.append("halt_waits", None, {"device_id": str(device_id), "message": text})
 
 
 def write_halts(tx: JournalWrite, code: str) -> None:
@@ -227,11 +351,13 @@ def halt_with_action(tx: JournalWrite, row: ActionRow, *, is_owed: bool) -> None
         write_halt(tx, row, WITH_ACTION)
 
 
-class _Owed(msgspec.Struct, frozen=True, kw_only=True):
+class _Owed(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     """A halt that could not be delivered: why it is due, and for which action."""
 
     code: str
     action_id: UUID | None
+    text: str = ""
+    """Why it was not delivered yet, once that was told."""
 
 
 def owe_halt(tx: JournalWrite, device_id: UUID, code: str, action_id: UUID | None) -> None:
@@ -247,7 +373,8 @@ def _owe(tx: JournalWrite, device_ids: Iterable[UUID], code: str, action_id: UUI
     owed = _owed(tx)
     for key in map(str, device_ids):
         known = owed.get(key, _Owed(code=code, action_id=action_id))
-        owed[key] = _Owed(code=known.code, action_id=known.action_id or action_id)
+        waits = known.action_id or action_id
+        owed[key] = _Owed(code=known.code, action_id=waits, text=known.text)
     tx.set_meta("owed_halts", canonical(owed).decode())
 
 

@@ -120,25 +120,44 @@ def held_by_steps(jobs: Iterable[StepJob]) -> dict[UUID, UUID]:
     return held
 
 
-def run_state(current: RunState, jobs: Sequence[JobView], *, is_given_up: bool = False) -> RunState:
+_SETTLED = FINAL | {JobState.IN_DOUBT}
+
+
+def run_state(
+    current: RunState,
+    jobs: Sequence[JobView],
+    *,
+    is_given_up: bool = False,
+    is_halting: bool = False,
+) -> RunState:
     """Return the state of a run from the states of its jobs.
 
     A job in doubt, one that ended badly, or one that a halt undid pauses the run: it needs a
     person, also where nothing else is left. Complete tells a reader that every step stands as it
     was asked for, but for those that somebody passed over by name. Only a run that a person has
-    given up ends as aborted.
+    given up ends as aborted: once nothing of it acts, and of each device that was to be halted
+    for it is known whether it stands, or why it cannot be halted yet. What is in doubt stays so
+    after its end, until a person has answered.
+
+    Args:
+        current: Where it stands.
+        jobs: All its jobs.
+        is_given_up: A person has given it up.
+        is_halting: Of some device that is to be halted for it nothing is known yet.
     """
     if current in {RunState.COMPLETE, RunState.ABORTED, RunState.DRAFT}:
         return current
     if current is RunState.AWAITING_APPROVAL:
         return current
+    if is_given_up and (is_halting or any(job.state not in _SETTLED for job in jobs)):
+        return RunState.RUNNING
     states = [job.state for job in jobs if not (job.is_satisfied and job.is_passed)]
     is_undone = any(job.is_taken_away for job in jobs)
     if all(state is JobState.COMPLETE for state in states) and not is_undone:
         return RunState.COMPLETE if _is_anything_done(jobs) else RunState.ABORTED
-    is_moving = any(state in AT_EDGE for state in states)
-    if is_given_up and all(state in FINAL for state in states):
+    if is_given_up:
         return RunState.ABORTED
+    is_moving = any(state in AT_EDGE for state in states)
     needs_person = is_undone or _needs_person(states)
     if is_moving:
         return RunState.PAUSING if needs_person else RunState.RUNNING

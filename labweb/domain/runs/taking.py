@@ -21,6 +21,7 @@ from labweb.domain.messages import (
     Cancel,
     Command,
     Do,
+    Halt,
     Receive,
     Release,
     Reset,
@@ -77,7 +78,7 @@ def take_command(
         tx.host_state(at.boot_id),
         host_id=command.host_id,
         epoch=command.epoch,
-        dseq=command.dseq,
+        dseq=_dispatch_of(command, tx.host_state(at.boot_id).floor),
         known=None if known is None else known.st,
         is_tombstoned=is_cancelled,
     )
@@ -95,8 +96,13 @@ def take_command(
     return _take_word(tx, signed, command)
 
 
+def _dispatch_of(command: Command, floor: int) -> int:
+    """Return by which number a command counts: a halt that is due is never too old."""
+    return max(command.dseq, floor) if isinstance(command, Halt) else command.dseq
+
+
 def _take_word(
-    tx: JournalWrite, signed: Signed, command: Cancel | Resolve | Reset | Release | Receive
+    tx: JournalWrite, signed: Signed, command: Cancel | Resolve | Reset | Halt | Release | Receive
 ) -> Receipt:
     """Take a command that makes nothing act."""
     match command:
@@ -106,6 +112,9 @@ def _take_word(
             return _take_resolve(tx, signed, command)
         case Reset():
             return _take_reset(tx, command)
+        case Halt():
+            is_new = halting.take_halt(tx, command)
+            return Receipt(Answer(edge.ACCEPT if is_new else edge.DUPLICATE))
         case Release() | Receive():
             return _take_custody(tx, command)
 
@@ -135,7 +144,7 @@ def record_refusal(
         action_id: Action the command speaks of; None where its text cannot be trusted.
         answer: Why.
         digest: SHA-256 of the text.
-        command: `do`, `cancel`, `resolve`, `reset` or `batch`; empty where it is not known.
+        command: `do`, `cancel`, `resolve`, `reset`, `halt` or `batch`; empty where it is not known.
     """
     if tx.is_first_refusal(subject):
         body = {

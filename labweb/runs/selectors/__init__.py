@@ -25,6 +25,7 @@ from labweb.resources.selectors import Lab
 from labweb.runs.models import Attempt, HostEvent, Outbox
 from labweb.runs.models import Calibration as Calibration
 from labweb.runs.models import Custody as Custody
+from labweb.runs.models import DeviceHalt as DeviceHalt
 from labweb.runs.models import Job as Job
 from labweb.runs.models import Run as Run
 from labweb.runs.selectors.calibrations import OF_LAB as OF_LAB
@@ -62,6 +63,7 @@ from labweb.runs.selectors.recovery import moved_nl as moved_nl
 from labweb.runs.selectors.recovery import recovery_choices as recovery_choices
 from labweb.runs.selectors.recovery import recovery_of as recovery_of
 from labweb.runs.selectors.recovery import waits_of as waits_of
+from labweb.runs.selectors.scheduling import HALTING_AT as HALTING_AT
 from labweb.runs.selectors.scheduling import JOB_TO_LOCK as JOB_TO_LOCK
 from labweb.runs.selectors.scheduling import RUN_TO_LOCK as RUN_TO_LOCK
 from labweb.runs.selectors.scheduling import asking_elsewhere as asking_elsewhere
@@ -69,10 +71,14 @@ from labweb.runs.selectors.scheduling import asking_number as asking_number
 from labweb.runs.selectors.scheduling import asking_run_number as asking_run_number
 from labweb.runs.selectors.scheduling import attempt_for_update as attempt_for_update
 from labweb.runs.selectors.scheduling import due_outbox as due_outbox
+from labweb.runs.selectors.scheduling import halts_of as halts_of
 from labweb.runs.selectors.scheduling import held_elsewhere as held_elsewhere
 from labweb.runs.selectors.scheduling import hold_run_of as hold_run_of
+from labweb.runs.selectors.scheduling import is_halting as is_halting
 from labweb.runs.selectors.scheduling import job_for_update as job_for_update
 from labweb.runs.selectors.scheduling import next_number as next_number
+from labweb.runs.selectors.scheduling import open_halts as open_halts
+from labweb.runs.selectors.scheduling import owed_halts as owed_halts
 from labweb.runs.selectors.scheduling import run_for_update as run_for_update
 from labweb.runs.selectors.scheduling import step_blocked_by as step_blocked_by
 from labweb.runs.selectors.scheduling import to_schedule as to_schedule
@@ -258,7 +264,7 @@ def lab_summary(lab: Lab) -> dict[str, Any]:
     # A run that waits for an answer is one thing, not two.
     alone = paused.exclude(jobs__state=JobState.IN_DOUBT.value).count()
     tickets = crutd_selectors.open_tickets(lab).count()
-    unknown = len(crutd_selectors.given_up(lab))
+    unknown = len(crutd_selectors.given_up(lab)) + len(owed_halts(lab.pk))
     waiting = approval_selectors.requests_of(lab).filter(state="open", driver_id=None).count()
     brought = approval_selectors.open_about_drivers(lab).count()
     return {

@@ -9,17 +9,18 @@ from typing import Any
 from uuid import UUID
 
 import msgspec
-from django.db.models import DateTimeField, Q, Subquery, UUIDField
+from django.db.models import DateTimeField, Q, QuerySet, Subquery, UUIDField
 
 from labweb.common.prepared import Given, Prepared, Question, together
 from labweb.domain.errors import LabError, NotFoundError
+from labweb.domain.runs.halting import UNDECIDED, HaltState
 from labweb.domain.runs.job import UNSTARTED, JobState, RunState
 from labweb.domain.runs.recovery import is_taken_away
 from labweb.domain.runs.scheduler import JobView, StepJob, held_by_steps
 from labweb.domain.workflows.plan import Execution
 from labweb.enrollment import selectors as enrollment_selectors
 from labweb.resources import selectors as resource_selectors
-from labweb.runs.models import Attempt, Outbox
+from labweb.runs.models import Attempt, DeviceHalt, Outbox
 from labweb.runs.models import Calibration as Calibration
 from labweb.runs.models import Custody as Custody
 from labweb.runs.models import Job as Job
@@ -234,6 +235,42 @@ _JOBS_TO_SCHEDULE = Prepared(
         .values_list("run_id", *_VIEW)
     )
 )
+
+
+HALTING_AT = Prepared(
+    lambda: (
+        DeviceHalt.objects.filter(host_id=Given("host", UUIDField()), ended_at__isnull=True)
+        .order_by()
+        .values_list("device_id")
+    )
+)
+"""The devices of a host that are to be halted before anything is sent to them."""
+
+
+_HALTS = DeviceHalt.objects.select_related("device", "run", "asked_by")
+
+
+def halts_of(run: Run) -> QuerySet[DeviceHalt]:
+    """Halts of devices that an aborted run had set, in the order in which they were asked for."""
+    return _HALTS.filter(run=run).order_by("at")
+
+
+def open_halts(device_ids: Iterable[UUID]) -> dict[UUID, DeviceHalt]:
+    """Return of each device the newest halt that was asked for and is not delivered."""
+    rows = _HALTS.filter(device_id__in=list(device_ids), ended_at__isnull=True)
+    return {row.device_id: row for row in rows.order_by("at")}
+
+
+def owed_halts(lab_id: UUID) -> list[DeviceHalt]:
+    """Return of each device of a lab that could not be halted yet the newest halt it owes."""
+    rows = _HALTS.filter(device__host__lab_id=lab_id, state=HaltState.OWED.value)
+    return list({row.device_id: row for row in rows.order_by("at")}.values())
+
+
+def is_halting(run_id: UUID) -> bool:
+    """Tell whether nothing is known yet of some device that is to be halted for a run."""
+    states = [state.value for state in UNDECIDED]
+    return DeviceHalt.objects.filter(run_id=run_id, state__in=states).exists()
 
 
 def next_number(job: Job) -> int:

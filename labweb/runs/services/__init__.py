@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from labweb.runs.services.aborting import abort_run, note_silence, stop_device
 from labweb.runs.services.asking import asks_told, let_ask, take_ask, withdraw_ask
 from labweb.runs.services.calibrating import (
     begin_calibration,
@@ -10,7 +11,6 @@ from labweb.runs.services.calibrating import (
     withdraw_calibration,
 )
 from labweb.runs.services.control import (
-    abort_run,
     pause_run,
     reset_lab,
     resolve_job,
@@ -73,6 +73,7 @@ __all__ = [
     "look_at_parts",
     "note_quarantine",
     "note_rival",
+    "note_silence",
     "note_version",
     "offer_file",
     "pause_run",
@@ -92,6 +93,7 @@ __all__ = [
     "show_device",
     "sign_heads",
     "start_run",
+    "stop_device",
     "stop_lab",
     "switch_waiting",
     "take_ask",

@@ -24,7 +24,7 @@ from labweb.resources import selectors as resource_selectors
 from labweb.resources.selectors import Lab
 from labweb.runs import selectors
 from labweb.runs.models import Job, Run
-from labweb.runs.services.control import abort_run
+from labweb.runs.services.aborting import abort_run
 from labweb.runs.services.start import Wish, start_run
 from labweb.workflows import selectors as workflow_selectors
 from labweb.workflows import services as workflow_services

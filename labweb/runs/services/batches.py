@@ -26,7 +26,7 @@ from labweb.runs import selectors
 from labweb.runs.models import Attempt, Job, Outbox, Run
 from labweb.runs.services import dispatch
 from labweb.runs.services.drivers import switch_before
-from labweb.runs.services.state import move_job, note_sent
+from labweb.runs.services.state import check_not_halting, move_job, note_sent
 
 logger = logging.getLogger(__name__)
 
@@ -68,6 +68,8 @@ def _dispatch(run_id: UUID, job_ids: Sequence[UUID], execution: Execution) -> in
             text = f"run {blocking} is in the middle of a step here"
             raise LockedError(text, code="run.step_held")
     switch_before(host, jobs)
+    halting = selectors.HALTING_AT.rows(host=host.pk)
+    check_not_halting(jobs, {device_id for (device_id,) in halting})
     dispatch.check_calibrations(jobs)
     batch_id = new_id()
     indices = {job.index for job in jobs}

@@ -12,9 +12,8 @@ from django.db.transaction import atomic, on_commit
 
 from labweb.accounts import services as account_services
 from labweb.accounts.selectors import User
-from labweb.approvals import services as approval_services
 from labweb.common import feed
-from labweb.common.clock import new_id, now
+from labweb.common.clock import new_id
 from labweb.common.wake import wake_dispatcher
 from labweb.crutd import services as crutd_services
 from labweb.crutd.services import Settlement
@@ -38,7 +37,7 @@ from labweb.runs.services.batches import recall_run
 from labweb.runs.services.halting import check_halted, undo_settled
 from labweb.runs.services.picture import lab_view
 from labweb.runs.services.proof import check_departures, check_proved
-from labweb.runs.services.state import announce, move_job, refresh_run
+from labweb.runs.services.state import add_pause, announce, move_job, refresh_run
 
 _ENDED = {RunState.COMPLETE.value, RunState.ABORTED.value}
 _UNDONE = [state.value for state in FINAL - {JobState.COMPLETE}]
@@ -47,6 +46,14 @@ _UNDONE = [state.value for state in FINAL - {JobState.COMPLETE}]
 def _require(run: Run, actor: User, permission: Permission) -> None:
     ids = {UUID(node) for job in run.jobs.all() for node in job.locks}
     resource_selectors.require(actor, permission, ids)
+
+
+def _check_not_over(run: Run) -> None:
+    if run.state in _ENDED:
+        raise StateError(f"run #{run.number} is {run.state}", code="run.ended")
+    if run.is_given_up:
+        text = f"run #{run.number} was aborted: it ends once its devices stand"
+        raise StateError(text, code="run.aborting")
 
 
 @atomic
@@ -61,23 +68,11 @@ def pause_run(run_id: UUID, *, actor: User, reason: str = "user") -> Run:
     """
     run = selectors.run_for_update(run_id)
     _require(run, actor, Permission.RUN)
-    if run.state in _ENDED:
-        raise StateError(f"run #{run.number} is {run.state}", code="run.ended")
-    _add_pause(run, reason, actor)
+    _check_not_over(run)
+    add_pause(run, reason, actor)
     recall_run(run, issued_by=str(actor.pk))
     account_services.write_audit("run.pause", str(run.id), actor=actor, reason=reason)
     return refresh_run(run_id)
-
-
-def _add_pause(run: Run, kind: str, actor: User) -> None:
-    """Add a reason; each person's own counts, so that nobody's is lost behind another's."""
-    alike = [one for one in run.pause_reasons if one["kind"] == kind]
-    if selectors.has_paused(alike, actor) or (alike and kind != "user"):
-        return
-    by = {"by": actor.printed_name, "by_id": str(actor.pk)}
-    entry = {"kind": kind, **by, "at": now().isoformat()}
-    run.pause_reasons = [*run.pause_reasons, entry]
-    run.save(update_fields=["pause_reasons"])
 
 
 @atomic
@@ -109,8 +104,7 @@ def resume_run(
     """
     run = selectors.run_for_update(run_id)
     _require(run, actor, Permission.RUN)
-    if run.state in _ENDED:
-        raise StateError(f"run #{run.number} is {run.state}", code="run.ended")
+    _check_not_over(run)
     if run.lab.is_stopped:
         raise StateError("the lab is stopped: reset it first", code="run.lab_stopped")
     if run.jobs.filter(state=JobState.IN_DOUBT.value).exists():
@@ -163,42 +157,6 @@ def _check_untouched(run: Run) -> None:
         elif JobState(job.state) in UNSTARTED:
             to_come.update(ids)
     check_proved(run.version, lab_view(run.lab), to_come - touched)
-
-
-@atomic
-def abort_run(run_id: UUID, *, actor: User, reason: str) -> Run:
-    """Stop what has not begun and cancel what was sent; what acts now runs to its end.
-
-    Raises:
-        DefinitionError: No reason was given.
-        StateError: The run has ended.
-
-    Effect:
-        Nothing that has begun is undone; liquid in a syringe stays there, recorded.
-    """
-    run = selectors.run_for_update(run_id)
-    _require(run, actor, Permission.RUN)
-    if not reason.strip():
-        raise DefinitionError("say why the run is given up", code="run.reason_missing")
-    if run.state in _ENDED:
-        raise StateError(f"run #{run.number} is {run.state} already", code="run.ended")
-    for job in Job.objects.filter(run=run).select_for_update(no_key=True):
-        state = JobState(job.state)
-        if state in UNSTARTED:
-            move_job(job, JobState.STOPPED, Mover.SERVER, message=reason)
-        elif state in {JobState.DISPATCHED, JobState.ACCEPTED}:
-            attempt = selectors.last_attempt(job)
-            if attempt is not None:
-                dispatch.send_cancel(attempt, issued_by=str(actor.pk))
-    approval_services.withdraw(run.id)
-    if run.state == RunState.AWAITING_APPROVAL.value:
-        run.state = RunState.ABORTED.value
-        run.ended_at = now()
-    run.pause_reasons = []
-    run.is_given_up = True
-    run.save(update_fields=["state", "ended_at", "pause_reasons", "is_given_up"])
-    account_services.write_audit("run.abort", str(run.id), actor=actor, reason=reason)
-    return refresh_run(run_id)
 
 
 @atomic
@@ -317,7 +275,7 @@ def stop_lab(*, actor: User) -> Lab:
     states = [*selectors.LIVE, RunState.AWAITING_APPROVAL.value]
     runs = Run.objects.filter(lab=lab, state__in=states).order_by("pk")
     for run in runs.select_for_update(of=("self",), no_key=True):
-        _add_pause(run, "stopped", actor)
+        add_pause(run, "stopped", actor)
         recall_run(run, issued_by=str(actor.pk), is_whole=True)
         refresh_run(run.id)
     account_services.write_audit("lab.stop", str(lab.id), actor=actor)

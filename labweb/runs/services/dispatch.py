@@ -35,7 +35,14 @@ from labweb.runs import selectors
 from labweb.runs.models import Attempt, Job, Outbox, Run
 from labweb.runs.services.drivers import switch_before
 from labweb.runs.services.failing import doubt_command
-from labweb.runs.services.state import announce, move_job, moving, noting_sent, refresh_run
+from labweb.runs.services.state import (
+    announce,
+    check_not_halting,
+    move_job,
+    moving,
+    noting_sent,
+    refresh_run,
+)
 
 logger = logging.getLogger(__name__)
 
@@ -159,13 +166,17 @@ def hold_for_dispatch(
     """Lock host, run and job in the order in which everybody does; None: it may not go now.
 
     `fields` are what the job is on the device that was chosen for it.
+
+    Raises:
+        LockedError: Its device is to be halted first. Nothing was written.
     """
-    hosts, runs, jobs, elsewhere, numbers = together(
+    hosts, runs, jobs, elsewhere, numbers, halting = together(
         enrollment_selectors.HOST_TO_LOCK.asking(id=view.host_id),
         selectors.RUN_TO_LOCK.asking(id=run_id),
         selectors.JOB_TO_LOCK.asking(id=view.id),
         selectors.asking_elsewhere(run_id),
         selectors.asking_number(view.id),
+        selectors.HALTING_AT.asking(host=view.host_id),
     )
     if not (hosts and runs and jobs):
         return None
@@ -175,6 +186,7 @@ def hold_for_dispatch(
     is_elsewhere = job.device.host_id != host.pk
     if job.state != JobState.QUEUED.value or run.pause_reasons or is_elsewhere:
         return None
+    check_not_halting([job], {device_id for (device_id,) in halting})
     return ToDispatch(host, run, job, elsewhere, numbers[0])
 
 
@@ -264,7 +276,7 @@ def _keep(host: EdgeHost, action_id: UUID, command: Command) -> None:
     Outbox.objects.create(host=host, action_id=action_id, kind=body["t"], body=body, at=now())
 
 
-def _post(host: EdgeHost, action_id: UUID, command: Command) -> None:
+def post(host: EdgeHost, action_id: UUID, command: Command) -> None:
     """Keep a command that did not come from the dispatcher, and wake it to send that."""
     _keep(host, action_id, command)
     wake_dispatcher()
@@ -284,7 +296,7 @@ def send_resolution(attempt: Attempt, **fields: object) -> None:
         },
         Resolve,
     )
-    _post(host, attempt.id, command)
+    post(host, attempt.id, command)
 
 
 def send_cancel(attempt: Attempt, *, issued_by: str, is_recall: bool = False) -> None:
@@ -302,7 +314,7 @@ def send_cancel(attempt: Attempt, *, issued_by: str, is_recall: bool = False) ->
         issued_by=issued_by,
         is_recall=is_recall,
     )
-    _post(attempt.host, attempt.id, command)
+    post(attempt.host, attempt.id, command)
 
 
 def send_reset(host: EdgeHost, *, stop_id: UUID, reason: str, issued_by: str) -> None:
@@ -315,7 +327,7 @@ def send_reset(host: EdgeHost, *, stop_id: UUID, reason: str, issued_by: str) ->
         reason=reason,
         issued_by=issued_by,
     )
-    _post(host, new_id(), command)
+    post(host, new_id(), command)
 
 
 def publish_outbox() -> int:

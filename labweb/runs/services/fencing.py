@@ -21,6 +21,7 @@ from labweb.enrollment import services as enrollment_services
 from labweb.enrollment.selectors import EdgeHost
 from labweb.runs import selectors
 from labweb.runs.models import Outbox
+from labweb.runs.services.aborting import note_journal_gone
 from labweb.runs.services.custody import lose_moves_of
 from labweb.runs.services.state import move_job, refresh_run
 
@@ -59,7 +60,9 @@ def note_quarantine(host_id: UUID) -> None:
 
 def put_in_doubt(host: EdgeHost) -> None:
     """Put every dispatched job of a fenced host in doubt: its log can tell nothing of them."""
-    Outbox.objects.filter(host=host, settled_at__isnull=True).update(settled_at=now())
+    left = Outbox.objects.filter(host=host, settled_at__isnull=True).exclude(kind="halt")
+    left.update(settled_at=now())
+    note_journal_gone(host, is_lost=host.state in _WHY)
     code, state = _WHY.get(host.state, ("host.quarantined", "is quarantined"))
     lose_moves_of(host)
     for job in selectors.jobs_at(host):

@@ -15,7 +15,9 @@ from labweb.crutd import services as crutd_services
 from labweb.domain.errors import Finding, StateError
 from labweb.domain.messages import EdgeEvent
 from labweb.domain.runs.halting import (
+    DEVICE_STOPPED,
     INTERRUPTED,
+    RUN_ABORTED,
     STOPPED,
     WITH_ACTION,
     Done,
@@ -36,6 +38,8 @@ from labweb.runs.services.state import announce, refresh_run
 
 _WHY = {
     STOPPED: "the lab was stopped",
+    RUN_ABORTED: "the run that had set it was aborted",
+    DEVICE_STOPPED: "a person stopped it",
     INTERRUPTED: "the process of its line died in an action",
 }
 
@@ -146,6 +150,9 @@ def undo_job(job: Job) -> None:
 
 
 def _pause(run: Run) -> None:
+    """Pause a run, unless somebody has given it up: then nothing of it begins anyhow."""
+    if run.is_given_up:
+        return
     if all(one["kind"] != "halted" for one in run.pause_reasons):
         entry = {"kind": "halted", "by": "", "at": now().isoformat()}
         run.pause_reasons = [*run.pause_reasons, entry]

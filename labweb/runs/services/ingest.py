@@ -33,7 +33,7 @@ from labweb.enrollment import services as enrollment_services
 from labweb.enrollment.selectors import EdgeHost
 from labweb.runs import selectors
 from labweb.runs.models import Attempt, HostEvent, Outbox
-from labweb.runs.services import dispatch, drivers, heads
+from labweb.runs.services import aborting, dispatch, drivers, heads
 from labweb.runs.services.batches import settle_batch
 from labweb.runs.services.carrying import hand_on
 from labweb.runs.services.custody import KINDS, take_custody_event
@@ -142,6 +142,9 @@ def _apply_word(host: EdgeHost, event: EdgeEvent) -> None:
         take_custody_event(host, event)
     if event.kind == "halted":
         take_halt(host, event)
+        aborting.note_delivered(host, event)
+    if event.kind in aborting.HALT_KINDS:
+        aborting.take_halt_word(host, event)
 
 
 def _apply(host: EdgeHost, event: EdgeEvent, action_id: UUID) -> None:
@@ -167,6 +170,7 @@ def _apply(host: EdgeHost, event: EdgeEvent, action_id: UUID) -> None:
         settle_batch(attempt)
         if meaning.state is JobState.COMPLETE and event.body.get(IS_HALTED) is True:
             undo_job(attempt.job)
+        aborting.go_on_aborting(attempt.job.run)
     refresh_run(attempt.job.run_id)
 
 

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection, Sequence
 from functools import partial
 from typing import Any
 from uuid import UUID
 
 from django.db.transaction import on_commit
 
+from labweb.accounts.selectors import User
 from labweb.common import feed
 from labweb.common.clock import now
 from labweb.common.prepared import Question, together, updating
 from labweb.common.wake import wake_dispatcher
+from labweb.domain.errors import LockedError
 from labweb.domain.runs.job import FINAL, JobState, Mover, RunState, check_step
 from labweb.domain.runs.scheduler import run_state, state_after_dispatch
 from labweb.runs import selectors
@@ -71,11 +74,34 @@ def noting_sent(run: Run) -> list[Question[Any]] | None:
     return [updating(run, "started_at", "state")]
 
 
+def check_not_halting(jobs: Sequence[Job], halting: Collection[UUID]) -> None:
+    """Refuse to send anything to a device before a halt that was asked for is delivered.
+
+    Raises:
+        LockedError: One of the devices is among `halting`.
+    """
+    waiting = next((job for job in jobs if job.device_id in halting), None)
+    if waiting is not None:
+        raise LockedError(f"{waiting.device.name} is to be halted first", code="run.halt_first")
+
+
+def add_pause(run: Run, kind: str, actor: User) -> None:
+    """Add a reason; each person's own counts, so that nobody's is lost behind another's."""
+    alike = [one for one in run.pause_reasons if one["kind"] == kind]
+    if selectors.has_paused(alike, actor) or (alike and kind != "user"):
+        return
+    by = {"by": actor.printed_name, "by_id": str(actor.pk)}
+    entry = {"kind": kind, **by, "at": now().isoformat()}
+    run.pause_reasons = [*run.pause_reasons, entry]
+    run.save(update_fields=["pause_reasons"])
+
+
 def refresh_run(run_id: UUID) -> Run:
     """Bring a run's state in line with its jobs and its pause reasons."""
     run = selectors.run_for_update(run_id)
     jobs = selectors.views(run_id)
-    state = run_state(RunState(run.state), jobs, is_given_up=run.is_given_up)
+    is_halting = run.is_given_up and selectors.is_halting(run_id)
+    state = run_state(RunState(run.state), jobs, is_given_up=run.is_given_up, is_halting=is_halting)
     if run.pause_reasons and state in {RunState.QUEUED, RunState.RUNNING}:
         is_moving = state is RunState.RUNNING and any(
             job.state

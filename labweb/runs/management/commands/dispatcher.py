@@ -99,6 +99,7 @@ class Watch:
             enrollment_services.withdraw_fences,
             services.expire_requests,
             services.isolate_hosts,
+            services.note_silence,
             services.judge_ended,
             services.switch_waiting,
             telemetry_services.ring_incoming,

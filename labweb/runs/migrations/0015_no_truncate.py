@@ -13,7 +13,7 @@ CREATE TRIGGER runs_hostevent_no_truncate BEFORE TRUNCATE ON runs_hostevent
 class Migration(migrations.Migration):
     """What hosts have told cannot be emptied out."""
 
-    dependencies = [("runs", "0013_halted_by")]
+    dependencies = [("runs", "0014_device_halts")]
     operations = [
         migrations.RunSQL(_FORWARD, "DROP TRIGGER runs_hostevent_no_truncate ON runs_hostevent;")
     ]
