@@ -2,7 +2,14 @@
 
 import { useTopics } from "@/api/live";
 import { useDevices } from "@/api/queries";
-import { findProblems, isTakenAway, pauseText, stepNumber, type Problem } from "@/model/runs";
+import {
+  findProblems,
+  isTakenAway,
+  isUnconfirmed,
+  pauseText,
+  stepNumber,
+  type Problem,
+} from "@/model/runs";
 import { problemText } from "@/model/evidence";
 import { formatVolume } from "@/model/format";
 import { jobState } from "@/model/states";
@@ -24,6 +31,7 @@ export function Problems({ run, job }: { run: Run; job: string | null }) {
       {run.state === "awaiting_approval" && run.approval && <AwaitsApproval run={run} />}
       {run.waits_for && <WaitsForRun other={run.waits_for} />}
       <Departed run={run} />
+      <Unconfirmed run={run} />
       <WaitsForDevices run={run} />
       {run.hosts_away.map((host) => (
         <WorksAlone key={host.id} host={host} />
@@ -66,9 +74,33 @@ function ProblemCard({ run, problem }: { run: Run; problem: Problem }) {
             ? words.undone.about(job.device.name, job.halted_by ?? "", job.is_halt_certain)
             : effectText(job)}
         </p>
+        {job.recovery && <Recovery run={run} job={job} card={job.recovery} />}
         <Evidence job={job} />
         {job.code && <p className="mono m">{job.code}</p>}
-        {job.recovery && <Recovery run={run} job={job} card={job.recovery} />}
+      </div>
+    </section>
+  );
+}
+
+/** What was done and nobody could confirm, as its steps let it be. */
+function Unconfirmed({ run }: { run: Run }) {
+  const jobs = run.jobs.filter(isUnconfirmed);
+  if (jobs.length === 0) return null;
+  return (
+    <section className="card prob" data-state="needs" data-testid="unconfirmed-card">
+      <div className="ph">
+        <Glyph look="needs" />
+        {words.unconfirmed.title}
+      </div>
+      <div className="pb">
+        <p className="s">{words.unconfirmed.about}</p>
+        <ul className="reasons">
+          {jobs.map((job) => (
+            <li key={job.id}>
+              {job.sentence}: {job.message}
+            </li>
+          ))}
+        </ul>
       </div>
     </section>
   );

@@ -26,6 +26,9 @@ WITH_ACTION = "edge.halted"
 INTERRUPTED = "edge.interrupted"
 """The line of an action died; the one that followed halted the device."""
 
+MAY_MOVE = "its device may still move"
+"""How it is told that nobody saw a halted device stand."""
+
 LET_GO = "let_go"
 """A person goes on without what was taken away."""
 
