@@ -45,7 +45,7 @@ export function DoubtCard({ run, job, question }: { run: Run; job: Job; question
       <div className="pb">
         <h2>{question.text}</h2>
         {question.measured && (
-          <p className="s measured" data-testid="doubt-measured">
+          <p className="measured" data-testid="doubt-measured">
             {question.measured.text}
           </p>
         )}

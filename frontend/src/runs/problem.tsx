@@ -31,7 +31,6 @@ export function Problems({ run, job }: { run: Run; job: string | null }) {
       {run.state === "awaiting_approval" && run.approval && <AwaitsApproval run={run} />}
       {run.waits_for && <WaitsForRun other={run.waits_for} />}
       <Departed run={run} />
-      <Unconfirmed run={run} />
       <WaitsForDevices run={run} />
       {run.hosts_away.map((host) => (
         <WorksAlone key={host.id} host={host} />
@@ -43,6 +42,7 @@ export function Problems({ run, job }: { run: Run; job: string | null }) {
           problem={problem}
         />
       ))}
+      <Unconfirmed run={run} />
     </>
   );
 }

@@ -64,8 +64,9 @@ function Row({ event, withRun }: { event: LabEvent; withRun: boolean }) {
         <At at={event.at} seconds />
       </td>
       <td>{capitalise(event.operation)}</td>
-      <td className="cut b" title={text}>
+      <td className={event.resolved ? "b" : "cut b"} title={text}>
         {text}
+        {event.resolved && <End end={event.resolved} />}
       </td>
       <td className="num s cut" title={event.summary || event.message}>
         {event.amount_nl === null ? changeText(event) : <Volume nl={event.amount_nl} />}
@@ -86,16 +87,18 @@ function Row({ event, withRun }: { event: LabEvent; withRun: boolean }) {
   );
 }
 
+/** How a doubt ended, by whom and when. */
+function End({ end }: { end: NonNullable<LabEvent["resolved"]> }) {
+  return (
+    <div className="s t12 ended" data-testid="event-resolved" title={end.note}>
+      {end.text}, <At at={end.at} seconds />
+    </div>
+  );
+}
+
 /** How the transaction stands; of a doubt that is over, how it ended. */
 function Outcome({ event }: { event: LabEvent }) {
-  const end = event.resolved;
-  if (end) {
-    return (
-      <span className="s" data-testid="event-resolved" title={end.note}>
-        {end.text}, <At at={end.at} seconds />
-      </span>
-    );
-  }
+  if (event.resolved) return <StateText state={{ look: "ok", word: "Resolved" }} />;
   const state = transactionState(event.state);
   if (state.look === "doubt") return <StateChip state={state} />;
   return (
