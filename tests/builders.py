@@ -330,6 +330,7 @@ class Edge:
             answer=answer.answer,
             note=answer.note,
             issued_by=answer.issued_by,
+            **({"despite_reading": answer.despite_reading} if answer.despite_reading else {}),
         )
 
     def work_off(self, run: Run) -> None:

@@ -28,7 +28,7 @@ from workers.files import Files, Witness
 from workers.halting import halt_and_look
 from workers.journal import Journal
 from workers.outcomes import Following, Outcomes
-from workers.readings import Reader, judged, prestate_body, prestate_from
+from workers.readings import Reader, judged, prestate_body, prestate_from, unconfirmable
 from workers.store import Store
 from workers.unit import Unit
 from workers.watch import AbandonedActionError, HungDriverError, Watch
@@ -184,13 +184,19 @@ class Executor:
                 answer = acting.decide_now(tx, row, do, self._journal.moment(), [])
                 acting.write_rejection(tx, row, answer, ())
             return answer.kind == edge.REJECT
+        post = _conditions(do.post)
+        if not self._reader.await_baselines(post, is_over=self._is_closing):
+            return False
         # Each status is asked for once: a slow wire takes longer than all of the rest.
-        before = self._reader.read([*conditions, *_conditions(do.post)])
+        before = self._reader.read([*conditions, *post])
         scene = acting.Scene(
             pid=os.getpid(),
             driver_digest=unit.config.digest,
             prestate=plain(prestate_body(before)),
-            judged=self._witness.back(row.action_id, judged(conditions, before, {})),
+            judged=[
+                *self._witness.back(row.action_id, judged(conditions, before, {})),
+                *unconfirmable(post, before),
+            ],
             context=self._context(unit),
         )
         faults.point("execute.before_started")

@@ -12,7 +12,13 @@ from labweb.domain.errors import LabError
 from labweb.domain.ports import Clock
 from labweb.domain.runs.acting import Found
 from labweb.domain.runs.bodies import plain
-from labweb.domain.runs.halting import is_moving, note_waiting, tells_motion, write_late_halt
+from labweb.domain.runs.halting import (
+    MAY_MOVE,
+    is_moving,
+    note_waiting,
+    tells_motion,
+    write_late_halt,
+)
 from labweb.domain.runs.journal import JournalError
 from workers.journal import Journal
 from workers.unit import Unit
@@ -26,8 +32,6 @@ STAND_S = 5.0
 """For how long it is watched until it stands."""
 
 PAUSE_S = 0.25
-
-MAY_MOVE = "its device may still move"
 
 
 def halt_and_look(unit: Unit | None, clock: Clock) -> Found:

@@ -11,8 +11,10 @@ from labweb.domain.crutd.conditions import (
     Result,
     Verdict,
     evaluate,
+    lacks_baseline,
     spread,
     statuses_of,
+    unreadable_baselines,
 )
 from labweb.domain.errors import LabError
 from labweb.domain.ports import Clock
@@ -95,6 +97,24 @@ class Reader:
                 return None
             self._clock.wait(POLL_S)
 
+    def await_baselines(self, post: Sequence[Condition], *, is_over: Callable[[], bool]) -> bool:
+        """Give what a change is measured from its time to settle, before the action begins.
+
+        Returns:
+            False when `is_over` cut the waiting short. True also where it does not settle: what
+            cannot be read is judged before the start, what is not steady after the action.
+        """
+        began_s = self._clock.monotonic_s()
+        while True:
+            wanted = [one for one in post if one.change is not None]
+            now = self.read(wanted) if wanted else {}
+            waited_s = self._clock.monotonic_s() - began_s
+            if not any(lacks_baseline(one, now) and waited_s < one.timeout_s for one in wanted):
+                return True
+            if is_over():
+                return False
+            self._clock.wait(POLL_S)
+
     def latest(self, devices: Iterable[UUID]) -> list[tuple[str, str, Any, float]]:
         """Return (device, status, value, age in seconds) of the last samples; asks no device."""
         wanted = list(devices)
@@ -126,6 +146,14 @@ def judged(
 ) -> list[tuple[Condition, Result]]:
     """Judge the conditions on readings of this moment that are there already."""
     return [(one, _evaluate(one, now, before)) for one in conditions]
+
+
+def unconfirmable(
+    post: Sequence[Condition], before: Mapping[Key, Any]
+) -> list[tuple[Condition, Result]]:
+    """Judge before the start what nobody could confirm after it."""
+    by_name = {one.name: one for one in post}
+    return [(by_name[result.name], result) for result in unreadable_baselines(post, before)]
 
 
 def _evaluate(condition: Condition, now: Mapping[Key, Any], before: Mapping[Key, Any]) -> Result:

@@ -38,7 +38,7 @@ class Transaction(Base):
     """Results of pre- and post-conditions, with evidence."""
 
     change = models.JSONField(null=True)
-    verification = models.CharField(max_length=10, blank=True)
+    verification = models.CharField(max_length=12, blank=True)
     code = models.CharField(max_length=100, blank=True)
     message = models.TextField(blank=True)
 

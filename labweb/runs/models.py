@@ -85,7 +85,7 @@ class Job(Base):
     state_at = models.DateTimeField()
     started_at = models.DateTimeField(null=True)
     ended_at = models.DateTimeField(null=True)
-    verification = models.CharField(max_length=10, blank=True)
+    verification = models.CharField(max_length=12, blank=True)
     code = models.CharField(max_length=100, blank=True)
     message = models.TextField(blank=True)
     evidence = models.JSONField(default=dict)

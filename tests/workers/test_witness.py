@@ -88,13 +88,77 @@ def test_a_picture_from_before_the_act_confirms_nothing(
 ) -> None:
     seen(store, tag="VIAL-7", confidence=0.97)
     action_id = run(host, store, pre=[VISION], post=[VISION])
+    assert host.state(action_id) == "in_doubt"
+    assert host.last(action_id)["post"][0]["verdict"] == "unobservable"
+
+
+def test_what_may_stay_unconfirmed_is_complete_and_says_that_nobody_saw_it(
+    host: Host, store: Store, pump: PumpProcess
+) -> None:
+    action_id = run(host, store, post=[{**VISION, "may_stay_unconfirmed": True}])
     assert host.state(action_id) == "complete"
     body = host.last(action_id)
-    assert body["verification"] == "device"
-    assert body["post"][0]["verdict"] == "unobservable"
-    must = {**VISION, "must_pass": True}
-    action_id = run(host, store, post=[must], resources=[])
+    assert (body["verification"], body["code"]) == ("unconfirmed", "edge.unconfirmed")
+    assert body["message"].startswith("not confirmed: ")
+    assert pump.moves == ["A300"]
+
+
+MASS = a_condition(
+    name="balance.mass_arrived",
+    device_id=CAMERA,
+    status="mass_mg",
+    change=100.0,
+    tolerance=1.0,
+    stable_status="is_stable",
+    timeout_s=0.3,
+    is_sensor=True,
+)
+
+
+@contextlib.contextmanager
+def weighing(store: Store, *, is_stable: bool) -> Iterator[None]:
+    """Have a balance of another line tell its mass again and again."""
+    is_over = threading.Event()
+
+    def tell() -> None:
+        while True:
+            now_s = time.monotonic()
+            values = {"mass_mg": 100.0, "is_stable": is_stable}
+            rows = [Sample(str(CAMERA), name, 0.0, now_s, value) for name, value in values.items()]
+            store.put("balance", rows, 1)
+            if is_over.wait(0.05):
+                return
+
+    thread = threading.Thread(target=tell)
+    thread.start()
+    try:
+        yield
+    finally:
+        is_over.set()
+        thread.join()
+
+
+def test_a_balance_that_never_settles_leaves_the_transfer_in_doubt(
+    host: Host, store: Store, pump: PumpProcess
+) -> None:
+    with weighing(store, is_stable=False):
+        action_id = run(host, store, post=[MASS])
     assert host.state(action_id) == "in_doubt"
+    body = host.last(action_id)
+    assert (body["code"], body["message"]) == ("balance.mass_arrived", "mass has not settled")
+    assert pump.moves == ["A300"]
+
+
+def test_a_transfer_is_not_begun_when_its_balance_cannot_be_read(
+    host: Host, store: Store, pump: PumpProcess
+) -> None:
+    action_id = run(host, store, post=[MASS])
+    assert host.state(action_id) == "rejected"
+    assert "was not begun" in host.last(action_id)["message"]
+    assert pump.moves == []
+    action_id = run(host, store, post=[{**MASS, "may_stay_unconfirmed": True}], resources=[])
+    assert host.state(action_id) == "complete"
+    assert host.last(action_id)["verification"] == "unconfirmed"
 
 
 def test_a_verdict_whose_picture_is_gone_tells_nothing(

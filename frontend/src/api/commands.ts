@@ -1,6 +1,7 @@
 /** What pages write, one hook each. Nothing is shown as done before the server said so. */
 
 import { useMutation, type UseMutationResult } from "@tanstack/react-query";
+import type { ThenAct } from "@/model/doubt";
 import type {
   ApprovalRequest,
   CheckResult,
@@ -155,6 +156,13 @@ export interface Answer {
   answer: "happened" | "did_not" | "partly" | "discard";
   moved_ul?: number;
   note: string;
+  /** Which doubt is answered. */
+  attempt_id?: string;
+  /** The answer stands though the device reads otherwise. */
+  despite_reading?: true;
+  /** What follows as soon as the host has the answer. */
+  then?: Exclude<ThenAct, "">;
+  then_moved_ul?: number;
 }
 
 export function useResolve(jobId: string, runId: string): UseMutationResult<Job, Error, Answer> {

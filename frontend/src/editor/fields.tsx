@@ -6,6 +6,7 @@ import { setParam } from "@/model/document";
 import { formatVolume } from "@/model/format";
 import { rolesOf } from "@/model/roles";
 import { capitalise } from "@/model/states";
+import { isSwitch } from "@/model/sentence";
 import { findChoices } from "@/model/tree";
 import type { ResourceRow, Schema } from "@/model/wire";
 import { Icon, iconOf } from "@/ui/icons";
@@ -41,6 +42,7 @@ export function StepField(props: FieldProps) {
   }, [wantsFocus, step.id]);
   if (schema.type === "object" && !schema.additionalProperties)
     return <ArgumentsField {...props} id={id} />;
+  if (isSwitch(schema)) return <SwitchField {...props} id={id} />;
   return (
     <div className="field" ref={box} data-field={name}>
       <label htmlFor={id}>
@@ -49,6 +51,33 @@ export function StepField(props: FieldProps) {
       </label>
       <Control {...props} id={id} isInvalid={problems.length > 0} />
       <FieldNote problems={problems} help={schema["x-help"]} />
+    </div>
+  );
+}
+
+/** Yes or no: what is not ticked is left out of the document. */
+function SwitchField(props: FieldProps & { id: string }) {
+  const { schema, step, name, problems } = props;
+  const canEdit = useEditor((state) => state.canEdit);
+  const send = useSend(props);
+  return (
+    <div className="field" data-field={name}>
+      <label className="check" htmlFor={props.id}>
+        <input
+          id={props.id}
+          type="checkbox"
+          data-testid={`field-${name}`}
+          disabled={!canEdit}
+          aria-invalid={problems.length > 0 ? true : undefined}
+          aria-describedby={`${props.id}-note`}
+          checked={step.params[name] === true}
+          onChange={(event) => send(event.target.checked || undefined)}
+        />
+        {schema["x-label"] ?? name}
+      </label>
+      <div id={`${props.id}-note`}>
+        <FieldNote problems={problems} help={schema["x-help"]} />
+      </div>
     </div>
   );
 }

@@ -1,5 +1,6 @@
 /** What is known of a job whose outcome is not, in rows a person can read. */
 
+import { resolutionText } from "./doubt";
 import { THIN, formatArguments, lineWords, plain, sentence, toSeconds } from "./format";
 import { isSetpoint } from "./telemetry";
 import type { ConditionResult, DeviceRow, Job, Run } from "./wire";
@@ -58,7 +59,10 @@ export function evidenceRows(
     }
   }
   const answer = job.evidence.resolution;
-  if (answer) rows.push({ label: "Answer", text: flat(answer) });
+  if (answer) rows.push({ label: "Resolved", text: resolutionText(answer, clock) });
+  const failed = job.evidence.then_failed;
+  if (failed)
+    rows.push({ label: `Not done: ${plain(failed.choice)}`, text: sentence(failed.why_not) });
   return unique(rows);
 }
 

@@ -129,6 +129,9 @@ export function findProblems(run: Run): Problem[] {
         asked_ul: null,
         source: null,
         target: null,
+        attempt_id: null,
+        measured: null,
+        then: {},
         answer_sent: false,
         answered_by: null,
         answered_at: null,
@@ -193,3 +196,7 @@ const UNSENT = new Set<JobState>(["draft", "awaiting_approval", "queued", "held"
 /** Who does a job, or that nobody is chosen yet. */
 export const deviceName = (job: Pick<Job, "device" | "choices_count" | "state">): string =>
   UNSENT.has(job.state) ? plannedDevice(job) : job.device.name;
+
+/** Whether an action is complete though nobody could confirm it, as its step lets it be. */
+export const isUnconfirmed = (job: Pick<Job, "state" | "verification">): boolean =>
+  job.state === "complete" && job.verification === "unconfirmed";

@@ -19,14 +19,22 @@ export function sentenceOf(
   return operation.clauses.flatMap((clause) => {
     const pieces = clause.split(FIELD);
     const fields = pieces.filter((_, place) => place % 2 === 1);
-    if (fields.some((name) => !required.has(name) && !(name in step.params))) return [];
+    const schemas = operation.params.properties ?? {};
+    if (fields.some((name) => !required.has(name) && !isGiven(schemas[name], step.params[name])))
+      return [];
     return pieces.flatMap((piece, place) => {
-      if (place % 2 === 1)
-        return [filled(operation.params.properties?.[piece], step.params[piece], names)];
+      if (place % 2 === 1 && isSwitch(schemas[piece])) return [];
+      if (place % 2 === 1) return [filled(schemas[piece], step.params[piece], names)];
       return piece ? [{ text: piece }] : [];
     });
   });
 }
+
+/** A switch is no word: its clause stands in the sentence where it is on. */
+export const isSwitch = (schema: Schema | undefined): boolean => schema?.type === "boolean";
+
+const isGiven = (schema: Schema | undefined, value: unknown): boolean =>
+  isSwitch(schema) ? value === true : value !== undefined;
 
 function filled(schema: Schema | undefined, value: unknown, names: Names): SentencePart {
   if (typeof value !== "string" || !value) return { text: MISSING, strong: true, sort: "name" };

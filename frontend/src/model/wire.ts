@@ -18,7 +18,7 @@ import type {
 } from "./wirebase";
 import type { RunFile } from "./wirefiles";
 import type { DeviceHalt, DeviceRow, HostAway, HostRow } from "./wirelab";
-import type { Recovery, RecoveryCard } from "./wirerecovery";
+import type { Recovery, RecoveryCard, RecoveryChoice } from "./wirerecovery";
 
 export interface Refusal {
   code: string;
@@ -219,11 +219,41 @@ export type RunState =
   | "complete"
   | "aborted";
 
+/** How much the readings before and since say was moved. */
+export interface Measured {
+  /** The subtraction in words, or which reading is missing. */
+  text: string;
+  before_ul: number | null;
+  after_ul: number | null;
+  moved_ul: number | null;
+  tolerance_ul: number;
+  answer: "happened" | "did_not" | "partly" | null;
+  /** Answers without an amount that the readings contradict. */
+  contradicts: string[];
+}
+
+/** What a person answered about a doubt, and when that ended it. */
+export interface Resolution {
+  answer: string;
+  note: string;
+  by?: string;
+  moved_nl?: number | null;
+  despite_reading?: string | null;
+  doubt_at?: Iso | null;
+  at?: Iso | null;
+}
+
 export interface Question {
   text: string;
+  /** The try that is in doubt: an answer names it. */
+  attempt_id: Id | null;
   asked_ul: number | null;
   source: string | { id: Id; name: string } | null;
   target: string | { id: Id; name: string } | null;
+  /** What the readings say; null: no reading tells how far such an action came. */
+  measured: Measured | null;
+  /** By answer: what may follow it in the same request. */
+  then: Record<string, RecoveryChoice[]>;
   answer_sent: boolean;
   /** Who has answered, and when, while the host has not heard of it. */
   answered_by: string | null;
@@ -273,7 +303,9 @@ export interface Job {
     report?: Record<string, unknown> | null;
     pre?: ConditionResult[] | null;
     post?: ConditionResult[] | null;
-    resolution?: Record<string, unknown> | null;
+    resolution?: Resolution | null;
+    /** What was to follow the answer and could not be done any more. */
+    then_failed?: { choice: string; why_not: string } | null;
     /** Of what was read: the corrected value beside what the device told. */
     corrected?: Record<string, { raw: number; value: number | null; number: number }> | null;
   };

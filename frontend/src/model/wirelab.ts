@@ -18,6 +18,8 @@ export interface LabEvent {
   code: string;
   message: string;
   transaction_id: Id | null;
+  /** Of an event that left a doubt: how that ended; null: it is open, or there was none. */
+  resolved: { text: string; note: string; at: Iso; doubt_at: Iso } | null;
 }
 
 export interface LogLine {

@@ -2,6 +2,7 @@
 
 import type { FileReading } from "./wirefiles";
 import type { Id } from "./wirebase";
+import type { LabEvent } from "./wirelab";
 
 export interface AccountRow {
   /** `vessel`, or a nominal account such as REACTION. */
@@ -35,4 +36,6 @@ export interface RunReport {
   unknown: string[];
   yields: YieldRow[];
   readings: FileReading[];
+  doubts: { job_id: Id; sentence: string; resolved: LabEvent["resolved"] }[];
+  unconfirmed: { job_id: Id; sentence: string; message: string }[];
 }

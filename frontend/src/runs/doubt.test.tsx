@@ -12,6 +12,17 @@ const question: Question = {
   asked_ul: 5000,
   source: "Water",
   target: "Pump 1",
+  attempt_id: "t0",
+  measured: null,
+  then: {
+    did_not: [
+      { name: "retry", why_not: null, consequence: "Sends the action again." },
+      { name: "skip", why_not: null, consequence: "Leaves it undone." },
+      { name: "done_by_hand", why_not: null, consequence: "Counts the job as done." },
+    ],
+    partly: [{ name: "retry", why_not: "a part has moved", consequence: "Sends it again." }],
+    discard: [],
+  },
   answer_sent: false,
   answered_by: null,
   answered_at: null,
@@ -25,6 +36,77 @@ function card(change: Partial<typeof question> = {}, changed = run) {
 
 /** What was written; the card reads what its device tells, too. */
 const posted = (sent: Sent[]): Sent[] => sent.filter((one) => one.method === "POST");
+
+const measured = {
+  text: "The plunger stood at 10.000 mL before and stands at 6.500 mL now: 10.000 − 6.500 = 3.500 mL moved.",
+  before_ul: 10_000,
+  after_ul: 6500,
+  moved_ul: 3500,
+  tolerance_ul: 10,
+  answer: "partly" as const,
+  contradicts: ["happened", "did_not"],
+};
+
+test("the answer is filled in from the readings, and the subtraction is shown", async () => {
+  const sent = serve(() => [200, job]);
+  show(card({ measured }));
+  expect(screen.getByTestId("doubt-measured")).toHaveTextContent("10.000 − 6.500 = 3.500 mL moved");
+  expect(screen.getByTestId("answer-partly")).toBeChecked();
+  expect(screen.getByTestId("answer-amount")).toHaveValue("3.500");
+  await userEvent.setup().type(screen.getByTestId("answer-note"), "read it, too{Enter}");
+  expect(posted(sent)[0]?.body).toEqual({
+    answer: "partly",
+    moved_ul: 3500,
+    note: "read it, too",
+    attempt_id: "t0",
+  });
+});
+
+test("nothing is filled in while a reading is missing, and the card says which", () => {
+  serve(() => [200, {}]);
+  const text = "Where the plunger stands now is missing: Pump 1 has not told it since.";
+  show(card({ measured: { ...measured, text, moved_ul: null, answer: null, contradicts: [] } }));
+  expect(screen.getByTestId("doubt-measured")).toHaveTextContent(text);
+  expect(screen.getByTestId("answer-amount")).toHaveValue("");
+  for (const radio of screen.getAllByRole("radio")) expect(radio).not.toBeChecked();
+});
+
+test("an answer that the readings contradict is sent only with a tick", async () => {
+  const sent = serve(() => [200, job]);
+  show(card({ measured }));
+  const user = userEvent.setup();
+  expect(screen.queryByTestId("answer-against")).toBeNull();
+  await user.click(screen.getByTestId("answer-happened"));
+  await user.type(screen.getByTestId("answer-note"), "the tube was full");
+  expect(screen.getByTestId("answer-against")).toHaveTextContent("reads otherwise");
+  expect(screen.getByTestId("answer-send")).toBeDisabled();
+  await user.click(screen.getByTestId("answer-despite"));
+  await user.click(screen.getByTestId("answer-send"));
+  expect(posted(sent)[0]?.body).toMatchObject({ answer: "happened", despite_reading: true });
+});
+
+test("what follows is chosen in the same form, and a choice that is not offered says why", async () => {
+  const sent = serve(() => [200, job]);
+  show(card());
+  const user = userEvent.setup();
+  expect(screen.queryByTestId("doubt-then")).toBeNull();
+  await user.click(screen.getByTestId("answer-partly"));
+  expect(screen.getByTestId("then-retry")).toBeDisabled();
+  expect(screen.getByText(/Try again: not now, a part has moved/)).toBeInTheDocument();
+  await user.click(screen.getByTestId("answer-did_not"));
+  await user.click(screen.getByTestId("then-done_by_hand"));
+  await user.type(screen.getByTestId("answer-note"), "poured it");
+  expect(screen.getByTestId("answer-send")).toBeDisabled();
+  await user.type(screen.getByTestId("then-amount"), "5");
+  await user.click(screen.getByTestId("answer-send"));
+  expect(posted(sent)[0]?.body).toEqual({
+    answer: "did_not",
+    note: "poured it",
+    attempt_id: "t0",
+    then: "done_by_hand",
+    then_moved_ul: 5000,
+  });
+});
 
 test("there are four answers, each with its consequence, and no Retry", () => {
   serve(() => [200, {}]);
@@ -59,7 +141,7 @@ test("partly sends the amount in microlitres", async () => {
   expect(posted(sent)[0]).toEqual({
     method: "POST",
     path: "/api/v1/jobs/j0/resolve",
-    body: { answer: "partly", moved_ul: 3200, note: "read the scale" },
+    body: { answer: "partly", moved_ul: 3200, note: "read the scale", attempt_id: "t0" },
   });
 });
 

@@ -13,6 +13,7 @@ import {
   currentStep,
   findProblems,
   isHeldByProof,
+  isUnconfirmed,
   pausesSeen,
   stepNumber,
   type StepProgress,
@@ -27,6 +28,7 @@ import { words } from "./words";
 
 export function RunHead({ run }: { run: Run }) {
   const doubts = run.jobs.filter((job) => job.state === "in_doubt").length;
+  const unconfirmed = run.jobs.filter(isUnconfirmed).length;
   return (
     <div className="h1">
       <h1>
@@ -40,6 +42,11 @@ export function RunHead({ run }: { run: Run }) {
         <StateChip state={runOutcome(run)} />
       </span>
       {doubts > 0 && <StateChip state={{ look: "doubt", word: `${doubts} in doubt` }} />}
+      {unconfirmed > 0 && (
+        <span data-testid="run-unconfirmed">
+          <StateChip state={{ look: "needs", word: `${unconfirmed} unconfirmed` }} />
+        </span>
+      )}
       <i className="sp" />
       <span className="s t12 wide nw">
         {run.started_at ? "Started" : "Made"} <At at={run.started_at ?? run.created_at} /> by{" "}

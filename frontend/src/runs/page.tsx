@@ -5,7 +5,7 @@ import { lazy, Suspense, useMemo } from "react";
 import { Link, useParams, useSearchParams } from "react-router";
 import { useTopics } from "@/api/live";
 import { useRun, useRunEvents } from "@/api/queries";
-import { isTakenAway, stepProgress, type StepProgress } from "@/model/runs";
+import { findProblems, isTakenAway, stepProgress, type StepProgress } from "@/model/runs";
 import type { Job, Run } from "@/model/wire";
 import { AsOf, Card, Empty, Failed, Loaded } from "@/ui/card";
 import { EventTable } from "@/ui/events";
@@ -91,6 +91,7 @@ function Body({ run }: { run: Run }) {
   const { tab, job, pick, link } = useSelection();
   const steps = useMemo(() => stepProgress(run), [run]);
   const events = useRunEvents(run.id);
+  const isUrgent = findProblems(run).some((one) => one.kind !== "paused");
   return (
     <div className="run" data-testid="run" data-state={run.state} data-mode={run.mode}>
       <header className="head" data-mode={run.mode}>
@@ -118,7 +119,7 @@ function Body({ run }: { run: Run }) {
         <div className="col">
           <Main run={run} steps={steps} tab={tab} job={job} pick={pick} link={link} />
         </div>
-        <aside className="col aside">
+        <aside className={`col aside ${isUrgent ? "urgent" : ""}`}>
           <Card
             title="Twin"
             note={<TwinChip />}

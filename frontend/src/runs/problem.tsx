@@ -2,7 +2,14 @@
 
 import { useTopics } from "@/api/live";
 import { useDevices } from "@/api/queries";
-import { findProblems, isTakenAway, pauseText, stepNumber, type Problem } from "@/model/runs";
+import {
+  findProblems,
+  isTakenAway,
+  isUnconfirmed,
+  pauseText,
+  stepNumber,
+  type Problem,
+} from "@/model/runs";
 import { problemText } from "@/model/evidence";
 import { formatVolume } from "@/model/format";
 import { jobState } from "@/model/states";
@@ -35,6 +42,7 @@ export function Problems({ run, job }: { run: Run; job: string | null }) {
           problem={problem}
         />
       ))}
+      <Unconfirmed run={run} />
     </>
   );
 }
@@ -66,9 +74,33 @@ function ProblemCard({ run, problem }: { run: Run; problem: Problem }) {
             ? words.undone.about(job.device.name, job.halted_by ?? "", job.is_halt_certain)
             : effectText(job)}
         </p>
+        {job.recovery && <Recovery run={run} job={job} card={job.recovery} />}
         <Evidence job={job} />
         {job.code && <p className="mono m">{job.code}</p>}
-        {job.recovery && <Recovery run={run} job={job} card={job.recovery} />}
+      </div>
+    </section>
+  );
+}
+
+/** What was done and nobody could confirm, as its steps let it be. */
+function Unconfirmed({ run }: { run: Run }) {
+  const jobs = run.jobs.filter(isUnconfirmed);
+  if (jobs.length === 0) return null;
+  return (
+    <section className="card prob" data-state="needs" data-testid="unconfirmed-card">
+      <div className="ph">
+        <Glyph look="needs" />
+        {words.unconfirmed.title}
+      </div>
+      <div className="pb">
+        <p className="s">{words.unconfirmed.about}</p>
+        <ul className="reasons">
+          {jobs.map((job) => (
+            <li key={job.id}>
+              {job.sentence}: {job.message}
+            </li>
+          ))}
+        </ul>
       </div>
     </section>
   );

@@ -8,6 +8,7 @@ import type { AccountRow, RunReport, YieldRow } from "@/model/wirereport";
 import { Link } from "react-router";
 import { Card, Empty, Loaded } from "@/ui/card";
 import { SeriesPlot } from "@/ui/seriesplot";
+import { At } from "@/ui/time";
 import { words } from "./words";
 
 const mass = (ug: number): string => splitMass(ug).join(THIN);
@@ -19,6 +20,7 @@ export function RunReportTab({ runId }: { runId: string }) {
     <Loaded source={report} what="the report">
       {(found) => (
         <div className="col" data-testid="report">
+          <Deviations report={found} />
           <Yields rows={found.yields} />
           <Masses report={found} />
           {found.readings.map((reading) => (
@@ -27,6 +29,49 @@ export function RunReportTab({ runId }: { runId: string }) {
         </div>
       )}
     </Loaded>
+  );
+}
+
+/** What was in doubt, and what nobody could confirm: neither can be left out. */
+function Deviations({ report }: { report: RunReport }) {
+  return (
+    <>
+      {report.doubts.length > 0 && (
+        <Card title={words.report.doubts} note={words.report.doubtsNote} testId="report-doubts">
+          <ul className="reasons pb">
+            {report.doubts.map((one, place) => (
+              <li key={place}>
+                <span>
+                  {one.sentence}: {one.resolved ? one.resolved.text : words.report.openDoubt}
+                  {one.resolved && (
+                    <span className="m">
+                      {" "}
+                      asked <At at={one.resolved.doubt_at} seconds />, resolved{" "}
+                      <At at={one.resolved.at} seconds />. {one.resolved.note}
+                    </span>
+                  )}
+                </span>
+              </li>
+            ))}
+          </ul>
+        </Card>
+      )}
+      {report.unconfirmed.length > 0 && (
+        <Card
+          title={words.report.unconfirmed}
+          note={words.report.unconfirmedNote}
+          testId="report-unconfirmed"
+        >
+          <ul className="reasons pb">
+            {report.unconfirmed.map((one) => (
+              <li key={one.job_id}>
+                {one.sentence}: {one.message}
+              </li>
+            ))}
+          </ul>
+        </Card>
+      )}
+    </>
   );
 }
 

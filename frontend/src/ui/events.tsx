@@ -53,21 +53,27 @@ export function EventTable({ events, withRun = false }: { events: LabEvent[]; wi
 }
 
 function Row({ event, withRun }: { event: LabEvent; withRun: boolean }) {
-  const state = transactionState(event.state);
   const text = subjects(event);
   return (
-    <tr data-testid="event-row" data-state={event.state} data-operation={event.operation}>
+    <tr
+      data-testid="event-row"
+      data-state={event.resolved ? "resolved" : event.state}
+      data-operation={event.operation}
+    >
       <td className="num m">
         <At at={event.at} seconds />
       </td>
       <td>{capitalise(event.operation)}</td>
-      <td className="cut b" title={text}>
+      <td className={event.resolved ? "b" : "cut b"} title={text}>
         {text}
+        {event.resolved && <End end={event.resolved} />}
       </td>
       <td className="num s cut" title={event.summary || event.message}>
         {event.amount_nl === null ? changeText(event) : <Volume nl={event.amount_nl} />}
       </td>
-      <td>{state.look === "doubt" ? <StateChip state={state} /> : <StateText state={state} />}</td>
+      <td>
+        <Outcome event={event} />
+      </td>
       {withRun && (
         <td>
           {event.run && (
@@ -78,5 +84,27 @@ function Row({ event, withRun }: { event: LabEvent; withRun: boolean }) {
         </td>
       )}
     </tr>
+  );
+}
+
+/** How a doubt ended, by whom and when. */
+function End({ end }: { end: NonNullable<LabEvent["resolved"]> }) {
+  return (
+    <div className="s t12 ended" data-testid="event-resolved" title={end.note}>
+      {end.text}, <At at={end.at} seconds />
+    </div>
+  );
+}
+
+/** How the transaction stands; of a doubt that is over, how it ended. */
+function Outcome({ event }: { event: LabEvent }) {
+  if (event.resolved) return <StateText state={{ look: "ok", word: "Resolved" }} />;
+  const state = transactionState(event.state);
+  if (state.look === "doubt") return <StateChip state={state} />;
+  return (
+    <>
+      <StateText state={state} />
+      {event.verification === "unconfirmed" && <span className="s">, unconfirmed</span>}
+    </>
   );
 }

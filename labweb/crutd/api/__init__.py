@@ -20,6 +20,7 @@ from labweb.crutd import selectors, services
 from labweb.crutd.models import Event, EventSubject
 from labweb.crutd.selectors import lineage
 from labweb.crutd.selectors.past import Past, as_it_was
+from labweb.crutd.selectors.resolving import ends_of_doubts
 from labweb.domain.approvals.roles import Permission
 from labweb.domain.crutd import operations
 from labweb.domain.crutd.ledger import Amount
@@ -271,7 +272,9 @@ def _row(
 def render_events(
     events: list[Event], seen: Collection[UUID] | None = None
 ) -> list[dict[str, Any]]:
-    """Render events with the resources they concern; two queries at most.
+    """Render events with the resources they concern; four queries at most.
+
+    One that left a doubt has in `resolved` how that ended, once it has.
 
     Args:
         events: What to render.
@@ -282,7 +285,11 @@ def render_events(
         for subject in rows:
             if seen is not None and subject.resource_id not in seen:
                 subject.resource.name = _ELSEWHERE
-    return [_event(event, subjects.get(event.id, [])) for event in events]
+    ends = ends_of_doubts(events)
+    return [
+        {**_event(event, subjects.get(event.id, [])), "resolved": ends.get(event.id)}
+        for event in events
+    ]
 
 
 def _event(event: Event, subjects: list[EventSubject]) -> dict[str, Any]:

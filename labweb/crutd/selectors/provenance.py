@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping
+from dataclasses import replace
 from datetime import datetime
 from typing import Any
 from uuid import UUID
@@ -12,6 +13,8 @@ from django.db.models import Q
 
 from labweb.common.render import iso
 from labweb.crutd.models import Event, EventSubject, Transaction
+from labweb.crutd.selectors.resolving import Resolved, resolved_of
+from labweb.domain.crutd.lifecycle import TransactionState
 from labweb.domain.crutd.provenance.facts import LotFact, ResourceFact, TransactionFact
 from labweb.domain.crutd.provenance.stays import Move
 from labweb.resources import selectors as resource_selectors
@@ -84,13 +87,29 @@ def acts_within(windows: Collection[Window], limit: int = MOST_ACTS) -> tuple[li
 
 
 def transaction_facts(ids: Iterable[UUID]) -> list[TransactionFact]:
-    """Return transactions, each with the newest of its events; two queries."""
+    """Return transactions, each with the newest of its events, and how its doubt has ended.
+
+    Two queries, and two more where one of them was in doubt.
+    """
     rows = list(Transaction.objects.filter(pk__in=list(ids)))
     events: dict[UUID, tuple[int, str, Any]] = {}
+    doubtful: set[UUID] = set()
     found = Event.objects.filter(transaction__in=[row.pk for row in rows]).order_by("seq")
-    for about, seq, digest, at in found.values_list("transaction_id", "seq", "hash", "at"):
+    told = found.values_list("transaction_id", "seq", "hash", "at", "state")
+    for about, seq, digest, at, state in told:
         events[about] = (seq, digest, at)
-    return [_fact(row, *events.get(row.id, (0, "", None))) for row in rows]
+        if state == TransactionState.QUARANTINED.value:
+            doubtful.add(about)
+    ends = resolved_of(doubtful)
+    facts = [_fact(row, *events.get(row.id, (0, "", None))) for row in rows]
+    return [_with_end(fact, ends.get(UUID(fact.id))) for fact in facts]
+
+
+def _with_end(fact: TransactionFact, end: Resolved | None) -> TransactionFact:
+    if end is None:
+        return fact
+    told = end.to_json()
+    return replace(fact, doubt_at=told["doubt_at"], resolved=f"{told['text']}, {told['at']}")
 
 
 def _fact(row: Transaction, seq: int, digest: str, at: Any) -> TransactionFact:  # noqa: ANN401

@@ -53,7 +53,7 @@ def record(
     revs: Mapping[UUID, int] | None = None,
     base: str = "",
     along: Mapping[str, Sequence[Mapping[str, Any]]] | None = None,
-    reading: Mapping[str, Any] | None = None,
+    told: Mapping[str, Mapping[str, Any] | None] | None = None,
 ) -> Event:
     """Append the event of a settled transaction to the lab's chain and announce it.
 
@@ -62,7 +62,8 @@ def record(
         change: What was written.
         revs: Counters that the edge reported; None where the server raised them by one.
         base: For an import, the digest of the lab file that events are replayed on.
-        reading: For a Read, what the device said.
+        told: What else stands in it by name: for a Read `reading`, what the device said; where a
+            doubt ends with it `resolution`, what a person answered.
         along: What was created with it: for labware and devices `parts`, parents first; for
             devices `links`, the connections between their parts.
     """
@@ -80,8 +81,9 @@ def record(
         body["revs"] = {str(resource_id): rev for resource_id, rev in sorted(revs.items())}
     if base:
         body["base"] = base
-    if reading:
-        body["reading"] = dict(reading)
+    for name, facts in (told or {}).items():
+        if facts:
+            body[name] = dict(facts)
     for name, rows in (along or {}).items():
         if rows:
             body[name] = [dict(row) for row in rows]

@@ -100,6 +100,10 @@ class Settlement:
     links: Sequence[Mapping[str, Any]] = ()
     """Connections that were created along with a device."""
 
+    resolution: Mapping[str, Any] = field(default_factory=dict)
+    """What a person answered about a doubt that this ends: `answer`, `moved_nl`, `note`, `by_id`,
+    `despite_reading`."""
+
 
 @atomic
 def settle(transaction_id: UUID, settlement: Settlement) -> Change:
@@ -144,7 +148,10 @@ def _settle(
         change,
         revs=settlement.revs,
         along={"parts": settlement.parts, "links": settlement.links},
-        reading=settlement.outcome.data if isinstance(operation, operations.Read) else None,
+        told={
+            "reading": settlement.outcome.data if isinstance(operation, operations.Read) else None,
+            "resolution": settlement.resolution,
+        },
     )
     return change
 
@@ -291,7 +298,7 @@ def discard(transaction_id: UUID, settlement: Settlement) -> None:
     # not look older than what it knows.
     _apply(row, operation, change, settlement)
     _close(row, change, settlement)
-    record(row, change, revs=settlement.revs)
+    record(row, change, revs=settlement.revs, told={"resolution": settlement.resolution})
 
 
 @atomic

@@ -52,8 +52,9 @@ class Condition(msgspec.Struct, frozen=True, kw_only=True):
     is_sensor: bool = False
     """The reading comes from an instrument other than the one that acts."""
 
-    must_pass: bool = False
-    """After acting, nobody being able to look means that nobody knows: in doubt, not assumed."""
+    may_stay_unconfirmed: bool = False
+    """The step says so: when nobody could look after acting, the action is complete and
+    *unconfirmed*. Otherwise nobody knows what happened, and it is in doubt."""
 
 
 def sees_vessel(
@@ -70,7 +71,6 @@ def sees_vessel(
         image_status="sighting.image_sha256",
         timeout_s=timeout_s,
         is_sensor=True,
-        must_pass=True,
     )
 
 
@@ -120,6 +120,9 @@ class Verification(StrEnum):
     ASSUMED = "assumed"
     """Nobody looked."""
 
+    UNCONFIRMED = "unconfirmed"
+    """The step asked for a confirmation that could not be made, and lets it stay so."""
+
 
 Readings = Mapping[tuple[UUID, str], Any]
 """Fresh value by (device, status)."""
@@ -155,15 +158,53 @@ def evaluate(condition: Condition, now: Readings, before: Readings) -> Result:
         )
     holds, wanted = _compare(condition, value, before.get(key))
     evidence["wanted"] = wanted
+    name, lacks = spoken_name(condition.status), lacks_baseline(condition, before)
     if condition.change is not None:
         evidence["before"] = before.get(key)
-    name = spoken_name(condition.status)
-    if holds is None:
-        verdict, text = Verdict.UNOBSERVABLE, f"{name} was not read before the start"
+    if holds is None or lacks:
+        verdict, text = Verdict.UNOBSERVABLE, lacks or f"{name} was not read before the start"
     else:
         verdict = Verdict.PASS if holds else Verdict.FAIL
         text = f"{name}: {spoken_value(condition.status, value)}, wanted {_told(condition)}"
     return Result(name=condition.name, verdict=verdict, message=text, evidence=evidence)
+
+
+def lacks_baseline(condition: Condition, before: Readings) -> str:
+    """Say why a change cannot be told from the readings before the start; empty: it can.
+
+    Args:
+        condition: A post-condition; only one that wants a change has to be read before.
+        before: Readings from just before the start.
+    """
+    if condition.change is None:
+        return ""
+    device, name = condition.device_id, spoken_name(condition.status)
+    if _number(before.get((device, condition.status))) is None:
+        return f"{name} was not read before the start"
+    stable = condition.stable_status
+    if stable is not None and before.get((device, stable)) is not True:
+        return f"{name} had not settled before the start"
+    return ""
+
+
+def unreadable_baselines(post: Sequence[Condition], before: Readings) -> list[Result]:
+    """Return the changes that nobody could confirm afterwards, since nothing can be read before.
+
+    An action with such a one is not begun, unless its step lets it stay unconfirmed. A reading
+    that is there and has not settled may still settle: it is judged after the action.
+    """
+    return [
+        Result(
+            name=condition.name,
+            verdict=Verdict.UNOBSERVABLE,
+            message=f"{spoken_name(condition.status)} could not be read before the start, so "
+            "nothing could be confirmed afterwards: the action was not begun",
+        )
+        for condition in post
+        if condition.change is not None
+        and not condition.may_stay_unconfirmed
+        and before.get((condition.device_id, condition.status)) is None
+    ]
 
 
 def statuses_of(condition: Condition) -> tuple[str, ...]:
@@ -248,7 +289,13 @@ def _told(condition: Condition) -> str:
 
 
 def verification_of(post: Sequence[tuple[Condition, Result]], *, reported: bool) -> Verification:
-    """Return the surest verification that the passed conditions support."""
+    """Return the surest verification that the conditions support.
+
+    One that may stay unconfirmed and could not be observed leaves the whole unconfirmed,
+    whatever the others say.
+    """
+    if any(one.may_stay_unconfirmed and r.verdict is Verdict.UNOBSERVABLE for one, r in post):
+        return Verification.UNCONFIRMED
     passed = [condition for condition, result in post if result.verdict is Verdict.PASS]
     if any(condition.is_sensor for condition in passed):
         return Verification.SENSED

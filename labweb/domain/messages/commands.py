@@ -126,6 +126,9 @@ class Resolve(msgspec.Struct, frozen=True, tag="resolve", tag_field="t", kw_only
     moved_nl: int | None = None
     note: str = ""
     issued_by: str = ""
+    despite_reading: str = ""
+    """What the device reads otherwise, where the person answers despite that."""
+
     v: int = PROTOCOL_VERSION
 
 

@@ -86,6 +86,9 @@ NEVER_S = float("inf")
 ACCEPT, DUPLICATE, DROP, REFUSE = "accept", "duplicate", "drop", "refuse"
 START, REJECT, HOLD = "start", "reject", "hold"
 
+UNCONFIRMED = "edge.unconfirmed"
+"""Code of a complete action whose step lets its confirmation stay out."""
+
 
 def decide_accept(
     host: HostState,
@@ -247,10 +250,12 @@ def conclude(
     """Decide how an action ends from the device's report and the post-conditions.
 
     A sensor that contradicts the device means that nobody knows: in doubt, with both
-    numbers as evidence for the person who resolves it. So does one that had to confirm and
-    could not look. An action that only reads leaves no doubt: what it had to see was not
-    seen, and it is aborted. So is one that was to set what a halt takes away again, where its
-    device was halted and has told how far it came.
+    numbers as evidence for the person who resolves it. So does whatever had to confirm and
+    could not be observed, unless the step says that it may stay unconfirmed: then the action
+    is complete, *unconfirmed*, and the message says what could not be seen. An action that
+    only reads leaves no doubt: what it had to see was not seen, and it is aborted.
+    So is one that was to set what a halt takes away again, where its device was halted and has
+    told how far it came.
     """
     if not report.ok:
         is_known = report.code == HALTED_CODE and (only_reads or is_undone_by_halt)
@@ -259,7 +264,7 @@ def conclude(
         result
         for condition, result in post
         if result.verdict is Verdict.FAIL
-        or (condition.must_pass and result.verdict is Verdict.UNOBSERVABLE)
+        or (result.verdict is Verdict.UNOBSERVABLE and not condition.may_stay_unconfirmed)
     ]
     if failed and only_reads:
         return Conclusion(
@@ -277,10 +282,13 @@ def conclude(
             code=failed[0].name,
             message=failed[0].message,
         )
+    unseen = [result.message for _, result in post if result.verdict is Verdict.UNOBSERVABLE]
     return Conclusion(
         state=ActionState.COMPLETE,
         outcome=Outcome(kind=OutcomeKind.DONE, moved_nl=report.moved_nl, data=report.data),
         verification=verification_of(post, reported=True),
+        code=UNCONFIRMED if unseen else "",
+        message=f"not confirmed: {'; '.join(unseen)}" if unseen else "",
     )
 
 

@@ -34,6 +34,9 @@ RUN_ABORTED = "edge.run_aborted"
 DEVICE_STOPPED = "edge.device_stopped"
 """A person stopped this device alone."""
 
+MAY_MOVE = "its device may still move"
+"""How it is told that nobody saw a halted device stand."""
+
 LET_GO = "let_go"
 """A person goes on without what was taken away."""
 

@@ -365,6 +365,7 @@ def _take_resolve(tx: JournalWrite, signed: Signed, resolve: Resolve) -> Receipt
         "answer": resolve.answer,
         "note": resolve.note,
         "issued_by": resolve.issued_by,
+        **({"despite_reading": resolve.despite_reading} if resolve.despite_reading else {}),
     }
     is_undone = state is ActionState.COMPLETE and halting.was_halted(tx, row)
     if is_undone:  # what happened is over again

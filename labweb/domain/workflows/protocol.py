@@ -342,14 +342,15 @@ def _problem(parameter: StepParameter, value: object) -> tuple[str, str] | None:
         case ParameterSort.RESOURCE:
             if isinstance(value, str) and (_is_uuid(value) or _KEY.match(value)):
                 return None
-            return _wrong(
-                "protocol.bad_reference",
-                f"{parameter.label} is the id of a resource; got {value!r:.60}",
-            )
+            text = f"{parameter.label} is the id of a resource; got {value!r:.60}"
+            return _wrong("protocol.bad_reference", text)
         case ParameterSort.NAME | ParameterSort.TEXT:
             if parameter.takes_text(value):
                 return None
             return _wrong("protocol.bad_name", f"{parameter.label} is a name; got {value!r:.60}")
+        case ParameterSort.SWITCH:
+            text = f"{parameter.label} is true or false; got {value!r:.60}"
+            return None if isinstance(value, bool) else _wrong("protocol.bad_switch", text)
         case ParameterSort.ARGUMENTS | ParameterSort.AMOUNTS:
             return _arguments_problem(value)
 
@@ -384,9 +385,8 @@ def _arguments_problem(value: object) -> tuple[str, str] | None:
         item = stack.pop()
         children = _children(item)
         if len(children) > MOST_ITEMS:
-            return _wrong(
-                "protocol.too_long", f"arguments have at most {MOST_ITEMS} items on a level"
-            )
+            text = f"arguments have at most {MOST_ITEMS} items on a level"
+            return _wrong("protocol.too_long", text)
         if isinstance(item, int | float) and not abs(item) <= sys.float_info.max:
             return _wrong("protocol.not_finite", f"{item!r:.40} is no number a device can be told")
         if isinstance(item, str) and len(item) > LONGEST_TEXT:

@@ -11,6 +11,13 @@ from typing import Any
 
 from labweb.domain.resources.kinds import KINDS, Nature
 from labweb.domain.workflows.chemistry_steps import CHEMISTRY_STEPS, REACT
+from labweb.domain.workflows.liquid_steps import (
+    EMPTY_SYRINGE,
+    MAY_STAY_UNCONFIRMED,
+    TRANSFER,
+    UNCONFIRMED,
+    UNCONFIRMED_CLAUSE,
+)
 from labweb.domain.workflows.unit_operations import (
     LONGEST_QUANTITY,
     LONGEST_REFERENCE,
@@ -22,7 +29,6 @@ from labweb.domain.workflows.unit_operations import (
     advanced,
     device,
     optional,
-    portion,
     quantity,
     text,
     vessel,
@@ -31,6 +37,7 @@ from labweb.domain.workflows.unit_operations import (
 __all__ = [
     "LONGEST_QUANTITY",
     "LONGEST_REFERENCE",
+    "MAY_STAY_UNCONFIRMED",
     "STEP_KINDS",
     "ParameterSort",
     "PortKind",
@@ -78,76 +85,8 @@ _CALLED = (
 STEP_KINDS: Mapping[str, UnitOperation] = {
     operation.kind: operation
     for operation in (
-        UnitOperation(
-            kind="transfer",
-            label="Transfer",
-            help="Move liquid from one vessel to another with a syringe pump.",
-            parameters=(
-                vessel("source", "From", "Vessel the liquid is drawn from."),
-                vessel("target", "To", "Vessel the liquid is poured into."),
-                portion("volume", "Volume", "How much is moved, such as 5 mL, or all."),
-                advanced(
-                    quantity(
-                        "flow_rate",
-                        "flow_rate",
-                        "Flow rate",
-                        "How fast; a full syringe in 20 s when left empty.",
-                    )
-                ),
-                advanced(device("through", ["cartridge"], "Through", "Cartridge on its way.")),
-                advanced(
-                    device(
-                        "pump",
-                        ["syringe_pump"],
-                        "Pump",
-                        "The pump that must do it; the one that wastes least when left empty.",
-                    )
-                ),
-                advanced(
-                    quantity(
-                        "accuracy",
-                        "share",
-                        "Accuracy",
-                        "Largest expanded uncertainty (k = 2) of the volume, such as 1 %; a pump "
-                        "whose calibration does not reach it is refused.",
-                    )
-                ),
-                advanced(
-                    device(
-                        "confirm_with",
-                        ["balance"],
-                        "Confirm with",
-                        "Balance that carries the target and must see the mass arrive.",
-                    )
-                ),
-            ),
-            clauses=(
-                "Transfer {volume} from {source} to {target}",
-                " through {through}",
-                " at {flow_rate}",
-                " with {pump}",
-                " to within {accuracy}",
-                ", confirmed by {confirm_with}",
-            ),
-        ),
-        UnitOperation(
-            kind="empty_syringe",
-            label="Empty the syringe",
-            help="Push out everything a syringe holds by the record, in one stroke.",
-            parameters=(
-                device("pump", ["syringe_pump"], "Pump", "The pump whose syringe is emptied."),
-                vessel("target", "Into", "Vessel the liquid is poured into."),
-                advanced(
-                    quantity(
-                        "flow_rate",
-                        "flow_rate",
-                        "Flow rate",
-                        "How fast; a full syringe in 20 s when left empty.",
-                    )
-                ),
-            ),
-            clauses=("Empty the syringe of {pump} into {target}", " at {flow_rate}"),
-        ),
+        TRANSFER,
+        EMPTY_SYRINGE,
         UnitOperation(
             kind="heat_chill",
             label="Heat or chill",
@@ -266,12 +205,14 @@ STEP_KINDS: Mapping[str, UnitOperation] = {
                         "confirm_with", [], "Confirm with", "Camera that must see it afterwards."
                     )
                 ),
+                UNCONFIRMED,
             ),
             clauses=(
                 "Carry {resource} to {place} with {device}",
                 ", tag {tag}",
                 ", seen before by {guard_with}",
                 ", seen afterwards by {confirm_with}",
+                UNCONFIRMED_CLAUSE,
             ),
         ),
         UnitOperation(
@@ -343,14 +284,25 @@ def sentence(
     parts: list[dict[str, Any]] = []
     for clause in operation.clauses:
         fields = [operation.parameter(name) for name in _FIELD.findall(clause)]
-        if any(p is not None and not p.is_required and p.name not in params for p in fields):
+        if any(p is not None and not p.is_required and not _is_given(p, params) for p in fields):
             continue
         for position, piece in enumerate(_FIELD.split(clause)):
             if position % 2 == 0:
                 parts += [_part(piece, "text")] if piece else []
-            else:
+            elif not _is_switch(operation, piece):
                 parts.append(_filled(operation, piece, params, names))
     return parts
+
+
+def _is_given(parameter: StepParameter, params: Mapping[str, Any]) -> bool:
+    if parameter.sort is ParameterSort.SWITCH:
+        return params.get(parameter.name) is True
+    return parameter.name in params
+
+
+def _is_switch(operation: UnitOperation, name: str) -> bool:
+    parameter = operation.parameter(name)
+    return parameter is not None and parameter.sort is ParameterSort.SWITCH
 
 
 def sentence_text(kind: str, params: Mapping[str, Any], names: Mapping[str, str]) -> str:

@@ -46,6 +46,9 @@ class ParameterSort(StrEnum):
     AMOUNTS = "amounts"
     """Object: an amount as typed by the key of a lot."""
 
+    SWITCH = "switch"
+    """True or false; left out is false. In a sentence it is no word: its clause stands or not."""
+
     ARGUMENTS = "arguments"
     """Object: what the action of a device is called with."""
 
@@ -115,6 +118,8 @@ class StepParameter:
             case ParameterSort.AMOUNTS:
                 amount = {"type": "string", "maxLength": LONGEST_QUANTITY}
                 return {"type": "object", "additionalProperties": amount, **schema}
+            case ParameterSort.SWITCH:
+                return {"type": "boolean", **schema}
             case ParameterSort.ARGUMENTS:
                 return {"type": "object", **schema}
 
@@ -211,6 +216,13 @@ def device(name: str, kinds: list[str], label: str, help_text: str) -> StepParam
 def text(name: str, label: str, help_text: str) -> StepParameter:
     """Return a parameter that is a line of text."""
     return StepParameter(name=name, sort=ParameterSort.TEXT, label=label, help=help_text)
+
+
+def switch(name: str, label: str, help_text: str) -> StepParameter:
+    """Return a parameter that is on or off; left out is off."""
+    return StepParameter(
+        name=name, sort=ParameterSort.SWITCH, label=label, help=help_text, is_required=False
+    )
 
 
 def optional(parameter: StepParameter) -> StepParameter:

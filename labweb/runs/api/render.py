@@ -25,10 +25,10 @@ from labweb.domain.runs.departing import departures
 from labweb.domain.runs.halting import is_halt_certain
 from labweb.domain.runs.job import AT_EDGE, FINAL, JobState, RunState
 from labweb.domain.runs.session import SessionState
-from labweb.domain.units import render_volume
 from labweb.resources import selectors as resource_selectors
 from labweb.resources.selectors import Lab
 from labweb.runs import selectors
+from labweb.runs.api.question import render_question
 from labweb.runs.models import Attempt, DeviceHalt, Job, Run
 from labweb.telemetry import selectors as telemetry_selectors
 
@@ -313,31 +313,7 @@ def render_job(
         "halted_by": job.halted_by or None,
         "is_halt_certain": is_halt_certain(job.action),
         "recovery_class": job.recovery,
-        "question": _question(job, names, answered=answered),
-    }
-
-
-def _question(
-    job: Job, names: Mapping[str, str], *, answered: tuple[str, datetime] | None
-) -> dict[str, Any] | None:
-    if job.state != JobState.IN_DOUBT.value:
-        return None
-    operation = job.operation
-    source = target = ""
-    text, asked = f"Did this happen: {job.sentence}?", None
-    if operation.get("op") == "transfer_liquid":
-        source = names.get(operation["source_id"], "?")
-        target = names.get(operation["target_id"], "?")
-        text = f"Was {render_volume(operation['amount_nl'])} moved from {source} to {target}?"
-        asked = operation["amount_nl"] / 1000
-    return {
-        "text": text,
-        "asked_ul": asked,
-        "source": source,
-        "target": target,
-        "answer_sent": answered is not None,
-        "answered_by": answered and answered[0],
-        "answered_at": answered and iso(answered[1]),
+        "question": render_question(job, attempt, names, answered=answered),
     }
 
 

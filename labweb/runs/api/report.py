@@ -49,6 +49,18 @@ class RunReport(APIView):
                 "unknown": [str(report.lots[lot]) for lot in balance.unknown],
                 "yields": [_yield(one, report, names) for one in report.yields],
                 "readings": [render_reading(row) for row in report.spectra],
+                "doubts": [
+                    {
+                        "job_id": str(job.pk),
+                        "sentence": job.sentence,
+                        "resolved": None if end is None else end.to_json(),
+                    }
+                    for job, end in report.doubts
+                ],
+                "unconfirmed": [
+                    {"job_id": str(job.pk), "sentence": job.sentence, "message": job.message}
+                    for job in report.unconfirmed
+                ],
             }
         )
 

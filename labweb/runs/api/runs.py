@@ -19,6 +19,7 @@ from labweb.common.render import iso
 from labweb.common.requests import body, whole_number
 from labweb.crutd import api as crutd_api
 from labweb.crutd import selectors as crutd_selectors
+from labweb.crutd.selectors.resolving import Resolved, resolved_of
 from labweb.domain.approvals.roles import Permission
 from labweb.domain.errors import DefinitionError, NotFoundError
 from labweb.domain.runs.context import without_surroundings
@@ -65,6 +66,18 @@ class Answer(msgspec.Struct, forbid_unknown_fields=True):
     answer: str
     note: str
     moved_ul: float | None = None
+    attempt_id: UUID | None = None
+    """Which doubt is answered: the try of the job, as the question names it. It may be left out
+    while the job has been in doubt but once."""
+
+    despite_reading: bool = False
+    """The answer stands though the device reads otherwise."""
+
+    then: str | None = None
+    """What follows: `retry`, `skip`, `done_by_hand` or `abort`."""
+
+    then_moved_ul: float | None = None
+    """With `done_by_hand`: how much was moved by hand."""
 
 
 def visible(run_id: UUID, user: User) -> Run:
@@ -141,11 +154,14 @@ class RunLog(APIView):
     def get(self, request: Request, run_id: UUID) -> Response:
         """List host events of the run's actions, oldest first."""
         run = visible(run_id, user_of(request))
-        jobs = {
-            attempt_id: job
+        tries = [
+            (attempt, job)
             for job in selectors.jobs_of(run).prefetch_related("attempts")
-            for attempt_id in [attempt.id for attempt in job.attempts.all()]
-        }
+            for attempt in job.attempts.all()
+        ]
+        jobs = {attempt.id: job for attempt, job in tries}
+        by_transaction = resolved_of(attempt.transaction_id for attempt, _ in tries)
+        ends = {one.id: by_transaction.get(one.transaction_id) for one, _ in tries}
         root = resource_selectors.root_of(run.lab).id
         is_all_seen = root in resource_selectors.allowed_ids(user_of(request), Permission.VIEW)
         lines = [
@@ -154,7 +170,10 @@ class RunLog(APIView):
                 "job_id": str(jobs[event.action_id].id),
                 "job_index": jobs[event.action_id].index,
                 "kind": event.kind,
-                "text": _line(event.kind, event.body, jobs[event.action_id].sentence),
+                "text": _line(
+                    event.kind, event.body, jobs[event.action_id].sentence, ends[event.action_id]
+                ),
+                "resolved": _end_of(event.kind, ends[event.action_id]),
                 "body": event.body if is_all_seen else without_surroundings(event.body),
             }
             for event in selectors.host_events(list(jobs))
@@ -170,9 +189,20 @@ def _moment_of(line: Mapping[str, Any]) -> datetime:
     return datetime.fromisoformat(line["at"])
 
 
-def _line(kind: str, report: dict[str, Any], sentence_text: str) -> str:
+def _line(kind: str, report: dict[str, Any], sentence_text: str, end: Resolved | None) -> str:
+    """Say what a host reported; of a doubt that is over, how it ended."""
     message = report.get("message")
-    return f"{sentence_text}: {kind.replace('_', ' ')}" + (f", {message}" if message else "")
+    about = f", {message}" if message else ""
+    if end is None or kind not in {"in_doubt", "resolved"}:
+        return f"{sentence_text}: {kind.replace('_', ' ')}{about}"
+    told = end.to_json()
+    if kind == "resolved":
+        return f"{sentence_text}: {told['text']}" + (f". {told['note']}" if told["note"] else "")
+    return f"{sentence_text}: outcome not known then{about}. {told['text']}"
+
+
+def _end_of(kind: str, end: Resolved | None) -> dict[str, Any] | None:
+    return end.to_json() if end is not None and kind == "in_doubt" else None
 
 
 class RunAct(APIView):
@@ -252,8 +282,19 @@ class ResolveJob(APIView):
         user = user_of(request)
         answer = body(request, Answer)
         moved = None if answer.moved_ul is None else whole_nl(answer.moved_ul)
+        beside = services.Beside(
+            attempt_id=answer.attempt_id,
+            despite_reading=answer.despite_reading,
+            then=answer.then or "",
+            then_moved_nl=_by_hand_nl(answer.then_moved_ul),
+        )
         services.resolve_job(
-            job_id, actor=user, answer=answer.answer, moved_nl=moved, note=answer.note
+            job_id,
+            actor=user,
+            answer=answer.answer,
+            moved_nl=moved,
+            note=answer.note,
+            beside=beside,
         )
         job = selectors.find_job(job_id)
         attempt = selectors.last_attempt(job)

@@ -49,9 +49,13 @@ from labweb.runs.selectors.custody import moves_of as moves_of
 from labweb.runs.selectors.custody import moves_of_run as moves_of_run
 from labweb.runs.selectors.custody import open_move_of as open_move_of
 from labweb.runs.selectors.custody import owner_of as owner_of
+from labweb.runs.selectors.doubting import asked_nl as asked_nl
+from labweb.runs.selectors.doubting import has_older_doubt as has_older_doubt
+from labweb.runs.selectors.doubting import measured_of as measured_of
 from labweb.runs.selectors.needs import LIVE as LIVE
 from labweb.runs.selectors.needs import runs_that_need as runs_that_need
 from labweb.runs.selectors.recovery import accepted_departures as accepted_departures
+from labweb.runs.selectors.recovery import choices_after as choices_after
 from labweb.runs.selectors.recovery import ended_job as ended_job
 from labweb.runs.selectors.recovery import evidence_left as evidence_left
 from labweb.runs.selectors.recovery import halted_jobs as halted_jobs

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from typing import Any
 from uuid import UUID
 
@@ -12,7 +13,7 @@ from django.db.models import Q
 from labweb.accounts.selectors import User
 from labweb.crutd.selectors import Transaction
 from labweb.domain.crutd import operations
-from labweb.domain.runs import recovery
+from labweb.domain.runs import doubting, recovery
 from labweb.domain.runs.departing import Departure
 from labweb.domain.runs.halting import LET_GO
 from labweb.domain.runs.job import FINAL, JobState
@@ -48,12 +49,15 @@ def is_discarded(job: Job) -> bool:
     return answer == "discard" or bool(job.evidence.get("is_discarded"))
 
 
+_OF_AN_ANSWER = frozenset({"resolution", "then", "then_failed"})
+
+
 def evidence_left(job: Job) -> dict[str, Any]:
     """Return what stays with a job that is tried again: no answer about a try before.
 
     That a try was given up in doubt stays true of the job.
     """
-    kept = {name: value for name, value in job.evidence.items() if name != "resolution"}
+    kept = {name: value for name, value in job.evidence.items() if name not in _OF_AN_ANSWER}
     return kept | ({"is_discarded": True} if is_discarded(job) else {})
 
 
@@ -140,6 +144,18 @@ def is_step_untouched(job: Job) -> bool:
 def recovery_choices(job: Job) -> tuple[Choice, ...]:
     """List what a person may do about a job, each with its consequence."""
     return recovery.choices_for(ended_job(job), is_step_untouched=is_step_untouched(job))
+
+
+def choices_after(job: Job, answer: str) -> tuple[Choice, ...]:
+    """List what may follow an answer that leaves a job in doubt undone."""
+    is_amount = job.operation.get("op") in _AMOUNTS
+    ended = replace(
+        ended_job(job),
+        state=JobState.ABORTED,
+        has_moved=answer == "partly",
+        is_unknown=is_amount and (answer == "discard" or is_discarded(job)),
+    )
+    return doubting.choices_after(ended, is_step_untouched=is_step_untouched(job))
 
 
 def recovery_of(job: Job) -> dict[str, Any] | None:

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from uuid import UUID
 
 from labweb.crutd import selectors as crutd_selectors
+from labweb.crutd.selectors.resolving import Resolved, resolved_of
 from labweb.domain.crutd.balance import Balance, LotFacts, Yield, find_yields, mass_balance
+from labweb.domain.crutd.conditions import Verification
 from labweb.domain.crutd.ledger import Amount
 from labweb.domain.resources.contents import LotId
 from labweb.resources import selectors as resource_selectors
 from labweb.resources.selectors import Lot
-from labweb.runs.models import Run
+from labweb.runs.models import Attempt, Job, Run
 from labweb.telemetry import selectors as telemetry_selectors
 from labweb.telemetry.selectors import Reading
 
@@ -32,6 +34,12 @@ class Report:
     spectra: tuple[Reading, ...]
     """Series that were read from files about the run's jobs, or about a vessel with a product."""
 
+    doubts: tuple[tuple[Job, Resolved | None], ...]
+    """Each try that was in doubt with how that ended; None: it is still."""
+
+    unconfirmed: tuple[Job, ...]
+    """Actions that are complete, and whose confirmation could not be made."""
+
 
 def report_of(run: Run, seen: Collection[UUID]) -> Report:
     """Reckon the report of a run from its entries, as the ledger stands now.
@@ -40,7 +48,8 @@ def report_of(run: Run, seen: Collection[UUID]) -> Report:
         run: Which.
         seen: Resources that the asker may know of; readings about others are left out.
     """
-    job_ids = list(run.jobs.values_list("pk", flat=True))
+    jobs = {job.pk: job for job in run.jobs.order_by("index")}
+    job_ids = list(jobs)
     moves = crutd_selectors.posted_by(job_ids)
     reactions = crutd_selectors.reactions_of(job_ids)
     products = {one.products[0].lot_id for one in reactions if isinstance(one.basis, UUID)}
@@ -68,4 +77,15 @@ def report_of(run: Run, seen: Collection[UUID]) -> Report:
         lots=lots,
         standing=standing,
         spectra=tuple(spectra),
+        doubts=_doubts(jobs),
+        unconfirmed=tuple(
+            job for job in jobs.values() if job.verification == Verification.UNCONFIRMED.value
+        ),
     )
+
+
+def _doubts(jobs: Mapping[UUID, Job]) -> tuple[tuple[Job, Resolved | None], ...]:
+    rows = Attempt.objects.filter(job__in=list(jobs), transaction__events__state="quarantined")
+    found = list(rows.distinct().order_by("dseq").values_list("job_id", "transaction_id"))
+    ends = resolved_of(transaction for _, transaction in found)
+    return tuple((jobs[job], ends.get(transaction)) for job, transaction in found)

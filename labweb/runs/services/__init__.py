@@ -13,7 +13,6 @@ from labweb.runs.services.calibrating import (
 from labweb.runs.services.control import (
     pause_run,
     reset_lab,
-    resolve_job,
     resume_run,
     stop_lab,
 )
@@ -43,11 +42,13 @@ from labweb.runs.services.picture import lab_view
 from labweb.runs.services.recovery import recover_job
 from labweb.runs.services.rehearsal import rehearse_dispatch, rehearse_start
 from labweb.runs.services.reservations import end_reservation, reserve
+from labweb.runs.services.resolving import Beside, resolve_job
 from labweb.runs.services.schedule import dispatch_ready
 from labweb.runs.services.showing import show_device
 from labweb.runs.services.start import decide_request, preview, start_run
 
 __all__ = [
+    "Beside",
     "Given",
     "abort_run",
     "asks_told",

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from functools import partial
 from uuid import UUID
 
@@ -15,26 +14,21 @@ from labweb.accounts.selectors import User
 from labweb.common import feed
 from labweb.common.clock import new_id
 from labweb.common.wake import wake_dispatcher
-from labweb.crutd import services as crutd_services
-from labweb.crutd.services import Settlement
 from labweb.domain.approvals.roles import Permission
 from labweb.domain.crutd import operations
-from labweb.domain.crutd.decide import OutcomeKind
 from labweb.domain.errors import DefinitionError, RevisionError, StateError
 from labweb.domain.runs.departing import Departure
-from labweb.domain.runs.edge import ANSWERS, ActionState, resolve
 from labweb.domain.runs.job import FINAL, UNSTARTED, JobState, Mover, RunState
-from labweb.domain.runs.session import is_given_up
 from labweb.enrollment import selectors as enrollment_selectors
 from labweb.enrollment import services as enrollment_services
 from labweb.resources import selectors as resource_selectors
 from labweb.resources import services as resource_services
 from labweb.resources.selectors import Lab
 from labweb.runs import selectors
-from labweb.runs.models import Attempt, Job, Outbox, Run
+from labweb.runs.models import Job, Run
 from labweb.runs.services import dispatch
 from labweb.runs.services.batches import recall_run
-from labweb.runs.services.halting import check_halted, undo_settled
+from labweb.runs.services.halting import check_halted
 from labweb.runs.services.picture import lab_view
 from labweb.runs.services.proof import check_departures, check_proved
 from labweb.runs.services.state import add_pause, announce, move_job, refresh_run
@@ -157,105 +151,6 @@ def _check_untouched(run: Run) -> None:
         elif JobState(job.state) in UNSTARTED:
             to_come.update(ids)
     check_proved(run.version, lab_view(run.lab), to_come - touched)
-
-
-@atomic
-def resolve_job(job_id: UUID, *, actor: User, answer: str, moved_nl: int | None, note: str) -> Job:
-    """Send a person's answer about a job in doubt to its host, which settles it.
-
-    Raises:
-        DefinitionError: The answer is none of the four, an amount is missing, more than was
-            asked for or beside another answer than `partly`, or the note is empty.
-        StateError: The job is not in doubt, or was answered before.
-
-    Effect:
-        The host stays the single writer of physical facts: the record changes when its
-        RESOLVED event comes back.
-    """
-    job = selectors.job_for_update(job_id)
-    resource_selectors.require(actor, Permission.RESOLVE, [UUID(node) for node in job.locks])
-    _check_answer(job, answer, moved_nl, note)
-    if job.state != JobState.IN_DOUBT.value:
-        raise StateError(f"this job is {job.state}, not in doubt", code="run.not_in_doubt")
-    attempt = selectors.last_attempt(job)
-    if attempt is None:
-        raise StateError("this job was never dispatched", code="run.not_in_doubt")
-    record = enrollment_services.record_of(attempt.host)
-    if is_given_up(record, attempt.dseq):
-        return _settle_here(job, attempt, actor, answer=answer, moved_nl=moved_nl, note=note)
-    if record.quarantine:
-        raise StateError(
-            f"{attempt.host.name} is quarantined: readmit it first", code="run.host_quarantined"
-        )
-    waiting = Outbox.objects.filter(action_id=attempt.id, kind="resolve", settled_at__isnull=True)
-    if waiting.exists():
-        raise StateError("an answer is on its way to the host", code="run.answered")
-    dispatch.send_resolution(
-        attempt, answer=answer, moved_nl=moved_nl, note=note, issued_by=str(actor.pk)
-    )
-    account_services.write_audit(
-        "job.resolve",
-        str(job.id),
-        actor=actor,
-        reason=note,
-        detail={"answer": answer, "moved_nl": moved_nl},
-    )
-    on_commit(partial(announce, job.run_id, job.id))
-    return job
-
-
-def _settle_here(
-    job: Job, attempt: Attempt, actor: User, *, answer: str, moved_nl: int | None, note: str
-) -> Job:
-    """Settle on the server what the host can never tell: its journal was set aside."""
-    found = resolve(answer, moved_nl=moved_nl)
-    if found is None:
-        raise DefinitionError(f"{answer!r} answers nothing", code="run.bad_answer")
-    state, outcome = found
-    settlement = Settlement(outcome=outcome, verification="assumed", actor_id=actor.pk)
-    if outcome.kind is OutcomeKind.UNKNOWN:
-        kept = replace(settlement, keep_quarantined=True)
-        crutd_services.discard(attempt.transaction_id, kept)
-    else:
-        crutd_services.settle(attempt.transaction_id, settlement)
-    resolution = {"answer": answer, "note": note, "by": actor.printed_name, "moved_nl": moved_nl}
-    evidence = {**job.evidence, "resolution": resolution}
-    is_done = state is ActionState.COMPLETE
-    stands = {"halted_by": ""} if is_done else {}
-    move_job(job, JobState(state.value), Mover.PERSON, evidence=evidence, **stands)
-    if is_done:
-        undo_settled(job, attempt)
-    account_services.write_audit(
-        "job.resolve",
-        str(job.id),
-        actor=actor,
-        reason=note,
-        detail={"answer": answer, "moved_nl": moved_nl, "is_settled_here": True},
-    )
-    refresh_run(job.run_id)
-    return job
-
-
-def _check_answer(job: Job, answer: str, moved_nl: int | None, note: str) -> None:
-    if not note.strip():
-        raise DefinitionError("say what you saw: the note is empty", code="run.note_missing")
-    if resolve(answer, moved_nl=moved_nl) is None:
-        known = ", ".join(ANSWERS)
-        raise DefinitionError(
-            f"answer with one of {known}; 'partly' needs an amount above zero",
-            code="run.bad_answer",
-        )
-    if answer != "partly" and moved_nl is not None:
-        message = f"an amount goes with 'partly' alone, not with {answer!r}"
-        raise DefinitionError(message, code="run.bad_amount")
-    operation = operations.from_json(job.operation)
-    if answer == "partly":
-        asked = getattr(operation, "amount_nl", 0)
-        if moved_nl is None or moved_nl >= asked:
-            raise DefinitionError(
-                f"'partly' must be less than the {asked / 1_000_000:g} mL that were asked for",
-                code="run.bad_amount",
-            )
 
 
 @atomic

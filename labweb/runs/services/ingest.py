@@ -14,6 +14,7 @@ from django.db.transaction import atomic
 
 from labweb.accounts import selectors as account_selectors
 from labweb.common.clock import now
+from labweb.common.render import iso
 from labweb.crutd import selectors as crutd_selectors
 from labweb.crutd import services as crutd_services
 from labweb.crutd.services import Settlement
@@ -41,6 +42,7 @@ from labweb.runs.services.doubts import doubt
 from labweb.runs.services.fencing import quarantine
 from labweb.runs.services.files import await_files
 from labweb.runs.services.halting import take_halt, undo_job
+from labweb.runs.services.resolving import follow
 from labweb.runs.services.state import move_job, refresh_run
 
 logger = logging.getLogger(__name__)
@@ -172,6 +174,8 @@ def _apply(host: EdgeHost, event: EdgeEvent, action_id: UUID) -> None:
             undo_job(attempt.job)
         aborting.go_on_aborting(attempt.job.run)
     refresh_run(attempt.job.run_id)
+    if meaning.is_resolution:
+        follow(attempt.job_id)
 
 
 def _settle(attempt: Attempt, event: EdgeEvent, meaning: Meaning) -> None:
@@ -179,6 +183,8 @@ def _settle(attempt: Attempt, event: EdgeEvent, meaning: Meaning) -> None:
     if outcome is None:
         return
     settlement = _settlement(event.body, outcome)
+    if meaning.is_resolution:
+        settlement = replace(settlement, resolution=_answer(event.body, meaning))
     if meaning.is_resolution and outcome.kind is OutcomeKind.UNKNOWN:
         crutd_services.discard(attempt.transaction_id, replace(settlement, keep_quarantined=True))
     else:
@@ -195,7 +201,10 @@ def _fields(attempt: Attempt, event: EdgeEvent, meaning: Meaning) -> dict[str, A
         return {"evidence": evidence | _moment(event)}
     stands = {"halted_by": ""} if meaning.state is JobState.COMPLETE else {}
     if meaning.is_resolution:
-        return {"evidence": {**evidence, "resolution": _resolution(body, meaning)}, **stands}
+        return {
+            "evidence": {**evidence, "resolution": _resolution(attempt, body, meaning)},
+            **stands,
+        }
     if meaning.outcome is None:
         return {}
     return {
@@ -231,16 +240,28 @@ def _moment(event: EdgeEvent) -> dict[str, Any]:
     return found | {"report": event.body.get("report") or {}}
 
 
-def _resolution(body: Mapping[str, Any], meaning: Meaning) -> dict[str, Any]:
-    resolution = {
+def _answer(body: Mapping[str, Any], meaning: Meaning) -> dict[str, Any]:
+    """Return what a person answered about a doubt, as their host was told it."""
+    answer = {
         "answer": body.get("answer"),
         "note": body.get("note"),
-        "by": _name_of(str(body.get("issued_by") or "")),
         "by_id": body.get("issued_by"),
     }
     if body.get("answer") == "partly" and meaning.outcome is not None:
-        resolution["moved_nl"] = meaning.outcome.moved_nl
-    return resolution
+        answer["moved_nl"] = meaning.outcome.moved_nl
+    if body.get("despite_reading"):
+        answer["despite_reading"] = str(body["despite_reading"])
+    return answer
+
+
+def _resolution(attempt: Attempt, body: Mapping[str, Any], meaning: Meaning) -> dict[str, Any]:
+    """Return the answer with its person and both times: of the doubt and of its end."""
+    return {
+        **_answer(body, meaning),
+        "by": _name_of(str(body.get("issued_by") or "")),
+        "doubt_at": iso(attempt.job.state_at),
+        "at": iso(now()),
+    }
 
 
 def _name_of(user_id: str) -> str:

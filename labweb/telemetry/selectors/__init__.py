@@ -38,6 +38,7 @@ from labweb.telemetry.selectors.samples import (
     asking_latest_in,
     last_samples,
     latest,
+    newest_samples,
     samples,
 )
 
@@ -67,6 +68,7 @@ __all__ = [
     "measured_by",
     "named_by",
     "newest_photo",
+    "newest_samples",
     "path_of",
     "readings_of",
     "readings_of_jobs",

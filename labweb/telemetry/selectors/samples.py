@@ -69,6 +69,14 @@ def samples(device_ids: Iterable[UUID], since: float, until: float) -> QuerySet[
     ).order_by("at", "device_id", "status")
 
 
+def newest_samples(
+    device_id: UUID, status: str, since: float, most: int = 50
+) -> list[tuple[float, Any]]:
+    """Return (seconds, value) of one status from a moment on, the newest first."""
+    rows = Sample.objects.filter(device_id=device_id, status=status, at__gt=since)
+    return list(rows.order_by("-at").values_list("at", "value")[:most])
+
+
 def last_samples(
     device_ids: Iterable[UUID], since: float, until: float
 ) -> list[tuple[UUID, str, float, Any]]:

@@ -113,6 +113,25 @@ def test_a_balance_confirms_each_stroke_by_mass() -> None:
     assert plan_of(a_bench(), small).jobs[3].post[-1].tolerance == 5.0
 
 
+@pytest.mark.parametrize(
+    ("given", "is_free"), [({}, False), ({"may_stay_unconfirmed": True}, True)]
+)
+def test_a_mass_has_to_be_confirmed_unless_the_step_says_that_it_need_not(
+    given: dict[str, Any], is_free: bool
+) -> None:
+    value = flow(transfer("t", "water", "flask", "1 mL", confirm_with="@balance_1", **given))
+    conditions = [one for job in plan_of(a_bench(), value).jobs for one in job.post]
+    assert [one.may_stay_unconfirmed for one in conditions if one.is_sensor] == [is_free]
+    assert not any(one.may_stay_unconfirmed for one in conditions if not one.is_sensor)
+
+
+def test_a_transfer_that_asks_for_no_confirmation_has_none_that_may_stay_out() -> None:
+    value = flow(transfer("t", "water", "flask", "1 mL", may_stay_unconfirmed=True))
+    assert codes_of(a_bench(), value) == [("t", "plan.nothing_to_confirm")]
+    value = flow(transfer("t", "water", "flask", "1 mL", may_stay_unconfirmed=False))
+    assert plan_of(a_bench(), value).jobs
+
+
 def test_a_mixture_weighs_what_its_parts_weigh() -> None:
     bench = a_bench()
     bench.densities[LotId("dye")] = 1.2

@@ -59,7 +59,7 @@ def test_a_carry_is_one_job_that_cameras_guard_and_confirm() -> None:
         device_id_of("eye_1"), "sighting.tag", "V-7",
     )  # fmt: skip
     assert (confirm.device_id, confirm.name) == (device_id_of("eye_2"), "camera.tag")
-    assert confirm.must_pass
+    assert not confirm.may_stay_unconfirmed
     assert confirm.is_sensor
     assert confirm.timeout_s > 0
 
@@ -71,6 +71,14 @@ def test_without_a_tag_the_cameras_look_for_any_vessel_and_without_cameras_nobod
     assert (job.post[0].status, job.post[0].equals) == ("sighting.is_present", True)
     job = the_job(plan_of(a_cell(), flow(step("c", "carry", **CARRY))), "run_program")
     assert (job.pre, job.post) == ((), ())
+
+
+def test_a_carry_may_say_that_what_its_camera_cannot_see_stays_unconfirmed() -> None:
+    free = {**WITNESSED, "may_stay_unconfirmed": True}
+    job = the_job(plan_of(a_cell(), flow(step("c", "carry", **free))), "run_program")
+    assert [one.may_stay_unconfirmed for one in (*job.pre, *job.post)] == [False, True]
+    value = flow(step("c", "carry", **CARRY, may_stay_unconfirmed=True))
+    assert codes_of(a_cell(), value) == [("c", "plan.nothing_to_confirm")]
 
 
 def test_what_is_no_camera_is_refused() -> None:
@@ -85,4 +93,4 @@ def test_a_look_must_see_the_tag_or_else_an_empty_place() -> None:
     assert (job.post[0].status, job.post[0].equals) == ("sighting.tag", "V-7")
     job = the_job(plan_of(a_cell(), flow(step("l", "look", camera="@eye_1"))), "look")
     assert (job.post[0].status, job.post[0].equals) == ("sighting.is_present", False)
-    assert job.post[0].must_pass
+    assert not job.post[0].may_stay_unconfirmed

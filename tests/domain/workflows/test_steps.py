@@ -36,6 +36,14 @@ def test_optional_parameters_join_the_sentence_only_when_set() -> None:
     )
 
 
+def test_a_step_says_that_it_may_stay_unconfirmed_only_where_that_is_ticked() -> None:
+    params = {"source": "w", "target": "r", "volume": "5 mL", "confirm_with": "b"}
+    plain = "Transfer 5 mL from Water to Reactor 1, confirmed by Balance"
+    for is_on, text in [(True, f"{plain}, which may stay unconfirmed"), (False, plain)]:
+        told = sentence_text("transfer", {**params, "may_stay_unconfirmed": is_on}, NAMES)
+        assert told == text
+
+
 def test_an_unfinished_step_shows_what_is_missing() -> None:
     assert sentence_text("transfer", {"source": "x"}, NAMES) == "Transfer … from … to …"
 

@@ -114,6 +114,8 @@ class _Builder:
             "code": fact.code,
             "event_seq": fact.seq,
             "event_hash": fact.event_hash,
+            "doubt_at": fact.doubt_at,
+            "resolved": fact.resolved,
         }
         self.nodes[name] = Node(
             id=name,

@@ -29,6 +29,11 @@ class TransactionFact:
     event_hash: str = ""
     actor_id: str = ""
     job_id: str = ""
+    doubt_at: str = ""
+    """When its outcome was not known, where a person has said since what it was."""
+
+    resolved: str = ""
+    """How that ended, by whom and when."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

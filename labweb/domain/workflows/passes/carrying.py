@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from uuid import UUID
 
+import msgspec
+
 from labweb.domain.crutd.operations import TransferResource
 from labweb.domain.errors import NotFoundError
 from labweb.domain.graph.attached import check_loose, find_attachments
 from labweb.domain.workflows.passes.acting import draft_of
+from labweb.domain.workflows.passes.confirming import MAY_STAY_UNCONFIRMED, may_confirm
 from labweb.domain.workflows.passes.draft import Drafting, DraftStep
 from labweb.domain.workflows.passes.looking import witness
 from labweb.domain.workflows.protocol import Step
@@ -47,7 +50,10 @@ def plan_carry(step: Step, drafting: Drafting) -> DraftStep:
         drafting.refuse(step, "plan.not_carrying", message, "params.action")
         return DraftStep(step=step)
     operation = _operation(step, drafting)
-    guards, proofs = (witness(step, drafting, name) for name in ("guard_with", "confirm_with"))
+    guards = witness(step, drafting, "guard_with")
+    proofs = witness(step, drafting, "confirm_with") if may_confirm(step, drafting) else []
+    if step.params.get(MAY_STAY_UNCONFIRMED) is True:
+        proofs = [msgspec.structs.replace(one, may_stay_unconfirmed=True) for one in proofs]
     if operation is None:
         return DraftStep(step=step)
     names = (drafting.name(operation.resource_id), drafting.name(operation.to_id))

@@ -45,6 +45,7 @@ class MassCheck:
 
     balance: Device
     node_id: UUID
+    may_stay_unconfirmed: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -220,6 +220,7 @@ def _mass_condition(mass_check: MassCheck, mass_mg: float) -> Condition:
         timeout_s=MASS_TIMEOUT_S,
         stable_status="is_stable",
         is_sensor=True,
+        may_stay_unconfirmed=mass_check.may_stay_unconfirmed,
     )
 
 

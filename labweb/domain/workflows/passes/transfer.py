@@ -7,6 +7,7 @@ from uuid import UUID
 from labweb.domain.crutd.operations import TransferLiquid
 from labweb.domain.resources.contents import total_nl
 from labweb.domain.units import parse_volume_nl, render_volume
+from labweb.domain.workflows.passes.confirming import MAY_STAY_UNCONFIRMED, may_confirm
 from labweb.domain.workflows.passes.draft import Drafting, DraftJob, DraftStep, MassCheck
 from labweb.domain.workflows.passes.pumping import MOST_STROKES, choose_way
 from labweb.domain.workflows.passes.roles import plays
@@ -67,7 +68,7 @@ def plan_transfer(step: Step, drafting: Drafting) -> DraftStep:
 
 
 def _mass_check(step: Step, drafting: Drafting, target: UUID) -> MassCheck | None:
-    if "confirm_with" not in step.params:
+    if not may_confirm(step, drafting):
         return None
     view, at = drafting.view, "params.confirm_with"
     balance = view.find_device(UUID(step.params["confirm_with"]))
@@ -80,4 +81,5 @@ def _mass_check(step: Step, drafting: Drafting, target: UUID) -> MassCheck | Non
         message = f"{drafting.name(target)} does not stand on {balance.name}"
         drafting.refuse(step, "plan.not_on_balance", message, at)
         return None
-    return MassCheck(balance=balance, node_id=carrier.id)
+    is_free = step.params.get(MAY_STAY_UNCONFIRMED) is True
+    return MassCheck(balance=balance, node_id=carrier.id, may_stay_unconfirmed=is_free)
