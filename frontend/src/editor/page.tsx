@@ -21,7 +21,7 @@ import { Inspector } from "./inspector";
 import { useEditorKeys } from "./keys";
 import { ListView } from "./listview";
 import { Palette } from "./palette";
-import { Questions } from "./questions";
+import { Notice, Questions } from "./questions";
 import { RunSheet } from "./runsheet";
 import { hearOf, saveSeen, useAutosave } from "./saving";
 import { useEditor } from "./store";
@@ -85,7 +85,10 @@ function Editor({ workflow }: { workflow: Workflow }) {
         onSave={acts.onSaveVersion}
         onRun={acts.onRun}
       />
-      <Questions />
+      <div>
+        <Questions />
+        <Notice />
+      </div>
       <div className="panes wide">
         <Palette />
         {view === "canvas" ? (

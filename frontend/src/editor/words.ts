@@ -37,6 +37,8 @@ export const words = {
     discard: "Discard",
     unsaved: "not saved",
     saving: "saving…",
+    undo: "Undo",
+    closeNotice: "Close this notice",
   },
   proof: {
     lost: (version: number) => `No longer proved, as version ${version} was.`,

@@ -40,7 +40,7 @@ export function freeStepId(document: WorkflowDocument, kind: string): string {
   return freeId(kind, new Set(document.steps.map((step) => step.id)));
 }
 
-function freeEdgeId(document: WorkflowDocument): string {
+export function freeEdgeId(document: WorkflowDocument): string {
   return freeId("e", new Set(document.edges.map((edge) => edge.id)), "");
 }
 
@@ -98,17 +98,6 @@ export function addStep(step: WorkflowStep, label: string, after: string | null)
         target: step.id,
         target_port: "start",
       });
-    },
-  };
-}
-
-export function removeSteps(ids: readonly string[]): Edit {
-  const gone = new Set(ids);
-  return {
-    label: gone.size === 1 ? "delete step" : `delete ${gone.size} steps`,
-    apply: (document) => {
-      document.steps = document.steps.filter((step) => !gone.has(step.id));
-      document.edges = document.edges.filter((e) => !gone.has(e.source) && !gone.has(e.target));
     },
   };
 }
