@@ -1,8 +1,9 @@
 /** What the editor asks or tells: somebody else saved, something is not saved, no longer proved, or what an edit did. */
 
-import { call, messageOf } from "@/api/client";
+import { messageOf } from "@/api/client";
 import { keys } from "@/api/keys";
 import { client } from "@/api/live";
+import { fetchWorkflow } from "@/api/workflows";
 import type { Workflow } from "@/model/wire";
 import { Button, IconButton } from "@/ui/controls";
 import { Glyph } from "@/ui/glyph";
@@ -27,7 +28,7 @@ function Conflict() {
   const fetchTheirs = async (): Promise<Workflow | null> => {
     const isOpen = (): boolean => useEditor.getState().workflowId === workflowId;
     try {
-      const theirs = await call<Workflow>("GET", `/workflows/${workflowId}`);
+      const theirs = await fetchWorkflow(workflowId);
       return isOpen() ? theirs : null;
     } catch (error) {
       if (isOpen()) useEditor.getState().setSaving({ problem: messageOf(error) });

@@ -120,7 +120,7 @@ export const useEditor = create<EditorState>((set) => ({
       checkProblem: null,
       connectFrom: null,
       hint: null,
-      notice: null,
+      notice: workflow.draft_notes?.join(" ") ?? null,
       ...opened(workflow, workflow.can_edit ? kept : null),
     }),
   setLab: (steps, resources) =>

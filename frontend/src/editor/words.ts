@@ -38,6 +38,8 @@ export const words = {
     unsaved: "not saved",
     saving: "saving…",
     undo: "Undo",
+    removeParam: "Remove this parameter",
+    connections: "Connections",
     closeNotice: "Close this notice",
   },
   proof: {

@@ -1,5 +1,6 @@
 /** A workflow as it is edited: what may be changed, each change with its words. */
 
+import { isEdge, isStep } from "./opening";
 import type { PortKind, UnitOperation, WorkflowDocument, WorkflowEdge, WorkflowStep } from "./wire";
 
 export type Palette = Map<string, UnitOperation>;
@@ -244,9 +245,7 @@ export function parseClip(text: string): Clip | null {
     const value = JSON.parse(text) as Partial<Clip>;
     if (!Array.isArray(value.steps) || !Array.isArray(value.edges) || !value.steps.length)
       return null;
-    const isStep = (s: Partial<WorkflowStep>): boolean =>
-      typeof s.id === "string" && typeof s.kind === "string" && typeof s.position?.x === "number";
-    return value.steps.every(isStep) ? (value as Clip) : null;
+    return value.steps.every(isStep) && value.edges.every(isEdge) ? (value as Clip) : null;
   } catch {
     return null;
   }
