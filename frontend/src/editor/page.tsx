@@ -10,8 +10,8 @@ import { keys } from "@/api/keys";
 import { client, useTopics } from "@/api/live";
 import { useResources, useSession, useSteps, useWorkflow } from "@/api/queries";
 import type { Workflow } from "@/model/wire";
-import { Failed } from "@/ui/card";
 import { Button, Dialog, Refused, TextField } from "@/ui/controls";
+import { PageState } from "@/ui/pagestate";
 import { Canvas } from "./canvas";
 import { useChecking, useCheckNow } from "./check";
 import { ConnectMenu } from "./connectmenu";
@@ -40,15 +40,7 @@ export function EditorPage() {
     );
   }
   return (
-    <div className="wrap">
-      {workflow.error && !workflow.data ? (
-        <div className="card">
-          <Failed what="this workflow" error={workflow.error} retry={workflow.refetch} />
-        </div>
-      ) : (
-        <p className="m">Loading the workflow…</p>
-      )}
-    </div>
+    <PageState of="workflow" error={workflow.error} retry={workflow.refetch} />
   );
 }
 
