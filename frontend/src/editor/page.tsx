@@ -39,9 +39,7 @@ export function EditorPage() {
       </ReactFlowProvider>
     );
   }
-  return (
-    <PageState of="workflow" error={workflow.error} retry={workflow.refetch} />
-  );
+  return <PageState of="workflow" error={workflow.error} retry={workflow.refetch} />;
 }
 
 type Sheet = "run" | "save" | "connect" | null;
