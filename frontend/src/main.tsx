@@ -24,8 +24,9 @@ import { StrictMode } from "react";
 import { createRoot } from "react-dom/client";
 import { RouterProvider } from "react-router";
 import { client } from "@/api/live";
+import { Boundary } from "@/ui/notfound";
 import { applyTheme, useTheme } from "@/ui/theme";
-import { router } from "./routes";
+import { startRouter } from "./routes";
 
 applyTheme(useTheme.getState().theme);
 
@@ -39,13 +40,16 @@ const theme = createTheme({
   },
 });
 
+const router = startRouter();
 const root = document.getElementById("root");
 if (root) {
   createRoot(root).render(
     <StrictMode>
       <MantineProvider theme={theme} defaultColorScheme="auto">
         <QueryClientProvider client={client}>
-          <RouterProvider router={router} />
+          <Boundary>
+            <RouterProvider router={router} />
+          </Boundary>
         </QueryClientProvider>
       </MantineProvider>
     </StrictMode>,

@@ -5,7 +5,7 @@ import { createBrowserRouter, type RouteObject } from "react-router";
 import { Frame } from "@/lab/frame";
 import { HomePage } from "@/lab/home";
 import { LoginPage } from "@/lab/login";
-import { BrokenPage, NotFoundPage } from "@/ui/notfound";
+import { BrokenPage, NotFoundPage, Starting } from "@/ui/notfound";
 
 type Lazy = () => Promise<{ Component: ComponentType }>;
 
@@ -44,13 +44,16 @@ const pages: RouteObject[] = [
   { path: "*", Component: NotFoundPage },
 ];
 
-export const router = createBrowserRouter([
+export const routes: RouteObject[] = [
   { path: "/login", Component: LoginPage, ErrorBoundary: BrokenPage },
   {
     path: "/",
     Component: Frame,
-    HydrateFallback: () => null,
+    HydrateFallback: Starting,
     ErrorBoundary: BrokenPage,
     children: pages,
   },
-]);
+];
+
+export const startRouter = (): ReturnType<typeof createBrowserRouter> =>
+  createBrowserRouter(routes);

@@ -79,6 +79,7 @@ export async function call<T>(
   const headers: Record<string, string> = { Accept: "application/json" };
   if (body !== undefined) headers["Content-Type"] = "application/json";
   if (method !== "GET") headers["X-CSRFToken"] = csrfToken();
+  const limit = method === "GET" ? limited(signal) : signal;
   let response: Response;
   try {
     response = await fetch(`/api/v1${path}`, {
@@ -86,9 +87,10 @@ export async function call<T>(
       headers,
       credentials: "same-origin",
       ...(body === undefined ? {} : { body: JSON.stringify(body) }),
-      ...(signal ? { signal } : {}),
+      ...(limit ? { signal: limit } : {}),
     });
   } catch (error) {
+    if (signal?.aborted !== true && limit?.aborted) throw tooLate();
     if (error instanceof DOMException && error.name === "AbortError") throw error;
     useConnection.getState().setReachable(false);
     throw new ApiError(0, refusal("http.unreachable", "The server does not answer."));
@@ -100,7 +102,29 @@ export async function call<T>(
     if (error.isSignedOut) onSignedOut();
     throw error;
   }
-  return (response.status === 204 ? undefined : await response.json()) as T;
+  if (response.status === 204) return undefined as T;
+  try {
+    return (await response.json()) as T;
+  } catch (error) {
+    if (signal?.aborted) throw error;
+    if (limit?.aborted) throw tooLate();
+    const message = "The server answered something that is no JSON.";
+    throw new ApiError(response.status, refusal("http.no_json", message));
+  }
+}
+
+/** How long an answer that only tells may take; what acts is waited for without a limit. */
+const LONGEST_S = 30;
+
+function limited(signal: AbortSignal | undefined): AbortSignal {
+  const limit = AbortSignal.timeout(LONGEST_S * 1000);
+  return signal ? AbortSignal.any([signal, limit]) : limit;
+}
+
+function tooLate(): ApiError {
+  useConnection.getState().setReachable(false);
+  const message = `The server did not answer within ${LONGEST_S} s.`;
+  return new ApiError(0, refusal("http.timeout", message));
 }
 
 /** Sentence for any error, for the place where it happened. */

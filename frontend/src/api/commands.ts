@@ -23,6 +23,7 @@ import type {
 import type { Correction } from "@/model/stock";
 import { call } from "./client";
 import { keys } from "./keys";
+import { readWorkflow } from "./workflows";
 import { client } from "./live";
 
 function setLab(lab: Lab): void {
@@ -97,7 +98,7 @@ export interface NewWorkflow {
 
 export function useCreateWorkflow(): UseMutationResult<Workflow, Error, NewWorkflow> {
   return useMutation({
-    mutationFn: (wanted) => call<Workflow>("POST", "/workflows", wanted),
+    mutationFn: async (wanted) => readWorkflow(await call<Workflow>("POST", "/workflows", wanted)),
     onSuccess: (workflow) => {
       client.setQueryData(keys.workflow(workflow.id), workflow);
       void client.invalidateQueries({ queryKey: keys.workflows, exact: true });

@@ -2,6 +2,7 @@
 
 import { QueryClient, type QueryKey } from "@tanstack/react-query";
 import { useEffect } from "react";
+import { UnreadableDocument } from "@/model/opening";
 import type { Sample } from "@/model/wire";
 import { ApiError, whenSignedOut } from "./client";
 import { useConnection } from "./connection";
@@ -14,11 +15,17 @@ export const client = new QueryClient({
       networkMode: "always",
       staleTime: 2000,
       refetchOnWindowFocus: true,
-      retry: (count, error) => count < 2 && !(error instanceof ApiError && error.status > 0),
+      retry: (count, error) => count < 2 && isWorthAnother(error),
     },
     mutations: { networkMode: "always", retry: false },
   },
 });
+
+/** What was answered, or not for half a minute, or cannot be shown, is not asked for again unasked. */
+function isWorthAnother(error: Error): boolean {
+  if (error instanceof UnreadableDocument) return false;
+  return !(error instanceof ApiError && (error.status > 0 || error.code === "http.timeout"));
+}
 
 const FIXED: Record<string, QueryKey[]> = {
   lab: [keys.session, keys.home],

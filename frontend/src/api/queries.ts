@@ -33,6 +33,7 @@ import type {
 import { call } from "./client";
 import { useConnection } from "./connection";
 import { keys } from "./keys";
+import { fetchVersion, fetchWorkflow } from "./workflows";
 
 const get =
   <T>(path: string) =>
@@ -72,7 +73,7 @@ export function useWorkflows(): UseQueryResult<WorkflowRow[]> {
 export function useWorkflow(id: string): UseQueryResult<Workflow> {
   return useQuery({
     queryKey: keys.workflow(id),
-    queryFn: get<Workflow>(`/workflows/${id}`),
+    queryFn: ({ signal }) => fetchWorkflow(id, signal),
     refetchOnMount: "always",
   });
 }
@@ -80,7 +81,7 @@ export function useWorkflow(id: string): UseQueryResult<Workflow> {
 export function useVersion(id: string, number: number | null): UseQueryResult<Version> {
   return useQuery({
     queryKey: keys.version(id, number ?? 0),
-    queryFn: get<Version>(`/workflows/${id}/versions/${number ?? 0}`),
+    queryFn: ({ signal }) => fetchVersion(id, number ?? 0, signal),
     enabled: number !== null,
     staleTime: Infinity,
   });

@@ -8,7 +8,8 @@ import { useApproval, useApprovals } from "@/api/queries";
 import { formatLeft, toSeconds } from "@/model/format";
 import { approvalState } from "@/model/states";
 import type { ApprovalRequest } from "@/model/wire";
-import { Empty, Failed, Loaded } from "@/ui/card";
+import { Empty, Loaded } from "@/ui/card";
+import { PartState } from "@/ui/pagestate";
 import { Segments } from "@/ui/controls";
 import { Icon } from "@/ui/icons";
 import { StateChip } from "@/ui/state";
@@ -102,11 +103,7 @@ function Chosen({ id }: { id: string }) {
         <Icon name="left" />
         {words.title}
       </Link>
-      {request.error ? (
-        <Failed what="this request" error={request.error} retry={request.refetch} />
-      ) : (
-        <p className="m">Loading the request…</p>
-      )}
+      <PartState of="request" error={request.error} retry={request.refetch} />
     </section>
   );
 }

@@ -16,11 +16,12 @@ import {
   stateAtHost,
 } from "@/model/hosts";
 import type { Host } from "@/model/wire";
-import { AsOf, Card, Empty, Failed } from "@/ui/card";
+import { AsOf, Card, Empty } from "@/ui/card";
 import { Button, Dialog, Refused, TextField } from "@/ui/controls";
 import { deviceState } from "@/ui/devicetile";
 import { StateChip } from "@/ui/state";
 import { Age, At, useLabTime } from "@/ui/time";
+import { PageState } from "@/ui/pagestate";
 import { words } from "./words";
 
 export function HostPage() {
@@ -29,17 +30,7 @@ export function HostPage() {
   useTopics("hosts", "devices", "runs", "lab");
   const time = useLabTime();
   if (!host.data) {
-    return (
-      <div className="wrap">
-        {host.error ? (
-          <div className="card">
-            <Failed what="this host" error={host.error} retry={host.refetch} />
-          </div>
-        ) : (
-          <p className="m">Loading the host…</p>
-        )}
-      </div>
-    );
+    return <PageState of="host" error={host.error} retry={host.refetch} />;
   }
   const data = host.data;
   const since = data.away_since_at ? time.minute(data.away_since_at) : null;

@@ -8,12 +8,13 @@ import { formatDigest, plain, formatFact } from "@/model/format";
 import { capitalise } from "@/model/states";
 import { isSetpoint, labelOf } from "@/model/telemetry";
 import type { Device, Reading, Sample } from "@/model/wire";
-import { AsOf, Card, Empty, Failed } from "@/ui/card";
+import { AsOf, Card, Empty } from "@/ui/card";
 import { deviceState } from "@/ui/devicetile";
 import { Icon, iconOf } from "@/ui/icons";
 import { ReadingValue } from "@/ui/number";
 import { StateChip } from "@/ui/state";
 import { Age, At } from "@/ui/time";
+import { PageState } from "@/ui/pagestate";
 import { Calibrations } from "./calibration";
 import { History } from "./history";
 import { Photo } from "./photo";
@@ -29,17 +30,7 @@ export function DevicePage() {
   const device = useDevice(id);
   useTopics("devices", "hosts", "runs");
   if (!device.data) {
-    return (
-      <div className="wrap">
-        {device.error ? (
-          <div className="card">
-            <Failed what="this device" error={device.error} retry={device.refetch} />
-          </div>
-        ) : (
-          <p className="m">Loading the device…</p>
-        )}
-      </div>
-    );
+    return <PageState of="device" error={device.error} retry={device.refetch} />;
   }
   const data = device.data;
   return (

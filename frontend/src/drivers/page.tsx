@@ -9,10 +9,11 @@ import { useSession } from "@/api/queries";
 import { driverState, newestFirst } from "@/model/drivers";
 import { formatDigest } from "@/model/format";
 import type { DriverDetail, DriverRow } from "@/model/wiredrivers";
-import { AsOf, Card, Empty, Failed } from "@/ui/card";
+import { AsOf, Card, Empty } from "@/ui/card";
 import { Button } from "@/ui/controls";
 import { StateChip } from "@/ui/state";
 import { At } from "@/ui/time";
+import { PageState } from "@/ui/pagestate";
 import { BringDriver } from "./bring";
 import { Forms } from "./forms";
 import { Places } from "./places";
@@ -26,17 +27,7 @@ export function DriverPage() {
   useTopics("drivers", "devices", "hosts");
   if (driver.data)
     return <Details key={id} driver={driver.data} error={driver.error} at={driver.dataUpdatedAt} />;
-  return (
-    <div className="wrap">
-      {driver.error ? (
-        <div className="card">
-          <Failed what="this driver" error={driver.error} retry={driver.refetch} />
-        </div>
-      ) : (
-        <p className="m">Loading the driver…</p>
-      )}
-    </div>
-  );
+  return <PageState of="driver" error={driver.error} retry={driver.refetch} />;
 }
 
 function Details({ driver, error, at }: { driver: DriverDetail; error: Error | null; at: number }) {

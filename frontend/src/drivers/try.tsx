@@ -10,8 +10,8 @@ import { formatDigest } from "@/model/format";
 import { isLive, tryoutState } from "@/model/tryouts";
 import type { DriverDetail } from "@/model/wiredrivers";
 import type { Tryout, Tryouts } from "@/model/wiretryouts";
-import { Failed } from "@/ui/card";
 import { Button, Refused } from "@/ui/controls";
+import { PageState, PartState } from "@/ui/pagestate";
 import { StateChip } from "@/ui/state";
 import { Since } from "@/ui/time";
 import { Begin, Earlier } from "./trybegin";
@@ -29,19 +29,11 @@ export function TryPage() {
   if (driver.data && tryouts.data)
     return <Trying key={id} driver={driver.data} about={tryouts.data} />;
   return (
-    <div className="wrap">
-      {error ? (
-        <div className="card">
-          <Failed
-            what="this driver"
-            error={error}
-            retry={() => Promise.all([driver.refetch(), tryouts.refetch()])}
-          />
-        </div>
-      ) : (
-        <p className="m">Loading the driver…</p>
-      )}
-    </div>
+    <PageState
+      of="driver"
+      error={error}
+      retry={() => Promise.all([driver.refetch(), tryouts.refetch()])}
+    />
   );
 }
 
@@ -70,7 +62,7 @@ function Trying({ driver, about }: { driver: DriverDetail; about: Tryouts }) {
       </div>
       {!isNew && tryout.error && (
         <div className="card">
-          <Failed what="this tryout" error={tryout.error} retry={tryout.refetch} />
+          <PartState of="tryout" error={tryout.error} retry={tryout.refetch} />
         </div>
       )}
       {isNew && (

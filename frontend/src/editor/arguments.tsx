@@ -13,7 +13,8 @@ export function ArgumentsField(props: FieldProps & { id: string }) {
   const { step, name } = props;
   const edit = useEditor((state) => state.edit);
   const action = useActions(step).find((a) => a.name === step.params.action);
-  const values = (step.params[name] ?? {}) as Values;
+  const given = step.params[name];
+  const values = (typeof given === "object" && given !== null ? given : {}) as Values;
   const set = (key: string, value: unknown): void => {
     const next = { ...values };
     if (value === undefined) Reflect.deleteProperty(next, key);

@@ -236,6 +236,8 @@ function DeleteEdgeKey({ edges }: { edges: Edge[] }) {
       if (event.key !== "Delete" && event.key !== "Backspace") return;
       if ((event.target as HTMLElement).closest("input, textarea, select, [role=dialog]")) return;
       const picked = edges.filter((edge) => edge.selected).map((edge) => edge.id);
+      // A box around steps picks their wires, too: deleting the steps looks after those.
+      if (event.defaultPrevented || useEditor.getState().selection.length) return;
       if (picked.length) useEditor.getState().edit(removeEdges(picked));
     };
     window.addEventListener("keydown", onKey);

@@ -2,7 +2,7 @@
 
 import { Menu } from "@mantine/core";
 import { Link } from "react-router";
-import { call } from "@/api/client";
+import { fetchVersion } from "@/api/workflows";
 import { renameWorkflow } from "@/model/document";
 import { redoLabel, undoLabel } from "@/model/history";
 import type { Version, Workflow } from "@/model/wire";
@@ -143,7 +143,7 @@ function Versions({ workflow }: { workflow: Workflow }) {
   const { canEdit, edit } = useEditor();
   const latest = workflow.versions[0];
   const restore = async (version: Version): Promise<void> => {
-    const full = await call<Version>("GET", `/workflows/${workflow.id}/versions/${version.number}`);
+    const full = await fetchVersion(workflow.id, version.number);
     const { document } = full;
     if (!document) return;
     edit({

@@ -2,14 +2,15 @@
 
 import { Menu } from "@mantine/core";
 import { useState } from "react";
-import { reorderStep, setNote } from "@/model/document";
+import { reorderStep, setNote, setParam } from "@/model/document";
 import { fieldOf, findingsOf } from "@/model/findings";
 import { formatArguments } from "@/model/format";
 import { capitalise } from "@/model/states";
 import type { WorkflowStep } from "@/model/wire";
 import { plannedDevice } from "@/model/roles";
-import { IconButton, TextField } from "@/ui/controls";
+import { Button, IconButton, TextField } from "@/ui/controls";
 import { useVerdict } from "./check";
+import { ConnectionsOf } from "./connections";
 import { FieldNote } from "./field";
 import { fieldsOf, Group, StepField } from "./fields";
 import { Sentence, useSentence } from "./node";
@@ -91,7 +92,10 @@ function Form({ step }: { step: WorkflowStep }) {
   const { findings } = useVerdict();
   if (!operation) {
     return (
-      <p className="state-note">Nothing here can do “{step.kind}”. The step is kept as it is.</p>
+      <>
+        <p className="state-note">Nothing here can do “{step.kind}”. The step is kept as it is.</p>
+        <ConnectionsOf step={step} />
+      </>
     );
   }
   const own = findingsOf(findings, step.id);
@@ -121,6 +125,8 @@ function Form({ step }: { step: WorkflowStep }) {
       )}
       {fields.filter((field) => !isAdvanced(field)).map(render)}
       {advanced.length > 0 && <Group title="Advanced">{advanced.map(render)}</Group>}
+      <Unknown step={step} known={names} />
+      <ConnectionsOf step={step} />
       <TextField
         label="Note"
         value={step.note ?? ""}
@@ -129,6 +135,26 @@ function Form({ step }: { step: WorkflowStep }) {
       />
     </div>
   );
+}
+
+/** Parameters that this kind of step does not have: they can only be taken away. */
+function Unknown({ step, known }: { step: WorkflowStep; known: ReadonlySet<string> }) {
+  const { canEdit, edit } = useEditor.getState();
+  return Object.entries(step.params)
+    .filter(([name]) => !known.has(name))
+    .map(([name, value]) => (
+      <div key={name} className="field" data-testid="unknown-param">
+        <span>
+          <b className="mono">{name}</b> means nothing to this step.
+        </span>
+        <span className="mono m cut">{JSON.stringify(value)}</span>
+        {canEdit && (
+          <Button onClick={() => edit(setParam(step.id, name, name, undefined))}>
+            {words.editor.removeParam}
+          </Button>
+        )}
+      </div>
+    ));
 }
 
 function Compiled({ step }: { step: WorkflowStep }) {

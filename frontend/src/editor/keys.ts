@@ -71,8 +71,7 @@ function alone(event: KeyboardEvent, acts: KeyActs): boolean {
   switch (event.key) {
     case "Delete":
     case "Backspace":
-      deleteSelection();
-      return true;
+      return deleteSelection();
     case "a":
       document.getElementById("find-step")?.focus();
       return true;

@@ -10,8 +10,8 @@ import { keys } from "@/api/keys";
 import { client, useTopics } from "@/api/live";
 import { useResources, useSession, useSteps, useWorkflow } from "@/api/queries";
 import type { Workflow } from "@/model/wire";
-import { Failed } from "@/ui/card";
 import { Button, Dialog, Refused, TextField } from "@/ui/controls";
+import { PageState } from "@/ui/pagestate";
 import { Canvas } from "./canvas";
 import { useChecking, useCheckNow } from "./check";
 import { ConnectMenu } from "./connectmenu";
@@ -21,7 +21,7 @@ import { Inspector } from "./inspector";
 import { useEditorKeys } from "./keys";
 import { ListView } from "./listview";
 import { Palette } from "./palette";
-import { Questions } from "./questions";
+import { Notice, Questions } from "./questions";
 import { RunSheet } from "./runsheet";
 import { hearOf, saveSeen, useAutosave } from "./saving";
 import { useEditor } from "./store";
@@ -39,17 +39,7 @@ export function EditorPage() {
       </ReactFlowProvider>
     );
   }
-  return (
-    <div className="wrap">
-      {workflow.error && !workflow.data ? (
-        <div className="card">
-          <Failed what="this workflow" error={workflow.error} retry={workflow.refetch} />
-        </div>
-      ) : (
-        <p className="m">Loading the workflow…</p>
-      )}
-    </div>
-  );
+  return <PageState of="workflow" error={workflow.error} retry={workflow.refetch} />;
 }
 
 type Sheet = "run" | "save" | "connect" | null;
@@ -85,7 +75,10 @@ function Editor({ workflow }: { workflow: Workflow }) {
         onSave={acts.onSaveVersion}
         onRun={acts.onRun}
       />
-      <Questions />
+      <div>
+        <Questions />
+        <Notice />
+      </div>
       <div className="panes wide">
         <Palette />
         {view === "canvas" ? (

@@ -1,10 +1,11 @@
-/** What the editor asks or tells about drafts: somebody else saved, something is not saved, or no longer proved. */
+/** What the editor asks or tells: somebody else saved, something is not saved, no longer proved, or what an edit did. */
 
-import { call, messageOf } from "@/api/client";
+import { messageOf } from "@/api/client";
 import { keys } from "@/api/keys";
 import { client } from "@/api/live";
+import { fetchWorkflow } from "@/api/workflows";
 import type { Workflow } from "@/model/wire";
-import { Button } from "@/ui/controls";
+import { Button, IconButton } from "@/ui/controls";
 import { Glyph } from "@/ui/glyph";
 import { ProofLost } from "./proof";
 import { flushAll } from "./saving";
@@ -27,7 +28,7 @@ function Conflict() {
   const fetchTheirs = async (): Promise<Workflow | null> => {
     const isOpen = (): boolean => useEditor.getState().workflowId === workflowId;
     try {
-      const theirs = await call<Workflow>("GET", `/workflows/${workflowId}`);
+      const theirs = await fetchWorkflow(workflowId);
       return isOpen() ? theirs : null;
     } catch (error) {
       if (isOpen()) useEditor.getState().setSaving({ problem: messageOf(error) });
@@ -60,6 +61,27 @@ function Conflict() {
       <Button onClick={() => void keepMine()} testId="keep-mine">
         {words.editor.keepMine}
       </Button>
+    </div>
+  );
+}
+
+/** What the last edit did besides what was asked for, with the way back. */
+export function Notice() {
+  const notice = useEditor((state) => state.notice);
+  const { undo, set } = useEditor.getState();
+  if (!notice) return null;
+  return (
+    <div className="conflict told" role="status" data-testid="edit-notice">
+      <span>{notice}</span>
+      <i className="sp" />
+      <Button onClick={undo} testId="notice-undo">
+        {words.editor.undo}
+      </Button>
+      <IconButton
+        icon="close"
+        label={words.editor.closeNotice}
+        onClick={() => set({ notice: null })}
+      />
     </div>
   );
 }

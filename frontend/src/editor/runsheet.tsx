@@ -3,11 +3,12 @@
 import { useMutation } from "@tanstack/react-query";
 import { useEffect, useState } from "react";
 import { useNavigate } from "react-router";
-import { ApiError, call } from "@/api/client";
+import { ApiError } from "@/api/client";
 import { startRun } from "@/api/commands";
 import { useSession } from "@/api/queries";
+import { fetchVersion, fetchWorkflow } from "@/api/workflows";
 import { formatDuration } from "@/model/format";
-import type { Plan, Version, Workflow } from "@/model/wire";
+import type { Plan } from "@/model/wire";
 import { plannedDevice } from "@/model/roles";
 import { Button, Dialog, Refused } from "@/ui/controls";
 import { Glyph } from "@/ui/glyph";
@@ -22,17 +23,14 @@ import { words } from "./words";
 async function versionToRun(): Promise<{ id: string }> {
   await flushOrThrow();
   const { workflowId, history, saving } = useEditor.getState();
-  const workflow = await call<Workflow>("GET", `/workflows/${workflowId}`);
+  const workflow = await fetchWorkflow(workflowId);
   if (workflow.draft_revision !== saving.revision) {
     hearOf(workflow);
     throw new Error(words.editor.conflict);
   }
   const latest = workflow.latest_version;
   if (latest) {
-    const version = await call<Version>(
-      "GET",
-      `/workflows/${workflowId}/versions/${latest.number}`,
-    );
+    const version = await fetchVersion(workflowId, latest.number);
     if (version.document && contentOf(version.document) === contentOf(history.document))
       return latest;
   }

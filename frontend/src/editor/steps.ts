@@ -9,9 +9,9 @@ import {
   parseClip,
   pasteClip,
   placeAfter,
-  removeSteps,
 } from "@/model/document";
 import { layoutBoxes } from "@/model/layout";
+import { removedText, removeSteps } from "@/model/removing";
 import { useEditor } from "./store";
 
 /** Sort of what is dragged from the palette to the canvas. */
@@ -50,9 +50,13 @@ export function addFromPalette(item: string, position?: { x: number; y: number }
   state.select([step.id]);
 }
 
-export function deleteSelection(): void {
-  const { selection, edit } = useEditor.getState();
-  if (selection.length) edit(removeSteps(selection));
+/** Delete the picked steps and say what leads where since; tells whether any were picked. */
+export function deleteSelection(): boolean {
+  const { selection, history, canEdit, edit, set } = useEditor.getState();
+  if (!selection.length || !canEdit) return false;
+  edit(removeSteps(selection));
+  set({ notice: removedText(history.document, selection) });
+  return true;
 }
 
 export function duplicateSelection(): void {

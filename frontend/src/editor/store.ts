@@ -60,6 +60,8 @@ export interface EditorState {
   names: Names;
   connectFrom: PortRef | null;
   hint: string | null;
+  /** What the last edit did besides what was asked for; gone with the next one. */
+  notice: string | null;
   /** Field that should take the focus, from a finding. */
   focusField: string | null;
   open: (workflow: Workflow, owner: string, kept?: Kept | null) => void;
@@ -106,6 +108,7 @@ export const useEditor = create<EditorState>((set) => ({
   names: new Map(),
   connectFrom: null,
   hint: null,
+  notice: null,
   focusField: null,
   open: (workflow, owner, kept = null) =>
     set({
@@ -117,6 +120,7 @@ export const useEditor = create<EditorState>((set) => ({
       checkProblem: null,
       connectFrom: null,
       hint: null,
+      notice: workflow.draft_notes?.join(" ") ?? null,
       ...opened(workflow, workflow.can_edit ? kept : null),
     }),
   setLab: (steps, resources) =>
@@ -155,7 +159,12 @@ function opened(workflow: Workflow, kept: Kept | null): Partial<EditorState> {
 }
 
 function changed(state: EditorState, history: History): Partial<EditorState> {
-  return { history, selection: keepKnown(state.selection, history.document), hint: null };
+  return {
+    history,
+    selection: keepKnown(state.selection, history.document),
+    hint: null,
+    notice: null,
+  };
 }
 
 export const useDocument = (): WorkflowDocument => useEditor((state) => state.history.document);

@@ -2,6 +2,7 @@
 
 import { hashKey } from "@tanstack/react-query";
 import { useEffect } from "react";
+import { openDocument } from "@/model/opening";
 import type { WorkflowDocument } from "@/model/wire";
 import { useEditor, type EditorState, type Kept } from "./store";
 
@@ -15,7 +16,15 @@ export function isSame(one: unknown, other: unknown): boolean {
 /** The draft that this person left unsaved in this tab. */
 export function keptOf(owner: string, id: string): Kept | null {
   const text = sessionStorage.getItem(keyOf(owner, id));
-  return text === null ? null : (JSON.parse(text) as Kept);
+  if (text === null) return null;
+  try {
+    const kept = JSON.parse(text) as Kept;
+    return { ...kept, document: openDocument(kept.document).document };
+  } catch {
+    // It cannot be read: there is nothing to offer.
+    forget(owner, id);
+    return null;
+  }
 }
 
 function keep(owner: string, id: string, kept: Kept): void {

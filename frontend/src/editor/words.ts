@@ -37,6 +37,10 @@ export const words = {
     discard: "Discard",
     unsaved: "not saved",
     saving: "saving…",
+    undo: "Undo",
+    removeParam: "Remove this parameter",
+    connections: "Connections",
+    closeNotice: "Close this notice",
   },
   proof: {
     lost: (version: number) => `No longer proved, as version ${version} was.`,

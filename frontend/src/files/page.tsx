@@ -7,28 +7,19 @@ import { contentPath, useFile, usePoints } from "@/api/files";
 import { axisLabel, firstDrawn, formatBytes, formatLabel } from "@/model/files";
 import { formatDigest, formatFact, formatNumber } from "@/model/format";
 import type { FileDetail, FileReading } from "@/model/wirefiles";
-import { Card, Empty, Failed } from "@/ui/card";
+import { Card, Empty } from "@/ui/card";
 import { Curve } from "@/ui/curve";
 import { Icon } from "@/ui/icons";
 import { ReadingValue } from "@/ui/number";
 import { At } from "@/ui/time";
+import { PageState } from "@/ui/pagestate";
 import { words } from "./words";
 
 export function FilePage() {
   const { id = "" } = useParams();
   const file = useFile(id);
   if (!file.data) {
-    return (
-      <div className="wrap">
-        {file.error ? (
-          <div className="card">
-            <Failed what="this file" error={file.error} retry={file.refetch} />
-          </div>
-        ) : (
-          <p className="m">Loading the file…</p>
-        )}
-      </div>
-    );
+    return <PageState of="file" error={file.error} retry={file.refetch} />;
   }
   return <Details key={file.data.id} file={file.data} />;
 }

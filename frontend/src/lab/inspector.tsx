@@ -6,7 +6,8 @@ import { formatFact, formatNumber, formatVolume, plain } from "@/model/format";
 import { fillShare } from "@/model/tree";
 import { wellMap } from "@/model/wells";
 import type { Resource, ResourceRow } from "@/model/wire";
-import { Empty, Failed } from "@/ui/card";
+import { Empty } from "@/ui/card";
+import { PartState } from "@/ui/pagestate";
 import { EventTable } from "@/ui/events";
 import { Glyph } from "@/ui/glyph";
 import { Amount, FillBar } from "@/ui/number";
@@ -31,8 +32,7 @@ export function ResourceInspector({
   const resource = useResource(id);
   if (!id) return <Empty>{words.tree.pick}</Empty>;
   if (!resource.data) {
-    if (!resource.error) return <Empty>Loading…</Empty>;
-    return <Failed what="this resource" error={resource.error} retry={resource.refetch} />;
+    return <PartState of="resource" error={resource.error} retry={resource.refetch} />;
   }
   return <Details resource={resource.data} isShort={isShort} ask={ask} />;
 }

@@ -20,6 +20,7 @@ import { layoutBoxes } from "@/model/layout";
 import { capitalise } from "@/model/states";
 import type { Lineage, LineageNode } from "@/model/wire";
 import { Card, Empty, Loaded } from "@/ui/card";
+import { PageState } from "@/ui/pagestate";
 import { Segments } from "@/ui/controls";
 import { Icon, type IconName } from "@/ui/icons";
 import { At } from "@/ui/time";
@@ -62,6 +63,9 @@ export function LineagePage() {
   const lineage = useLineage(id, direction, depth);
   const resource = useResource(id);
   useTopics("events");
+  if (!resource.data) {
+    return <PageState of="resource" error={resource.error} retry={resource.refetch} />;
+  }
   const set = (name: string, value: string): void => {
     params.set(name, value);
     setParams(params, { replace: true });
@@ -73,7 +77,7 @@ export function LineagePage() {
           Lab
         </Link>
         <span className="m">/</span>
-        <h1>Lineage of {resource.data?.name ?? "…"}</h1>
+        <h1>Lineage of {resource.data.name}</h1>
         <i className="sp" />
         <Segments
           label="Direction"

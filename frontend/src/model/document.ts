@@ -1,5 +1,6 @@
 /** A workflow as it is edited: what may be changed, each change with its words. */
 
+import { isEdge, isStep } from "./opening";
 import type { PortKind, UnitOperation, WorkflowDocument, WorkflowEdge, WorkflowStep } from "./wire";
 
 export type Palette = Map<string, UnitOperation>;
@@ -40,7 +41,7 @@ export function freeStepId(document: WorkflowDocument, kind: string): string {
   return freeId(kind, new Set(document.steps.map((step) => step.id)));
 }
 
-function freeEdgeId(document: WorkflowDocument): string {
+export function freeEdgeId(document: WorkflowDocument): string {
   return freeId("e", new Set(document.edges.map((edge) => edge.id)), "");
 }
 
@@ -98,17 +99,6 @@ export function addStep(step: WorkflowStep, label: string, after: string | null)
         target: step.id,
         target_port: "start",
       });
-    },
-  };
-}
-
-export function removeSteps(ids: readonly string[]): Edit {
-  const gone = new Set(ids);
-  return {
-    label: gone.size === 1 ? "delete step" : `delete ${gone.size} steps`,
-    apply: (document) => {
-      document.steps = document.steps.filter((step) => !gone.has(step.id));
-      document.edges = document.edges.filter((e) => !gone.has(e.source) && !gone.has(e.target));
     },
   };
 }
@@ -255,9 +245,7 @@ export function parseClip(text: string): Clip | null {
     const value = JSON.parse(text) as Partial<Clip>;
     if (!Array.isArray(value.steps) || !Array.isArray(value.edges) || !value.steps.length)
       return null;
-    const isStep = (s: Partial<WorkflowStep>): boolean =>
-      typeof s.id === "string" && typeof s.kind === "string" && typeof s.position?.x === "number";
-    return value.steps.every(isStep) ? (value as Clip) : null;
+    return value.steps.every(isStep) && value.edges.every(isEdge) ? (value as Clip) : null;
   } catch {
     return null;
   }

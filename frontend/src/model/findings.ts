@@ -51,8 +51,12 @@ export function fieldOf(finding: Finding): string | null {
   return field.startsWith("params.") ? (field.slice(7).split(".")[0] ?? null) : field;
 }
 
+/** Findings about a step, also those about several of which it is one. */
 export function findingsOf(findings: readonly Finding[], stepId: string): Finding[] {
-  return findings.filter((finding) => finding.subject === stepId);
+  return findings.filter(({ subject, context }) => {
+    if (subject === stepId) return true;
+    return Array.isArray(context.steps) && context.steps.includes(stepId);
+  });
 }
 
 export type RingState = "ok" | "bad" | "waiting";

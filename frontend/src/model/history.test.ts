@@ -8,7 +8,6 @@ import {
   moveSteps,
   pasteClip,
   removeEdges,
-  removeSteps,
   renameWorkflow,
   reorderStep,
   setNote,
@@ -16,6 +15,7 @@ import {
   type Edit,
 } from "./document";
 import { applyEdit, redo, startHistory, undo, undoLabel, type History } from "./history";
+import { removeSteps } from "./removing";
 import { aDocument } from "./samples";
 
 /** Numbers that look random and are the same each time. */

@@ -161,6 +161,8 @@ export interface LastRun {
 
 export interface Workflow extends WorkflowRow {
   draft: WorkflowDocument;
+  /** What the page left out or moved so that the draft can be shown. */
+  draft_notes?: string[];
   draft_revision: number;
   versions: Version[];
   can_edit: boolean;

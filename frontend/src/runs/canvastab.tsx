@@ -15,6 +15,7 @@ import { useMemo } from "react";
 import { useResources, useSteps } from "@/api/queries";
 import { makePalette, portKind } from "@/model/document";
 import { formatDuration } from "@/model/format";
+import { openDocument } from "@/model/opening";
 import { deviceName, type StepProgress } from "@/model/runs";
 import { namesOf, sentenceOf } from "@/model/sentence";
 import { capitalise } from "@/model/states";
@@ -113,8 +114,9 @@ function useEdges(document: Document, kinds: Kinds): Edge[] {
 export function RunCanvas({ run, steps }: { run: Run; steps: StepProgress[] }) {
   const palette = useSteps().data;
   const kinds = useMemo(() => makePalette(palette?.steps ?? []), [palette]);
-  const nodes = useNodes(run.document, steps, kinds);
-  const edges = useEdges(run.document, kinds);
+  const document = useMemo(() => openDocument(run.document).document, [run.document]);
+  const nodes = useNodes(document, steps, kinds);
+  const edges = useEdges(document, kinds);
   return (
     <section className="card runcanvas" aria-label="Canvas" data-mode={run.mode}>
       <ReactFlow

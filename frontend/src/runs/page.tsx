@@ -7,10 +7,11 @@ import { useTopics } from "@/api/live";
 import { useRun, useRunEvents } from "@/api/queries";
 import { findProblems, isTakenAway, stepProgress, type StepProgress } from "@/model/runs";
 import type { Job, Run } from "@/model/wire";
-import { AsOf, Card, Empty, Failed, Loaded } from "@/ui/card";
+import { AsOf, Card, Empty, Loaded } from "@/ui/card";
 import { EventTable } from "@/ui/events";
 import { TwinChip, TwinFrame } from "@/twin/frame";
 import { Icon } from "@/ui/icons";
+import { PageState } from "@/ui/pagestate";
 import { Decisions } from "./decisions";
 import { RunFiles } from "./files";
 import { Halts } from "./halts";
@@ -34,17 +35,7 @@ export function RunPage() {
   const run = useRun(id);
   useTopics(`run:${id}`, "events");
   if (!run.data) {
-    return (
-      <div className="wrap">
-        {run.error ? (
-          <div className="card">
-            <Failed what="this run" error={run.error} retry={run.refetch} />
-          </div>
-        ) : (
-          <p className="m">Loading the run…</p>
-        )}
-      </div>
-    );
+    return <PageState of="run" error={run.error} retry={run.refetch} />;
   }
   return (
     <>

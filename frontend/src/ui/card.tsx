@@ -1,6 +1,7 @@
 /** Cards, and what they show while there is nothing to show. */
 
 import type { ReactNode } from "react";
+import { useIsSlow } from "./pagestate";
 import { useLabTime } from "./time";
 
 interface CardProps {
@@ -52,9 +53,22 @@ export function Loaded<T>(props: {
     );
   }
   if (source.error) return <Failed what={what} error={source.error} retry={source.refetch} />;
+  return <Loading what={what} retry={source.refetch} />;
+}
+
+function Loading({ what, retry }: { what: string; retry: () => unknown }) {
+  const isSlow = useIsSlow(true);
   return (
     <div className="state-note" data-testid="loading" aria-busy="true">
       Loading {what}…
+      {isSlow && (
+        <>
+          <span role="status">The server has not answered yet.</span>
+          <button className="btn" type="button" onClick={() => void retry()}>
+            Try again
+          </button>
+        </>
+      )}
     </div>
   );
 }

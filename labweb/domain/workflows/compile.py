@@ -105,7 +105,7 @@ def _draft(
     for step_id in order:
         drafts.append(_draft_step(steps[step_id], drafting))
         record.run_step(drafts[-1])
-    findings = drafting.findings + check_order(drafts, drafting.earlier, lab)
+    findings = drafting.findings + check_order(drafts, drafting.earlier, lab, ids)
     findings += check_whole(drafts, workflow.execution)
     ledger = Ledger(lab)
     prepare = _initialize(drafts, drafting, ledger)

@@ -42,7 +42,7 @@ def check_edges(
     edges: list[Edge] = []
     seen: set[str] = set()
     for place, raw in enumerate(raw_edges):
-        edge = _read_edge(raw, place, findings)
+        edge = read_edge(raw, place, findings)
         if edge is None:
             continue
         if edge.id in seen:
@@ -143,7 +143,8 @@ def _finding(code: str, message: str, subject: str, at: str = "edges") -> Findin
     return Finding(code, message, subject, {"field": at})
 
 
-def _read_edge(raw: object, place: int, findings: list[Finding]) -> Edge | None:
+def read_edge(raw: object, place: int, findings: list[Finding]) -> Edge | None:
+    """Read one edge and add whatever is wrong with it to `findings`; None: it is no edge."""
     at = f"edges[{place}]"
     if not isinstance(raw, Mapping):
         findings.append(_finding("protocol.not_object", f"edge {place} is no object", "", at))

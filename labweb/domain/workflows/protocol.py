@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import math
 import re
-import sys
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -15,6 +13,7 @@ from labweb.domain.resources.tree import Tree
 from labweb.domain.units import parse_exact, parse_mass_ug, parse_volume_nl
 from labweb.domain.workflows.edges import Edge, check_edges
 from labweb.domain.workflows.execution import read_execution, render_execution
+from labweb.domain.workflows.nesting import arguments_problem, check_depth
 from labweb.domain.workflows.plan import Execution
 from labweb.domain.workflows.steps import (
     STEP_KINDS,
@@ -26,13 +25,11 @@ from labweb.domain.workflows.steps import (
 SCHEMA = "labweb.workflow/1"
 MOST_STEPS = 500
 MOST_EDGES = 2000
-DEEPEST = 8
 LONGEST_NAME = 200
 LONGEST_NOTE = 4000
-LONGEST_TEXT = 1000
-MOST_ITEMS = 200
+MOST_PIXELS = 1_000_000
 
-_ID = re.compile(r"^[A-Za-z0-9][A-Za-z0-9_.:-]{0,79}$")
+STEP_ID = re.compile(r"^[A-Za-z0-9][A-Za-z0-9_.:-]{0,79}$")
 _KEY = re.compile(r"^@[^\s@]{1,79}$")
 _ABSOLUTE_ZERO_C = -273.15
 _MAY_BE_NEGATIVE = frozenset({"temperature"})
@@ -177,7 +174,7 @@ def _wrong(code: str, message: str) -> tuple[str, str]:
 def _read(value: object) -> tuple[Workflow | None, list[Finding]]:
     if not isinstance(value, Mapping):
         return None, [_finding("protocol.not_object", "a workflow is a JSON object", "", "")]
-    problem = _too_much(value)
+    problem = check_depth(value)
     if problem is not None:
         return None, [problem]
     findings = _check_head(value)
@@ -200,25 +197,6 @@ def _read(value: object) -> tuple[Workflow | None, list[Finding]]:
     read = tuple(step for step in steps if step is not None)
     name = value["name"].strip()
     return Workflow(name=name, steps=read, edges=tuple(edges), execution=execution), findings
-
-
-def _too_much(value: object) -> Finding | None:
-    """Refuse what is nested too deep or too wide before anything walks through it."""
-    level: list[object] = [value]
-    # The head, its lists, their entries and those entries' params come before any argument.
-    for _ in range(DEEPEST + 4):
-        level = [child for parent in level for child in _children(parent)]
-        if not level:
-            return None
-    return _finding(
-        "protocol.too_deep", f"arguments are nested deeper than {DEEPEST} levels", "", "steps"
-    )
-
-
-def _children(value: object) -> list[object]:
-    if isinstance(value, Mapping):
-        return list(value.values())
-    return list(value) if isinstance(value, list | tuple) else []
 
 
 def _check_head(value: Mapping[Any, Any]) -> list[Finding]:
@@ -261,7 +239,7 @@ def _read_step(
         )
         return None
     step_id = raw.get("id")
-    if not isinstance(step_id, str) or not _ID.match(step_id):
+    if not isinstance(step_id, str) or not STEP_ID.match(step_id):
         message = f"step {place} needs an id of letters, digits and _ . : -; got {step_id!r:.60}"
         findings.append(_finding("protocol.bad_id", message, "", f"steps[{place}].id"))
         return None
@@ -279,7 +257,7 @@ def _read_step(
         return None
     filled = {port for step, port in fed if step == step_id}
     findings += _check_params(operation, params, step_id, filled)
-    note, position = raw.get("note", ""), _position(raw.get("position"))
+    note, position = raw.get("note", ""), read_position(raw.get("position"))
     if not isinstance(note, str) or len(note) > LONGEST_NOTE:
         message = f"a note is text of at most {LONGEST_NOTE} characters"
         findings.append(_finding("protocol.too_long", message, step_id, "note"))
@@ -292,21 +270,22 @@ def _read_step(
     return Step(id=step_id, kind=operation.kind, params=dict(params), position=position, note=note)
 
 
-def _position(value: object) -> tuple[float, float] | None:
+def read_position(value: object) -> tuple[float, float] | None:
+    """Return x and y on the canvas, in pixels; None: it is no place on it."""
     if value is None:
         return 0.0, 0.0
     if not isinstance(value, Mapping) or set(value) != {"x", "y"}:
         return None
     x, y = value["x"], value["y"]
-    if not _is_finite_number(x) or not _is_finite_number(y):
+    if not _is_on_canvas(x) or not _is_on_canvas(y):
         return None
     return float(x), float(y)
 
 
-def _is_finite_number(value: object) -> bool:
+def _is_on_canvas(value: object) -> bool:
     if isinstance(value, bool) or not isinstance(value, int | float):
         return False
-    return math.isfinite(value) if isinstance(value, float) else abs(value) < 10**15
+    return abs(value) <= MOST_PIXELS
 
 
 def _check_params(
@@ -352,7 +331,7 @@ def _problem(parameter: StepParameter, value: object) -> tuple[str, str] | None:
             text = f"{parameter.label} is true or false; got {value!r:.60}"
             return None if isinstance(value, bool) else _wrong("protocol.bad_switch", text)
         case ParameterSort.ARGUMENTS | ParameterSort.AMOUNTS:
-            return _arguments_problem(value)
+            return arguments_problem(value)
 
 
 def _quantity_problem(parameter: StepParameter, value: object) -> tuple[str, str] | None:
@@ -375,25 +354,3 @@ def _is_uuid(text: str) -> bool:
         return str(UUID(text)) == text.lower()
     except ValueError:
         return False
-
-
-def _arguments_problem(value: object) -> tuple[str, str] | None:
-    if not isinstance(value, Mapping):
-        return _wrong("protocol.not_object", "arguments are an object")
-    stack: list[object] = [value]
-    while stack:
-        item = stack.pop()
-        children = _children(item)
-        if len(children) > MOST_ITEMS:
-            text = f"arguments have at most {MOST_ITEMS} items on a level"
-            return _wrong("protocol.too_long", text)
-        if isinstance(item, int | float) and not abs(item) <= sys.float_info.max:
-            return _wrong("protocol.not_finite", f"{item!r:.40} is no number a device can be told")
-        if isinstance(item, str) and len(item) > LONGEST_TEXT:
-            return _wrong(
-                "protocol.too_long", f"a text in arguments is longer than {LONGEST_TEXT} characters"
-            )
-        if isinstance(item, Mapping) and not all(isinstance(key, str) for key in item):
-            return _wrong("protocol.bad_name", "names of arguments are text")
-        stack += children
-    return None

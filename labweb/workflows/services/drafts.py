@@ -14,8 +14,9 @@ from labweb.accounts.selectors import User
 from labweb.common import feed
 from labweb.common.clock import now
 from labweb.domain.approvals.roles import Permission
-from labweb.domain.errors import DefinitionError, RevisionError
+from labweb.domain.errors import DefinitionError, ProtocolError, RevisionError
 from labweb.domain.messages import canonical
+from labweb.domain.workflows.drafts import check_draft
 from labweb.domain.workflows.protocol import parse_workflow
 from labweb.resources import selectors as resource_selectors
 from labweb.resources.selectors import Lab
@@ -50,7 +51,17 @@ def _check_revision(row: Workflow, revision: int) -> None:
         )
 
 
-def _check_size(document: dict[str, Any]) -> None:
+def _check_document(document: dict[str, Any]) -> None:
+    """Refuse a document that no page could open, or that is too large to keep."""
+    findings = check_draft(document)
+    if findings:
+        count = len(findings)
+        more = f", and {count - 1} more" if count > 1 else ""
+        raise ProtocolError(
+            f"the draft cannot be kept: {findings[0].message}{more}",
+            code=findings[0].code,
+            findings=findings,
+        )
     if len(canonical(document)) > MAX_DRAFT_BYTES:
         raise DefinitionError("a workflow may have 1 MB", code="workflow.too_large")
 
@@ -63,6 +74,7 @@ def create_workflow(
 
     Raises:
         DefinitionError: The name is empty, too long or not printable, or the document too large.
+        ProtocolError: No page could open the document; `findings` have the path of each place.
         ForbiddenError: The actor may not draw here.
     """
     _may_draw(lab, actor)
@@ -72,8 +84,12 @@ def create_workflow(
             "a workflow needs a name of 1 to 200 characters", code="workflow.name"
         )
     _check_name(clean)
-    draft = document or {"schema": SCHEMA, "name": clean, "steps": [], "edges": []}
-    _check_size(draft)
+    draft = (
+        document
+        if document is not None
+        else {"schema": SCHEMA, "name": clean, "steps": [], "edges": []}
+    )
+    _check_document(draft)
     at = now()
     row = Workflow.objects.create(
         lab=lab,
@@ -96,12 +112,13 @@ def save_draft(
     Raises:
         RevisionError: Somebody saved in between; `context` carries the newer draft.
         DefinitionError: The document is too large, or its name is not printable.
+        ProtocolError: No page could open the document; `findings` have the path of each place.
     """
     row = Workflow.objects.select_for_update(no_key=True).get(
         pk=selectors.find_workflow(workflow_id).pk
     )
     _may_draw(row.lab, actor)
-    _check_size(document)
+    _check_document(document)
     _check_revision(row, revision)
     name = document.get("name")
     if isinstance(name, str):

@@ -88,3 +88,13 @@ def test_what_is_connected_is_refused_by_name_and_what_only_stands_is_not(lab: B
 def test_two_carries_of_one_thing_need_an_order(lab: Bench) -> None:
     value = flow(carry("bench_9"), carry("heater_1", 2))
     assert ("c2", "protocol.unordered") in codes_of(lab, value)
+
+
+def test_carrying_a_rack_and_stirring_a_tube_in_it_need_an_order(lab: Bench) -> None:
+    stop = step("s", "stop_stir", vessel="@tube")
+    assert ("s", "protocol.unordered") in codes_of(lab, flow(carry("bench_9"), stop))
+
+
+def test_a_carry_needs_no_order_with_what_else_stands_in_the_lab(lab: Bench) -> None:
+    stir = step("s", "stir", vessel="@reactor", stir_speed="300 rpm", duration="1 min")
+    assert len(plan_of(lab, flow(carry("bench_9"), stir)).steps) == 2

@@ -180,7 +180,7 @@ API: dict[tuple[str, str], tuple[tuple[str, ...], Any]] = {
     ("POST", "workflows"): (WORKERS, {"name": "Mine"}),
     ("POST", "workflows/check"): (MEMBERS, {"document": {}}),
     ("GET", "workflows/<workflow>"): (MEMBERS, None),
-    ("PUT", "workflows/<workflow>/draft"): (WORKERS, {"document": {}, "revision": 1}),
+    ("PUT", "workflows/<workflow>/draft"): (WORKERS, {"document": {"steps": []}, "revision": 1}),
     ("POST", "workflows/<workflow>/versions"): (WORKERS, {}),
     ("GET", "workflows/<workflow>/versions/<number>"): (MEMBERS, None),
     ("POST", "recipes/open"): (WORKERS, {"name": "a", "recipe": A_RECIPE}),

@@ -33,9 +33,8 @@ def test_the_same_draft_twice_is_one_version(bench: Bench) -> None:
 
 def test_a_malformed_draft_becomes_no_version(bench: Bench) -> None:
     chemist = bench.people["chemist"]
-    row = services.create_workflow(
-        bench.lab, name="Mine", document={"steps": "soup"}, actor=chemist
-    )
+    soup = {"steps": [{"id": "a", "kind": "soup"}]}
+    row = services.create_workflow(bench.lab, name="Mine", document=soup, actor=chemist)
     with pytest.raises(ProtocolError):
         services.save_version(row.id, note="", actor=chemist)
 
