@@ -14,7 +14,7 @@ from tests.e2e.pictures import SCREENS, shoot
 from tests.e2e.visitor import Visitor
 from tests.system.stack import Stack
 
-pytestmark = [pytest.mark.slow, pytest.mark.timeout(180)]
+pytestmark = [pytest.mark.slow, pytest.mark.timeout(300)]
 
 ANSWERS = ["It happened", "It did not", "Partly", "I cannot tell"]
 
@@ -54,7 +54,6 @@ def test_a_muted_pump_stops_the_page_and_a_person_answers(visit: Visit, stack: S
     card.get_by_test_id("answer-note").fill("nothing in the tube")
     expect(card.get_by_test_id("answer-against")).to_be_visible()
     expect(card.get_by_test_id("answer-send")).to_be_disabled()
-    see_choices(chemist, "doubt-against")
     answer(chemist, "happened", "the plunger stands at 5 mL")
     chemist.wait_for_state("complete", 90)
     chemist.press(chemist.at("tab-events"))

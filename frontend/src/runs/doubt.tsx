@@ -177,8 +177,8 @@ function Answers({ run, job, question }: { run: Run; job: Job; question: Questio
           {read.problem}
         </p>
       )}
-      {isAgainst && <Against question={question} draft={draft} />}
       <Then run={run} job={job} question={question} draft={draft} />
+      {isAgainst && <Against question={question} draft={draft} />}
       <TextField
         label={words.doubt.note}
         value={note}

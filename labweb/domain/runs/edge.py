@@ -86,9 +86,6 @@ NEVER_S = float("inf")
 ACCEPT, DUPLICATE, DROP, REFUSE = "accept", "duplicate", "drop", "refuse"
 START, REJECT, HOLD = "start", "reject", "hold"
 
-UNCONFIRMED = "edge.unconfirmed"
-"""Code of a complete action whose step lets its confirmation stay out."""
-
 
 def decide_accept(
     host: HostState,
@@ -287,7 +284,7 @@ def conclude(
         state=ActionState.COMPLETE,
         outcome=Outcome(kind=OutcomeKind.DONE, moved_nl=report.moved_nl, data=report.data),
         verification=verification_of(post, reported=True),
-        code=UNCONFIRMED if unseen else "",
+        code="edge.unconfirmed" if unseen else "",
         message=f"not confirmed: {'; '.join(unseen)}" if unseen else "",
     )
 

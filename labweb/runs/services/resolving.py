@@ -102,24 +102,22 @@ def resolve_job(
     _check_then(job, actor, told)
     reading = _check_reading(job, attempt, told)
     record = enrollment_services.record_of(attempt.host)
-    detail = {
-        "answer": told.answer,
-        "moved_nl": told.moved_nl,
-        "attempt_id": str(attempt.id),
-        "despite_reading": reading,
-        "then": told.then,
-    }
     if is_given_up(record, attempt.dseq):
         _keep_then(job, actor, told)
-        detail["is_settled_here"] = True
-        account_services.write_audit(
-            "job.resolve", str(job.id), actor=actor, reason=told.note, detail=detail
-        )
+        _audit(job, attempt, actor, told, reading, is_settled_here=True)
         return _settle_here(job, attempt, actor, told, reading)
     if record.quarantine:
         raise StateError(
             f"{attempt.host.name} is quarantined: readmit it first", code="run.host_quarantined"
         )
+    _send(attempt, actor, told, reading)
+    _keep_then(job, actor, told)
+    _audit(job, attempt, actor, told, reading)
+    on_commit(partial(announce, job.run_id, job.id))
+    return job
+
+
+def _send(attempt: Attempt, actor: User, told: _Told, reading: str) -> None:
     waiting = Outbox.objects.filter(action_id=attempt.id, kind="resolve", settled_at__isnull=True)
     if waiting.exists():
         raise StateError("an answer is on its way to the host", code="run.answered")
@@ -131,12 +129,22 @@ def resolve_job(
         issued_by=str(actor.pk),
         despite_reading=reading,
     )
-    _keep_then(job, actor, told)
+
+
+def _audit(
+    job: Job, attempt: Attempt, actor: User, told: _Told, reading: str, **more: bool
+) -> None:
+    detail = {
+        "answer": told.answer,
+        "moved_nl": told.moved_nl,
+        "attempt_id": str(attempt.id),
+        "despite_reading": reading,
+        "then": told.then,
+        **more,
+    }
     account_services.write_audit(
         "job.resolve", str(job.id), actor=actor, reason=told.note, detail=detail
     )
-    on_commit(partial(announce, job.run_id, job.id))
-    return job
 
 
 def _check_answer(job: Job, told: _Told) -> None:

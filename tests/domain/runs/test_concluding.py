@@ -18,7 +18,7 @@ from labweb.domain.crutd.conditions import (
     unreadable_baselines,
 )
 from labweb.domain.crutd.decide import OutcomeKind
-from labweb.domain.runs.edge import UNCONFIRMED, ActionState, Report, conclude
+from labweb.domain.runs.edge import ActionState, Report, conclude
 
 BALANCE, PUMP = UUID(int=1), UUID(int=2)
 PLUNGER = Condition(name="pump.syringe_volume", device_id=PUMP, status="volume_ul", high=0.0)
@@ -71,7 +71,7 @@ def test_a_step_that_may_stay_unconfirmed_is_complete_and_says_so(now: Any) -> N
     found = conclude(Report(ok=True), [(PLUNGER, seen), (FREE, evaluate(FREE, now, BEFORE))])
     assert found.state is ActionState.COMPLETE
     assert found.verification is Verification.UNCONFIRMED
-    assert found.code == UNCONFIRMED
+    assert found.code == "edge.unconfirmed"
     assert found.message.startswith("not confirmed: mass ")
 
 
@@ -123,6 +123,6 @@ def test_nothing_that_was_asked_for_is_dropped_in_silence(
     if any(not one.may_stay_unconfirmed for one in unseen):
         assert found.state is ActionState.IN_DOUBT
     elif unseen and found.state is ActionState.COMPLETE:
-        assert (found.verification, found.code) == (Verification.UNCONFIRMED, UNCONFIRMED)
+        assert (found.verification, found.code) == (Verification.UNCONFIRMED, "edge.unconfirmed")
     if found.state is ActionState.COMPLETE and not unseen:
         assert found.verification is not Verification.UNCONFIRMED
