@@ -55,8 +55,10 @@ def table(site: Site) -> list[Process]:
     control = f"unix:{site.sockets / 'instruments.sock'}"
     speed = format(site.speed, "g")
     web = ("--host", HOST, "--port", str(site.port), "--lifespan", "on", "--no-access-log")
+    # labweb itself reads the header of proxies, and of those alone that it was told of.
+    own = (*web, "--no-proxy-headers")
     processes = [
-        _module("web", "uvicorn", "labweb.asgi:application", *web),
+        _module("web", "uvicorn", "labweb.asgi:application", *own),
         _module(
             "instruments",
             "fixtures.instruments",

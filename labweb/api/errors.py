@@ -122,6 +122,16 @@ def _failed(error: BaseException | None, method: str, path: str) -> tuple[dict[s
     return _body("http.internal", message, effect=effect), 500
 
 
+def refusal(
+    status: int, code: str, message: str, *, retry_after_s: int | None = None
+) -> JsonResponse:
+    """Return the answer to a request that was refused before anything was done for it."""
+    answer = JsonResponse(_body(code, message), status=status)
+    if retry_after_s is not None:
+        answer["Retry-After"] = str(retry_after_s)
+    return answer
+
+
 def _body(
     code: str,
     message: str,

@@ -7,19 +7,22 @@ import json
 from collections import Counter
 from collections.abc import Iterable
 from importlib import import_module
-from typing import Any
+from types import SimpleNamespace
+from typing import Any, cast
 from urllib.parse import urlparse
 from uuid import UUID
 
-from channels.auth import get_user
-from channels.db import database_sync_to_async
 from channels.generic.websocket import AsyncWebsocketConsumer
 from django.conf import settings
+from django.contrib.auth import get_user
+from django.http import HttpRequest
 from django.http.request import split_domain_port, validate_host
 
 from labweb.accounts.selectors import User
 from labweb.api.parsers import finite, refuse_constant
+from labweb.common.buckets import Rate
 from labweb.common.feed import GROUP
+from labweb.common.sockets import CLOSE_TOO_BIG, BoundedConsumer
 from labweb.domain.approvals.roles import Permission
 from labweb.domain.errors import NotFoundError
 from labweb.enrollment import selectors as enrollment_selectors
@@ -29,7 +32,6 @@ from labweb.runs import selectors as run_selectors
 CLOSE_NOT_SIGNED_IN = 4401
 CLOSE_BAD_ORIGIN = 4403
 CLOSE_BAD_FRAME = 4400
-CLOSE_TOO_BIG = 1009
 MAX_FRAME_BYTES = 64 * 1024
 MAX_TOPICS = 200
 
@@ -60,8 +62,13 @@ class NoSuchConsumer(AsyncWebsocketConsumer):
         await self.close()
 
 
-class BrowserConsumer(AsyncWebsocketConsumer):
+class BrowserConsumer(BoundedConsumer):
     """Forwards announcements on the topics a tab asked for, each with its own count."""
+
+    lane = "socket"
+    most_frame_bytes = MAX_FRAME_BYTES
+    rate = Rate(per_s=60, burst_count=600)
+    """Frames and topics of one user, on all tabs: a page opens with as many as it shows."""
 
     topics: frozenset[str] = frozenset()
     user: User | None = None
@@ -75,7 +82,7 @@ class BrowserConsumer(AsyncWebsocketConsumer):
             await self.close(code=CLOSE_BAD_ORIGIN)
         elif not await self._is_signed_in():
             await self.close(code=CLOSE_NOT_SIGNED_IN)
-        else:
+        elif self.user is not None and await self.count_as(f"user:{self.user.pk}"):
             await self.channel_layer.group_add(GROUP, self.channel_name)
             self.watch = asyncio.create_task(self._watch())
 
@@ -95,12 +102,9 @@ class BrowserConsumer(AsyncWebsocketConsumer):
 
     async def _is_signed_in(self) -> bool:
         """Read the session anew: it may have ended since the page was loaded."""
-        engine = import_module(settings.SESSION_ENGINE)
         key = self.scope["session"].session_key
-        fresh: Any = {"session": engine.SessionStore(key)}
-        user = await get_user(fresh) if key else None
-        self.user = user if isinstance(user, User) else None
-        return self.user is not None and bool(await _allowed(self.user, OPEN_TOPICS))
+        self.user = await self.ask(_member, key) if key else None
+        return self.user is not None
 
     async def _watch(self) -> None:
         """Close within seconds of the session's end, and drop what may not be seen any more."""
@@ -111,7 +115,7 @@ class BrowserConsumer(AsyncWebsocketConsumer):
                 return
             checked = self.topics
             # Only what was checked may go: the tab may have asked for more in the meantime.
-            lost = checked - await _allowed(self.user, checked)
+            lost = checked - await self.ask(_allowed, self.user, checked)
             self.topics -= lost
 
     async def receive(self, text_data: str | None = None, bytes_data: bytes | None = None) -> None:
@@ -133,7 +137,10 @@ class BrowserConsumer(AsyncWebsocketConsumer):
             error = {"code": "feed.too_many", "message": f"at most {MAX_TOPICS} topics"}
             await self._send({"error": error})
             return
-        allowed = await _allowed(self.user, wanted) if wanted else frozenset()
+        if not await self.may_take(len(wanted)):
+            return
+        user = self.user
+        allowed = await self.ask(_allowed, user, wanted) if wanted else frozenset[str]()
         # A topic that is gone silences none that was asked for beside it.
         self.topics = (self.topics | allowed) - left
         unknown = sorted(wanted - allowed)
@@ -153,7 +160,13 @@ class BrowserConsumer(AsyncWebsocketConsumer):
         await self.send(text_data=json.dumps(value))
 
 
-@database_sync_to_async
+def _member(session_key: str) -> User | None:
+    """Return the user of a session, if there is one who may hear of anything."""
+    store = import_module(settings.SESSION_ENGINE).SessionStore(session_key)
+    user = get_user(cast("HttpRequest", SimpleNamespace(session=store)))
+    return user if isinstance(user, User) and _allowed(user, OPEN_TOPICS) else None
+
+
 def _allowed(user: User, topics: Iterable[str]) -> frozenset[str]:
     """Return those of the topics that the user may hear of."""
     seen = resource_selectors.allowed_ids(user, Permission.VIEW)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from channels.auth import AuthMiddlewareStack
 from channels.routing import ProtocolTypeRouter, URLRouter
+from channels.sessions import SessionMiddlewareStack
 from django.urls import re_path
 
 from labweb.api.handler import Handler
@@ -21,10 +21,10 @@ def _route(pattern: str, consumer: Any) -> Any:  # noqa: ANN401 - Django's types
 
 routes: list[Any] = [
     _route(r"^ws/edge/v1/$", EdgeConsumer.as_asgi()),
-    _route(r"^ws/v1/$", AuthMiddlewareStack(BrowserConsumer.as_asgi())),
+    _route(r"^ws/v1/$", SessionMiddlewareStack(BrowserConsumer.as_asgi())),
     _route(r"^ws/v1/feed$", FeedConsumer.as_asgi()),
     _route(
-        r"^twin/view(?:/(?P<theme>light|dark))?/?$", AuthMiddlewareStack(TwinConsumer.as_asgi())
+        r"^twin/view(?:/(?P<theme>light|dark))?/?$", SessionMiddlewareStack(TwinConsumer.as_asgi())
     ),
     _route(r"", NoSuchConsumer.as_asgi()),
 ]

@@ -2,13 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from hashlib import sha256
 from typing import Any, ClassVar
 
 import msgspec
 from django.contrib.auth import authenticate, login, logout
-from django.core.cache import cache
 from django.middleware.csrf import get_token
 from rest_framework.authentication import SessionAuthentication
 from rest_framework.exceptions import Throttled
@@ -20,14 +17,11 @@ from rest_framework.views import APIView
 from labweb.accounts import selectors as account_selectors
 from labweb.accounts import services as account_services
 from labweb.accounts.selectors import User
+from labweb.api.sign_in import FORGET_AFTER_S, Place, remember
 from labweb.common.requests import body
 from labweb.domain.errors import ForbiddenError, NotFoundError
 from labweb.resources import selectors as resource_selectors
 from labweb.runs import selectors as run_selectors
-
-MOST_FAILURES = 5
-MOST_OF_AN_ADDRESS = 20
-FORGET_AFTER_S = 300
 
 
 class Credentials(msgspec.Struct, forbid_unknown_fields=True):
@@ -50,23 +44,25 @@ class Session(APIView):
         return Response(_session(request.user))
 
     def post(self, request: Request) -> Response:
-        """Sign in; after five failures of a name, or twenty of an address, wait five minutes."""
+        """Sign in; whoever fails five times at a name from one place waits there five minutes."""
         SessionAuthentication().enforce_csrf(request)
         given = body(request, Credentials)
-        keys = _keys(given.username, request)
-        if any((cache.get(key) or 0) >= most for key, most in keys.items()):
+        place = Place.of(request, given.username)
+        if place.is_closed():
             raise Throttled(wait=FORGET_AFTER_S)
         user = authenticate(request, username=given.username, password=given.password)
         if not isinstance(user, User):
-            _count_failure(keys)
+            place.count_failure()
             account_services.write_failed_sign_in(
                 given.username, address=request.META.get("REMOTE_ADDR", "")
             )
             raise ForbiddenError("the name or the password is wrong", code="session.wrong")
-        cache.delete(_name_key(given.username))
+        place.forget_failures()
         login(request._request, user)  # noqa: SLF001 - DRF offers no other way to the session
         account_services.write_audit("session.open", str(user.pk), actor=user)
-        return Response(_session(user))
+        answer = Response(_session(user))
+        remember(answer, request, given.username)
+        return answer
 
     def delete(self, request: Request) -> Response:
         """Sign out."""
@@ -74,21 +70,6 @@ class Session(APIView):
             account_services.write_audit("session.close", str(request.user.pk), actor=request.user)
         logout(request._request)  # noqa: SLF001 - DRF offers no other way to the session
         return Response(status=204)
-
-
-def _name_key(username: str) -> str:
-    return f"signin:name:{sha256(username.lower().encode()).hexdigest()}"
-
-
-def _keys(username: str, request: Request) -> dict[str, int]:
-    address = request.META.get("REMOTE_ADDR", "")
-    return {_name_key(username): MOST_FAILURES, f"signin:address:{address}": MOST_OF_AN_ADDRESS}
-
-
-def _count_failure(keys: Iterable[str]) -> None:
-    for key in keys:
-        cache.add(key, 0, FORGET_AFTER_S)
-        cache.incr(key)
 
 
 def _session(user: object) -> dict[str, Any]:

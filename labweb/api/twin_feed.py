@@ -13,15 +13,15 @@ from secrets import compare_digest
 from typing import Any
 
 import msgspec
-from channels.db import database_sync_to_async
-from channels.generic.websocket import AsyncWebsocketConsumer
 from django.conf import settings
 from django.core.cache import cache
 from django.db.utils import InterfaceError, OperationalError
 
 from labweb.api import twin_snapshot
 from labweb.api.live import check_frame
+from labweb.common.buckets import Rate
 from labweb.common.feed import GROUP
+from labweb.common.sockets import BoundedConsumer
 from labweb.domain.errors import NotFoundError
 
 logger = logging.getLogger(__name__)
@@ -82,8 +82,12 @@ def holds_token(header: bytes, token_file: Path) -> bool:
     return bool(token) and compare_digest(hashlib.sha256(header).digest(), wanted)
 
 
-class FeedConsumer(AsyncWebsocketConsumer):
+class FeedConsumer(BoundedConsumer):
     """One twin's connection."""
+
+    lane = "feed"
+    most_frame_bytes = MAX_FRAME_BYTES
+    rate = Rate(per_s=10, burst_count=100)
 
     async def connect(self) -> None:
         """Accept the bearer of the token; everybody else gets 403."""
@@ -158,7 +162,7 @@ class FeedConsumer(AsyncWebsocketConsumer):
 
     async def _rebuild(self) -> None:
         try:
-            fresh = await database_sync_to_async(twin_snapshot.snapshot)()
+            fresh = await self.ask(twin_snapshot.snapshot)
         except (NotFoundError, OperationalError, InterfaceError) as error:
             logger.warning("the twin is not told anything for now: %s", error)
             return

@@ -6,7 +6,6 @@ import asyncio
 import contextlib
 import logging
 import re
-import time
 from collections.abc import AsyncIterator
 from importlib import import_module
 from types import SimpleNamespace
@@ -16,7 +15,6 @@ from urllib.parse import parse_qs, urlparse
 import httpx
 import msgspec
 from channels.db import database_sync_to_async
-from channels.generic.websocket import AsyncWebsocketConsumer
 from django.conf import settings
 from django.contrib.auth import get_user
 from django.http import HttpRequest, HttpResponse, HttpResponseRedirect, StreamingHttpResponse
@@ -31,6 +29,8 @@ from labweb.accounts import selectors as account_selectors
 from labweb.accounts.selectors import User, user_of
 from labweb.api.twin_dress import dress
 from labweb.api.twin_feed import find_alive
+from labweb.common.buckets import Rate
+from labweb.common.sockets import BoundedConsumer
 from labweb.domain.approvals.roles import Permission
 from labweb.domain.errors import NotFoundError
 from labweb.resources import selectors as resource_selectors
@@ -40,7 +40,6 @@ logger = logging.getLogger(__name__)
 VIEW_URL = "/twin/view/"
 HOST = "127.0.0.1"
 CLOSE_TOO_BIG = 1009
-CLOSE_TOO_MANY = 1008
 CLOSE_NOT_SIGNED_IN = 4401
 CLOSE_TWIN_AWAY = 1013
 
@@ -113,11 +112,11 @@ def may_view(user: object) -> bool:
     return root.id in account_selectors.granted_roots(user, Permission.VIEW)
 
 
-def session_may_view(session_key: str) -> bool:
-    """Tell whether a session is still open, by a user who still may see the lab."""
+def session_viewer(session_key: str) -> User | None:
+    """Return the user of a session that is still open, if they still may see the lab."""
     store = import_module(settings.SESSION_ENGINE).SessionStore(session_key)
-    request = cast(HttpRequest, SimpleNamespace(session=store))
-    return may_view(get_user(request))
+    user = get_user(cast(HttpRequest, SimpleNamespace(session=store)))
+    return user if isinstance(user, User) and may_view(user) else None
 
 
 def port_of(theme: str | None) -> int | None:
@@ -196,18 +195,23 @@ async def _stream(client: httpx.AsyncClient, upstream: httpx.Response) -> AsyncI
         await client.aclose()
 
 
-class TwinConsumer(AsyncWebsocketConsumer):
+class TwinConsumer(BoundedConsumer):
     """One browser's line to viser, watched in both directions."""
 
+    lane = "socket"
+    most_frame_bytes = MAX_CLIENT_FRAME_BYTES
+    rate = Rate(per_s=MAX_FRAMES_S, burst_count=MAX_FRAMES_S)
     twin: ClientConnection | None = None
     tasks: tuple[asyncio.Task[None], ...] = ()
 
     async def connect(self) -> None:
         """Open a line to viser for a signed-in browser on our own page; others get 403."""
-        self.window_at, self.frames = 0.0, 0
-        port = await self._port() if self._is_own_page() and await self._may_view() else None
-        if port is None:
+        viewer = await self._viewer() if self._is_own_page() else None
+        port = None if viewer is None else await self._port()
+        if viewer is None or port is None:
             await self.close()
+            return
+        if not await self.count_as(f"user:{viewer.pk}"):
             return
         wanted = [Subprotocol(name) for name in self.scope.get("subprotocols", ())]
         try:
@@ -242,21 +246,21 @@ class TwinConsumer(AsyncWebsocketConsumer):
         query = self.scope.get("query_string", b"").decode("latin-1")
         return not set(parse_qs(query, keep_blank_values=True)) - _QUERY
 
-    async def _may_view(self) -> bool:
+    async def tell_refusal(self, code: str, text: str) -> None:
+        """Say nothing: viser's page reads nothing but viser's frames."""
+
+    async def _viewer(self) -> User | None:
         key = getattr(self.scope.get("session"), "session_key", None)
-        return bool(key) and await database_sync_to_async(session_may_view)(cast(str, key))
+        return await self.ask(session_viewer, cast(str, key)) if key else None
 
     async def _port(self) -> int | None:
         theme = self.scope["url_route"]["kwargs"].get("theme")
-        return await database_sync_to_async(port_of)(theme)
+        return await self.ask(port_of, theme)
 
     async def receive(self, text_data: str | None = None, bytes_data: bytes | None = None) -> None:
         """Pass on what a viewer needs and drop the rest."""
         if text_data is not None or bytes_data is None or len(bytes_data) > MAX_CLIENT_FRAME_BYTES:
             await self._end(CLOSE_TOO_BIG)
-            return
-        if self._is_flooding():
-            await self._end(CLOSE_TOO_MANY)
             return
         frame = allowed_frame(bytes_data)
         if frame is None:
@@ -264,13 +268,6 @@ class TwinConsumer(AsyncWebsocketConsumer):
         elif self.twin is not None:
             with contextlib.suppress(WebSocketException):
                 await self.twin.send(frame)
-
-    def _is_flooding(self) -> bool:
-        at = time.monotonic()
-        if at - self.window_at >= 1.0:
-            self.window_at, self.frames = at, 0
-        self.frames += 1
-        return self.frames > MAX_FRAMES_S
 
     async def _forward(self) -> None:
         if self.twin is None:
@@ -286,7 +283,7 @@ class TwinConsumer(AsyncWebsocketConsumer):
         await self._end(CLOSE_TWIN_AWAY)
 
     async def _watch(self) -> None:
-        while await self._may_view():
+        while await self._viewer() is not None:
             await asyncio.sleep(CHECK_SESSION_S)
         await self._end(CLOSE_NOT_SIGNED_IN)
 

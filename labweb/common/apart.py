@@ -10,6 +10,7 @@ from pathlib import Path
 import msgspec
 from django.conf import settings
 
+from labweb.common.lanes import give_back_connection
 from labweb.common.photos import REFUSED
 from labweb.domain.errors import DefinitionError
 
@@ -22,6 +23,7 @@ def read_apart(module: str, *paths: Path) -> bytes:
     Raises:
         DefinitionError: What it says; `photo.unreadable`: it says nothing, or takes too long.
     """
+    give_back_connection()
     folder = str(paths[-1].parent)
     environment = {"PATH": os.environ.get("PATH", ""), "LANG": "C.UTF-8"}
     try:

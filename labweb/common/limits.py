@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import os
 import resource
+
+_LATER = 10
+"""What other processes want of the processor, above all to stop the lab, comes first."""
 
 
 def limit_process(*, cpu_s: int, memory_bytes: int, file_bytes: int) -> None:
@@ -20,3 +24,4 @@ def limit_process(*, cpu_s: int, memory_bytes: int, file_bytes: int) -> None:
         (resource.RLIMIT_CORE, 0),
     ):
         resource.setrlimit(kind, (most, most))
+    os.nice(_LATER)

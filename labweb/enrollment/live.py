@@ -9,10 +9,10 @@ from typing import Any
 from uuid import UUID
 
 import msgspec
-from channels.db import database_sync_to_async
-from channels.generic.websocket import AsyncWebsocketConsumer
 
 from labweb.common import authority
+from labweb.common.buckets import Rate
+from labweb.common.sockets import BoundedConsumer
 from labweb.domain.enrollment.join import Ask, JoinFrame, Offer, Waiting
 from labweb.domain.errors import LabError
 from labweb.domain.messages import Refuse
@@ -31,9 +31,13 @@ LOOKS_EVERY_S = 10.0
 _decoder = msgspec.json.Decoder(Ask)
 
 
-class JoinConsumer(AsyncWebsocketConsumer):
+class JoinConsumer(BoundedConsumer):
     """One machine that asks."""
 
+    lane = "joining"
+    most_frame_bytes = LONGEST_FRAME_BYTES
+    rate = Rate(per_s=1, burst_count=5)
+    connect_rate = Rate(per_s=1, burst_count=30)
     request_id: UUID | None = None
     patience: asyncio.Task[None] | None = None
 
@@ -62,7 +66,7 @@ class JoinConsumer(AsyncWebsocketConsumer):
     async def receive(self, text_data: str | None = None, bytes_data: bytes | None = None) -> None:
         """Take the request; anything else, or anything after it, ends the connection."""
         raw = (text_data or "").encode() if bytes_data is None else bytes_data
-        if len(raw) > LONGEST_FRAME_BYTES or self.request_id is not None:
+        if self.request_id is not None:
             await self.close(code=CLOSE_BAD_FRAME)
             return
         try:
@@ -75,7 +79,7 @@ class JoinConsumer(AsyncWebsocketConsumer):
     async def _ask(self, ask: Ask) -> None:
         client = self.scope.get("client") or ("",)
         try:
-            row = await database_sync_to_async(services.take_request)(ask, address=str(client[0]))
+            row = await self.ask(services.take_request, ask, address=str(client[0]))
         except LabError as error:
             logger.warning("a machine at %s may not join: %s", client[0], error.code)
             await self._send(Refuse(code=error.code, message=error.message))
@@ -84,10 +88,14 @@ class JoinConsumer(AsyncWebsocketConsumer):
         group = services.join_group(row.id)
         await self.channel_layer.group_add(group, self.channel_name)
         self.request_id = row.id
-        frame = await database_sync_to_async(_answer)(row.id)
+        frame = await self.ask(_answer, row.id)
         await self._send(frame)
         if not isinstance(frame, Waiting):
             await self.close(code=CLOSE_DONE)
+
+    async def tell_refusal(self, code: str, text: str) -> None:
+        """Say why nothing more is read."""
+        await self._send(Refuse(code=code, message=text))
 
     async def join_decided(self, _message: dict[str, Any]) -> None:
         """Tell the machine that a person has answered."""
@@ -95,7 +103,7 @@ class JoinConsumer(AsyncWebsocketConsumer):
             await self._tell_if_decided(self.request_id)
 
     async def _tell_if_decided(self, request_id: UUID) -> None:
-        frame = await database_sync_to_async(_answer)(request_id)
+        frame = await self.ask(_answer, request_id)
         if not isinstance(frame, Waiting):
             await self._send(frame)
             await self.close(code=CLOSE_DONE)

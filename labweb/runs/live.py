@@ -10,12 +10,13 @@ from typing import Any, cast
 from uuid import UUID
 
 import msgspec
-from channels.db import database_sync_to_async
-from channels.generic.websocket import AsyncWebsocketConsumer
 
 from labweb.approvals import services as approval_services
 from labweb.common import faults
+from labweb.common.buckets import Rate
 from labweb.common.clock import now
+from labweb.common.lanes import on_lane
+from labweb.common.sockets import BoundedConsumer
 from labweb.domain.errors import LabError
 from labweb.domain.files import FileGone, FileOffer, FilePart, FileParts, FileTaken
 from labweb.domain.messages import (
@@ -57,7 +58,7 @@ from labweb.telemetry import services as telemetry_services
 
 logger = logging.getLogger(__name__)
 
-CLOSE_REFUSED, CLOSE_SESSION_OVER, CLOSE_TOO_BIG = 4403, 4409, 1009
+CLOSE_REFUSED, CLOSE_SESSION_OVER = 4403, 4409
 
 HELLO_WITHIN_S = 5.0
 """A connection that has not proved a key by then is closed."""
@@ -74,9 +75,16 @@ BEATS_TO_RIVAL = 2
 _decoder = msgspec.json.Decoder(EdgeFrame)
 
 
-class EdgeConsumer(AsyncWebsocketConsumer):
-    """One live connection of one host. It parses and forwards; services decide."""
+class EdgeConsumer(BoundedConsumer):
+    """One live connection of one host. It parses and forwards; services decide.
 
+    What a host tells is never dropped: one that tells too much is read more slowly. Signs of life
+    have a thread of their own, so that no other frame of any host delays them.
+    """
+
+    lane = "uplink"
+    most_frame_bytes = 2 * MAX_FRAME_BYTES
+    rate = Rate(per_s=200, burst_count=2000)
     host_id: UUID | None = None
     epoch = 0
     nonce = ""
@@ -104,10 +112,13 @@ class EdgeConsumer(AsyncWebsocketConsumer):
         if self.host_id is None:
             await self.close(code=CLOSE_REFUSED)
             return
-        is_open = database_sync_to_async(enrollment_services.is_session_open)
-        while await is_open(self.host_id, self.epoch):
+        while await self.ask(enrollment_services.is_session_open, self.host_id, self.epoch):
             await asyncio.sleep(LOOKS_EVERY_S)
         await self.close(code=CLOSE_SESSION_OVER)
+
+    async def tell_refusal(self, code: str, text: str) -> None:
+        """Say why nothing more is read."""
+        await self._send(Refuse(code=code, message=text))
 
     async def disconnect(self, code: int) -> None:
         """Leave the host's group; its state follows from its silence."""
@@ -118,17 +129,12 @@ class EdgeConsumer(AsyncWebsocketConsumer):
             await self.channel_layer.group_discard(
                 enrollment_services.host_group(self.host_id), self.channel_name
             )
-            await database_sync_to_async(enrollment_services.close_session)(
-                self.host_id, self.epoch
-            )
+            await self.ask(enrollment_services.close_session, self.host_id, self.epoch)
             logger.info("host %s closed its session (%s)", self.host_id, code)
 
     async def receive(self, text_data: str | None = None, bytes_data: bytes | None = None) -> None:
         """Take one frame; anything that is no frame ends the connection."""
         raw = (text_data or "").encode() if bytes_data is None else bytes_data
-        if len(raw) > 2 * MAX_FRAME_BYTES:
-            await self.close(code=CLOSE_TOO_BIG)
-            return
         try:
             frame = _decoder.decode(raw)
         except (msgspec.DecodeError, RecursionError):
@@ -145,12 +151,12 @@ class EdgeConsumer(AsyncWebsocketConsumer):
         """End the connection and say why; of a host that proved its key, a person hears once."""
         why = unknown_frame(raw)
         if self.host_id is not None:
-            await database_sync_to_async(services.note_version)(self.host_id, NOT_KNOWN + why)
+            await self.ask(services.note_version, self.host_id, NOT_KNOWN + why)
         await self.close(code=CLOSE_BAD_FRAME, reason=why)
 
     async def _hello(self, hello: Hello) -> None:
         try:
-            welcome = await database_sync_to_async(enrollment_services.open_session)(
+            welcome = await on_lane("joining", enrollment_services.open_session)(
                 hello, self.nonce, cast("bytes | None", self.scope.get("certificate"))
             )
         except LabError as error:
@@ -159,11 +165,12 @@ class EdgeConsumer(AsyncWebsocketConsumer):
                 group = enrollment_services.host_group(hello.host_id)
                 await self.channel_layer.group_send(group, {"type": "edge.rival"})
             if error.code == "host.version":
-                await database_sync_to_async(services.note_version)(hello.host_id, error.message)
+                await on_lane("joining", services.note_version)(hello.host_id, error.message)
             await self._send(Refuse(code=error.code, message=error.message))
             await self.close(code=CLOSE_REFUSED)
             return
         self.host_id, self.epoch = hello.host_id, welcome.epoch
+        self.is_patient = True
         self.devices = frozenset(device.id for device in welcome.devices)
         self.pending_head = hello.seq_head
         await self.channel_layer.group_add(
@@ -173,21 +180,21 @@ class EdgeConsumer(AsyncWebsocketConsumer):
         if welcome.mode == "normal":
             await self._maybe_resume(welcome.acked_seq)
         else:
-            await database_sync_to_async(services.note_quarantine)(hello.host_id)
+            await self.ask(services.note_quarantine, hello.host_id)
 
     async def _maybe_resume(self, acked: int) -> None:
         if self.is_online or self.host_id is None or not is_caught_up(acked, self.pending_head):
             return
         self.is_online = True
-        await database_sync_to_async(enrollment_services.resume_host)(self.host_id, self.epoch)
+        await self.ask(enrollment_services.resume_host, self.host_id, self.epoch)
         await self._send(Resume(epoch=self.epoch))
         await self._repeat_stop(self.host_id)
         await self.edge_heads({})
-        for asked in await database_sync_to_async(services.files_asked)(self.host_id):
+        for asked in await self.ask(services.files_asked, self.host_id):
             await self._send(asked)
 
     async def _repeat_stop(self, host_id: UUID) -> None:
-        stop = await database_sync_to_async(enrollment_selectors.open_stop)(host_id)
+        stop = await self.ask(enrollment_selectors.open_stop, host_id)
         if stop is not None:
             await self._send(stop)
 
@@ -200,9 +207,7 @@ class EdgeConsumer(AsyncWebsocketConsumer):
             case Telemetry():
                 await self._samples(frame)
             case StopAcknowledged():
-                await database_sync_to_async(enrollment_services.acknowledge_stop)(
-                    host_id, frame.stop_id, now()
-                )
+                await self.ask(enrollment_services.acknowledge_stop, host_id, frame.stop_id, now())
             case FileOffer() | FilePart() | FileGone():
                 await self._file(host_id, frame)
             case Renew():
@@ -216,34 +221,26 @@ class EdgeConsumer(AsyncWebsocketConsumer):
         """Take what the host has seen, or wants."""
         match frame:
             case Sightings():
-                await database_sync_to_async(enrollment_services.take_sightings)(
-                    host_id, self.epoch, frame.found
-                )
+                await self.ask(enrollment_services.take_sightings, host_id, self.epoch, frame.found)
             case WantDriver():
                 await self._give_driver(host_id, frame.digest)
             case Ask() | WithdrawAsk():
                 await self._ask(host_id, frame)
             case TryoutOffer():
-                await database_sync_to_async(approval_services.take_offer)(
-                    host_id, self.epoch, frame
-                )
+                await self.ask(approval_services.take_offer, host_id, self.epoch, frame)
             case LookTold():
-                await database_sync_to_async(enrollment_services.take_look)(
-                    host_id, self.epoch, frame
-                )
+                await self.ask(enrollment_services.take_look, host_id, self.epoch, frame)
             case TryoutTold():
-                await database_sync_to_async(approval_services.take_told)(
-                    host_id, self.epoch, frame
-                )
+                await self.ask(approval_services.take_told, host_id, self.epoch, frame)
 
     async def _ask(self, host_id: UUID, frame: Ask | WithdrawAsk) -> None:
         """Take a wish, or its end; only of the session that is open, and caught up."""
         if frame.epoch != self.epoch or not self.is_online:
             return
         if isinstance(frame, WithdrawAsk):
-            await database_sync_to_async(services.withdraw_ask)(host_id, frame.ask_id)
+            await self.ask(services.withdraw_ask, host_id, frame.ask_id)
             return
-        told = await database_sync_to_async(services.take_ask)(host_id, frame)
+        told = await self.ask(services.take_ask, host_id, frame)
         await self._send(told)
         if not told.is_final:
             self.asked[frame.ask_id] = told
@@ -256,7 +253,7 @@ class EdgeConsumer(AsyncWebsocketConsumer):
             await asyncio.sleep(ASKS_EVERY_S)
             if not self.asked:
                 continue
-            found = await database_sync_to_async(services.asks_told)(host_id, list(self.asked))
+            found = await self.ask(services.asks_told, host_id, list(self.asked))
             for told in found:
                 if told != self.asked.get(told.ask_id):
                     await self._send(told)
@@ -266,40 +263,36 @@ class EdgeConsumer(AsyncWebsocketConsumer):
 
     async def _beat(self, host_id: UUID, frame: Heartbeat) -> None:
         told = msgspec.to_builtins(msgspec.structs.replace(frame, serving=None))
-        alive = await database_sync_to_async(enrollment_services.beat)(
+        alive = await on_lane("beat", enrollment_services.beat)(
             host_id, self.epoch, told, is_resumed=self.is_online
         )
         if not alive:
             await self.close(code=CLOSE_SESSION_OVER)
             return
         if frame.serving is not None:
-            await database_sync_to_async(enrollment_services.note_serving)(
-                host_id, self.epoch, frame.serving
-            )
+            await self.ask(enrollment_services.note_serving, host_id, self.epoch, frame.serving)
         if self.beats_to_rival:
             await self._beat_beside_rival(host_id)
 
     async def _samples(self, frame: Telemetry) -> None:
         """Store a frame, and tell a host that waits for it that it is stored."""
-        await database_sync_to_async(telemetry_services.take_in)(
-            set(self.devices), frame.samples, frame.gaps
-        )
+        await self.ask(telemetry_services.take_in, set(self.devices), frame.samples, frame.gaps)
         if frame.key:
             await self._send(TelemetryTaken(key=frame.key))
 
     async def _file(self, host_id: UUID, frame: FileOffer | FilePart | FileGone) -> None:
         """Say whether a file is wanted, put its parts together, or note that it is lost."""
         if isinstance(frame, FileGone):
-            await database_sync_to_async(services.take_gone)(host_id, frame)
+            await self.ask(services.take_gone, host_id, frame)
             return
         if isinstance(frame, FileOffer):
-            code = await database_sync_to_async(services.offer_file)(host_id, frame)
+            code = await self.ask(services.offer_file, host_id, frame)
         else:
             data = self.file_parts.add(frame)
             if data is None:
                 return
             try:
-                code = await database_sync_to_async(services.take_file)(host_id, frame, data)
+                code = await self.ask(services.take_file, host_id, frame, data)
             except OSError:
                 # Without an answer the host keeps the file, and offers it again.
                 logger.exception("the server's disk takes no file of host %s", host_id)
@@ -309,8 +302,8 @@ class EdgeConsumer(AsyncWebsocketConsumer):
 
     async def _renew(self, host_id: UUID, frame: Renew) -> None:
         try:
-            row = await database_sync_to_async(enrollment_services.renew_certificate)(
-                host_id, self.epoch, frame.csr
+            row = await self.ask(
+                enrollment_services.renew_certificate, host_id, self.epoch, frame.csr
             )
         except LabError as error:
             logger.warning("host %s gets no certificate: %s", host_id, error)
@@ -318,19 +311,17 @@ class EdgeConsumer(AsyncWebsocketConsumer):
             await self._send(Renewed(certificate=row.pem))
 
     async def _give_driver(self, host_id: UUID, digest: str) -> None:
-        parts = await database_sync_to_async(enrollment_services.parts_of)(host_id, digest)
+        parts = await self.ask(enrollment_services.parts_of, host_id, digest)
         for part in parts:
             await self._send(part)
 
     async def _beat_beside_rival(self, host_id: UUID) -> None:
         self.beats_to_rival -= 1
         if not self.beats_to_rival:
-            await database_sync_to_async(services.note_rival)(host_id)
+            await self.ask(services.note_rival, host_id)
 
     async def _events(self, host_id: UUID, frame: Events) -> None:
-        acked = await database_sync_to_async(services.ingest_events)(
-            host_id, self.epoch, frame.events
-        )
+        acked = await self.ask(services.ingest_events, host_id, self.epoch, frame.events)
         if acked is None:
             await self.close(code=CLOSE_SESSION_OVER)
             return
@@ -349,7 +340,7 @@ class EdgeConsumer(AsyncWebsocketConsumer):
 
     async def edge_heads(self, _message: dict[str, Any]) -> None:
         """Send the newest heads of the record for the host to countersign."""
-        heads = await database_sync_to_async(services.heads_for_hosts)()
+        heads = await self.ask(services.heads_for_hosts)
         if heads is not None and self.is_online:
             await self._send(heads)
 
@@ -361,9 +352,7 @@ class EdgeConsumer(AsyncWebsocketConsumer):
         """Tell the host what it serves and makes ready now, in the session that is open."""
         if self.host_id is None:
             return
-        frame = await database_sync_to_async(enrollment_services.devices_of)(
-            self.host_id, self.epoch
-        )
+        frame = await self.ask(enrollment_services.devices_of, self.host_id, self.epoch)
         if frame is not None:
             self.devices = frozenset(device.id for device in frame.devices)
             await self._send(frame)
@@ -372,8 +361,12 @@ class EdgeConsumer(AsyncWebsocketConsumer):
         """Send what a tryout of this host is asked."""
         if self.host_id is None:
             return
-        frames = await database_sync_to_async(approval_services.frames_of)(
-            self.host_id, self.epoch, UUID(message["tryout_id"]), message["number"]
+        frames = await self.ask(
+            approval_services.frames_of,
+            self.host_id,
+            self.epoch,
+            UUID(message["tryout_id"]),
+            message["number"],
         )
         for frame in frames:
             await self._send(frame)
@@ -382,8 +375,8 @@ class EdgeConsumer(AsyncWebsocketConsumer):
         """Send the driver with which this host is to look at a device."""
         if self.host_id is None:
             return
-        frames = await database_sync_to_async(enrollment_services.look_frames)(
-            self.host_id, self.epoch, UUID(message["look_id"])
+        frames = await self.ask(
+            enrollment_services.look_frames, self.host_id, self.epoch, UUID(message["look_id"])
         )
         for frame in frames:
             await self._send(frame)

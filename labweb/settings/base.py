@@ -21,7 +21,33 @@ REDIS_DATABASE = int(parse_url(REDIS_URL).get("db", 0))  # type: ignore[no-untyp
 DATA_DIR = Path(os.environ.get("LABWEB_DATA", ROOT / "var" / "starter"))
 
 
-POOL = {"min_size": 1, "max_size": 8, "timeout": 10, "reconnect_timeout": 3}
+LANES = {
+    "stop": 2,
+    "door": 3,
+    "health": 1,
+    "page": int(os.environ.get("LABWEB_PAGES_AT_ONCE", "6")),
+    "work": int(os.environ.get("LABWEB_WORK_AT_ONCE", "3")),
+    "slow": int(os.environ.get("LABWEB_SLOW_AT_ONCE", "3")),
+    "twin": 3,
+    "who": 2,
+    "uplink": 3,
+    "beat": 1,
+    "joining": 2,
+    "socket": 2,
+    "feed": 1,
+}
+"""Connections to the database that each kind of request and socket has to itself, so that none
+takes them from another; what belongs to which stands in `labweb.api.paces`."""
+
+_SPARE = 2
+"""Of the start of a process, which belongs to no lane."""
+
+POOL = {
+    "min_size": 1,
+    "max_size": sum(LANES.values()) + _SPARE,
+    "timeout": 10,
+    "reconnect_timeout": 3,
+}
 """Times in seconds. The pool doubles its pause with each try to connect; a try that is given up
 after three is begun anew by whoever asks next, so that a database that was long away is found
 again as soon as one that was away for a moment."""
@@ -177,6 +203,21 @@ SPECTACULAR_SETTINGS = {
     "ENABLE_DJANGO_DEPLOY_CHECK": False,
     "SERVE_PERMISSIONS": ["labweb.api.permissions.SignedIn"],
 }
+
+TRUSTED_PROXIES = [
+    one.strip() for one in os.environ.get("LABWEB_TRUSTED_PROXIES", "").split(",") if one.strip()
+]
+"""Addresses and networks of proxies whose `X-Forwarded-For` says where a request comes from;
+`unix` is whoever connects by a unix socket. Of all others the header is not read."""
+
+RATE_TIMES = float(os.environ.get("LABWEB_RATE_TIMES", "1"))
+"""How many times as much as usual one user or address may ask."""
+
+SEND_WITHIN_S = float(os.environ.get("LABWEB_SEND_WITHIN_S", "30"))
+"""How long a client may take for a block of an answer, or a frame, before it is cut off."""
+
+RECEIVE_WITHIN_S = float(os.environ.get("LABWEB_RECEIVE_WITHIN_S", "30"))
+"""How long a client may be silent before the next part of its request."""
 
 LIMS_SECRET = secret("LABWEB_LIMS_SECRET")
 """Shared with a laboratory information system that sends deliveries; empty closes the door."""

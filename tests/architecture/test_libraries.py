@@ -41,7 +41,7 @@ HOMES = (
     Home("trimesh", ("twin/meshes",), alone=True),
     Home("viser", ("twin/server",), alone=True),
     Home("pint", ("labweb/domain/units",), alone=True),
-    Home("channels", tuple(f"labweb/{app}/live" for app in APPS), alone=False),
+    Home("channels", ("labweb/common/sockets",), alone=False),  # the base of every socket
     Home("rest_framework", tuple(f"labweb/{app}/api" for app in APPS), alone=False),
     Home("celery", ("workers/app", "workers/execute", "workers/tasks"), alone=False),
 )

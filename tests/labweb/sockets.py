@@ -20,13 +20,20 @@ PATIENCE_S = 10.0
 class Socket:
     """One end of a websocket."""
 
-    def __init__(self, path: str, headers: list[tuple[bytes, bytes]]) -> None:
+    def __init__(
+        self,
+        path: str,
+        headers: list[tuple[bytes, bytes]],
+        *,
+        client: tuple[str, int] | None = None,
+    ) -> None:
         scope = {
             "type": "websocket",
             "path": path,
             "query_string": b"",
             "headers": headers,
             "subprotocols": [],
+            "client": client,
         }
         self._end: Any = ApplicationCommunicator(  # type: ignore[no-untyped-call] # asgiref is untyped
             application(), scope
@@ -59,6 +66,11 @@ class Socket:
         frame = await self._end.receive_output(PATIENCE_S)
         assert frame["type"] == "websocket.send", frame
         return json.loads(frame["text"])
+
+    async def frame(self) -> dict[str, Any]:
+        """Wait for whatever the other side does next."""
+        found: dict[str, Any] = await self._end.receive_output(PATIENCE_S)
+        return found
 
     async def ask(self, value: object) -> Any:  # noqa: ANN401 - JSON
         """Send JSON and wait for the answer."""

@@ -61,6 +61,13 @@ def routes(prefix: str = "", under: URLResolver | None = None) -> Iterator[tuple
             yield route, entry.callback
 
 
+def methods_of(view: Any) -> list[str]:  # noqa: ANN401 - a view of any sort
+    """List the methods that a view of the REST has; of any other, GET."""
+    kind = getattr(view, "view_class", None) or getattr(view, "cls", None)
+    names = ("get", "post", "put", "patch", "delete")
+    return [name.upper() for name in names if hasattr(kind, name)] or ["GET"]
+
+
 def weigh(bench: Bench) -> dict[str, Any]:
     """Return a workflow that uses the balance and nothing else."""
     params = {"balance": str(bench.node("balance_1").id)}

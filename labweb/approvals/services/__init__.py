@@ -31,6 +31,7 @@ from labweb.domain.workflows.plan import Plan
 from labweb.enrollment import selectors as enrollment_selectors
 from labweb.enrollment import services as enrollment_services
 from labweb.enrollment.selectors import DriverVersion
+from labweb.enrollment.services import CatalogDriver
 from labweb.resources import selectors as resource_selectors
 from labweb.resources.selectors import Lab
 
@@ -154,16 +155,22 @@ def _meaning(row: ApprovalRequest, *, is_approved: bool) -> str:
     return f"{'approves' if is_approved else 'rejects'} {what}"
 
 
-@atomic
 def submit_driver(module: str, text: str, *, note: str, actor: User) -> DriverVersion:
     """Keep driver source that a person brought, and ask a second person about it.
 
     Raises:
         ForbiddenError: The actor may not bring drivers.
         ConformanceError: It breaks a rule; `findings` list each place. Nothing was written.
+        DefinitionError: With what it shares it is too large.
         StateError: This very source is known already.
     """
-    row = enrollment_services.propose_driver(module, text, note=note, actor=actor)
+    found, _ = enrollment_services.read_driver(module, text, actor=actor)
+    return _submit(found, module, note=note, actor=actor)
+
+
+@atomic
+def _submit(found: CatalogDriver, module: str, *, note: str, actor: User) -> DriverVersion:
+    row = enrollment_services.propose_driver(found, module, note=note, actor=actor)
     _close_requests(row, ApprovalRequest.State.EXPIRED)
     request = ApprovalRequest.objects.create(
         lab=resource_selectors.the_lab(),

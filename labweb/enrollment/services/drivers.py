@@ -17,6 +17,7 @@ from labweb.accounts import services as account_services
 from labweb.accounts.selectors import User
 from labweb.common import feed, signing
 from labweb.common.clock import now
+from labweb.common.lanes import give_back_connection
 from labweb.domain.approvals.roles import Permission
 from labweb.domain.enrollment.bundle import (
     MAX_BUNDLE_BYTES,
@@ -88,6 +89,7 @@ def inspect_text(module: str, text: str) -> CatalogDriver:
         EnrollmentError: The reader failed, or took too long.
         LockedError: `driver.busy`.
     """
+    give_back_connection()
     if not _AT_ONCE.acquire(timeout=WAIT_S):
         raise LockedError("other drivers are being read: try again", code="driver.busy")
     try:
@@ -178,18 +180,23 @@ def read_driver(
 
 
 @atomic
-def propose_driver(module: str, text: str, *, note: str, actor: User) -> DriverVersion:
+def propose_driver(found: CatalogDriver, module: str, *, note: str, actor: User) -> DriverVersion:
     """Keep driver source that a person brought, for another person to approve.
 
+    Args:
+        found: What `read_driver` returned for the actor. It reads outside of the transaction,
+            because another process takes seconds to do it.
+        module: Where the driver is to stand.
+        note: What the actor says of it.
+        actor: Who brings it.
+
     Raises:
-        ForbiddenError: The actor may not bring drivers.
-        ConformanceError: It breaks a rule; nothing was written.
+        DefinitionError: With what it shares it is too large.
         StateError: This very source is known already.
 
     Effect:
         None. No host hears of it before it is approved and a device is to use it.
     """
-    found, _ = read_driver(module, text, actor=actor)
     if len(encode_bundle(found.sources)) > MAX_BUNDLE_BYTES:
         raise DefinitionError("the driver with what it shares is too large", code="driver.bundle")
     fields = _fields(found) | {

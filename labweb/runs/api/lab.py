@@ -2,18 +2,25 @@
 
 from __future__ import annotations
 
+import logging
 from typing import ClassVar
 
 import msgspec
+from django.db import OperationalError
+from psycopg.errors import DeadlockDetected, LockNotAvailable
 from rest_framework.request import Request
 from rest_framework.response import Response
 from rest_framework.views import APIView
 
-from labweb.accounts.selectors import user_of
+from labweb.accounts.selectors import User, user_of
 from labweb.common.requests import body
 from labweb.resources import selectors as resource_selectors
 from labweb.runs import selectors, services
 from labweb.runs.api.runs import Reason
+
+logger = logging.getLogger(__name__)
+
+_TRIES = 3
 
 
 class LabView(APIView):
@@ -37,8 +44,22 @@ class StopLab(APIView):
     def post(self, request: Request) -> Response:
         """Stop every device now and latch."""
         body(request, Nothing)
-        services.stop_lab(actor=user_of(request))
+        _stop(user_of(request))
         return Response(selectors.lab_summary(resource_selectors.the_lab()))
+
+
+def _stop(actor: User) -> None:
+    """Stop the lab; a database that gave up this transaction for another one is asked again."""
+    for _ in range(_TRIES - 1):
+        try:
+            services.stop_lab(actor=actor)
+        except OperationalError as error:
+            if not isinstance(error.__cause__, DeadlockDetected | LockNotAvailable):
+                raise
+            logger.warning("the stop of the lab is tried again: %s", error)
+        else:
+            return
+    services.stop_lab(actor=actor)
 
 
 class ResetLab(APIView):

@@ -166,13 +166,13 @@ def stop_lab(*, actor: User) -> Lab:
     resource_selectors.require(actor, Permission.STOP, [root.id])
     stop_id = new_id()
     resource_services.latch_stop(lab, stop_id=stop_id, user_id=actor.pk)
-    dispatch.void_resets(lab)
     states = [*selectors.LIVE, RunState.AWAITING_APPROVAL.value]
     runs = Run.objects.filter(lab=lab, state__in=states).order_by("pk")
     for run in runs.select_for_update(of=("self",), no_key=True):
         add_pause(run, "stopped", actor)
         recall_run(run, issued_by=str(actor.pk), is_whole=True)
         refresh_run(run.id)
+    dispatch.void_resets(lab)  # after the runs: what a host tells locks its run, then commands
     account_services.write_audit("lab.stop", str(lab.id), actor=actor)
     on_commit(partial(tell_stop, lab.id, stop_id, str(actor.pk)))
     on_commit(partial(feed.publish, "lab", {"is_stopped": True}))

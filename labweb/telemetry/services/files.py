@@ -23,6 +23,7 @@ from django.db.transaction import atomic
 from labweb.accounts import services as account_services
 from labweb.accounts.selectors import User
 from labweb.common.clock import now
+from labweb.common.lanes import give_back_connection
 from labweb.domain.approvals.roles import Permission
 from labweb.domain.errors import DefinitionError, StateError
 from labweb.domain.files import KEPT_ONLY, MEDIA_TYPES, is_name, plain_media_type
@@ -176,6 +177,7 @@ def received(stream: IO[bytes], target: Path, most_bytes: int | None = None) -> 
         DefinitionError: `file.too_large`, `file.empty`.
     """
     most_bytes = MOST_BYTES if most_bytes is None else most_bytes
+    give_back_connection()
     digest, size = hashlib.sha256(), 0
     with target.open("xb") as file:
         while block := stream.read(_BLOCK):
@@ -332,6 +334,7 @@ def opened(row: File) -> IO[bytes]:
     Raises:
         StateError: `file.damaged`: they are gone or not the same any more.
     """
+    give_back_connection()
     # Returned open: whoever sends it closes it.
     return checked(row).open("rb")
 

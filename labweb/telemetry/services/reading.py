@@ -13,6 +13,7 @@ from typing import Any
 import msgspec
 from django.conf import settings
 
+from labweb.common.lanes import give_back_connection
 from labweb.domain.errors import DefinitionError, Finding
 
 MOST_S = 180.0
@@ -64,6 +65,7 @@ def _digest(path: Path) -> str:
 
 
 def _run(kind: str, path: Path, folder: Path) -> int:
+    give_back_connection()
     # Neither secrets nor addresses of this server; one thread, so that its memory is its own.
     environment = {
         "PATH": os.environ.get("PATH", ""),

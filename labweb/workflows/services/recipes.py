@@ -16,6 +16,7 @@ from django.conf import settings
 from django.db.transaction import atomic
 
 from labweb.accounts.selectors import User
+from labweb.common.lanes import give_back_connection
 from labweb.crutd.selectors.exporting import lab_file_of
 from labweb.domain.approvals.roles import Permission
 from labweb.domain.errors import DefinitionError, Finding, LockedError, ProtocolError
@@ -145,6 +146,7 @@ def _place_for(actor: User) -> Iterator[None]:
 
 
 def _run(act: str, asked: Asked, actor: User) -> dict[str, Any]:
+    give_back_connection()
     with _place_for(actor):
         raw = _answer(act, msgspec.json.encode(asked))
     told: dict[str, Any] = msgspec.json.decode(raw)

@@ -8,9 +8,11 @@ import socket
 from typing import Any
 
 import pytest
-from django.db import connections
+from django.db import OperationalError, connections
 from django.test import Client
+from psycopg.errors import DeadlockDetected
 
+from labweb.runs import services
 from tests.builders import Bench, a_started_run, an_edge, to_transfer
 from tests.labweb.web import call, code_of, signed_in
 
@@ -131,3 +133,19 @@ def test_an_answer_partly_with_an_amount_that_cannot_be_says_what_is_true(
     answer = call(client, "POST", f"{API}/jobs/{attempt.job_id}/resolve", body)
     assert (answer.status_code, code_of(answer)) == (422, "run.bad_amount")
     assert words in told(answer)["message"]
+
+
+@pytest.mark.parametrize(("failures", "status"), [(1, 200), (2, 200), (3, 503)])
+def test_a_stop_that_the_database_gave_up_for_another_transaction_is_tried_again(
+    chemist: Client, monkeypatch: pytest.MonkeyPatch, failures: int, status: int
+) -> None:
+    stop, left = services.stop_lab, [None] * failures
+
+    def given_up_first(**asked: Any) -> Any:  # noqa: ANN401 - as the service takes and returns
+        if left:
+            left.pop()
+            raise OperationalError("deadlock detected") from DeadlockDetected()
+        return stop(**asked)
+
+    monkeypatch.setattr(services, "stop_lab", given_up_first)
+    assert call(chemist, "POST", f"{API}/lab/stop", {}).status_code == status

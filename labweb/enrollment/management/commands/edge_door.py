@@ -60,6 +60,7 @@ async def _serve(host: str, port: int) -> None:
         ws="labweb.api.door:WithCertificate",
         lifespan="off",
         access_log=False,
+        proxy_headers=False,
         ssl_certfile=str(chain),
         ssl_ca_certs=str(anchor),
         ssl_cert_reqs=ssl.CERT_OPTIONAL,
