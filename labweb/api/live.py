@@ -18,7 +18,7 @@ from django.conf import settings
 from django.http.request import split_domain_port, validate_host
 
 from labweb.accounts.selectors import User
-from labweb.api.parsers import finite, refuse_constant
+from labweb.api.parsers import finite, refuse_constant, whole
 from labweb.common.feed import GROUP
 from labweb.domain.approvals.roles import Permission
 from labweb.domain.errors import NotFoundError
@@ -121,7 +121,9 @@ class BrowserConsumer(AsyncWebsocketConsumer):
             await self.close(code=code)
             return
         try:
-            frame = json.loads(text_data or "", parse_constant=refuse_constant, parse_float=finite)
+            frame = json.loads(
+                text_data or "", parse_constant=refuse_constant, parse_float=finite, parse_int=whole
+            )
             wanted = {str(topic) for topic in frame.get("subscribe", [])}
             left = {str(topic) for topic in frame.get("unsubscribe", [])}
         except (ValueError, AttributeError, TypeError, RecursionError):
