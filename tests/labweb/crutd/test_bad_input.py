@@ -76,7 +76,7 @@ def test_a_field_of_a_config_that_its_kind_does_not_have_is_refused(bench: Bench
     operation: dict[str, Any] = {"op": "create", "resource_id": str(uuid4())}
     operation["parent_id"] = node(bench, "bench_1")
     operation |= {"key": "v", "name": "V", "kind": "vial", "config": {"colour": "red"}}
-    refused(bench, operation, "lab_file.field")
+    refused(bench, operation, "lab_file.unknown_field")
 
 
 @pytest.mark.parametrize("digits", [316, 5000])
