@@ -19,7 +19,7 @@ from django.http import HttpRequest
 from django.http.request import split_domain_port, validate_host
 
 from labweb.accounts.selectors import User
-from labweb.api.parsers import finite, refuse_constant
+from labweb.api.parsers import finite, refuse_constant, whole
 from labweb.common.buckets import Rate
 from labweb.common.feed import GROUP
 from labweb.common.sockets import CLOSE_TOO_BIG, BoundedConsumer
@@ -125,7 +125,9 @@ class BrowserConsumer(BoundedConsumer):
             await self.close(code=code)
             return
         try:
-            frame = json.loads(text_data or "", parse_constant=refuse_constant, parse_float=finite)
+            frame = json.loads(
+                text_data or "", parse_constant=refuse_constant, parse_float=finite, parse_int=whole
+            )
             wanted = {str(topic) for topic in frame.get("subscribe", [])}
             left = {str(topic) for topic in frame.get("unsubscribe", [])}
         except (ValueError, AttributeError, TypeError, RecursionError):

@@ -13,6 +13,9 @@ from rest_framework.parsers import BaseParser
 MAX_BODY_BYTES = 2 * 1024 * 1024
 MAX_DEPTH = 32
 
+_MOST_DIGITS = 300
+"""Beyond this a number cannot be compared with a float, and limits are floats."""
+
 
 class TooLargeError(APIException):
     """The body is larger than any request needs."""
@@ -49,7 +52,10 @@ class StrictJSONParser(BaseParser):
             raise TooLargeError
         try:
             value = json.loads(
-                raw.decode("utf-8"), parse_constant=refuse_constant, parse_float=finite
+                raw.decode("utf-8"),
+                parse_constant=refuse_constant,
+                parse_float=finite,
+                parse_int=whole,
             )
             _check_texts(value)
         except (ValueError, RecursionError) as error:
@@ -64,6 +70,17 @@ class StrictJSONParser(BaseParser):
 def refuse_constant(name: str) -> NoReturn:
     """Refuse `NaN` and the infinities, which are no JSON."""
     raise ValueError(f"{name} is no number")
+
+
+def whole(text: str) -> int:
+    """Read a whole number that can be compared with any other; its field says how large it may be.
+
+    Raises:
+        ValueError: It has hundreds of digits.
+    """
+    if len(text) > _MOST_DIGITS:
+        raise ValueError(f"{text[:40]}… has {len(text)} digits: no number here has so many")
+    return int(text)
 
 
 def finite(text: str) -> float:

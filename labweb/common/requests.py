@@ -2,32 +2,103 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from datetime import UTC, datetime
+from functools import cache
 from typing import TypeVar
 
 import msgspec
+from msgspec import inspect
 from rest_framework.request import Request
 
-from labweb.domain.errors import DefinitionError
+from labweb.domain.errors import DefinitionError, Finding
 
 T = TypeVar("T", bound=msgspec.Struct)
+
+_MOST_FINDINGS = 100
+_LONGEST_PATH = 200
 
 _MOST_DIGITS = 18
 """Python reads no number of thousands of digits, and fails on it."""
 
 
 def body(request: Request, shape: type[T]) -> T:
-    """Read the body as a struct; unknown and missing fields are refused.
+    """Read the body as a struct; unknown and missing fields are refused, nested ones too.
 
     Raises:
-        DefinitionError: It does not fit; the message names the field.
+        DefinitionError: It does not fit; the message names the field by its path, and the findings
+            list every field that is unknown.
     """
+    unknown = list(_unknown_fields(request.data, _described(shape), ""))
+    if unknown:
+        more = f" (and {len(unknown) - 1} more)" if len(unknown) > 1 else ""
+        raise DefinitionError(
+            f"the request is not as described: {unknown[0].message}{more}",
+            code="http.body",
+            findings=unknown[:_MOST_FINDINGS],
+        )
     try:
         return msgspec.convert(request.data, shape)
     except msgspec.ValidationError as error:
         raise DefinitionError(
             f"the request is not as described: {error}", code="http.body"
         ) from error
+
+
+@cache
+def _described(shape: type[msgspec.Struct]) -> inspect.Type:
+    return inspect.type_info(shape)
+
+
+def _unknown_fields(value: object, shape: inspect.Type, path: str) -> Iterator[Finding]:
+    """Yield every field of a body that the struct which reads it does not have.
+
+    A struct that is also read out of messages of other versions cannot refuse them itself.
+    """
+    if isinstance(shape, inspect.StructType) and isinstance(value, dict):
+        yield from _unknown_here(value, shape, path)
+    for inner, kind, at in _inside(value, shape, path):
+        yield from _unknown_fields(inner, kind, at)
+
+
+def _inside(
+    value: object, shape: inspect.Type, path: str
+) -> Iterator[tuple[object, inspect.Type, str]]:
+    """Yield what a value holds that is no field: items, entries, or itself as one of a union."""
+    match shape:
+        case inspect.UnionType():
+            yield from ((value, one, path) for one in shape.types if _is_meant(value, one))
+        case inspect.DictType() if isinstance(value, dict):
+            for name, inner in value.items():
+                yield inner, shape.value_type, f"{path}.{name}"
+        case inspect.ListType() | inspect.VarTupleType() if isinstance(value, list):
+            for index, inner in enumerate(value):
+                yield inner, shape.item_type, f"{path}[{index}]"
+        case _:
+            return
+
+
+def _unknown_here(
+    value: dict[str, object], shape: inspect.StructType, path: str
+) -> Iterator[Finding]:
+    known = {field.encode_name: field.type for field in shape.fields}
+    for name, inner in value.items():
+        at = f"{path}.{name}" if path else name
+        if name in known:
+            yield from _unknown_fields(inner, known[name], at)
+        elif name != shape.tag_field:
+            told = at[:_LONGEST_PATH]
+            text = f"unknown field `{told}`; known are {', '.join(sorted(known)) or 'none'}"
+            yield Finding("http.unknown_field", text, told, {"field": told})
+
+
+def _is_meant(value: object, shape: inspect.Type) -> bool:
+    """Tell whether a value of a union is to be read as this one of its types."""
+    if not isinstance(shape, inspect.StructType):
+        return True
+    return isinstance(value, dict) and (
+        shape.tag_field is None or value.get(shape.tag_field) == shape.tag
+    )
 
 
 def whole_number(request: Request, name: str, *, default: int, low: int, high: int) -> int:

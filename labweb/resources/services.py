@@ -251,6 +251,11 @@ def move(resource_id: UUID, parent_id: UUID) -> None:
     Resource.objects.filter(pk=resource_id).update(parent_id=parent_id, pose=None)
 
 
+def set_pose(resource_id: UUID, pose: Mapping[str, Any]) -> None:
+    """Say where a node stands against its parent."""
+    Resource.objects.filter(pk=resource_id).update(pose=dict(pose))
+
+
 def archive(ids: Collection[UUID]) -> None:
     """Take nodes out of service; nothing is erased."""
     Resource.objects.filter(pk__in=ids).update(is_archived=True)

@@ -19,6 +19,7 @@ from labweb.common.requests import body, moment, whole_number
 from labweb.crutd import selectors, services
 from labweb.crutd.models import Event, EventSubject
 from labweb.crutd.selectors import lineage
+from labweb.crutd.selectors.archived import with_former_place
 from labweb.crutd.selectors.past import Past, as_it_was
 from labweb.crutd.selectors.resolving import ends_of_doubts
 from labweb.domain.approvals.roles import Permission
@@ -171,12 +172,15 @@ class OperationCheck(APIView):
 
 def require_act(user: User, operation: operations.Operation) -> None:
     """Refuse who may not do this, or may not know of a resource it names."""
+    if operations.is_told_by_server(operation):
+        text = "the server itself writes down where a thing stood: leave from_id and pose out"
+        raise DefinitionError(f"the request is not as described: {text}", code="http.body")
     wanted = Permission.RUN
     if isinstance(operation, operations.Correct):
         wanted = Permission.RESOLVE
     elif isinstance(operation, operations.Disconnect):
         wanted = Permission.ADMIT
-    ids = set(operations.touched_ids(operation))
+    ids = set(operations.touched_ids(with_former_place(operation)))
     seen = resource_selectors.allowed_ids(user, Permission.VIEW)
     for resource_id in sorted(ids - seen):
         raise NotFoundError(f"no resource {resource_id}", code="resource.not_found")

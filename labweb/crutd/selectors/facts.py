@@ -19,6 +19,7 @@ from labweb.domain.resources.contents import LotId, Phase
 from labweb.domain.runs.locks import conflicts, lock_set
 from labweb.resources import selectors as resource_selectors
 from labweb.resources.selectors import Lab, Lot, Material
+from labweb.resources.selectors.standing import places_of
 
 
 def today(lab: Lab) -> date:
@@ -41,6 +42,8 @@ def facts_for(
         return _refit_facts(operation, lab)
     if isinstance(operation, operations.Disconnect):
         return _link_facts(operation, lab)
+    if isinstance(operation, operations.Delete):
+        return _leaving_facts(operation, lab)
     wanted = {lot for state in states.values() for lot in (*state.contents, *state.masses)}
     if isinstance(operation, operations.Correct):
         wanted |= {LotId(lot) for lot in (*operation.measured_nl, *operation.measured_ug)}
@@ -79,10 +82,12 @@ def _refit_facts(refit: operations.Refit, lab: Lab) -> Facts:
     inside = within.exclude(pk__in=own)
     keys = {create.key for create in refit.added}
     ids = [create.resource_id for create in refit.added]
+    parents = {create.parent_id for create in refit.added} | set(refit.back.values())
     return Facts(
         on=today(lab),
         attachments=resource_selectors.hanging(refit, gone),
         inside=snapshot(inside),
+        places=tuple(places_of(parents.difference(ids)).values()) if parents else (),
         reserved={
             row.resource_id: f"by {row.holder.printed_name}: {row.reason}"
             for row in reservations_on(lab, gone)
@@ -90,6 +95,30 @@ def _refit_facts(refit: operations.Refit, lab: Lab) -> Facts:
         is_taken=bool(resource_selectors.taken_keys(lab, keys))
         or resource_selectors.rows(ids).exists(),
         taken_tubes=resource_selectors.taken_tubes(lab, refit),
+    )
+
+
+def _leaving_facts(delete: operations.Delete, lab: Lab) -> Facts:
+    """Return what is connected to a thing that is archived, and what stands in it.
+
+    A tube between two parts of one device goes with them, and holds neither back, whichever of
+    them is archived first.
+    """
+    attachments = resource_selectors.attachments_of(delete.resource_id)
+    others = {one.other.resource_id for one in attachments}
+    gone = set(
+        resource_selectors.rows(others).filter(is_archived=True).values_list("pk", flat=True)
+    )
+    within = resource_selectors.descendants([delete.resource_id]) - {delete.resource_id}
+    return Facts(
+        on=today(lab),
+        attachments=tuple(
+            one
+            for one in attachments
+            if one.other.resource_id not in gone
+            and not joins_parts_of(lab, one.own.resource_id, one.other.resource_id)
+        ),
+        inside=snapshot(resource_selectors.rows(within)) if within else {},
     )
 
 

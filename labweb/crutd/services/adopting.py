@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 from uuid import UUID, uuid5
 
@@ -17,17 +17,19 @@ from labweb.domain.approvals.roles import Permission
 from labweb.domain.crutd.decide import Outcome, OutcomeKind
 from labweb.domain.crutd.operations import Create
 from labweb.domain.enrollment.spec import DriverSpec
-from labweb.domain.errors import DefinitionError, Finding, StateError
+from labweb.domain.errors import DefinitionError, Finding, PreconditionError, StateError
 from labweb.domain.graph.injection import Injection, Part, Tube, injected, list_reasons
 from labweb.domain.graph.lab_file.config import check_config
 from labweb.domain.graph.topology import Medium
 from labweb.domain.resources.kinds import KINDS
 from labweb.domain.resources.node import Resource as ResourceData
+from labweb.domain.resources.places import Thing, check_arriving
 from labweb.enrollment import services as enrollment_services
 from labweb.enrollment.selectors import Device
 from labweb.enrollment.services import Wanted
 from labweb.resources import selectors as resource_selectors
 from labweb.resources import services as resource_services
+from labweb.resources.selectors.standing import places_of
 
 
 def adopt_candidate(
@@ -93,6 +95,7 @@ def _adopt(candidate_id: UUID, wanted: Wanted, parent_id: UUID, reason: str, act
     )
     row = lock_operation(operation, lab=device.lab, targets=(), actor_id=actor.pk)
     nodes = [_node(part, ids, parent_id) for part in others]
+    _check_fit([_node(first, ids, parent_id), *nodes], parent_id)
     links = [_link(tube, ids) for tube in made.tubes]
     settlement = Settlement(
         outcome=Outcome(kind=OutcomeKind.DONE),
@@ -109,6 +112,22 @@ def _adopt(candidate_id: UUID, wanted: Wanted, parent_id: UUID, reason: str, act
     resource_services.create_links(tubes, [], [])
     enrollment_services.give_parts(device, {role: ids[key] for role, key in made.nodes.items()})
     return device
+
+
+def _check_fit(resources: Sequence[ResourceData], parent_id: UUID) -> None:
+    """See to it that each of several things that come together has room where it comes.
+
+    Raises:
+        PreconditionError: One has not; findings list each. The parent is locked by the caller.
+    """
+    arriving = [
+        (Thing(one.id, one.name, one.kind), one.parent_id)
+        for one in resources
+        if one.parent_id is not None
+    ]
+    findings = check_arriving(arriving, places_of([parent_id]).values())
+    if findings:
+        raise PreconditionError(findings[0].message, code=findings[0].code, findings=findings[:100])
 
 
 def _checked(device: Device, made: Injection) -> dict[str, UUID]:

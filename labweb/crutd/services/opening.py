@@ -15,6 +15,7 @@ from labweb.crutd import selectors
 from labweb.crutd.models import Transaction
 from labweb.crutd.selectors import reserved
 from labweb.crutd.selectors.facts import facts_for
+from labweb.crutd.selectors.placing import with_place
 from labweb.crutd.services.locking import check_free, hold_and_ask
 from labweb.crutd.services.posting import opening
 from labweb.crutd.services.recording import wait_for_others
@@ -150,6 +151,7 @@ def check_states(
         states, lots = selectors.snapshot_and_lots(own, above)
     else:
         states, lots = selectors.states_and_lots(own, above, holdings)
+    states = with_place(operation, states)
     findings = decide.check(operation, states, facts_for(operation, lab, states, lots))
     if findings:
         raise PreconditionError(findings[0].message, code=findings[0].code, findings=findings)

@@ -12,7 +12,9 @@ from django.db.transaction import atomic
 from labweb.common.clock import now
 from labweb.crutd import selectors
 from labweb.crutd.models import Entry, ResourceLock, Transaction
+from labweb.crutd.selectors.archived import with_former_place
 from labweb.crutd.selectors.facts import facts_for, holders
+from labweb.crutd.selectors.placing import with_place
 from labweb.crutd.services.locking import reserved_findings
 from labweb.crutd.services.opening import lock_and_read
 from labweb.crutd.services.posting import close_transaction, post, reserve
@@ -33,7 +35,9 @@ def check_operation(
     operation: operations.Operation, *, lab: Lab, actor_id: UUID | None
 ) -> list[Finding]:
     """List all that speaks against an operation now, who uses or has reserved things included."""
-    states = selectors.snapshot(resource_selectors.rows(operations.touched_ids(operation)))
+    operation = with_former_place(operation)
+    rows = resource_selectors.rows(operations.touched_ids(operation))
+    states = with_place(operation, selectors.snapshot(rows))
     facts = replace(facts_for(operation, lab, states), held=holders(operation))
     reserved = reserved_findings(operations.touched_ids(operation), actor_id)
     return [*_empty_words(operation), *decide.check(operation, states, facts), *reserved]
@@ -224,6 +228,8 @@ def _place(change: Change) -> None:
         resource_services.set_config(resource_id, config)
     for resource_id, parent_id in change.moves.items():
         resource_services.move(resource_id, parent_id)
+    for resource_id, pose in change.poses.items():
+        resource_services.set_pose(resource_id, pose)
     if change.archived:
         resource_services.archive(change.archived)
     if change.restored:
@@ -322,6 +328,7 @@ def carry_out(
     empty = _empty_words(operation)
     if empty:
         raise PreconditionError(empty[0].message, code=empty[0].code, findings=empty)
+    operation = with_former_place(operation)
     row, _, states = lock_and_read(operation, lab, targets, actor_id=actor_id)
     outcome = Outcome(kind=OutcomeKind.DONE)
     settlement = Settlement(

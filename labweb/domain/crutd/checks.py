@@ -7,7 +7,9 @@ relies on the server for what concerns lots.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from uuid import UUID
 
+from labweb.domain.crutd.archiving import check_archiving
 from labweb.domain.crutd.disconnecting import check_disconnect
 from labweb.domain.crutd.operations import (
     Correct,
@@ -44,6 +46,7 @@ from labweb.domain.graph.attached import check_loose
 from labweb.domain.graph.lab_file.config import check_config
 from labweb.domain.resources.contents import LotId, Phase, total_nl
 from labweb.domain.resources.kinds import KINDS
+from labweb.domain.resources.places import Thing, check_standing
 from labweb.domain.units import render_volume
 
 
@@ -66,7 +69,7 @@ def _check_own(operation: Operation, snapshot: Snapshot, facts: Facts | None) ->
         case TransferResource() | Restore():
             return _check_carry(operation, snapshot, facts)
         case Delete():
-            return _check_delete(operation, snapshot)
+            return check_archiving(operation, snapshot, facts)
         case Create():
             return _check_create(operation, snapshot, facts)
         case Update():
@@ -259,14 +262,19 @@ def _check_lots(source: ResourceState, target: ResourceState, facts: Facts | Non
 def _check_carry(
     operation: TransferResource | Restore, snapshot: Snapshot, facts: Facts | None
 ) -> list[Finding]:
-    moved, to = snapshot[operation.resource_id], snapshot[operation.to_id]
+    moved = snapshot[operation.resource_id]
+    if not isinstance(operation.to_id, UUID):
+        return [_no_former_place(moved)]
+    to = snapshot[operation.to_id]
     attachments = () if facts is None else facts.attachments
     findings = check_loose(moved.name, str(moved.id), attachments)
     if moved.parent_id != operation.from_id:
         findings.append(
             Finding("crutd.not_there", f"{moved.name} does not stand there", moved.name)
         )
-    findings += _check_place(to)
+    is_in_place = isinstance(operation, TransferResource) and operation.from_id == operation.to_id
+    if not is_in_place:
+        findings += _check_place(Thing(moved.id, moved.name, moved.kind), to)
     if operation.resource_id == operation.to_id or operation.resource_id in to.ancestor_ids:
         findings.append(
             Finding("crutd.into_itself", f"{moved.name} cannot stand in itself", moved.name)
@@ -274,25 +282,21 @@ def _check_carry(
     return findings
 
 
-def _check_place(place: ResourceState) -> Iterator[Finding]:
-    """Refuse what carries nothing, and the Archive: what stands there is out of service."""
-    kind = KINDS.get(place.kind)
+def _no_former_place(thing: ResourceState) -> Finding:
+    text = (
+        f"nobody wrote down where {thing.name} stood before it was archived: say where it is to "
+        "go (to_id)"
+    )
+    return Finding("crutd.no_former_place", text, str(thing.id), {"field": "to_id"})
+
+
+def _check_place(thing: Thing, place: ResourceState) -> list[Finding]:
+    """Refuse the Archive, where things are out of service, and what the place has no room for."""
     if place.kind == "archive":
         text = f"what goes to {place.name} goes out of service: take it there by deleting it"
-        yield Finding("crutd.into_archive", text, place.name)
-    elif kind is None or not kind.is_place:
-        yield Finding("crutd.no_place", f"{place.name} carries nothing", place.name)
-
-
-def _check_delete(operation: Delete, snapshot: Snapshot) -> list[Finding]:
-    state, archive = snapshot[operation.resource_id], snapshot[operation.archive_id]
-    if state.parent_id is None:
-        return [Finding("crutd.root", f"{state.name} is the root of the lab", state.name)]
-    if archive.kind != "archive":
-        return [Finding("crutd.no_archive", "the target is no Archive", state.name)]
-    if state.id == archive.id or state.id in archive.ancestor_ids:
-        return [Finding("crutd.into_itself", f"{state.name} cannot stand in itself", state.name)]
-    return []
+        return [Finding("crutd.into_archive", text, place.name)]
+    there = [one for one in place.there if one.id != thing.id]
+    return check_standing(thing, place, there, place.sites_count)
 
 
 def _check_create(operation: Create, snapshot: Snapshot, facts: Facts | None) -> list[Finding]:
@@ -301,8 +305,8 @@ def _check_create(operation: Create, snapshot: Snapshot, facts: Facts | None) ->
         findings.append(Finding("crutd.unknown_kind", f"no kind {operation.kind!r}", operation.key))
     else:
         findings += check_config(operation.kind, operation.config, operation.key)
-    parent = snapshot[operation.parent_id]
-    findings += _check_place(parent)
+        thing = Thing(operation.resource_id, operation.name, operation.kind)
+        findings += _check_place(thing, snapshot[operation.parent_id])
     if facts is not None and facts.is_taken:
         text = f"a resource with the id or the key {operation.key!r} is there already"
         findings.append(Finding("crutd.taken", text, operation.key))

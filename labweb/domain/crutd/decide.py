@@ -91,6 +91,9 @@ class Change:
     moves: Mapping[UUID, UUID] = field(default_factory=dict)
     """New parent by resource."""
 
+    poses: Mapping[UUID, Mapping[str, Any]] = field(default_factory=dict)
+    """Poses that are known where things have come to; of all others they are unknown."""
+
     archived: frozenset[UUID] = frozenset()
     quarantined: frozenset[UUID] = frozenset()
     restored: frozenset[UUID] = frozenset()
@@ -105,6 +108,7 @@ class Change:
 
     def to_json(self) -> dict[str, Any]:
         """Render as plain data; equal changes render equal."""
+        poses = {str(k): dict(v) for k, v in sorted(self.poses.items())}
         configs = {str(k): dict(v) for k, v in sorted(self.configs.items())}
         return {
             "state": self.state.value,
@@ -117,6 +121,7 @@ class Change:
             "restored": sorted(str(i) for i in self.restored),
             "released": sorted(str(i) for i in self.released),
             **({"configs": configs} if configs else {}),
+            **({"poses": poses} if poses else {}),
         }
 
 
@@ -190,11 +195,7 @@ def _settle_placed(
         case TransferResource():
             return Change(state=committed, moves={operation.resource_id: operation.to_id})
         case Restore():
-            return Change(
-                state=committed,
-                moves={operation.resource_id: operation.to_id},
-                restored=frozenset({operation.resource_id}),
-            )
+            return _settle_restored(operation)
         case Delete():
             return Change(
                 state=committed,
@@ -205,6 +206,19 @@ def _settle_placed(
             return Change(state=committed, created=(operation,))
         case Refit():
             return _settle_refit(operation)
+
+
+def _settle_restored(operation: Restore) -> Change:
+    """Put a thing back into service; with its pose, where it goes to where it stood."""
+    if not isinstance(operation.to_id, UUID):
+        raise StateError("nobody said where it goes", code="crutd.no_former_place")
+    thing = operation.resource_id
+    return Change(
+        state=TransactionState.COMMITTED,
+        moves={thing: operation.to_id},
+        restored=frozenset({thing}),
+        poses={} if operation.pose is None else {thing: operation.pose},
+    )
 
 
 def _settle_refit(operation: Refit) -> Change:

@@ -13,6 +13,7 @@ from msgspec import Meta
 
 from labweb.domain.crutd.ledger import Account
 from labweb.domain.crutd.particulars import Amount as Amount
+from labweb.domain.crutd.particulars import Difference as Difference
 from labweb.domain.crutd.particulars import Joint as Joint
 from labweb.domain.crutd.particulars import Name as Name
 from labweb.domain.crutd.particulars import Portion as Portion
@@ -78,7 +79,7 @@ class TransferLiquid(
 
     source_id: UUID
     target_id: UUID
-    amount_nl: int
+    amount_nl: Difference
     parts_nl: dict[str, Amount] = msgspec.field(default_factory=dict)
     """What goes over of each lot, where somebody has said which lots lie in the layer that is
     drawn, or boil off. Empty: the source is well mixed, and each lot gives its share."""
@@ -94,21 +95,34 @@ class TransferResource(
     to_id: UUID
 
 
-class Delete(msgspec.Struct, frozen=True, tag="delete", tag_field="op", kw_only=True):
+class Delete(
+    msgspec.Struct, frozen=True, tag="delete", tag_field="op", kw_only=True, omit_defaults=True
+):
     """Take a resource out of service into the Archive; nothing is erased."""
 
     resource_id: UUID
     archive_id: UUID
+    from_id: UUID | msgspec.UnsetType = msgspec.UNSET
+    """Where it stood, for a restore. The server writes it down."""
+
+    pose: dict[str, Any] | None = None
+    """Its pose there; None: unknown. The server writes it down."""
 
 
-class Restore(msgspec.Struct, frozen=True, tag="restore", tag_field="op", kw_only=True):
+class Restore(
+    msgspec.Struct, frozen=True, tag="restore", tag_field="op", kw_only=True, omit_defaults=True
+):
     """Take a resource out of the Archive, back into service."""
 
     resource_id: UUID
-    from_id: UUID
-    """The Archive it stands in."""
+    from_id: UUID | msgspec.UnsetType = msgspec.UNSET
+    """The Archive it stands in; absent: the server looks."""
 
-    to_id: UUID
+    to_id: UUID | msgspec.UnsetType = msgspec.UNSET
+    """Where it goes; absent: where it stood when it was archived."""
+
+    pose: dict[str, Any] | None = None
+    """Its pose where it stood before, if it goes there. The server writes it down."""
 
 
 class TransferMass(msgspec.Struct, frozen=True, tag="transfer_mass", tag_field="op", kw_only=True):
@@ -278,6 +292,17 @@ def name_of(operation: Operation) -> OperationName:
     return _NAMES[type(operation)]
 
 
+def is_told_by_server(operation: Operation) -> bool:
+    """Tell whether an operation says what the server alone writes down: where a thing stood."""
+    match operation:
+        case Delete():
+            return operation.from_id is not msgspec.UNSET or operation.pose is not None
+        case Restore():
+            return operation.pose is not None
+        case _:
+            return False
+
+
 def touched_ids(operation: Operation) -> tuple[UUID, ...]:
     """Return the resources whose state the operation reads or changes, in id order."""
     match operation:
@@ -290,7 +315,8 @@ def touched_ids(operation: Operation) -> tuple[UUID, ...]:
         case TransferLiquid() | TransferMass() | Disconnect():
             ids = {operation.source_id, operation.target_id}
         case TransferResource() | Restore():
-            ids = {operation.resource_id, operation.from_id, operation.to_id}
+            ends = (operation.from_id, operation.to_id)
+            ids = {operation.resource_id, *(one for one in ends if isinstance(one, UUID))}
         case Receive():
             ids = {portion.resource_id for portion in operation.portions}
         case Refit():
@@ -330,11 +356,9 @@ def subjects_of(operation: Operation) -> tuple[tuple[UUID, str], ...]:
         case TransferLiquid() | TransferMass() | Disconnect():
             return ((operation.source_id, "source"), (operation.target_id, "target"))
         case TransferResource() | Restore():
-            return (
-                (operation.resource_id, "subject"),
-                (operation.from_id, "source"),
-                (operation.to_id, "target"),
-            )
+            ends = ((operation.from_id, "source"), (operation.to_id, "target"))
+            known = tuple((one, role) for one, role in ends if isinstance(one, UUID))
+            return ((operation.resource_id, "subject"), *known)
         case Receive():
             return tuple((vessel, "target") for vessel in touched_ids(operation))
         case Dispose():

@@ -13,6 +13,9 @@ from labweb.domain.resources.contents import Phase
 Amount = Annotated[int, Meta(ge=0, le=999_999_999_999_999)]
 """Whole nanolitres or micrograms: at most a cubic metre, or a tonne."""
 
+Difference = Annotated[int, Meta(ge=-999_999_999_999_999, le=999_999_999_999_999)]
+"""The same, read before it is known to be an amount: what is not above zero is refused by name."""
+
 Name = Annotated[str, Meta(min_length=1, max_length=500)]
 Text = Annotated[str, Meta(max_length=500)]
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator
+from dataclasses import replace
 from uuid import UUID
 
 import msgspec
@@ -15,6 +16,7 @@ from labweb.domain.graph.attached import to_json
 from labweb.domain.graph.lab_file.config import check_config
 from labweb.domain.resources.contents import total_nl
 from labweb.domain.resources.kinds import KINDS
+from labweb.domain.resources.places import Thing, check_arriving
 from labweb.domain.units import render_volume
 
 
@@ -38,7 +40,25 @@ def check_refit(operation: Refit, snapshot: Snapshot, facts: Facts | None) -> li
         if create.kind not in KINDS:
             findings.append(Finding("crutd.unknown_kind", f"no kind {create.kind!r}", create.key))
     findings += _check_once(operation)
-    return findings if facts is None else [*findings, *_check_around(snapshot, facts)]
+    if facts is None:
+        return findings
+    return [*findings, *_check_places(operation, snapshot, facts), *_check_around(snapshot, facts)]
+
+
+def _check_places(operation: Refit, snapshot: Snapshot, facts: Facts) -> list[Finding]:
+    """Refuse parts that come where there is no room; those that go make room."""
+    gone = set(operation.gone)
+    places = [
+        replace(place, there=tuple(one for one in place.there if one.id not in gone))
+        for place in facts.places
+    ]
+    arriving = [
+        (Thing(one.resource_id, one.name, one.kind), one.parent_id) for one in operation.added
+    ]
+    for resource_id, parent_id in operation.back.items():
+        state = snapshot[resource_id]
+        arriving.append((Thing(state.id, state.name, state.kind), parent_id))
+    return check_arriving(arriving, places)
 
 
 def _check_archive(operation: Refit, snapshot: Snapshot) -> Iterator[Finding]:

@@ -132,6 +132,8 @@ def _apply(replay: Replay, event: Happening) -> None:
         node.config = config
     for node, parent_id in _each(replay, change["moves"]):
         node.parent_id, node.pose = UUID(parent_id), None
+    for node, pose in _each(replay, change.get("poses", {})):
+        node.pose = pose
     for node in _listed(replay, change["archived"]):
         node.is_archived = True
     for node in _listed(replay, change.get("restored", ())):

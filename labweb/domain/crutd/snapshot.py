@@ -10,6 +10,7 @@ from uuid import UUID
 
 from labweb.domain.graph.attached import Attachment
 from labweb.domain.resources.contents import Contents, LotId, Phase
+from labweb.domain.resources.places import Place, Thing
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -41,7 +42,12 @@ class ResourceState:
     """Transaction whose outcome nobody knows."""
 
     is_archived: bool = False
-    has_children: bool = False
+    there: tuple[Thing, ...] = ()
+    """What stands in it, where that has a say in what may come: `places.is_bounded`."""
+
+    sites_count: int | None = None
+    """How many things a rack or a carrier takes; None: nobody stated it."""
+
     ancestor_ids: tuple[UUID, ...] = ()
 
 
@@ -114,6 +120,9 @@ class Facts:
 
     inside: Snapshot = field(default_factory=dict)
     """What stands in the parts of a device that go, at any depth, and is no part of it."""
+
+    places: tuple[Place, ...] = ()
+    """Where parts of a device come to stand, without those that come themselves."""
 
     reserved: Mapping[UUID, str] = field(default_factory=dict)
     """Who has reserved a part that goes, and until when."""

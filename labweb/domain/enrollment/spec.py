@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Mapping
-from typing import Any, Literal
+from collections.abc import Iterator, Mapping
+from typing import Any, Literal, TypeGuard
 
 import msgspec
 
@@ -261,7 +261,22 @@ def check_arguments(action: ActionSpec, arguments: Mapping[str, Any]) -> list[Fi
 
 def check_config(spec: DriverSpec, config: Mapping[str, Any]) -> list[Finding]:
     """List every way in which the settings do not fit the driver; empty means go."""
-    return _check_values(spec.class_name, spec.config, config)
+    findings = _check_values(spec.class_name, spec.config, config)
+    return findings or list(_check_limits(spec, config))
+
+
+def _check_limits(spec: DriverSpec, config: Mapping[str, Any]) -> Iterator[Finding]:
+    """Refuse limits that cross: a smallest value above the largest, set or by default."""
+    known = {one.name: one.default for one in spec.config if not one.required} | dict(config)
+    for name, low in known.items():
+        high = known.get(f"max_{name.removeprefix('min_')}") if name.startswith("min_") else None
+        if _is_number(low) and _is_number(high) and low > high:
+            text = f"{spec.class_name}: {name} {low} is above max_{name[4:]} {high}"
+            yield _finding("range", spec.class_name, name, text)
+
+
+def _is_number(value: object) -> TypeGuard[float]:
+    return isinstance(value, int | float) and not isinstance(value, bool)
 
 
 def check_reading(told: ParameterSpec, value: object) -> list[Finding]:

@@ -28,6 +28,7 @@ from labweb.domain.messages.commands import Release as Release
 from labweb.domain.messages.commands import Reset as Reset
 from labweb.domain.messages.commands import Resolve as Resolve
 from labweb.domain.messages.commands import ResourceView as ResourceView
+from labweb.domain.messages.commands import StandingView as StandingView
 from labweb.domain.messages.commands import Tick as Tick
 from labweb.domain.messages.drivers import DeviceConfig as DeviceConfig
 from labweb.domain.messages.drivers import Devices as Devices

@@ -12,6 +12,14 @@ from labweb.domain.messages.drivers import Signed
 from labweb.domain.messages.version import PROTOCOL_VERSION
 
 
+class StandingView(msgspec.Struct, frozen=True, kw_only=True):
+    """What stands in a place, as far as it takes room there."""
+
+    id: UUID
+    name: str
+    kind: str
+
+
 class ResourceView(msgspec.Struct, frozen=True, kw_only=True):
     """State of one resource as the server knows it when it dispatches."""
 
@@ -29,6 +37,11 @@ class ResourceView(msgspec.Struct, frozen=True, kw_only=True):
     dead_volume_nl: int = 0
     data: dict[str, Any] = msgspec.field(default_factory=dict)
     is_archived: bool = False
+    there: list[StandingView] = msgspec.field(default_factory=list)
+    """Of a place to which something is carried: what stands there before."""
+
+    sites_count: int | None = None
+    """How many things a rack or a carrier takes; None: nobody stated it."""
 
 
 class BatchPart(msgspec.Struct, frozen=True, kw_only=True):

@@ -10,8 +10,9 @@ import msgspec
 from labweb.domain.crutd.decide import Change, ResourceState, Snapshot
 from labweb.domain.crutd.ledger import vessel_of
 from labweb.domain.crutd.operations import Create
-from labweb.domain.messages import ResourceView
+from labweb.domain.messages import ResourceView, StandingView
 from labweb.domain.resources.contents import LotId, add, remove
+from labweb.domain.resources.places import Thing
 from labweb.domain.runs.journal import HeldResource, JournalWrite
 
 DEEPEST_TREE = 64
@@ -64,6 +65,7 @@ def apply_change(tx: JournalWrite, change: Change, action_id: UUID) -> dict[str,
         held[resource_id] = HeldResource(view=fresh)
     for resource_id, parent_id in change.moves.items():
         view = _held(tx, held, resource_id).view
+        _make_room(tx, view, parent_id)
         held[resource_id] = HeldResource(view=msgspec.structs.replace(view, parent_id=parent_id))
     for resource_id in change.archived:
         view = _held(tx, held, resource_id).view
@@ -74,6 +76,17 @@ def apply_change(tx: JournalWrite, change: Change, action_id: UUID) -> dict[str,
     for operation in change.created:
         held[operation.resource_id] = HeldResource(view=_created(operation))
     return {str(i): _keep(tx, held[i]) for i in sorted(held)}
+
+
+def _make_room(tx: JournalWrite, moved: ResourceView, place_id: UUID) -> None:
+    """Write down what stands in the place that a thing leaves, and in that to which it comes."""
+    thing = StandingView(id=moved.id, name=moved.name, kind=moved.kind)
+    for one, comes in ((moved.parent_id, []), (place_id, [thing])):
+        place = None if one is None else tx.resource(one)
+        if place is not None:
+            there = [other for other in place.view.there if other.id != moved.id]
+            view = msgspec.structs.replace(place.view, there=[*there, *comes])
+            tx.put_resource(HeldResource(view=view, quarantined_by=place.quarantined_by))
 
 
 def _pour(tx: JournalWrite, change: Change, held: dict[UUID, HeldResource]) -> None:
@@ -138,6 +151,8 @@ def _to_state(tx: JournalWrite, held: HeldResource) -> ResourceState:
         data=view.data,
         quarantined_by=held.quarantined_by,
         is_archived=view.is_archived,
+        there=tuple(Thing(one.id, one.name, one.kind) for one in view.there),
+        sites_count=view.sites_count,
         knows_masses=False,
         ancestor_ids=_ancestors(tx, view.parent_id),
     )

@@ -13,6 +13,7 @@ from labweb.common.clock import new_id, now
 from labweb.crutd import selectors as crutd_selectors
 from labweb.crutd import services as crutd_services
 from labweb.crutd.selectors import Transaction
+from labweb.crutd.selectors.placing import with_place
 from labweb.domain.crutd import operations
 from labweb.domain.errors import LockedError, PreconditionError
 from labweb.domain.messages import BatchPart, Do, ResourceView
@@ -152,6 +153,8 @@ def _views(jobs: Sequence[Job]) -> list[ResourceView]:
         ids |= {UUID(node) for node in job.locks}
     rows = resource_selectors.rows(ids)
     states = crutd_selectors.snapshot(rows)
+    for job in jobs:
+        states = with_place(operations.from_json(job.operation), states)
     return [dispatch.view_of(row, states[row.id]) for row in rows]
 
 

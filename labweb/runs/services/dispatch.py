@@ -23,7 +23,16 @@ from labweb.domain.calibration.model import Correction
 from labweb.domain.crutd import operations
 from labweb.domain.crutd.decide import ResourceState
 from labweb.domain.errors import LockedError, PreconditionError
-from labweb.domain.messages import Cancel, Command, Do, Reset, Resolve, ResourceView, Signed
+from labweb.domain.messages import (
+    Cancel,
+    Command,
+    Do,
+    Reset,
+    Resolve,
+    ResourceView,
+    Signed,
+    StandingView,
+)
 from labweb.domain.runs.job import JobState, Mover
 from labweb.domain.runs.relay import RING_AGAIN_AFTER_S, BatchDraft, signed_batch, stamped
 from labweb.domain.runs.scheduler import JobView
@@ -268,6 +277,8 @@ def view_of(row: Resource, state: ResourceState) -> ResourceView:
         dead_volume_nl=state.dead_volume_nl,
         data=row.data,
         is_archived=row.is_archived,
+        there=[StandingView(id=one.id, name=one.name, kind=one.kind) for one in state.there],
+        sites_count=state.sites_count,
     )
 
 

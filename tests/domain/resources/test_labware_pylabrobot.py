@@ -168,6 +168,8 @@ def test_code_of_others_is_left_out_and_noted() -> None:
 
 def test_a_lid_on_a_plate_is_no_well_of_it() -> None:
     plate = a_plate()
+    plate.update(size_x=40, size_y=40, size_z=40)
+    plate["children"][1]["location"]["x"] = 20
     plate["children"].append(a_node("lid", "lid"))
     part, _ = parse_pylabrobot(plate)
     assert [well.address for well in definition_of(part).wells] == ["A1", "B1"]

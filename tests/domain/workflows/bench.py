@@ -5,7 +5,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from typing import Any
 from uuid import UUID, uuid5
@@ -139,6 +139,12 @@ class Bench:
             id=id_of(key), name=name, kind=kind, parent_id=parent, **state
         )
         return id_of(key)
+
+    def stand(self, key: str, on: str) -> None:
+        """Put a resource elsewhere."""
+        self.resources = [
+            replace(one, parent_id=id_of(on)) if one.key == key else one for one in self.resources
+        ]
 
     def vessel(
         self,

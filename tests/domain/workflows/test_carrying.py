@@ -34,6 +34,7 @@ def lab() -> Bench:
     bench.add("rack", "tube_rack")
     bench.vessel("tube", kind="vial", on="rack")
     bench.add("bench_9", "bench")
+    bench.stand("reactor", "bench_9")
     bench.add("arm", "workstation")
     bench.device("arm", ARM, {"arm": "arm"})
     return bench
@@ -74,6 +75,36 @@ def test_what_cannot_be_carried_so_is_refused(
 ) -> None:
     (finding,) = findings_of(lab, flow(carry(to, 1, **changes)))
     assert (finding.subject, finding.code, finding.context["field"]) == ("c1", code, field)
+
+
+@pytest.mark.parametrize(
+    ("to", "kind", "there", "code"),
+    [
+        ("slot_9", "slot", "vial", "place.occupied"),
+        ("pan_9", "balance", "vial", "place.occupied"),
+        ("plate_9", "plate", "", "place.wrong_kind"),
+        ("deck_9", "deck", "", "place.wrong_kind"),
+    ],
+)
+def test_a_carry_to_where_there_is_no_room_is_refused_when_it_is_planned(
+    lab: Bench, to: str, kind: str, there: str, code: str
+) -> None:
+    lab.add(to, kind)
+    if there:
+        lab.vessel("other", kind=there, on=to)
+    (finding,) = findings_of(lab, flow(carry(to)))
+    assert (finding.code, finding.context["field"]) == (code, "params.place")
+
+
+def test_the_second_of_two_carries_to_one_slot_is_refused_and_not_once_the_first_has_left(
+    lab: Bench,
+) -> None:
+    lab.add("slot_9", "slot")
+    lab.add("plate_9", "plate")
+    second = carry("slot_9", 2, resource="@plate_9")
+    assert codes_of(lab, chain(carry("slot_9"), second)) == [("c2", "place.occupied")]
+    away = carry("bench_9", 3)
+    assert len(plan_of(lab, chain(carry("slot_9"), away, second)).jobs) == 3
 
 
 def test_what_is_connected_is_refused_by_name_and_what_only_stands_is_not(lab: Bench) -> None:

@@ -301,8 +301,8 @@ class LabMachine(RuleBasedStateMachine):
         """Take out of service, or back."""
         row, archive = Resource.objects.get(pk=self.ids[thing]), self.ids["archive"]
         if row.is_archived:
-            ends = {"from_id": archive, "to_id": self.ids[place]}
-            self.by_hand(operations.Restore(resource_id=row.id, **ends))
+            to = self.ids[place]
+            self.by_hand(operations.Restore(resource_id=row.id, from_id=archive, to_id=to))
         else:
             self.by_hand(operations.Delete(resource_id=row.id, archive_id=archive))
 

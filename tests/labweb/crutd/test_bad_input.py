@@ -43,6 +43,66 @@ def test_an_amount_that_overflows_or_is_none_is_refused(
     assert rows() == before
 
 
+@pytest.mark.parametrize(
+    ("operation", "path"),
+    [
+        ({"pose": {"x_mm": 1}}, "operation.pose"),
+        ({"extra": {}}, "operation.extra"),
+        ({"configg": {"capacity_ul": 5}}, "operation.configg"),
+        ({"data": {"a": 1}}, "operation.data"),
+    ],
+)
+def test_a_field_of_a_create_that_nobody_reads_is_refused_by_its_path(
+    bench: Bench, operation: dict[str, Any], path: str
+) -> None:
+    plain = {"op": "create", "resource_id": str(uuid4()), "parent_id": node(bench, "bench_1")}
+    before = rows()
+    status, told = post(bench, plain | {"key": "v", "name": "V", "kind": "vial"} | operation)
+    assert (status, told["code"]) == (422, "http.body"), told
+    assert [(one["code"], one["subject"]) for one in told["findings"]] == [
+        ("http.unknown_field", path)
+    ]
+    assert rows() == before
+
+
+def test_a_field_of_a_portion_that_nobody_reads_is_refused_by_its_path(bench: Bench) -> None:
+    portions = [{"resource_id": node(bench, "flask_1"), "amount_nl": 5, "amount_ml": 5}]
+    status, told = post(bench, delivery(bench, portions=portions))
+    assert status == 422
+    assert told["findings"][0]["subject"] == "operation.portions[0].amount_ml"
+
+
+def test_a_field_of_a_config_that_its_kind_does_not_have_is_refused(bench: Bench) -> None:
+    operation: dict[str, Any] = {"op": "create", "resource_id": str(uuid4())}
+    operation["parent_id"] = node(bench, "bench_1")
+    operation |= {"key": "v", "name": "V", "kind": "vial", "config": {"colour": "red"}}
+    refused(bench, operation, "lab_file.unknown_field")
+
+
+@pytest.mark.parametrize("digits", [316, 5000])
+def test_an_amount_of_hundreds_of_digits_is_refused_and_is_no_failure(
+    bench: Bench, digits: int
+) -> None:
+    plain = json.dumps({"operation": pour(bench, "water", "flask_1", 12345)})
+    body = plain.replace("12345", "9" * digits)
+    client = signed_in(bench.people["chemist"])
+    answer = client.post("/api/v1/operations", body, content_type="application/json")
+    assert answer.status_code == 400, answer.content
+
+
+@pytest.mark.parametrize("number", ["1e308", "9" * 250])
+def test_a_capacity_beyond_all_vessels_is_refused_and_is_no_failure(
+    bench: Bench, number: str
+) -> None:
+    operation: dict[str, Any] = {"op": "create", "resource_id": str(uuid4())}
+    operation["parent_id"] = node(bench, "bench_1")
+    operation |= {"key": "v", "name": "V", "kind": "vial", "config": {"capacity_ul": 12345}}
+    body = json.dumps({"operation": operation}).replace("12345", number)
+    client = signed_in(bench.people["chemist"])
+    answer = client.post("/api/v1/operations", body, content_type="application/json")
+    assert answer.status_code in (412, 422), answer.content
+
+
 @pytest.mark.parametrize("number", ["NaN", "Infinity", "-Infinity", "1e400"])
 def test_an_amount_that_is_no_number_is_refused(bench: Bench, number: str) -> None:
     plain = json.dumps({"operation": pour(bench, "water", "flask_1", 12345)})

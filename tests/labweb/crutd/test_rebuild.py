@@ -46,7 +46,7 @@ def test_a_lab_that_was_only_imported_is_rebuilt(bench: Bench) -> None:
 
 def test_a_lab_that_ran_and_was_worked_on_by_hand_is_rebuilt(bench: Bench) -> None:
     an_edge(bench).work_off(a_started_run(bench))
-    move(bench, "flask_2", "balance_1")
+    move(bench, "flask_2", "lab")
     bench_1 = bench.node("bench_1")
     do(bench, operations.Update(resource_id=bench_1.id, data={"note": "clean"}))
     do(
@@ -56,7 +56,8 @@ def test_a_lab_that_ran_and_was_worked_on_by_hand_is_rebuilt(bench: Bench) -> No
             key="new", name="New", kind="vial", config={"capacity_ul": 5},
         ),
     )  # fmt: skip
-    flask, archive = bench.node("flask_1"), bench.node("archive")
+    flask, archive = bench.unplug("flask_1"), bench.node("archive")
+    do(bench, operations.Dispose(resource_id=flask.id))
     do(bench, operations.Delete(resource_id=flask.id, archive_id=archive.id))
     assert rebuild_differences(bench.lab) == []
 
@@ -169,7 +170,7 @@ def test_every_moment_can_be_shown_again(bench: Bench) -> None:
 
     edge = an_edge(bench)
     moments = [(now(), state())]
-    move(bench, "flask_2", "balance_1")
+    move(bench, "flask_2", "lab")
     moments.append((now(), state()))
     attempt = to_transfer(a_started_run(bench), edge)
     moments.append((now(), state()))
@@ -193,7 +194,7 @@ def test_every_moment_can_be_shown_again(bench: Bench) -> None:
 def test_the_api_shows_the_lab_as_it_was(bench: Bench) -> None:
     client = signed_in(bench.people["observer"])
     before, at = read(client, "/api/v1/resources"), now()
-    move(bench, "flask_2", "balance_1")
+    move(bench, "flask_2", "lab")
     an_edge(bench).work_off(a_started_run(bench))
     after = read(client, "/api/v1/resources")
     was = read(client, f"/api/v1/resources?at={quote(at.isoformat())}")

@@ -100,7 +100,7 @@ def test_an_import_receives_its_contents_and_balances(bench: Bench) -> None:
 
 
 def test_a_persons_move_changes_one_row_and_leaves_an_event(bench: Bench) -> None:
-    operation = move_to(bench, "flask_2", "balance_1")
+    operation = move_to(bench, "flask_2", "lab")
     flask = bench.node("flask_2")
     services.carry_out(operation, lab=bench.lab, actor_id=bench.people["chemist"].pk)
     moved = bench.node("flask_2")
@@ -112,7 +112,7 @@ def test_a_persons_move_changes_one_row_and_leaves_an_event(bench: Bench) -> Non
 
 
 def test_what_is_locked_cannot_be_moved(bench: Bench) -> None:
-    operation = move_to(bench, "flask_2", "balance_1")
+    operation = move_to(bench, "flask_2", "lab")
     services.lock_operation(operation, lab=bench.lab, targets=[], actor_id=None)
     with pytest.raises(LockedError) as refusal:
         services.carry_out(operation, lab=bench.lab, actor_id=bench.people["chemist"].pk)
@@ -171,7 +171,7 @@ def test_a_lock_on_a_place_closes_what_stands_in_it(bench: Bench) -> None:
     update = operations.Update(resource_id=bench_1.id, data={"note": "closed"})
     services.lock_operation(update, lab=lab, targets=[], actor_id=None)
     with pytest.raises(LockedError):
-        services.carry_out(move_to(bench, "flask_2", "balance_1"), lab=lab, actor_id=actor)
+        services.carry_out(move_to(bench, "flask_2", "lab"), lab=lab, actor_id=actor)
 
 
 def test_nothing_can_be_carried_into_itself(bench: Bench) -> None:

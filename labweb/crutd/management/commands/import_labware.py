@@ -21,6 +21,8 @@ from labweb.domain.graph.lab_file.model import entry_id
 from labweb.domain.resources.labware.files import LabwareFile, read_labware, resources_of
 from labweb.domain.resources.labware.rows import Identity
 from labweb.domain.resources.node import Resource
+from labweb.domain.resources.places import check_places
+from labweb.domain.resources.tree import Tree
 from labweb.resources import selectors as resource_selectors
 from labweb.resources.selectors import Lab
 
@@ -83,7 +85,8 @@ class Command(BaseCommand):
         with atomic():
             import_labware(resources, lab=lab, actor=None, source=source)
             set_rollback(options["check"])
-        return _counted(resources)
+        notes = [*file.notes, *check_places(Tree(tuple(resources)))]
+        return {**_counted(resources), "notes": _plain(notes)}
 
     def _say(self, answer: dict[str, Any], *, is_json: bool) -> None:
         if is_json:

@@ -18,7 +18,7 @@ from labweb.domain.graph.lab_file.bindings import (
     find_value,
     is_match,
 )
-from labweb.domain.graph.lab_file.check import check_lab
+from labweb.domain.graph.lab_file.check import PLACE_CODES, check_lab, place_notes
 from labweb.domain.graph.lab_file.config import check_config
 from labweb.domain.graph.lab_file.guard import refuse_all
 from labweb.domain.graph.lab_file.model import (
@@ -66,7 +66,9 @@ def apply_binding(lab: LabFile, binding: Binding) -> tuple[LabFile, tuple[Findin
     findings = check_lab(bound)
     if findings:
         raise refuse_all(findings, f"the binding of {lab.name!r}")
-    return replace(bound, notes=(*lab.notes, *notes)), tuple(notes)
+    notes += place_notes(bound)
+    before = [note for note in lab.notes if note.code not in PLACE_CODES]
+    return replace(bound, notes=(*before, *notes)), tuple(notes)
 
 
 def _apply_classes(lab: LabFile, binding: Binding, notes: list[Finding]) -> LabFile:

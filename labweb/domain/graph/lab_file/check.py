@@ -4,28 +4,45 @@ from __future__ import annotations
 
 from collections import Counter, defaultdict
 from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import replace
 from uuid import UUID
 
 from labweb.domain.errors import Finding
 from labweb.domain.graph.lab_file.amounts import to_nl
 from labweb.domain.graph.lab_file.bounds import check_bounds
 from labweb.domain.graph.lab_file.config import check_config
-from labweb.domain.graph.lab_file.model import DeviceEntry, LabFile, Mode
+from labweb.domain.graph.lab_file.model import UNI_LAB_OS, DeviceEntry, LabFile, Mode
+from labweb.domain.graph.lab_file.sizes import check_sizes
 from labweb.domain.graph.topology import Medium
 from labweb.domain.resources.contents import LotId, Phase, total_nl
 from labweb.domain.resources.kinds import is_vessel
 from labweb.domain.resources.node import Resource
+from labweb.domain.resources.places import check_places
 from labweb.domain.resources.tree import check_tree
+
+PLACE_CODES = frozenset(
+    {
+        "place.wrong_kind",
+        "place.occupied",
+        "place.not_in_slot",
+        "crutd.no_place",
+        "pose.outside",
+        "lab_file.volume",
+    }
+)
+"""What `place_notes` finds: as kinds become known, it is looked at again."""
 
 
 def check_lab(lab: LabFile) -> list[Finding]:
     """List everything that keeps this from being a lab; an empty list means it is one."""
+    broken = check_tree(lab.resources)
     return [
         *_check_unique(lab),
-        *check_tree(lab.resources),
+        *broken,
         *_check_root(lab),
         *check_bounds(lab),
         *_check_configs(lab),
+        *([] if broken else [*_check_places(lab), *_check_sizes(lab)]),
         *_check_contents(lab),
         *_check_ends(lab),
         *_check_devices(lab),
@@ -65,6 +82,29 @@ def _check_configs(lab: LabFile) -> list[Finding]:
         finding
         for resource in lab.resources
         for finding in check_config(resource.kind, resource.config, f"resources[{resource.key!r}]")
+    ]
+
+
+def _check_places(lab: LabFile) -> Iterator[Finding]:
+    """Refuse what stands where it cannot; what another format says so is a note of its reader."""
+    for finding in check_places(lab.tree):
+        if UNI_LAB_OS not in lab.tree.by_key[finding.subject].extra:
+            message = f"resources[{finding.subject!r}]: parent: {finding.message}"
+            yield replace(finding, message=message)
+
+
+def _check_sizes(lab: LabFile) -> Iterator[Finding]:
+    for finding in check_sizes(lab.tree):
+        if UNI_LAB_OS not in lab.tree.by_key[finding.subject].extra:
+            yield finding
+
+
+def place_notes(lab: LabFile) -> list[Finding]:
+    """List what stands where it cannot by a format that does not ask, by node; it is kept."""
+    return [
+        replace(finding, message=f"{finding.subject}: {finding.message}; kept as written")
+        for finding in (*check_places(lab.tree), *check_sizes(lab.tree))
+        if UNI_LAB_OS in lab.tree.by_key[finding.subject].extra
     ]
 
 

@@ -11,7 +11,14 @@ from msgspec import Meta
 from labweb.domain.errors import Finding
 from labweb.domain.graph.lab_file.entries import Name, NotNegative, Positive, read_entry
 from labweb.domain.resources.kinds import KINDS, is_vessel
-from labweb.domain.resources.labware.geometry import Cavity, Section, check_cavity
+from labweb.domain.resources.labware.geometry import (
+    Cavity,
+    Section,
+    capacity_ul,
+    check_cavity,
+    depth_mm,
+)
+from labweb.domain.resources.labware.soundness import INSIDE_RATIO, TOLERANCE_MM
 
 Celsius = Annotated[float, Meta(ge=-273.15, le=3000)]
 Stream = Literal[
@@ -94,6 +101,13 @@ class LabwareConfig(_Config, frozen=True, kw_only=True):
     definition_format: Name | None = None
 
 
+class RackConfig(LabwareConfig, frozen=True, kw_only=True):
+    """Labware in which tubes, vials or other labware stand."""
+
+    sites_count: Annotated[int, Meta(ge=1, le=10_000)] | None = None
+    """How many things it takes, one on each site; absent is unknown."""
+
+
 class RotaryValveConfig(_Config, frozen=True, kw_only=True):
     """A selector: one common port, joined to one of the numbered ports at a time."""
 
@@ -141,8 +155,8 @@ class BalanceConfig(_Config, frozen=True, kw_only=True):
 
 _SPECIAL: Mapping[str, type[_Config]] = {
     **dict.fromkeys(("well", "tube", "trough"), CavityConfig),
-    **dict.fromkeys(("plate", "tip_rack", "tube_rack", "reservoir", "carrier"), LabwareConfig),
-    **dict.fromkeys(("lid", "deck"), LabwareConfig),
+    **dict.fromkeys(("plate", "tip_rack", "reservoir", "lid", "deck"), LabwareConfig),
+    **dict.fromkeys(("tube_rack", "carrier"), RackConfig),
     "waste": WasteConfig,
     "tip": TipConfig,
     "tip_spot": TipSpotConfig,
@@ -176,22 +190,42 @@ def check_config(kind: str, config: Mapping[str, Any], subject: str) -> list[Fin
     return findings or _check_ranges(config, subject)
 
 
+def _check_inside(config: Mapping[str, Any], sections: Cavity) -> list[str]:
+    """Compare what is stated of a cavity with its shape, where that is one."""
+    if check_cavity(sections):
+        return []
+    problems = []
+    stated, holds = config.get("capacity_ul"), capacity_ul(sections)
+    if stated is not None and stated > holds * (1 + INSIDE_RATIO):
+        problems.append(f"holds {holds:.4g} µL, and capacity_ul is {stated:g}")
+    depth = config.get("depth_mm")
+    if depth is not None and depth_mm(sections) > depth + TOLERANCE_MM:
+        problems.append(f"is {depth_mm(sections):g} mm deep, and depth_mm is {depth:g}")
+    return problems
+
+
 def _check_ranges(config: Mapping[str, Any], subject: str) -> list[Finding]:
-    pairs = (
-        ("min_temperature_c", "max_temperature_c"),
-        ("min_speed_rpm", "max_speed_rpm"),
-        ("dead_volume_ul", "capacity_ul"),
-    )
+    limits = [
+        (name, f"max_{name.removeprefix('min_')}") for name in config if name.startswith("min_")
+    ]
     findings = []
-    for low_name, high_name in pairs:
+    for low_name, high_name, may_meet in (
+        *((low, high, True) for low, high in limits),
+        ("dead_volume_ul", "capacity_ul", False),
+        ("overlap_mm", "length_mm", False),
+        ("tip_overlap_mm", "tip_length_mm", False),
+        ("resolution_mg", "max_load_mg", False),
+    ):
         low, high = config.get(low_name), config.get(high_name)
-        if low is not None and high is not None and low > high:
-            message = f"{subject}.config: {low_name} {low} is above {high_name} {high}"
-            findings.append(Finding("lab_file.range", message, subject, {"field": low_name}))
+        if low is None or high is None or low < high or (may_meet and low == high):
+            continue
+        relation = "above" if low > high else "not below"
+        message = f"{subject}.config: {low_name} {low} is {relation} {high_name} {high}"
+        findings.append(Finding("lab_file.range", message, subject, {"field": low_name}))
     if config.get("cavity") is not None:
         sections = msgspec.convert(config["cavity"], Cavity)
         findings += [
             Finding("lab_file.range", f"{subject}.config: cavity: {problem}", subject)
-            for problem in check_cavity(sections)
+            for problem in (*check_cavity(sections), *_check_inside(config, sections))
         ]
     return findings

@@ -15,8 +15,8 @@ SCHEMA = "labweb.lab/1"
 
 Key = Annotated[str, Meta(min_length=1, max_length=500)]
 Name = Annotated[str, Meta(min_length=1, max_length=500)]
-Positive = Annotated[float, Meta(gt=0)]
-NotNegative = Annotated[float, Meta(ge=0)]
+Positive = Annotated[float, Meta(gt=0, le=1e15)]
+NotNegative = Annotated[float, Meta(ge=0, le=1e15)]
 Length = Annotated[float, Meta(ge=0, le=1_000_000)]
 Json = dict[str, Any]
 Entry = TypeVar("Entry", bound=msgspec.Struct)

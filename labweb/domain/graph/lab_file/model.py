@@ -15,6 +15,9 @@ from labweb.domain.resources.contents import LotId, Phase
 from labweb.domain.resources.node import Resource
 from labweb.domain.resources.tree import Tree
 
+UNI_LAB_OS = "uni_lab_os"
+"""Name of that format, and of its place in `extra`."""
+
 LAB_NAMESPACE = UUID("5f6f6f2c-3f0b-5d0e-9a53-0c5b8e0d7a11")
 """Namespace under which the name of a lab becomes its id."""
 

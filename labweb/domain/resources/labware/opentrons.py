@@ -15,6 +15,7 @@ from labweb.domain.resources.labware.geometry import Cavity
 from labweb.domain.resources.labware.opentrons_cavity import read_cavities
 from labweb.domain.resources.labware.opentrons_seat import read_seat
 from labweb.domain.resources.labware.reader import Reader, open_reader
+from labweb.domain.resources.labware.soundness import check_definition
 
 MAX_WELLS = 10_000
 
@@ -59,6 +60,13 @@ def parse_opentrons(value: object) -> LabwareDefinition:
         reader.refuse("labware.version", f"is {version!r:.40}, not 2 or 3", "schemaVersion")
     reader.done("the labware definition")
     definition = _read(reader, 3 if version == 3 else 2)
+    reader.done("the labware definition")
+    layout = reader.optional_object("parameters").value.get("format")
+    category = reader.optional_object("metadata").value.get("displayCategory")
+    for field, problem in check_definition(
+        definition, layout if isinstance(layout, str) else "", is_block=category in _BLOCKS
+    ):
+        reader.refuse("labware.contradiction", problem, field)
     reader.done("the labware definition")
     return definition
 

@@ -13,6 +13,8 @@ from labweb.domain.resources.labware.definition import (
     WellDefinition,
 )
 from labweb.domain.resources.labware.geometry import Cavity
+from labweb.domain.resources.labware.reader import MAX_FINDINGS
+from labweb.domain.resources.labware.soundness import check_definition
 from labweb.domain.resources.pose import Pose, compose, rotate
 
 HERE = Pose(0.0, 0.0, 0.0)
@@ -106,7 +108,7 @@ def definition_of(part: Part) -> LabwareDefinition:
             code="labware.invalid",
             findings=findings,
         )
-    return LabwareDefinition(
+    made = LabwareDefinition(
         name=part.label,
         label=part.label,
         kind=part.kind,
@@ -116,6 +118,17 @@ def definition_of(part: Part) -> LabwareDefinition:
         wells=wells,
         tip=next((child.tip for child in inside if child.tip is not None), None),
     )
+    wrong = [
+        Finding("labware.contradiction", f"{part.name}, {field}: {problem}", part.name)
+        for field, problem in check_definition(made)
+    ]
+    if wrong:
+        raise DefinitionError(
+            f"{part.name} is no labware: {wrong[0].message}",
+            code="labware.invalid",
+            findings=wrong[:MAX_FINDINGS],
+        )
+    return made
 
 
 def _well(part: Part, child: Part, findings: list[Finding]) -> WellDefinition | None:

@@ -138,7 +138,10 @@ def _labware_config(definition: LabwareDefinition) -> dict[str, Any]:
         return _vessel_config(sum(well.capacity_nl or 0 for well in definition.wells) or None)
     if definition.kind == "foreign":
         return {}
-    return {"definition": definition.name, "definition_format": definition.source}
+    config = {"definition": definition.name, "definition_format": definition.source}
+    if definition.kind == "tube_rack" and definition.wells:
+        return {**config, "sites_count": len(definition.wells)}
+    return config
 
 
 def _well(

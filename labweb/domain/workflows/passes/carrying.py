@@ -9,6 +9,7 @@ import msgspec
 from labweb.domain.crutd.operations import TransferResource
 from labweb.domain.errors import NotFoundError
 from labweb.domain.graph.attached import check_loose, find_attachments
+from labweb.domain.resources.places import check_standing, sites_of
 from labweb.domain.workflows.passes.acting import draft_of
 from labweb.domain.workflows.passes.confirming import MAY_STAY_UNCONFIRMED, may_confirm
 from labweb.domain.workflows.passes.draft import Drafting, DraftStep
@@ -97,6 +98,11 @@ def _operation(step: Step, drafting: Drafting) -> TransferResource | None:
     if from_id is None or place in inside:
         message = f"{drafting.name(moved)} cannot stand in itself"
         drafting.refuse(step, "crutd.into_itself", message, "params.place")
+    if from_id != place and place not in inside:
+        there = [one for one in tree.children.get(place, ()) if one.id != moved]
+        sites_count = sites_of(tree.find(place).config)
+        for finding in check_standing(tree.find(moved), tree.find(place), there, sites_count):
+            drafting.refuse(step, finding.code, finding.message, "params.place", **finding.context)
     if from_id is None or len(drafting.findings) > found:
         return None
     return TransferResource(resource_id=moved, from_id=from_id, to_id=place)

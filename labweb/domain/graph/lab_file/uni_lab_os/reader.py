@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from copy import deepcopy
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 from uuid import UUID
 
 from labweb.domain.errors import Finding
-from labweb.domain.graph.lab_file.check import check_lab
+from labweb.domain.graph.lab_file.check import check_lab, place_notes
 from labweb.domain.graph.lab_file.guard import refuse_all
 from labweb.domain.graph.lab_file.model import LabFile, Lot, Material, Mode, entry_id, lab_id
 from labweb.domain.graph.lab_file.uni_lab_os.nodes import Graph, Link, read_graph
@@ -83,7 +83,7 @@ def read_uni_lab_os(raw: bytes, name: str) -> LabFile:
     findings = check_lab(result)
     if findings:
         raise refuse_all(findings, "the graph")
-    return result
+    return replace(result, notes=(*notes, *place_notes(result)))
 
 
 def _resources(

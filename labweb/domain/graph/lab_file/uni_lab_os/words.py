@@ -9,9 +9,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from labweb.domain.graph.lab_file.model import UNI_LAB_OS
 from labweb.domain.graph.topology import Medium
 
-FORMAT = "uni_lab_os"
+FORMAT = UNI_LAB_OS
 """Name of the format, and of its place in `extra`."""
 
 FOREIGN = "foreign"
