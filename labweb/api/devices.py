@@ -20,15 +20,15 @@ from labweb.domain.approvals.roles import Permission
 from labweb.domain.enrollment.admission import shows_itself
 from labweb.domain.enrollment.spec import UNITS, DriverSpec, StatusSpec
 from labweb.domain.errors import NotFoundError
-from labweb.domain.runs.halting import HaltState
+from labweb.domain.runs.halt_state import HaltState
 from labweb.enrollment import selectors as enrollment_selectors
 from labweb.enrollment.selectors import Device, EdgeHost
 from labweb.resources import selectors as resource_selectors
 from labweb.resources.selectors import Lab
 from labweb.runs import selectors as run_selectors
 from labweb.runs import services as run_services
+from labweb.runs.api.halts import render_halt
 from labweb.runs.api.lab import Nothing
-from labweb.runs.api.render import render_halt
 from labweb.runs.selectors import DeviceHalt, Job
 from labweb.telemetry import selectors as telemetry_selectors
 from labweb.telemetry.api import photo_told

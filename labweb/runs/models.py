@@ -7,7 +7,7 @@ from django.db import models
 from labweb.common.models import Base, enum_choices
 from labweb.domain.calibration.model import Quantity
 from labweb.domain.runs.custody import CustodyState
-from labweb.domain.runs.halting import HaltState
+from labweb.domain.runs.halt_state import HaltState
 from labweb.domain.runs.job import JobState, RunState
 
 

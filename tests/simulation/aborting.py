@@ -8,9 +8,9 @@ from typing import cast
 from uuid import UUID
 
 from labweb.domain.messages import Command, EdgeEvent, Halt, Signed
-from labweb.domain.runs import halting, scheduler
+from labweb.domain.runs import halt_state, halting, scheduler
 from labweb.domain.runs.edge import ActionState
-from labweb.domain.runs.halting import OPEN_HALTS, UNDECIDED, HaltState
+from labweb.domain.runs.halt_state import OPEN_HALTS, UNDECIDED, HaltState
 from labweb.domain.runs.job import AT_EDGE, FINAL, JobState, Mover, RunState
 from labweb.domain.runs.journal import ActionRow
 from tests.simulation.checks import require
@@ -92,13 +92,13 @@ class AbortingServer(HaltingServer):
             mine = [one for one in self.wishes if one.run == run and one.device_id == device_id]
             asked = {one.state for one in mine}
             standing = self._standing(device_id)
-            other = halting.who_keeps(id_of(RUN, run + 1), standing)
+            other = halt_state.who_keeps(id_of(RUN, run + 1), standing)
             is_ours = any(one.run_id == id_of(RUN, run + 1) for one in standing)
             acts = any(made.state in _ACTING for made in jobs)
             if (acts and not asked) or (is_ours and other is None and OPEN_HALTS.isdisjoint(asked)):
                 self._ask(jobs[0].host, device_id, run, halting.RUN_ABORTED)
 
-    def _standing(self, device_id: UUID) -> list[halting.Set]:
+    def _standing(self, device_id: UUID) -> list[halt_state.Set]:
         done = self.complete_on(device_id)
         told = [halting.Done(index=at, action=one.action, args={}) for at, one in enumerate(done)]
         found = [done[at] for at in halting.still_standing(told) if not done[at].halted_by]
@@ -110,7 +110,7 @@ class AbortingServer(HaltingServer):
             and halting.leaves_standing(made.action, {})
         ]
         return [
-            halting.Set(run_id=id_of(RUN, made.run + 1), is_live=self.is_live(made.run))
+            halt_state.Set(run_id=id_of(RUN, made.run + 1), is_live=self.is_live(made.run))
             for made in found
         ]
 

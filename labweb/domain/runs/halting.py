@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from enum import StrEnum
 from typing import Any
 from uuid import UUID
 
@@ -43,34 +42,6 @@ LET_GO = "let_go"
 IS_HALTED = "is_halted"
 """In the end of an action: its device was halted since it began, and what it set is gone."""
 
-
-class HaltState(StrEnum):
-    """How far a wish to halt one device has come."""
-
-    ASKED = "asked"
-    """Sent; its host has not answered."""
-
-    TAKEN = "taken"
-    """Its host has it on disk, and delivers it."""
-
-    OWED = "owed"
-    """It could not be delivered yet, and is as soon as its device or its host answers."""
-
-    HALTED = "halted"
-    """Delivered. The message says whether the device was seen to stand."""
-
-    KEPT = "kept"
-    """Not asked for: the device works for another run."""
-
-    LOST = "lost"
-    """Its host is given up, or serves it no more: a person has to look at the device."""
-
-
-UNDECIDED = frozenset({HaltState.ASKED, HaltState.TAKEN})
-"""Nothing is known yet of what came of it."""
-
-OPEN_HALTS = UNDECIDED | {HaltState.OWED}
-"""Nothing is sent to the device before it is delivered."""
 
 _SETPOINT = "_setpoint_"
 
@@ -238,26 +209,6 @@ def was_halted_since(told: Iterable[str]) -> bool:
 def _is_timed(one: Done) -> bool:
     """Say whether an action ended by itself what it began; heat is kept after a hold."""
     return "duration_s" in one.args and one.action != "hold"
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Set:
-    """A completed action that left something going which still goes, as the server knows it."""
-
-    run_id: UUID
-    is_live: bool
-    """Its run has not ended."""
-
-
-def who_keeps(run_id: UUID, standing: Iterable[Set]) -> UUID | None:
-    """Return another live run that a device works for; None: its halt is nobody else's loss.
-
-    Args:
-        run_id: The run that is aborted.
-        standing: All that goes on at the device by now.
-    """
-    others = (one for one in standing if one.is_live and one.run_id != run_id)
-    return next((one.run_id for one in others), None)
 
 
 # --- the host's side ----------------------------------------------------------------

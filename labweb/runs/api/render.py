@@ -28,8 +28,9 @@ from labweb.domain.runs.session import SessionState
 from labweb.resources import selectors as resource_selectors
 from labweb.resources.selectors import Lab
 from labweb.runs import selectors
+from labweb.runs.api.halts import render_halts
 from labweb.runs.api.question import render_question
-from labweb.runs.models import Attempt, DeviceHalt, Job, Run
+from labweb.runs.models import Attempt, Job, Run
 from labweb.telemetry import selectors as telemetry_selectors
 
 _ENDED = {RunState.COMPLETE.value, RunState.ABORTED.value}
@@ -155,7 +156,7 @@ def render_run(run: Run, user: User) -> dict[str, Any]:
             }
             for job in jobs
         ],
-        "halts": _halts(run),
+        "halts": render_halts(run),
         "files": _files(jobs),
         "proof": _proof(run),
         "approval": None if request is None else {"id": str(request.id), "state": request.state},
@@ -177,27 +178,6 @@ def render_run(run: Run, user: User) -> dict[str, Any]:
             "abort": may_run and not ended,
             "resolve": Permission.RESOLVE in allowed,
         },
-    }
-
-
-def _halts(run: Run) -> list[dict[str, Any]]:
-    """Return what came of each device that an aborted run had set; none before it is aborted."""
-    if not run.is_given_up:
-        return []
-    return [render_halt(row) for row in selectors.halts_of(run)]
-
-
-def render_halt(row: DeviceHalt) -> dict[str, Any]:
-    """Render one halt of one device."""
-    return {
-        "id": str(row.id),
-        "device": {"id": str(row.device_id), "name": row.device.name},
-        "state": row.state,
-        "message": row.message,
-        "at": iso(row.at),
-        "ended_at": iso(row.ended_at),
-        "run": None if row.run is None else {"id": str(row.run_id), "number": row.run.number},
-        "by": None if row.asked_by is None else row.asked_by.printed_name,
     }
 
 

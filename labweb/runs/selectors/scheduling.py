@@ -13,7 +13,7 @@ from django.db.models import DateTimeField, Q, QuerySet, Subquery, UUIDField
 
 from labweb.common.prepared import Given, Prepared, Question, together
 from labweb.domain.errors import LabError, NotFoundError
-from labweb.domain.runs.halting import UNDECIDED, HaltState
+from labweb.domain.runs.halt_state import UNDECIDED, HaltState
 from labweb.domain.runs.job import UNSTARTED, JobState, RunState
 from labweb.domain.runs.recovery import is_taken_away
 from labweb.domain.runs.scheduler import JobView, StepJob, held_by_steps

@@ -19,17 +19,13 @@ from labweb.common.wake import wake_dispatcher
 from labweb.domain.approvals.roles import Permission
 from labweb.domain.errors import DefinitionError, StateError
 from labweb.domain.messages import EdgeEvent, Halt
+from labweb.domain.runs.halt_state import OPEN_HALTS, UNDECIDED, HaltState, Set, who_keeps
 from labweb.domain.runs.halting import (
     DEVICE_STOPPED,
-    OPEN_HALTS,
     RUN_ABORTED,
-    UNDECIDED,
     Done,
-    HaltState,
-    Set,
     leaves_standing,
     still_standing,
-    who_keeps,
 )
 from labweb.domain.runs.job import AT_EDGE, UNSTARTED, JobState, Mover, RunState
 from labweb.domain.runs.session import SessionState

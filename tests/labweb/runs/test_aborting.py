@@ -12,9 +12,9 @@ import pytest
 from labweb.accounts.models import AuditEntry
 from labweb.common.clock import now
 from labweb.crutd import selectors as crutd_selectors
-from labweb.domain.errors import Effect, StateError
+from labweb.domain.errors import Effect
 from labweb.domain.runs import halting
-from labweb.domain.runs.edge import ActionState, Report
+from labweb.domain.runs.edge import Report
 from labweb.domain.runs.journal import ActionRow
 from labweb.enrollment.models import Device, EdgeHost
 from labweb.resources import selectors as resource_selectors
@@ -23,7 +23,7 @@ from labweb.runs.models import DeviceHalt, Job, Outbox, Run
 from labweb.runs.services import fencing
 from tests.builders import Bench, a_started_run
 from tests.labweb.runs.hosts import Host, a_heating_run, hear_stop, states
-from tests.labweb.runs.promises import KEPT, keeps, promised
+from tests.labweb.runs.promises import keeps
 from tests.labweb.web import call, signed_in
 
 HALTED = Report(
@@ -382,93 +382,3 @@ def test_a_stop_of_the_lab_halts_all_and_after_its_reset_runs_stay_paused(
     assert services.dispatch_ready() == 0
     kept = AuditEntry.objects.filter(action="lab.reset").latest("id")
     assert kept.reason == "looked at every device"
-
-
-def test_every_promise_of_a_dialog_is_kept_by_a_test() -> None:
-    assert set(KEPT) == promised()
-
-
-# --- one device ---------------------------------------------------------------------
-
-
-def stop_device(bench: Bench, who: str = "observer") -> dict[str, Any]:
-    heater = bench.device("heater_1")
-    answer = call(signed_in(bench.people[who]), "POST", f"/api/v1/devices/{heater.id}/stop", {})
-    assert answer.status_code == 200, answer.content
-    found: dict[str, Any] = json.loads(answer.content)
-    return found
-
-
-@keeps(
-    "Halts this device now, whether anything acts on it or not.",
-    "The runs that use it are paused and ask how to go on.",
-)
-def test_a_device_is_stopped_in_the_middle_of_an_action_and_its_run_asks_what_to_do(
-    bench: Bench, host: Host, run: Run
-) -> None:
-    row = until_acting(host, "hold")
-    assert stop_device(bench)["state"] == "asked"
-    host.take()
-    assert is_cancelled(host, row)
-    cut_off(host, row)
-    host.halt_owed()
-    host.tell()
-    found = shown(bench, run)
-    assert found["state"] == "paused"
-    assert [one["kind"] for one in found["pause_reasons"]] == ["device_stopped", "halted"]
-    assert not found["can"]["resume"], "its hold was cut off, and its stirrer stands"
-    assert DeviceHalt.objects.get().state == "halted"
-
-
-@keeps(
-    "Halts this device now, whether anything acts on it or not.",
-)
-def test_a_device_on_which_nothing_acts_is_stopped(bench: Bench, host: Host) -> None:
-    assert stop_device(bench)["state"] == "asked"
-    assert stop_device(bench)["id"] == str(DeviceHalt.objects.get().pk), "one wish is enough"
-    host.take()
-    host.halt_owed()
-    host.tell()
-    assert DeviceHalt.objects.get().state == "halted"
-
-
-@keeps("It is a software stop. Use the red button on the bench in an emergency.")
-def test_a_device_that_was_stopped_may_act_again_without_a_reset(bench: Bench, host: Host) -> None:
-    stop_device(bench)
-    run = a_heating_run(bench)
-    services.dispatch_ready()
-    assert "dispatched" not in states(run)
-    host.take()
-    host.halt_owed()
-    host.tell()
-    services.dispatch_ready()
-    assert "dispatched" in states(run)
-
-
-def test_what_waits_at_a_device_that_is_stopped_does_not_begin_afterwards(
-    bench: Bench, host: Host, run: Run
-) -> None:
-    services.dispatch_ready()
-    host.take()
-    host.tell()
-    assert len(host.disk.rows(ActionState.ACCEPTED)) == 1
-    stop_device(bench)
-    halt = Outbox.objects.get(kind="halt")
-    Outbox.objects.filter(kind="cancel").delete()  # the word that calls it back is lost
-    host.take()
-    host.halt_owed()
-    host.tell()
-    assert halt.action_id == DeviceHalt.objects.get().pk
-    assert host.disk.rows(ActionState.ACCEPTED) == []
-    assert "held" in states(run)
-    assert state(run) == "paused"
-
-
-def test_a_device_that_no_host_serves_is_not_stopped_in_vain(bench: Bench) -> None:
-    heater = bench.device("heater_1")
-    heater.state = "suspended"
-    heater.save()
-    with pytest.raises(StateError, match="nothing here can halt it"):
-        services.stop_device(heater.id, actor=bench.people["observer"])
-    missing = f"/api/v1/devices/{UUID(int=7)}/stop"
-    assert call(signed_in(bench.people["observer"]), "POST", missing, {}).status_code == 404

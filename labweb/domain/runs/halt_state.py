@@ -1,0 +1,57 @@
+"""How far a wish to halt one device has come, and whom a device works for by then."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from enum import StrEnum
+from uuid import UUID
+
+
+class HaltState(StrEnum):
+    """How far a wish to halt one device has come."""
+
+    ASKED = "asked"
+    """Sent; its host has not answered."""
+
+    TAKEN = "taken"
+    """Its host has it on disk, and delivers it."""
+
+    OWED = "owed"
+    """It could not be delivered yet, and is as soon as its device or its host answers."""
+
+    HALTED = "halted"
+    """Delivered. The message says whether the device was seen to stand."""
+
+    KEPT = "kept"
+    """Not asked for: the device works for another run."""
+
+    LOST = "lost"
+    """Its host is given up, or serves it no more: a person has to look at the device."""
+
+
+UNDECIDED = frozenset({HaltState.ASKED, HaltState.TAKEN})
+"""Nothing is known yet of what came of it."""
+
+OPEN_HALTS = UNDECIDED | {HaltState.OWED}
+"""Nothing is sent to the device before it is delivered."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Set:
+    """A completed action that left something going which still goes, as the server knows it."""
+
+    run_id: UUID
+    is_live: bool
+    """Its run has not ended."""
+
+
+def who_keeps(run_id: UUID, standing: Iterable[Set]) -> UUID | None:
+    """Return another live run that a device works for; None: its halt is nobody else's loss.
+
+    Args:
+        run_id: The run that is aborted.
+        standing: All that goes on at the device by now.
+    """
+    others = (one for one in standing if one.is_live and one.run_id != run_id)
+    return next((one.run_id for one in others), None)
