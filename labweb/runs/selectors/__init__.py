@@ -64,17 +64,14 @@ from labweb.runs.selectors.recovery import recovery_of as recovery_of
 from labweb.runs.selectors.recovery import waits_of as waits_of
 from labweb.runs.selectors.scheduling import JOB_TO_LOCK as JOB_TO_LOCK
 from labweb.runs.selectors.scheduling import RUN_TO_LOCK as RUN_TO_LOCK
-from labweb.runs.selectors.scheduling import asking_elsewhere as asking_elsewhere
 from labweb.runs.selectors.scheduling import asking_number as asking_number
 from labweb.runs.selectors.scheduling import asking_run_number as asking_run_number
 from labweb.runs.selectors.scheduling import attempt_for_update as attempt_for_update
 from labweb.runs.selectors.scheduling import due_outbox as due_outbox
-from labweb.runs.selectors.scheduling import held_elsewhere as held_elsewhere
 from labweb.runs.selectors.scheduling import hold_run_of as hold_run_of
 from labweb.runs.selectors.scheduling import job_for_update as job_for_update
 from labweb.runs.selectors.scheduling import next_number as next_number
 from labweb.runs.selectors.scheduling import run_for_update as run_for_update
-from labweb.runs.selectors.scheduling import step_blocked_by as step_blocked_by
 from labweb.runs.selectors.scheduling import to_schedule as to_schedule
 from labweb.runs.selectors.scheduling import views as views
 

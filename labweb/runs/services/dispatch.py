@@ -33,6 +33,7 @@ from labweb.enrollment.selectors import Device, EdgeHost
 from labweb.resources.selectors import Lab, Resource
 from labweb.runs import selectors
 from labweb.runs.models import Attempt, Job, Outbox, Run
+from labweb.runs.services import holding
 from labweb.runs.services.drivers import switch_before
 from labweb.runs.services.failing import doubt_command
 from labweb.runs.services.state import announce, move_job, moving, noting_sent, refresh_run
@@ -69,6 +70,7 @@ def dispatch_job(run_id: UUID, view: JobView) -> bool:
             return _dispatch(run_id, view)
     except LockedError as error:
         logger.debug("job %s waits: %s", view.id, error.message)
+        holding.note_waiting(run_id, error)
         return False
     except PreconditionError as error:
         hold_job(view.id, error)
@@ -95,19 +97,21 @@ def _dispatch(run_id: UUID, view: JobView, fields: Mapping[str, Any] | None = No
     if held is None:
         return False
     host, run, job = held.host, held.run, held.job
-    blocking = selectors.step_blocked_by(job, held.elsewhere)
-    if blocking is not None:
-        raise LockedError(f"run {blocking} is in the middle of a step here", code="run.step_held")
+    granted = holding.ask(run, [job])
     switch_before(host, [job])
     check_calibrations([job])
     operation = operations.from_json(job.operation)
-    found = crutd_services.hold_to_open(
-        operation,
-        job.run.lab,
-        [UUID(node) for node in job.locks],
-        actor_id=run.created_by_id,
-        job_id=job.id,
-    )
+    try:
+        found = crutd_services.hold_to_open(
+            operation,
+            job.run.lab,
+            [UUID(node) for node in job.locks],
+            asker=crutd_services.Asker(actor_id=run.created_by_id, run_id=run.pk),
+            job_id=job.id,
+            granted=granted.modes,
+        )
+    except LockedError as error:
+        raise granted.in_line(error) from error
     host.last_dseq += 1
     attempt = Attempt(
         id=new_id(),
@@ -128,6 +132,7 @@ def _dispatch(run_id: UUID, view: JobView, fields: Mapping[str, Any] | None = No
         _keeping(attempt, command),
         moving(job, JobState.DISPATCHED, Mover.SCHEDULER, **(fields or {})),
         *(noting or ()),
+        *granted.writing,
     )
     body = msgspec.to_builtins(command)
     row = Outbox(pk=row_id, host=host, action_id=attempt.id, kind="do", body=body)
@@ -146,9 +151,6 @@ class ToDispatch:
     host: EdgeHost
     run: Run
     job: Job
-    elsewhere: list[tuple[Any, ...]]
-    """Jobs of other runs, for `step_blocked_by`."""
-
     number: int
     """Of its next try."""
 
@@ -160,11 +162,10 @@ def hold_for_dispatch(
 
     `fields` are what the job is on the device that was chosen for it.
     """
-    hosts, runs, jobs, elsewhere, numbers = together(
+    hosts, runs, jobs, numbers = together(
         enrollment_selectors.HOST_TO_LOCK.asking(id=view.host_id),
         selectors.RUN_TO_LOCK.asking(id=run_id),
         selectors.JOB_TO_LOCK.asking(id=view.id),
-        selectors.asking_elsewhere(run_id),
         selectors.asking_number(view.id),
     )
     if not (hosts and runs and jobs):
@@ -175,7 +176,7 @@ def hold_for_dispatch(
     is_elsewhere = job.device.host_id != host.pk
     if job.state != JobState.QUEUED.value or run.pause_reasons or is_elsewhere:
         return None
-    return ToDispatch(host, run, job, elsewhere, numbers[0])
+    return ToDispatch(host, run, job, numbers[0])
 
 
 def check_calibrations(jobs: Sequence[Job]) -> None:
