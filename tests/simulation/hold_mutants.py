@@ -20,12 +20,12 @@ def granted_without_safety(patch: Patch) -> None:
 
 def order_is_not_kept(patch: Patch) -> None:
     """Who comes later overtakes who waits."""
-    real = claims.refusal
+    real = holding.refusal
 
     def refusal(asker: Party, ask: Ask, scene: Scene) -> Refusal | None:
         return real(asker, ask, replace(scene, waiting=()))
 
-    patch.setattr(claims, "refusal", refusal)
+    patch.setattr(holding, "refusal", refusal)
 
 
 def released_too_early(patch: Patch) -> None:
@@ -46,14 +46,14 @@ def never_released(patch: Patch) -> None:
 
 def held_by_nobody(patch: Patch) -> None:
     """What another run holds is in nobody's way."""
-    real = claims.refusal
+    real = holding.refusal
 
     def refusal(asker: Party, ask: Ask, scene: Scene) -> Refusal | None:
         free: Mapping[UUID, Mode] = {}
         parties = [one if one.id == asker.id else replace(one, held=free) for one in scene.parties]
         return real(asker, ask, replace(scene, parties=parties))
 
-    patch.setattr(claims, "refusal", refusal)
+    patch.setattr(holding, "refusal", refusal)
 
 
 def claimed_at_first_use(patch: Patch) -> None:

@@ -17,6 +17,7 @@ from uuid import UUID
 import msgspec
 
 from labweb.domain.crutd import operations as ops
+from labweb.domain.runs import holding
 from labweb.domain.runs.halting import Done, is_halt_certain, still_standing
 from labweb.domain.runs.holding import (
     CARRIERS,
@@ -29,7 +30,6 @@ from labweb.domain.runs.holding import (
     merged,
     modes_of,
     place_mode,
-    refusal,
 )
 from labweb.domain.runs.job import UNSTARTED, JobState
 from labweb.domain.runs.recovery import is_taken_away
@@ -343,7 +343,7 @@ def decide(
         turn=ask.turn,
         wanted=modes_in(claim for claim in asked if claim.is_kept),
     )
-    found = refusal(asker, kept, scene)
+    found = holding.refusal(asker, kept, scene)
     if found is not None:
         return found, kept
-    return refusal(asker, ask, scene), ask
+    return holding.refusal(asker, ask, scene), ask
