@@ -9,6 +9,7 @@ from labweb.common.models import Base, enum_choices
 from labweb.domain.crutd.ledger import Account
 from labweb.domain.crutd.lifecycle import TransactionState
 from labweb.domain.crutd.operations import OperationName
+from labweb.domain.runs.holding import Mode
 from labweb.domain.runs.locks import LockMode
 
 _ACCOUNT = rf"^({'|'.join(Account)}|[0-9a-f]{{8}}(-[0-9a-f]{{4}}){{3}}-[0-9a-f]{{12}})$"
@@ -289,6 +290,43 @@ class ResourceReservation(Base):
 
     def __str__(self) -> str:
         return f"{self.resource_id} until {self.expires_at}"
+
+
+class RunHold(Base):
+    """What a run keeps for itself between its actions. It ends with its need, never by time.
+
+    A lock is for one action that is under way; a hold is for all that a run does with a thing.
+    """
+
+    resource = models.ForeignKey("resources.Resource", on_delete=models.PROTECT, related_name="+")
+    run_id = models.UUIDField()
+    run_number = models.PositiveIntegerField()
+    holder = models.ForeignKey("accounts.User", on_delete=models.PROTECT, related_name="+")
+    """Whose run it is."""
+
+    mode = models.CharField(max_length=1, choices=enum_choices(Mode))
+    until_step = models.PositiveIntegerField()
+    """Number of the step of the run after which it lets go, from 1."""
+
+    taken_at = models.DateTimeField()
+    released_at = models.DateTimeField(null=True)
+
+    class Meta:
+        constraints = [
+            models.UniqueConstraint(
+                fields=["resource"],
+                condition=Q(mode__in=["X", "U"], released_at__isnull=True),
+                name="one_run_holds_alone",
+            ),
+            models.UniqueConstraint(
+                fields=["run_id", "resource"],
+                condition=Q(released_at__isnull=True),
+                name="one_hold_of_a_run",
+            ),
+        ]
+
+    def __str__(self) -> str:
+        return f"run #{self.run_number} {self.mode} {self.resource_id}"
 
 
 class Ticket(Base):

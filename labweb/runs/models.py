@@ -44,6 +44,14 @@ class Run(Base):
     """Who let it go on though it does something else than was proved: `{"by", "by_id", "at",
     "departures": [{"place", "text"}]}`; None: nobody."""
 
+    claims = models.JSONField(null=True)
+    """All that any of its paths may use, as `domain.runs.claims.Claims`; None: read from its jobs
+    when it first asks."""
+
+    waits = models.JSONField(null=True)
+    """For whom and for what it waits: `{"since", "why", "run_id", "number", "resource_id",
+    "resource", "until_step", "wanted", "text"}`; None: for nobody."""
+
     pause_reasons = models.JSONField(default=list)
     """Stacked: `{"kind", "by", "at"}`; it goes on when the list is empty."""
 

@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from multiprocessing import Pool
 
-from tests.simulation import aborts, batches, halts, schedule
+from tests.simulation import aborts, batches, halts, holding, schedule
 from tests.simulation.checks import ViolationError
 
 BLOCK = 500
@@ -68,9 +68,15 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("--batches", action="store_true", help="runs that go in batches")
     parser.add_argument("--halts", action="store_true", help="devices that are halted")
     parser.add_argument("--aborts", action="store_true", help="runs aborted, devices stopped")
+    parser.add_argument("--holds", action="store_true", help="runs that keep what they use")
     arguments = parser.parse_args(argv)
-    run: Run = batches.run if arguments.batches else halts.run if arguments.halts else schedule.run
-    run = aborts.run if arguments.aborts else run
+    wanted = (
+        (arguments.batches, batches.run),
+        (arguments.halts, halts.run),
+        (arguments.aborts, aborts.run),
+        (arguments.holds, holding.run),
+    )
+    run: Run = next((play_one for is_asked, play_one in wanted if is_asked), schedule.run)
     first, _, last = arguments.seeds.partition("..")
     if not last:
         return 0 if show(int(first), run) else 1

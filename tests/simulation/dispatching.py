@@ -24,7 +24,7 @@ from labweb.domain.runs import (
     scheduler,
     session,
 )
-from labweb.domain.runs.job import JobState, Mover
+from labweb.domain.runs.job import AT_EDGE, FINAL, JobState, Mover
 from labweb.domain.runs.session import SessionState
 from tests.simulation.lab import ACTION, BATCH, BENCH, id_of
 from tests.simulation.record import Record
@@ -150,24 +150,26 @@ class Dispatching(Record):
 
     def _free_locks(self, members: list[Job]) -> tuple[locks.Lock, ...] | None:
         """Return the locks that jobs of one run need together; None: they are not free."""
-        holders = scheduler.held_by_steps(
-            scheduler.StepJob(
-                run_id=id_of(0, one.run),
-                step_id=one.host,
-                state=one.state,
-                has_started=one.has_started,
-                locks=one.targets,
-            )
-            for one in self.jobs
-            if one.run != members[0].run
-        )
         targets = frozenset().union(*(made.targets for made in members))
-        if any(target in holders for target in self.whole_of(members)):
+        if not self.may_hold(members):
             return None
         bench = (id_of(BENCH),)
         wanted = locks.lock_set(targets, dict.fromkeys(targets, bench))
         held = [lock for one in self.attempts.values() for lock in one.locks]
         return None if locks.conflicts(wanted, held) else wanted
+
+    def may_hold(self, members: list[Job]) -> bool:
+        """Say whether no other run is in the middle of what it does on one host with these things.
+
+        Runs that keep things for longer are played by `tests.simulation.holding`.
+        """
+        held: set[UUID] = set()
+        for run, host in {(one.run, one.host) for one in self.jobs if one.run != members[0].run}:
+            part = [one for one in self.jobs if (one.run, one.host) == (run, host)]
+            has_begun = any(one.has_started or one.state in AT_EDGE for one in part)
+            if has_begun and not all(one.state in FINAL for one in part):
+                held.update(*(one.targets for one in part))
+        return held.isdisjoint(self.whole_of(members))
 
     def whole_of(self, members: list[Job]) -> frozenset[UUID]:
         """Return what has to be free of other runs for jobs to begin: here, what they touch."""

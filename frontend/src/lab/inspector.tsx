@@ -76,6 +76,15 @@ function Details(props: { resource: Resource; isShort: boolean; ask: StockAsked 
           {words.tree.unknown}
         </p>
       )}
+      {resource.held_by.map((hold) => (
+        <p className="quar" key={hold.run_id} data-testid="held-by">
+          <span className="chip" data-state="queued">
+            <Glyph look="queued" />
+            {words.tree.held}
+          </span>
+          <Link to={`/runs/${hold.run_id}`}>{words.tree.heldBy(hold)}</Link>
+        </p>
+      ))}
       {ask && resource.holds_liquid && <OnItsWay key={`way ${resource.id}`} resource={resource} />}
       {ask && <ReservedBy key={`reserved ${resource.id}`} resource={resource} />}
       {resource.holds_liquid && <ContentsTable resource={resource} />}

@@ -58,6 +58,11 @@ export const words = {
     empty: "Nothing in this lab yet.",
     pick: "Pick a resource to see what it holds.",
     lineage: "Lineage",
+    held: "Held",
+    heldBy: (hold: { run: number; until_step: number; is_shared: boolean }) =>
+      hold.is_shared
+        ? `Run #${hold.run} draws from it until its step ${hold.until_step}`
+        : `by run #${hold.run} until its step ${hold.until_step}`,
     quarantined: "Quarantined",
     unknown: "Nobody knows its state until somebody has answered, or looked and taken stock.",
   },

@@ -208,6 +208,27 @@ export interface RunRow {
   recoveries: Recovery[];
   /** Somebody aborted it: it ends once its devices stand. */
   is_given_up: boolean;
+  /** The run that keeps what this one needs, or asked for it before. */
+  waits_for: WaitsFor | null;
+  /** What the run keeps for itself now. */
+  holds: Hold[];
+}
+
+export interface WaitsFor {
+  id: Id;
+  number: number;
+  resource: string;
+  until_step: number | null;
+  /** The whole sentence: "waits for run #12, which holds Reactor 1 until its step 7". */
+  text: string;
+}
+
+export interface Hold {
+  resource_id: Id;
+  resource: string;
+  /** Others may draw from it, or pour into it, too. */
+  is_shared: boolean;
+  until_step: number;
 }
 
 export type RunState =
@@ -344,8 +365,6 @@ export interface Run extends RunRow {
     by: string | null;
     at: Iso | null;
   } | null;
-  /** Run in the middle of a step on what the next action here needs. */
-  waits_for: { id: Id; number: number } | null;
   /** What the workflow declares for hosts that cannot hear the server; null: nothing. */
   execution: { on_disconnect: string; max_offline_s: number } | null;
   hosts_away: HostAway[];

@@ -92,6 +92,8 @@ export interface ResourceRow {
   capacity_nl: number | null;
   is_quarantined: boolean;
   is_archived: boolean;
+  /** The runs that keep it for themselves; several where they only draw from it. */
+  held_by: { run_id: Id; run: number; until_step: number; is_shared: boolean }[];
   device: { id: Id; name: string } | null;
   pose: Record<string, unknown> | null;
 }

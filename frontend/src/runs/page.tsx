@@ -18,6 +18,7 @@ import { Halts } from "./halts";
 import { Facts, RunHead } from "./head";
 import { JobFacts } from "./job";
 import { RunLog } from "./log";
+import { Holds } from "./holds";
 import { Problems } from "./problem";
 import { RunReportTab } from "./report";
 import { StepStrip } from "./strip";
@@ -128,6 +129,7 @@ function Body({ run }: { run: Run }) {
             <Problems run={run} job={job} />
           </div>
           {job && <JobCard run={run} job={job} />}
+          <Holds run={run} />
           <Decisions run={run} />
         </aside>
       </div>

@@ -11,7 +11,7 @@ import {
   type Problem,
 } from "@/model/runs";
 import { problemText } from "@/model/evidence";
-import { formatVolume } from "@/model/format";
+import { formatVolume, sentence } from "@/model/format";
 import { jobState } from "@/model/states";
 import type { Job, Run } from "@/model/wire";
 import { Link } from "react-router";
@@ -132,7 +132,7 @@ function WaitsForRun({ other }: { other: NonNullable<Run["waits_for"]> }) {
         Waits for run #{other.number}
       </div>
       <div className="pb">
-        <p className="s">{words.waitsForRun}</p>
+        <p className="s">{words.waitsForRun(sentence(other.text))}</p>
         <Link className="btn" to={`/runs/${other.id}`}>
           Open run #{other.number}
         </Link>

@@ -108,8 +108,12 @@ export const words = {
     count === 1
       ? "1 job from its journal will appear when it is back."
       : `${count} jobs from its journal will appear when it is back.`,
-  waitsForRun:
-    "It is in the middle of a step with a pump or a vessel that this run needs next. This run goes on by itself.",
+  waitsForRun: (text: string) => `${text}. This run goes on by itself.`,
+  holds: {
+    title: "Held by this run",
+    shared: "shared",
+    until: (step: number) => `until step ${step}`,
+  },
   waits: "It does not answer its host. The action begins by itself once it does; or abort the run.",
   waitsForHalt:
     "Its host has to halt it first: the lab was stopped, or an action was cut off, while it did not answer. The action begins by itself once it is halted; or abort the run.",

@@ -2,7 +2,7 @@
 
 import { Link } from "react-router";
 import { runOutcome } from "@/model/decisions";
-import { formatDuration } from "@/model/format";
+import { formatDuration, sentence } from "@/model/format";
 import type { RunRow } from "@/model/wire";
 import { Progress } from "./number";
 import { ModeChip, StateChip } from "./state";
@@ -80,6 +80,7 @@ function Row({ run, isHistory }: { run: RunRow; isHistory: boolean }) {
 }
 
 function stepText(run: RunRow): string {
+  if (run.waits_for) return sentence(run.waits_for.text);
   const place = Math.min(run.steps_done + 1, run.steps_total);
   if (run.step_now) return `${place} of ${run.steps_total} · ${run.step_now}`;
   return `${run.steps_done} of ${run.steps_total} done`;

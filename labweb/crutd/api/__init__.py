@@ -17,6 +17,7 @@ from labweb.common.clock import now
 from labweb.common.render import iso
 from labweb.common.requests import body, moment, whole_number
 from labweb.crutd import selectors, services
+from labweb.crutd.api.holds import render_keepers
 from labweb.crutd.models import Event, EventSubject
 from labweb.crutd.selectors import lineage
 from labweb.crutd.selectors.archived import with_former_place
@@ -213,7 +214,12 @@ def render_rows(lab: Lab, rows: Iterable[Resource]) -> list[dict[str, Any]]:
     above = resource_selectors.ancestors(row.id for row in nodes)
     lots = {str(lot.id): lot for lot in resource_selectors.lots_of(lab)}
     devices = _devices(lab)
-    return [_row(row, held.get(row.id, {}), len(above[row.id]), lots, devices) for row in nodes]
+    keepers = render_keepers(row.id for row in nodes)
+    return [
+        _row(row, held.get(row.id, {}), len(above[row.id]), lots, devices)
+        | {"held_by": keepers.get(row.id, [])}
+        for row in nodes
+    ]
 
 
 def render_past(lab: Lab, past: Past, seen: Collection[UUID]) -> list[dict[str, Any]]:
@@ -222,6 +228,7 @@ def render_past(lab: Lab, past: Past, seen: Collection[UUID]) -> list[dict[str, 
     devices = _devices(lab)
     return [
         _row(row, past.contents.get(row.id, {}), past.depths[row.id], lots, devices)
+        | {"held_by": []}
         for row in past.rows
         if row.id in seen
     ]

@@ -16,6 +16,8 @@ from labweb.domain.crutd import operations
 from labweb.domain.crutd.replay import link
 from labweb.domain.crutd.snapshot import Facts, LotState, MaterialState, ResourceState
 from labweb.domain.resources.contents import LotId, Phase
+from labweb.domain.runs.holding import ROOMY
+from labweb.domain.runs.holding import places_of as places_in
 from labweb.domain.runs.locks import conflicts, lock_set
 from labweb.resources import selectors as resource_selectors
 from labweb.resources.selectors import Lab, Lot, Material
@@ -147,9 +149,11 @@ def holders(operation: operations.Operation) -> dict[UUID, str]:
     ids = set(operations.touched_ids(operation))
     above = resource_selectors.ancestors(ids)
     locks = held_locks({*ids, *(node for nodes in above.values() for node in nodes)})
+    kinds = dict(resource_selectors.rows(places_in(operation)).values_list("id", "kind"))
+    roomy = {node for node, kind in kinds.items() if kind in ROOMY}
     found: dict[UUID, str] = {}
     for resource_id in ids:
-        wanted = lock_set([resource_id], above)
+        wanted = lock_set([resource_id], above, roomy)
         blocked = conflicts(wanted, [lock for lock, _ in locks])
         owners = [str(owner) for lock, owner in locks if lock.resource_id in blocked]
         if owners:

@@ -6,6 +6,7 @@ from labweb.crutd.services.adopting import adopt_candidate
 from labweb.crutd.services.batches import Member, lock_batch
 from labweb.crutd.services.deliveries import receive_deliveries
 from labweb.crutd.services.halting import note_halt
+from labweb.crutd.services.holds import Asker, Keeper, release_holds, taking
 from labweb.crutd.services.importing import check_time_zone, import_lab
 from labweb.crutd.services.labware import import_labware
 from labweb.crutd.services.locking import is_free, refuse_reserved_by_others
@@ -26,6 +27,8 @@ from labweb.crutd.services.transactions import (
 )
 
 __all__ = [
+    "Asker",
+    "Keeper",
     "Member",
     "Settlement",
     "adopt_candidate",
@@ -53,8 +56,10 @@ __all__ = [
     "receive_deliveries",
     "refit_device",
     "refuse_reserved_by_others",
+    "release_holds",
     "reserve",
     "restore",
     "settle",
     "take_out",
+    "taking",
 ]

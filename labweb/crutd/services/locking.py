@@ -14,8 +14,10 @@ from labweb.common.prepared import Question, together
 from labweb.crutd import selectors
 from labweb.crutd.selectors import reserved
 from labweb.domain.approvals.roles import Permission
+from labweb.domain.crutd import operations
 from labweb.domain.crutd.lifecycle import TransactionState
 from labweb.domain.errors import Finding, LockedError
+from labweb.domain.runs.holding import ROOMY, places_of
 from labweb.domain.runs.locks import Lock, conflicts, lock_set
 from labweb.domain.runs.reserving import Claim, in_the_way
 from labweb.resources import selectors as resource_selectors
@@ -29,16 +31,21 @@ def hold(ids: Collection[UUID]) -> tuple[dict[UUID, Resource], Above]:
 
 
 def hold_and_ask(
-    ids: Collection[UUID], *questions: Question[Any]
+    ids: Collection[UUID], *questions: Question[Any], places: Collection[UUID] = ()
 ) -> tuple[dict[UUID, Resource], Above, list[list[Any]]]:
     """Lock as above, and ask what is to be read under the locks; one exchange.
+
+    Args:
+        ids: What is locked.
+        questions: What is asked.
+        places: Those of them that something is only put into or taken from.
 
     Raises:
         LockedError: Somebody holds one of the rows this moment.
     """
     busy = LockedError("the resources are in use this moment", code="crutd.busy")
     try:
-        found, *answers = together(resource_selectors.asking_hold(ids), *questions)
+        found, *answers = together(resource_selectors.asking_hold(ids, places), *questions)
     except OperationalError as error:
         raise busy from error
     held = resource_selectors.held_of(found)
@@ -100,6 +107,12 @@ def _refuse(findings: Sequence[Finding]) -> None:
         )
 
 
+def roomy_of(operation: operations.Operation, rows: Mapping[UUID, Resource]) -> set[UUID]:
+    """Return the places of an operation in which it disturbs nothing that stands there."""
+    places = set(places_of(operation)).intersection(rows)
+    return {node for node in places if rows[node].kind in ROOMY}
+
+
 def is_free(ids: Collection[UUID], *, actor_id: UUID | None) -> bool:
     """Say whether nobody stands in the way at this moment; takes no lock, and promises nothing.
 
@@ -128,11 +141,19 @@ def refuse_reserved_by_others(
         _refuse(reserved_findings(ids, actor_id))
 
 
-def reserved_findings(ids: Collection[UUID], actor_id: UUID | None) -> list[Finding]:
-    """List what others have reserved of these resources, of those above and of those below."""
+def reserved_findings(
+    ids: Collection[UUID], actor_id: UUID | None, roomy: Collection[UUID] = ()
+) -> list[Finding]:
+    """List what others have reserved of these resources, of those above and of those below.
+
+    Args:
+        ids: The resources.
+        actor_id: Who asks.
+        roomy: Those of which the parts that others have reserved do not matter.
+    """
     if not reserved.is_any_live(actor_id):
         return []
-    wanted = lock_set(ids, resource_selectors.ancestors(ids))
+    wanted = lock_set(ids, resource_selectors.ancestors(ids), roomy)
     _, claims = reserved.uses(ids, actor_id)
     return _in_the_way(wanted, claims, actor_id)
 

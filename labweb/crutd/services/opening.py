@@ -15,14 +15,17 @@ from labweb.crutd import selectors
 from labweb.crutd.models import Transaction
 from labweb.crutd.selectors import reserved
 from labweb.crutd.selectors.facts import facts_for
+from labweb.crutd.selectors.holds import asking_holds, holds_at
 from labweb.crutd.selectors.placing import with_place
-from labweb.crutd.services.locking import check_free, hold_and_ask
+from labweb.crutd.services.holds import Asker, check_unheld
+from labweb.crutd.services.locking import check_free, hold_and_ask, roomy_of
 from labweb.crutd.services.posting import opening
 from labweb.crutd.services.recording import wait_for_others
 from labweb.domain.crutd import decide, operations
 from labweb.domain.crutd.decide import ResourceState
 from labweb.domain.crutd.lifecycle import TransactionState
 from labweb.domain.errors import PreconditionError
+from labweb.domain.runs.holding import places_of
 from labweb.domain.runs.locks import lock_set
 from labweb.resources.selectors import Above, Lab, Resource
 
@@ -35,6 +38,7 @@ def lock_operation(
     targets: Collection[UUID],
     actor_id: UUID | None,
     job_id: UUID | None = None,
+    run_id: UUID | None = None,
 ) -> Transaction:
     """Take the whole lock set of an operation at once, and write it down as LOCKED.
 
@@ -47,7 +51,10 @@ def lock_operation(
     Effect:
         None on matter. Locks hold until the transaction is settled; they never expire.
     """
-    return lock_and_read(operation, lab, targets, actor_id=actor_id, job_id=job_id)[0]
+    asker = Asker(actor_id=actor_id, run_id=run_id)
+    held = hold_to_open(operation, lab, targets, asker=asker, job_id=job_id)
+    together(held.opening)
+    return held.row
 
 
 def lock_and_read(
@@ -55,15 +62,14 @@ def lock_and_read(
     lab: Lab,
     targets: Collection[UUID],
     *,
-    actor_id: UUID | None,
-    job_id: UUID | None = None,
+    asker: Asker,
 ) -> tuple[Transaction, Mapping[UUID, Resource], Mapping[UUID, ResourceState]]:
     """Lock as above, inside a block of the caller's.
 
     Returns:
         The transaction, and rows and states under the locks; a Read has no need of states.
     """
-    held = hold_to_open(operation, lab, targets, actor_id=actor_id, job_id=job_id)
+    held = hold_to_open(operation, lab, targets, asker=asker)
     together(held.opening)
     return held.row, held.rows, {} if isinstance(operation, operations.Read) else held.states
 
@@ -84,19 +90,33 @@ def hold_to_open(
     lab: Lab,
     targets: Collection[UUID],
     *,
-    actor_id: UUID | None,
+    asker: Asker,
     job_id: UUID | None = None,
+    granted: Collection[UUID] = (),
 ) -> ToOpen:
-    """Do all of the above but the writing, for a caller who writes more with it; one exchange."""
+    """Do all of the above but the writing, for a caller who writes more with it; one exchange.
+
+    Args:
+        operation: What is done.
+        lab: Where.
+        targets: What is used for it beside.
+        asker: Who does it, and for which run.
+        job_id: The job that it is; None: it is none.
+        granted: What the run is about to take for itself: locked against those who look.
+    """
     ids = {*operations.touched_ids(operation), *targets}
     is_new = isinstance(operation, _NEW)
-    rows, above, (uses, *holdings) = hold_and_ask(
-        ids,
-        reserved.asking_uses(ids, actor_id),
+    found, above, (uses, holds, *holdings) = hold_and_ask(
+        ids.union(granted),
+        reserved.asking_uses(ids, asker.actor_id),
+        asking_holds(ids),
         *([] if is_new else [selectors.HELD.asking(ids=list(ids))]),
+        places=set(places_of(operation)) - set(targets) - set(granted),
     )
-    wanted = lock_set(rows, above[0])
-    check_free(rows, wanted, actor_id, reserved.uses_of(uses))
+    rows = {node: row for node, row in found.items() if node in ids}
+    wanted = lock_set(rows, above[0], roomy_of(operation, rows) - set(targets))
+    check_free(rows, wanted, asker.actor_id, reserved.uses_of(uses))
+    check_unheld(operation, rows, above[0], holds_at(holds), asker)
     if isinstance(operation, operations.Read):
         states, _ = selectors.states_and_lots(list(rows.values()), above, holdings[0])
     else:
@@ -106,7 +126,7 @@ def hold_to_open(
         state=TransactionState.LOCKED.value,
         name=operations.name_of(operation).value,
         operation=operations.to_json(operation),
-        actor_id=actor_id,
+        actor_id=asker.actor_id,
         job_id=job_id,
         proposed_at=now(),
     )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from labweb.common.clock import now
 from labweb.crutd.selectors import Transaction
+from labweb.crutd.services.locking import roomy_of
 from labweb.crutd.services.posting import open_transaction
 from labweb.domain.crutd import operations
 from labweb.domain.crutd.lifecycle import TransactionState
@@ -30,5 +31,7 @@ def lock_next(before: Transaction, operation: operations.Operation) -> Transacti
         job_id=before.job_id,
         proposed_at=now(),
     )
-    open_transaction(row, lock_set(ids, resource_selectors.ancestors(ids)), ())
+    rows = {row.id: row for row in resource_selectors.rows(ids)}
+    wanted = lock_set(ids, resource_selectors.ancestors(ids), roomy_of(operation, rows))
+    open_transaction(row, wanted, ())
     return row

@@ -15,7 +15,8 @@ from labweb.crutd.models import Entry, ResourceLock, Transaction
 from labweb.crutd.selectors.archived import with_former_place
 from labweb.crutd.selectors.facts import facts_for, holders
 from labweb.crutd.selectors.placing import with_place
-from labweb.crutd.services.locking import reserved_findings
+from labweb.crutd.services.holds import Asker, held_findings
+from labweb.crutd.services.locking import reserved_findings, roomy_of
 from labweb.crutd.services.opening import lock_and_read
 from labweb.crutd.services.posting import close_transaction, post, reserve
 from labweb.crutd.services.recording import open_ticket, record
@@ -36,11 +37,14 @@ def check_operation(
 ) -> list[Finding]:
     """List all that speaks against an operation now, who uses or has reserved things included."""
     operation = with_former_place(operation)
-    rows = resource_selectors.rows(operations.touched_ids(operation))
-    states = with_place(operation, selectors.snapshot(rows))
+    ids = operations.touched_ids(operation)
+    found = resource_selectors.rows(ids)
+    states = with_place(operation, selectors.snapshot(found))
     facts = replace(facts_for(operation, lab, states), held=holders(operation))
-    reserved = reserved_findings(operations.touched_ids(operation), actor_id)
-    return [*_empty_words(operation), *decide.check(operation, states, facts), *reserved]
+    rows = {row.id: row for row in found}
+    reserved = reserved_findings(ids, actor_id, roomy_of(operation, rows))
+    held = held_findings(operation, ids, Asker(actor_id=actor_id))
+    return [*_empty_words(operation), *decide.check(operation, states, facts), *reserved, *held]
 
 
 def _empty_words(operation: operations.Operation) -> list[Finding]:
@@ -315,11 +319,20 @@ def carry_out(
     actor_id: UUID,
     targets: Collection[UUID] = (),
     note: str = "",
+    run_id: UUID | None = None,
 ) -> Transaction:
     """Do a purely digital or hand-made operation at once: lock, settle as done, release.
 
+    Args:
+        operation: What was done.
+        lab: Where.
+        actor_id: Who did it.
+        targets: What was used for it beside.
+        note: What they say of it.
+        run_id: The run for which it was done; None: for none.
+
     Raises:
-        LockedError: A resource is in use. Nothing was written.
+        LockedError: A resource is in use, or a run holds it. Nothing was written.
         PreconditionError: A precondition fails; findings list each.
 
     Effect:
@@ -329,7 +342,8 @@ def carry_out(
     if empty:
         raise PreconditionError(empty[0].message, code=empty[0].code, findings=empty)
     operation = with_former_place(operation)
-    row, _, states = lock_and_read(operation, lab, targets, actor_id=actor_id)
+    asker = Asker(actor_id=actor_id, run_id=run_id)
+    row, _, states = lock_and_read(operation, lab, targets, asker=asker)
     outcome = Outcome(kind=OutcomeKind.DONE)
     settlement = Settlement(
         outcome=outcome, verification="assumed", actor_id=actor_id, message=note

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from uuid import UUID
@@ -23,16 +23,23 @@ class Lock:
     mode: LockMode
 
 
-def lock_set(targets: Iterable[UUID], ancestors: Mapping[UUID, Sequence[UUID]]) -> tuple[Lock, ...]:
+def lock_set(
+    targets: Iterable[UUID],
+    ancestors: Mapping[UUID, Sequence[UUID]],
+    roomy: Collection[UUID] = (),
+) -> tuple[Lock, ...]:
     """Return the closed set for exclusive use of the targets, in id order.
 
     Args:
         targets: Resources an action uses: devices, vessels, the route.
         ancestors: Everything above each target.
+        roomy: Those of the targets that something is only put into or taken from, beside
+            others that stay there undisturbed: a room, a bench. An intention is enough.
     """
-    exclusive = set(targets)
-    above = {node for target in exclusive for node in ancestors.get(target, ())}
-    modes = dict.fromkeys(above, LockMode.INTENTION)
+    used = set(targets)
+    exclusive = used.difference(roomy)
+    above = {node for target in used for node in ancestors.get(target, ())}
+    modes = dict.fromkeys(above | used, LockMode.INTENTION)
     modes.update(dict.fromkeys(exclusive, LockMode.EXCLUSIVE))
     return tuple(sorted(Lock(node, mode) for node, mode in modes.items()))
 

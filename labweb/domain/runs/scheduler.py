@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from uuid import UUID
 
@@ -87,37 +87,6 @@ def ready(jobs: Sequence[JobView], online_hosts: Collection[UUID]) -> list[JobVi
         and not job.host_ids.isdisjoint(online_hosts)
         and done.issuperset(job.after)
     ]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class StepJob:
-    """A job of some run, as far as it tells whether its step is under way."""
-
-    run_id: UUID
-    step_id: str
-    state: JobState
-    has_started: bool
-    locks: frozenset[UUID]
-
-
-def held_by_steps(jobs: Iterable[StepJob]) -> dict[UUID, UUID]:
-    """Return which run holds a resource from the first job of a step to its last.
-
-    A pump that has drawn for one run must not be touched by another before it has
-    delivered, although each of its jobs takes and releases locks of its own.
-
-    Returns:
-        Run by resource, for every step that has begun and not ended.
-    """
-    steps: dict[tuple[UUID, str], list[StepJob]] = {}
-    for job in jobs:
-        steps.setdefault((job.run_id, job.step_id), []).append(job)
-    held: dict[UUID, UUID] = {}
-    for (run_id, _), members in steps.items():
-        has_begun = any(job.has_started or job.state in AT_EDGE for job in members)
-        if has_begun and not all(job.state in FINAL for job in members):
-            held.update(dict.fromkeys(frozenset().union(*(j.locks for j in members)), run_id))
-    return held
 
 
 _SETTLED = FINAL | {JobState.IN_DOUBT}

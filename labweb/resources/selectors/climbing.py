@@ -7,6 +7,7 @@ from typing import Any
 from uuid import UUID
 
 from labweb.common.prepared import Question, Written, prepared_cursor, together
+from labweb.domain.runs.holding import ROOMY
 from labweb.resources.models import Connection as Connection
 from labweb.resources.models import Lab as Lab
 from labweb.resources.models import Lot as Lot
@@ -33,7 +34,15 @@ WITH RECURSIVE up(start, id, parent_id, depth) AS (
     FROM resources_resource r JOIN up ON r.id = up.parent_id
 ), target AS MATERIALIZED (
     SELECT {columns} FROM resources_resource
-    WHERE id = ANY(ARRAY(SELECT unnest(%s::uuid[]))) ORDER BY id FOR NO KEY UPDATE NOWAIT
+    WHERE id = ANY(ARRAY(SELECT unnest(%s::uuid[])))
+        AND NOT (id = ANY(ARRAY(SELECT unnest(%s::uuid[])))
+            AND kind = ANY(ARRAY(SELECT unnest(%s::text[]))))
+    ORDER BY id FOR NO KEY UPDATE NOWAIT
+), place AS MATERIALIZED (
+    SELECT {columns} FROM resources_resource
+    WHERE id = ANY(ARRAY(SELECT unnest(%s::uuid[])))
+        AND kind = ANY(ARRAY(SELECT unnest(%s::text[])))
+    ORDER BY id FOR SHARE NOWAIT
 ), above AS MATERIALIZED (
     SELECT up.start, up.depth, r.id, r.parent_id, r.is_archived
     FROM resources_resource r JOIN up ON r.id = up.id
@@ -42,9 +51,10 @@ WITH RECURSIVE up(start, id, parent_id, depth) AS (
 SELECT {columns}, (
     SELECT json_agg(json_build_array(a.id, a.parent_id, a.is_archived) ORDER BY a.depth)
     FROM above a WHERE a.start = target.id
-) AS above FROM target ORDER BY target.id
+) AS above FROM (SELECT * FROM target UNION ALL SELECT * FROM place) AS target ORDER BY target.id
 """
 """The rows as they are when the lock is there; the way up to them as it was when it was read.
+A place with room for many is shared: what is put into it changes nothing of the place.
 
 The arrays are taken apart and put together again so that the planner does not count what is in
 them: it would believe a plan made for these few the cheaper one, and make it anew each time.
@@ -124,10 +134,16 @@ def hold(ids: Collection[UUID]) -> tuple[dict[UUID, Resource], Above] | None:
 _Held = tuple[Resource, tuple[Any, ...]]
 
 
-def asking_hold(ids: Collection[UUID]) -> Question[_Held]:
-    """Return what locks them so, to be asked with what is to be read under the locks."""
-    wanted = sorted(ids)
-    return _HOLD.asking([wanted, wanted])
+def asking_hold(ids: Collection[UUID], places: Collection[UUID] = ()) -> Question[_Held]:
+    """Return what locks them so, to be asked with what is to be read under the locks.
+
+    Args:
+        ids: What is locked.
+        places: Those that something is only put into or taken from: shared where there is room
+            for many.
+    """
+    wanted, shared, kinds = sorted(ids), sorted(places), sorted(ROOMY)
+    return _HOLD.asking([wanted, wanted, shared, kinds, shared, kinds])
 
 
 def held_of(held: Sequence[_Held]) -> tuple[dict[UUID, Resource], Above] | None:

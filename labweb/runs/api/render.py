@@ -29,6 +29,7 @@ from labweb.resources import selectors as resource_selectors
 from labweb.resources.selectors import Lab
 from labweb.runs import selectors
 from labweb.runs.api.halts import render_halts
+from labweb.runs.api.holds import render_holds, render_wait
 from labweb.runs.api.question import render_question
 from labweb.runs.models import Attempt, Job, Run
 from labweb.telemetry import selectors as telemetry_selectors
@@ -42,15 +43,16 @@ def names_of(lab: Lab) -> dict[str, str]:
 
 
 def render_rows(runs: Iterable[Run]) -> list[dict[str, Any]]:
-    """Render runs for a list; two queries."""
+    """Render runs for a list; three queries."""
     rows = list(runs)
+    holds = render_holds(rows)
     jobs: dict[UUID, list[Job]] = {}
     for job in Job.objects.filter(run__in=[row.id for row in rows]).order_by("index"):
         jobs.setdefault(job.run_id, []).append(job)
-    return [_row(row, jobs.get(row.id, [])) for row in rows]
+    return [_row(row, jobs.get(row.id, []), holds.get(row.id, [])) for row in rows]
 
 
-def _row(run: Run, jobs: list[Job]) -> dict[str, Any]:
+def _row(run: Run, jobs: list[Job], holds: list[dict[str, Any]]) -> dict[str, Any]:
     steps = run.plan["steps"]
     left = [job for job in jobs if JobState(job.state) not in FINAL]
     open_steps = {job.step_id for job in jobs if job.state != JobState.COMPLETE.value}
@@ -79,6 +81,8 @@ def _row(run: Run, jobs: list[Job]) -> dict[str, Any]:
         "estimate_s": sum(job.estimate_s for job in jobs),
         "left_s": None if ended else _left_s(left),
         "pause_reasons": run.pause_reasons,
+        "waits_for": render_wait(run),
+        "holds": holds,
         "recoveries": run.recoveries,
         "is_given_up": run.is_given_up,
     }
@@ -127,12 +131,10 @@ def plan_json(plan: Mapping[str, Any], digest: str, names: Mapping[str, str]) ->
 
 def render_run(run: Run, user: User) -> dict[str, Any]:
     """Render a run whole."""
-    is_waiting = run.state in selectors.LIVE and not run.pause_reasons
     found: list[list[Any]] = together(
         selectors.JOBS_OF.asking(run=run.pk),
         approval_selectors.OF_RUN.asking(run=run.pk),
         account_selectors.ROLES.asking(user=user.pk),
-        *([selectors.asking_elsewhere(run.pk)] if is_waiting else []),
     )
     jobs: list[Job] = found[0]
     for job in jobs:
@@ -146,7 +148,7 @@ def render_run(run: Run, user: User) -> dict[str, Any]:
     ended = run.state in _ENDED
     may_run = Permission.RUN in allowed
     return {
-        **_row(run, jobs),
+        **_row(run, jobs, render_holds([run]).get(run.pk, [])),
         "document": run.version.document,
         "plan": render_plan(run, jobs),
         "jobs": [
@@ -160,7 +162,6 @@ def render_run(run: Run, user: User) -> dict[str, Any]:
         "files": _files(jobs),
         "proof": _proof(run),
         "approval": None if request is None else {"id": str(request.id), "state": request.state},
-        "waits_for": _waits_for(jobs, found[3]) if is_waiting else None,
         "execution": run.plan.get("execution"),
         "hosts_away": _hosts_away(jobs),
         "can": {
@@ -236,17 +237,6 @@ def _hosts_away(jobs: list[Job]) -> list[dict[str, Any]]:
             known["jobs_count"] += 1
             known["job_ids"].append(str(job.id))
     return list(found.values())
-
-
-def _waits_for(jobs: list[Job], elsewhere: list[tuple[Any, ...]]) -> dict[str, Any] | None:
-    """Name the run whose step must end before the next job of this one may go."""
-    done = {job.index for job in jobs if job.state == JobState.COMPLETE.value}
-    queued = (job for job in jobs if job.state == JobState.QUEUED.value)
-    following = next((job for job in queued if done.issuperset(job.after)), None)
-    other = None if following is None else selectors.step_blocked_by(following, elsewhere)
-    if other is None:
-        return None
-    return {"id": str(other), "number": selectors.find_run(other).number}
 
 
 def render_job(

@@ -70,13 +70,11 @@ from labweb.runs.selectors.recovery import waits_of as waits_of
 from labweb.runs.selectors.scheduling import HALTING_AT as HALTING_AT
 from labweb.runs.selectors.scheduling import JOB_TO_LOCK as JOB_TO_LOCK
 from labweb.runs.selectors.scheduling import RUN_TO_LOCK as RUN_TO_LOCK
-from labweb.runs.selectors.scheduling import asking_elsewhere as asking_elsewhere
 from labweb.runs.selectors.scheduling import asking_number as asking_number
 from labweb.runs.selectors.scheduling import asking_run_number as asking_run_number
 from labweb.runs.selectors.scheduling import attempt_for_update as attempt_for_update
 from labweb.runs.selectors.scheduling import due_outbox as due_outbox
 from labweb.runs.selectors.scheduling import halts_of as halts_of
-from labweb.runs.selectors.scheduling import held_elsewhere as held_elsewhere
 from labweb.runs.selectors.scheduling import hold_run_of as hold_run_of
 from labweb.runs.selectors.scheduling import is_halting as is_halting
 from labweb.runs.selectors.scheduling import job_for_update as job_for_update
@@ -84,7 +82,6 @@ from labweb.runs.selectors.scheduling import next_number as next_number
 from labweb.runs.selectors.scheduling import open_halts as open_halts
 from labweb.runs.selectors.scheduling import owed_halts as owed_halts
 from labweb.runs.selectors.scheduling import run_for_update as run_for_update
-from labweb.runs.selectors.scheduling import step_blocked_by as step_blocked_by
 from labweb.runs.selectors.scheduling import to_schedule as to_schedule
 from labweb.runs.selectors.scheduling import views as views
 

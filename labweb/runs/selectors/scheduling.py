@@ -9,14 +9,14 @@ from typing import Any
 from uuid import UUID
 
 import msgspec
-from django.db.models import DateTimeField, Q, QuerySet, Subquery, UUIDField
+from django.db.models import DateTimeField, Q, QuerySet, UUIDField
 
 from labweb.common.prepared import Given, Prepared, Question, together
 from labweb.domain.errors import LabError, NotFoundError
 from labweb.domain.runs.halt_state import UNDECIDED, HaltState
 from labweb.domain.runs.job import UNSTARTED, JobState, RunState
 from labweb.domain.runs.recovery import is_taken_away
-from labweb.domain.runs.scheduler import JobView, StepJob, held_by_steps
+from labweb.domain.runs.scheduler import JobView
 from labweb.domain.workflows.plan import Execution
 from labweb.enrollment import selectors as enrollment_selectors
 from labweb.resources import selectors as resource_selectors
@@ -26,7 +26,6 @@ from labweb.runs.models import Custody as Custody
 from labweb.runs.models import Job as Job
 from labweb.runs.models import Run as Run
 from labweb.runs.selectors.custody import hosts_of_carry
-from labweb.runs.selectors.needs import LIVE
 
 
 def run_for_update(run_id: UUID) -> Run:
@@ -70,62 +69,6 @@ JOB_TO_LOCK = Prepared(
         .defer("run__plan", "device__driver__spec", "device__driver__sources")
     )
 )
-
-
-def held_elsewhere(rows: Iterable[tuple[Any, ...]]) -> dict[UUID, UUID]:
-    """Return, by resource, the other run that is in the middle of a step on it.
-
-    Args:
-        rows: What `asking_elsewhere` has found.
-    """
-    return held_by_steps(
-        StepJob(
-            run_id=owner,
-            step_id=step_id,
-            state=JobState(state),
-            has_started=started_at is not None,
-            locks=frozenset(UUID(node) for node in locks),
-        )
-        for owner, step_id, state, started_at, locks in rows
-    )
-
-
-def asking_elsewhere(run_id: UUID) -> Question[tuple[Any, ...]]:
-    """Return what finds the jobs of all other runs in the lab of a run that have not ended."""
-    return _ELSEWHERE.asking(run=run_id)
-
-
-_ELSEWHERE = Prepared(
-    lambda: (
-        Job.objects.filter(
-            run__lab_id=Subquery(Run.objects.filter(pk=Given("run", UUIDField())).values("lab_id")),
-            run__state__in=LIVE,
-        )
-        .exclude(run_id=Given("run", UUIDField()))
-        .values_list("run_id", "step_id", "state", "started_at", "locks")
-    )
-)
-
-
-def step_blocked_by(job: Job, rows: Iterable[tuple[Any, ...]] | None = None) -> UUID | None:
-    """Return the run that is in the middle of a step on anything that this job's step needs.
-
-    A step begins only when all of it is free, so that two steps never wait for each other
-    half-way.
-
-    Args:
-        job: The job.
-        rows: What `asking_elsewhere` has found; None asks it.
-    """
-    if rows is None:
-        (rows,) = together(asking_elsewhere(job.run_id))
-    held = held_elsewhere(rows)
-    if not held:
-        return None
-    others = Job.objects.filter(run_id=job.run_id, step_id=job.step_id).exclude(pk=job.pk)
-    members = [job.locks, *others.values_list("locks", flat=True)]
-    needed = {UUID(node) for locks in members for node in locks}
-    return next((held[node] for node in sorted(needed) if node in held), None)
 
 
 def views(run_id: UUID) -> list[JobView]:

@@ -10,6 +10,7 @@ import msgspec
 from django.db.transaction import atomic
 
 from labweb.common.clock import new_id, now
+from labweb.common.prepared import together
 from labweb.crutd import selectors as crutd_selectors
 from labweb.crutd import services as crutd_services
 from labweb.crutd.selectors import Transaction
@@ -25,7 +26,7 @@ from labweb.enrollment.selectors import EdgeHost
 from labweb.resources import selectors as resource_selectors
 from labweb.runs import selectors
 from labweb.runs.models import Attempt, Job, Outbox, Run
-from labweb.runs.services import dispatch
+from labweb.runs.services import dispatch, holding
 from labweb.runs.services.drivers import switch_before
 from labweb.runs.services.state import check_not_halting, move_job, note_sent
 
@@ -50,6 +51,7 @@ def dispatch_batch(run_id: UUID, job_ids: Sequence[UUID], execution: Execution) 
             return _dispatch(run_id, job_ids, execution)
     except LockedError as error:
         logger.debug("a batch of run %s waits: %s", run_id, error.message)
+        holding.note_waiting(run_id, error)
         return 0
     except PreconditionError as error:
         dispatch.hold_job(job_ids[0], error)
@@ -63,11 +65,7 @@ def _dispatch(run_id: UUID, job_ids: Sequence[UUID], execution: Execution) -> in
     jobs = [selectors.job_for_update(job_id) for job_id in job_ids]
     if run.pause_reasons or any(job.state != JobState.QUEUED.value for job in jobs):
         return 0
-    for job in jobs:
-        blocking = selectors.step_blocked_by(job)
-        if blocking is not None:
-            text = f"run {blocking} is in the middle of a step here"
-            raise LockedError(text, code="run.step_held")
+    granted = holding.ask(run, jobs)
     switch_before(host, jobs)
     halting = selectors.HALTING_AT.rows(host=host.pk)
     check_not_halting(jobs, {device_id for (device_id,) in halting})
@@ -83,9 +81,17 @@ def _dispatch(run_id: UUID, job_ids: Sequence[UUID], execution: Execution) -> in
         )
         for job in jobs
     ]
-    transactions = crutd_services.lock_batch(
-        members, batch_id=batch_id, lab=run.lab, actor_id=run.created_by_id
-    )
+    try:
+        transactions = crutd_services.lock_batch(
+            members,
+            batch_id=batch_id,
+            lab=run.lab,
+            asker=crutd_services.Asker(actor_id=run.created_by_id, run_id=run.pk),
+            granted=granted.modes,
+        )
+    except LockedError as error:
+        raise granted.in_line(error) from error
+    together(*granted.writing)
     attempts = [
         _attempt(host, job, transaction, batch_id)
         for job, transaction in zip(jobs, transactions, strict=True)

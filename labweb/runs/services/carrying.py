@@ -11,6 +11,7 @@ from uuid import UUID
 
 from django.db.transaction import atomic
 
+from labweb.common.prepared import together
 from labweb.crutd import services as crutd_services
 from labweb.domain.crutd import operations
 from labweb.domain.crutd.decide import Change
@@ -20,7 +21,7 @@ from labweb.domain.runs.scheduler import JobView
 from labweb.resources import selectors as resource_selectors
 from labweb.runs import selectors
 from labweb.runs.models import Attempt
-from labweb.runs.services import custody, dispatch
+from labweb.runs.services import custody, dispatch, holding
 
 
 def dispatch_carry(run_id: UUID, view: JobView) -> bool:
@@ -36,7 +37,8 @@ def dispatch_carry(run_id: UUID, view: JobView) -> bool:
             if _is_handed_over(run_id, view):
                 return False
             return dispatch.dispatch_job(run_id, view)
-    except LockedError:
+    except LockedError as error:
+        holding.note_waiting(run_id, error)
         return False
     except PreconditionError as error:
         dispatch.hold_job(view.id, error)
@@ -50,20 +52,24 @@ def _is_handed_over(run_id: UUID, view: JobView) -> bool:
         return False
     host, job = held.host, held.job
     operation = operations.from_json(job.operation)
-    if (
-        not isinstance(operation, TransferResource)
-        or selectors.step_blocked_by(job, held.elsewhere) is not None
-    ):
+    if not isinstance(operation, TransferResource):
         return False
     row = resource_selectors.find_resource(operation.resource_id)
     hosts = selectors.hands_between(selectors.owner_of(row.lab, row.id), host)
     if hosts is None:
         return False
+    granted = holding.ask(held.run, [job])
     in_place = _in_place(operation.resource_id, operation.from_id)
-    transaction = crutd_services.lock_operation(
-        in_place, lab=row.lab, targets=[row.id], actor_id=job.run.created_by_id, job_id=job.id
+    found = crutd_services.hold_to_open(
+        in_place,
+        row.lab,
+        [row.id],
+        asker=crutd_services.Asker(actor_id=job.run.created_by_id, run_id=job.run_id),
+        job_id=job.id,
+        granted=granted.modes,
     )
-    custody.begin(row, hosts, transaction, actor=job.run.created_by, job=job)
+    together(found.opening, *granted.writing)
+    custody.begin(row, hosts, found.row, actor=job.run.created_by, job=job)
     return True
 
 

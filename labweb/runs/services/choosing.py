@@ -19,6 +19,7 @@ from labweb.enrollment import selectors as enrollment_selectors
 from labweb.enrollment.selectors import Device
 from labweb.runs.models import Job
 from labweb.runs.services.dispatch import dispatch_on, hold_job
+from labweb.runs.services.holding import note_waiting
 from labweb.runs.services.state import announce
 from labweb.telemetry import selectors as telemetry_selectors
 
@@ -37,6 +38,7 @@ def dispatch_by_role(run_id: UUID, view: JobView, online: Collection[UUID]) -> b
     devices = enrollment_selectors.devices_by_id(one.device_id for one in choices)
     latest = telemetry_selectors.latest(devices)
     passed: list[str] = []
+    waits: list[LockedError] = []
     refusals: list[PreconditionError] = []
     for choice in choices:
         device = devices[choice.device_id]
@@ -47,11 +49,14 @@ def dispatch_by_role(run_id: UUID, view: JobView, online: Collection[UUID]) -> b
                 return dispatch_on(run_id, view, device, **_fields(choice), chosen=told)
             except LockedError as error:
                 why = error.message
+                waits.append(error)
             except PreconditionError as error:
                 why = error.message
                 refusals.append(error)
         passed.append(f"{device.name}: {why}")
     _explain(run_id, view.id, f"waits for one that is free: {'; '.join(passed)}")
+    if waits:
+        note_waiting(run_id, waits[0])
     if len(refusals) == len(choices):
         hold_job(view.id, refusals[0])
     return False

@@ -72,7 +72,9 @@ def hand_over(resource_id: UUID, place_id: UUID, *, actor: User, note: str) -> C
 
 
 @atomic
-def begin_transfer(operation: TransferResource, *, actor: User, note: str) -> Custody | None:
+def begin_transfer(
+    operation: TransferResource, *, actor: User, note: str, run_id: UUID | None = None
+) -> Custody | None:
     """Begin a transfer that a person tells of, where two hosts have to agree on it.
 
     Returns:
@@ -87,7 +89,9 @@ def begin_transfer(operation: TransferResource, *, actor: User, note: str) -> Cu
     """
     row = resource_selectors.find_resource(operation.resource_id)
     hosts = selectors.hosts_between(row, operation)
-    return None if hosts is None else _ask(row, operation, hosts, actor=actor, note=note)
+    if hosts is None:
+        return None
+    return _ask(row, operation, hosts, actor=actor, note=note, run_id=run_id)
 
 
 def _ask(
@@ -97,11 +101,12 @@ def _ask(
     *,
     actor: User,
     note: str,
+    run_id: UUID | None = None,
 ) -> Custody:
     if not note.strip():
         raise DefinitionError("say why it is moved: the note is empty", code="run.note_missing")
     transaction = crutd_services.lock_operation(
-        operation, lab=row.lab, targets=[row.id], actor_id=actor.pk
+        operation, lab=row.lab, targets=[row.id], actor_id=actor.pk, run_id=run_id
     )
     made = begin(row, hosts, transaction, actor=actor)
     account_services.write_audit("custody.ask", str(row.id), actor=actor, reason=note)

@@ -42,6 +42,7 @@ from labweb.enrollment.selectors import Device, EdgeHost
 from labweb.resources.selectors import Lab, Resource
 from labweb.runs import selectors
 from labweb.runs.models import Attempt, Job, Outbox, Run
+from labweb.runs.services import holding
 from labweb.runs.services.drivers import switch_before
 from labweb.runs.services.failing import doubt_command
 from labweb.runs.services.state import (
@@ -85,6 +86,7 @@ def dispatch_job(run_id: UUID, view: JobView) -> bool:
             return _dispatch(run_id, view)
     except LockedError as error:
         logger.debug("job %s waits: %s", view.id, error.message)
+        holding.note_waiting(run_id, error)
         return False
     except PreconditionError as error:
         hold_job(view.id, error)
@@ -111,19 +113,21 @@ def _dispatch(run_id: UUID, view: JobView, fields: Mapping[str, Any] | None = No
     if held is None:
         return False
     host, run, job = held.host, held.run, held.job
-    blocking = selectors.step_blocked_by(job, held.elsewhere)
-    if blocking is not None:
-        raise LockedError(f"run {blocking} is in the middle of a step here", code="run.step_held")
+    granted = holding.ask(run, [job])
     switch_before(host, [job])
     check_calibrations([job])
     operation = operations.from_json(job.operation)
-    found = crutd_services.hold_to_open(
-        operation,
-        job.run.lab,
-        [UUID(node) for node in job.locks],
-        actor_id=run.created_by_id,
-        job_id=job.id,
-    )
+    try:
+        found = crutd_services.hold_to_open(
+            operation,
+            job.run.lab,
+            [UUID(node) for node in job.locks],
+            asker=crutd_services.Asker(actor_id=run.created_by_id, run_id=run.pk),
+            job_id=job.id,
+            granted=granted.modes,
+        )
+    except LockedError as error:
+        raise granted.in_line(error) from error
     host.last_dseq += 1
     attempt = Attempt(
         id=new_id(),
@@ -144,6 +148,7 @@ def _dispatch(run_id: UUID, view: JobView, fields: Mapping[str, Any] | None = No
         _keeping(attempt, command),
         moving(job, JobState.DISPATCHED, Mover.SCHEDULER, **(fields or {})),
         *(noting or ()),
+        *granted.writing,
     )
     body = msgspec.to_builtins(command)
     row = Outbox(pk=row_id, host=host, action_id=attempt.id, kind="do", body=body)
@@ -162,9 +167,6 @@ class ToDispatch:
     host: EdgeHost
     run: Run
     job: Job
-    elsewhere: list[tuple[Any, ...]]
-    """Jobs of other runs, for `step_blocked_by`."""
-
     number: int
     """Of its next try."""
 
@@ -179,11 +181,10 @@ def hold_for_dispatch(
     Raises:
         LockedError: Its device is to be halted first. Nothing was written.
     """
-    hosts, runs, jobs, elsewhere, numbers, halting = together(
+    hosts, runs, jobs, numbers, halting = together(
         enrollment_selectors.HOST_TO_LOCK.asking(id=view.host_id),
         selectors.RUN_TO_LOCK.asking(id=run_id),
         selectors.JOB_TO_LOCK.asking(id=view.id),
-        selectors.asking_elsewhere(run_id),
         selectors.asking_number(view.id),
         selectors.HALTING_AT.asking(host=view.host_id),
     )
@@ -196,7 +197,7 @@ def hold_for_dispatch(
     if job.state != JobState.QUEUED.value or run.pause_reasons or is_elsewhere:
         return None
     check_not_halting([job], {device_id for (device_id,) in halting})
-    return ToDispatch(host, run, job, elsewhere, numbers[0])
+    return ToDispatch(host, run, job, numbers[0])
 
 
 def check_calibrations(jobs: Sequence[Job]) -> None:

@@ -149,8 +149,10 @@ def _by_hand(job: Job, actor: User, moved_nl: int | None, note: str) -> int | No
         _pour(job, operation, actor, moved_nl, note)
     elif isinstance(operation, TransferResource) and moved_nl is None:
         told = f"by hand for {job.sentence}: {note}"
-        if begin_transfer(operation, actor=actor, note=told) is None:
-            crutd_services.carry_out(operation, lab=job.run.lab, actor_id=actor.pk, note=told)
+        if begin_transfer(operation, actor=actor, note=told, run_id=job.run_id) is None:
+            crutd_services.carry_out(
+                operation, lab=job.run.lab, actor_id=actor.pk, note=told, run_id=job.run_id
+            )
     elif moved_nl is not None:
         raise DefinitionError("nothing is poured by this job", code="run.bad_amount")
     job.passed_by = "hand"
@@ -168,4 +170,6 @@ def _pour(
     if moved_nl:
         done = msgspec.structs.replace(operation, amount_nl=moved_nl)
         told = f"by hand for {job.sentence}: {note}"
-        crutd_services.carry_out(done, lab=job.run.lab, actor_id=actor.pk, note=told)
+        crutd_services.carry_out(
+            done, lab=job.run.lab, actor_id=actor.pk, note=told, run_id=job.run_id
+        )

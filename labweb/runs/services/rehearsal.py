@@ -84,10 +84,11 @@ def rehearse_dispatch() -> bool:
             dispatch.signed(row, row.host.epoch)
             set_rollback(True)
         operation, nodes = operations.from_json(job.operation), [UUID(node) for node in job.locks]
+        asker = crutd_services.Asker(actor_id=actor.pk, run_id=run.pk)
         for _ in range(_PLANS):
             with atomic():
                 dispatch.hold_for_dispatch(run.pk, view)
-                crutd_services.hold_to_open(operation, run.lab, nodes, actor_id=actor.pk)
+                crutd_services.hold_to_open(operation, run.lab, nodes, asker=asker)
 
     return _with_any(rehearsed)
 

@@ -15,6 +15,7 @@ from labweb.domain.workflows import plan as plans
 from labweb.domain.workflows.plan import Plan
 from labweb.resources import selectors as resource_selectors
 from labweb.runs.models import Job, Run
+from labweb.runs.services.holding import declare
 from labweb.runs.services.start import preview, write_jobs
 from labweb.runs.services.state import move_job
 
@@ -124,3 +125,4 @@ def _keep_plan(run: Run, made: Plan, document: Mapping[str, Any]) -> None:
     }
     run.plan_digest = plans.digest(made)
     run.save(update_fields=["plan", "plan_digest"])
+    declare(run)

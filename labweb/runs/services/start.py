@@ -34,6 +34,7 @@ from labweb.resources import selectors as resource_selectors
 from labweb.resources.selectors import Lab
 from labweb.runs import selectors
 from labweb.runs.models import Job, Run
+from labweb.runs.selectors.holding import claims_of_plan
 from labweb.runs.services.picture import asking_view, lab_view, view_of
 from labweb.runs.services.proof import check_proved
 from labweb.runs.services.state import announce, move_job, refresh_run
@@ -173,6 +174,10 @@ def start_run(
         version=version,
         plan=msgspec.to_builtins(found.plan),
         plan_digest=plan_digest,
+        claims=msgspec.to_builtins(
+            claims_of_plan(found.plan, {one.id: one.kind for one in view.tree.resources}),
+            str_keys=True,
+        ),
         state=state.value,
         created_by=actor,
         created_at=now(),

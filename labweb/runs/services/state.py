@@ -19,6 +19,7 @@ from labweb.domain.runs.job import FINAL, JobState, Mover, RunState, check_step
 from labweb.domain.runs.scheduler import run_state, state_after_dispatch
 from labweb.runs import selectors
 from labweb.runs.models import Job, Run
+from labweb.runs.services import holding
 
 
 def move_job(job: Job, state: JobState, mover: Mover, **fields: Any) -> None:  # noqa: ANN401
@@ -115,4 +116,5 @@ def refresh_run(run_id: UUID) -> Run:
             run.ended_at = now()
         run.save(update_fields=["state", "ended_at"])
         on_commit(partial(announce, run_id))
+    holding.release(run)
     return run

@@ -74,7 +74,8 @@ def steps(draw: st.DrawFn, step_id: str) -> dict[str, Any]:
     if operation is None or draw(st.integers(0, 5)) == 0:
         given |= draw(st.dictionaries(TEXTS, JSON, max_size=2))
     step: dict[str, Any] = {"id": step_id, "kind": kind}
-    if given or draw(st.booleans()):
+    is_told: bool = draw(st.booleans())
+    if given or is_told:
         step["params"] = given
     if draw(st.integers(0, 3)):
         step["position"] = draw(PLACES)
@@ -102,7 +103,8 @@ def documents(draw: st.DrawFn) -> dict[str, Any]:
         if ids
     ]
     document: dict[str, Any] = {"steps": [draw(steps(step_id)) for step_id in ids]}
-    if edges or draw(st.booleans()):
+    is_told: bool = draw(st.booleans())
+    if edges or is_told:
         document["edges"] = edges
     if draw(st.booleans()):
         document["schema"] = "labweb.workflow/1"

@@ -6,9 +6,8 @@ from uuid import UUID
 
 import pytest
 
-from labweb.common.prepared import together
 from labweb.domain.errors import StateError
-from labweb.runs import selectors, services
+from labweb.runs import services
 from labweb.runs.models import Attempt, Job, Outbox, Run
 from tests.builders import a_lab, a_started_run, an_edge, to_transfer
 
@@ -32,9 +31,9 @@ def test_a_second_run_waits_until_the_first_has_emptied_the_pump() -> None:
     assert services.dispatch_ready() == 1
     assert states(first.id)[1] == "dispatched"
     assert set(states(second.id)) == {"queued"}
-    (elsewhere,) = together(selectors.asking_elsewhere(second.id))
-    held = selectors.held_elsewhere(elsewhere)
-    assert set(held.values()) == {first.id}
+    second.refresh_from_db()
+    assert second.waits is not None
+    assert second.waits["run_id"] == str(first.id)
     edge.complete(Attempt.objects.get(job__run=first, job__state="dispatched"))
     edge.work_off(first)
     assert set(states(first.id)) == {"complete"}
@@ -56,24 +55,30 @@ def test_a_zero_that_was_planned_for_an_empty_syringe_is_held_back_when_it_is_fu
     assert Run.objects.get(pk=second.pk).state == "paused"
 
 
-def test_two_steps_that_need_the_same_bottle_go_one_after_the_other() -> None:
+def test_two_steps_that_draw_from_the_same_bottle_take_turns_stroke_by_stroke() -> None:
     # Water ──▶ Pump 1 ──▶ Reactor 1
     #       └─▶ Pump 2 ──▶ Flask 2
     bench = a_lab()
     edge = an_edge(bench)
     first, second = a_started_run(bench, WATER), a_started_run(bench, "Try an error")
+    drawing = to_transfer(first, edge)
+    stroke = Job.objects.filter(run=second, operation__op="transfer_liquid").order_by("index")[0]
+    for attempt in Attempt.objects.filter(job__run=second, job__state="dispatched"):
+        edge.complete(attempt)
+        services.dispatch_ready()
+    for attempt in Attempt.objects.filter(job__run=second, job__state="dispatched"):
+        edge.complete(attempt)
+        services.dispatch_ready()
+    assert states(first.id)[drawing.job.index] == "dispatched"
+    assert states(second.id)[stroke.index] == "queued"
+    edge.complete(drawing)
     services.dispatch_ready()
-    assert states(first.id)[0] == "dispatched"
-    assert set(states(second.id)) == {"queued"}
-    assert selectors.step_blocked_by(Job.objects.get(run=second, index=0)) == first.id
-    edge.complete(Attempt.objects.get(job__run=first, job__state="dispatched"))
-    edge.work_off(first)
-    assert set(states(first.id)) == {"complete"}
-    services.dispatch_ready()
-    assert states(second.id)[0] == "dispatched"
-    edge.complete(Attempt.objects.get(job__run=second, job__state="dispatched"))
-    edge.work_off(second)
-    assert set(states(second.id)) == {"complete"}
+    assert states(second.id)[stroke.index] == "dispatched"
+    while sent := Attempt.objects.filter(job__state="dispatched"):
+        for attempt in sent:
+            edge.complete(attempt)
+        services.dispatch_ready()
+    assert set(states(first.id)) == set(states(second.id)) == {"complete"}
 
 
 def test_a_stop_gives_up_the_resets_before_it() -> None:

@@ -5,7 +5,7 @@ from django.db import migrations, models
 
 class Migration(migrations.Migration):
     dependencies = [
-        ("runs", "0013_halted_by"),
+        ("runs", "0014_device_halts"),
     ]
 
     operations = [

@@ -16,5 +16,5 @@ _BACK = "".join(f"DROP TRIGGER {table}_no_truncate ON {table};\n" for table in _
 class Migration(migrations.Migration):
     """Events and ledger entries cannot be emptied out."""
 
-    dependencies = [("crutd", "0007_held_locks")]
+    dependencies = [("crutd", "0009_run_holds")]
     operations = [migrations.RunSQL(_FORWARD, _BACK)]

@@ -13,7 +13,7 @@ CREATE TRIGGER runs_hostevent_no_truncate BEFORE TRUNCATE ON runs_hostevent
 class Migration(migrations.Migration):
     """What hosts have told cannot be emptied out."""
 
-    dependencies = [("runs", "0014_device_halts")]
+    dependencies = [("runs", "0016_claims_and_waits")]
     operations = [
         migrations.RunSQL(_FORWARD, "DROP TRIGGER runs_hostevent_no_truncate ON runs_hostevent;")
     ]
