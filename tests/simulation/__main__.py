@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from multiprocessing import Pool
 
-from tests.simulation import batches, halts, schedule
+from tests.simulation import batches, halts, schedule, vanishing
 from tests.simulation.checks import ViolationError
 
 BLOCK = 500
@@ -67,8 +67,14 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("--trace", action="store_true", help="print the first violation's schedule")
     parser.add_argument("--batches", action="store_true", help="runs that go in batches")
     parser.add_argument("--halts", action="store_true", help="devices that are halted")
+    parser.add_argument("--lost", action="store_true", help="devices that lose what was set")
     arguments = parser.parse_args(argv)
-    run = batches.run if arguments.batches else halts.run if arguments.halts else schedule.run
+    wanted = {
+        batches.run: arguments.batches,
+        halts.run: arguments.halts,
+        vanishing.run: arguments.lost,
+    }
+    run = next((play for play, is_wanted in wanted.items() if is_wanted), schedule.run)
     first, _, last = arguments.seeds.partition("..")
     if not last:
         return 0 if show(int(first), run) else 1

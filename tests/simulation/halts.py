@@ -76,6 +76,12 @@ _CUMULATIVE = tuple(accumulate(WEIGHTS.values()))
 def a_halting_world(seed: int, *, trace: list[str] | None = None) -> HaltingWorld:
     """Return a lab with its runs submitted."""
     world = HaltingWorld(seed, trace=trace)
+    submit(world)
+    return world
+
+
+def submit(world: HaltingWorld) -> None:
+    """Submit the runs."""
     for index, (run_number, name, number, what, after) in enumerate(ROUTES):
         pump = PUMPS[name, number]
         is_set = what == "set"
@@ -92,7 +98,6 @@ def a_halting_world(seed: int, *, trace: list[str] | None = None) -> HaltingWorl
             action="start_flow" if is_set else "stroke",
         )
         world.server.add_job(made)
-    return world
 
 
 def run(seed: int, *, trace: list[str] | None = None, steps: int = STEPS) -> World:

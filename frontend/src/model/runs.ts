@@ -151,6 +151,7 @@ const PAUSES: Record<string, string> = {
   user: "Paused",
   stopped: "Lab stopped",
   halted: "A halt undid what a step had set",
+  lost: "A device does not keep what a step had set",
   recovery: "Waits to be resumed after a decision",
   "server error": "The server cannot dispatch it",
 };

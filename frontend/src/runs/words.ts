@@ -1,10 +1,15 @@
 /** Words of the list of runs and of the page of one run. */
 
+import { capitalise } from "@/model/states";
+
 const HALTS: Record<string, string> = {
   "edge.stopped": " with the whole lab",
   "edge.halted": " with another action",
   "edge.interrupted": ", since the process of its line had died",
 };
+
+/** What an action had set is gone by itself: its device restarted, or somebody changed it. */
+export const SETPOINT_LOST = "edge.setpoint_lost";
 
 export const words = {
   title: "Runs",
@@ -23,9 +28,12 @@ export const words = {
   pausing: "Pausing – after the actions that are under way",
   undone: {
     title: "Undone by a halt",
+    lost: "Its device does not keep it",
     mayBe: "May be undone by a halt",
-    about: (device: string, why: string, isCertain: boolean) =>
-      `It was done. Since then ${device} was halted${HALTS[why] ?? ""}, ${isCertain ? "and what it had set is unknown: it may be off." : "and what that makes of it is known to its maker alone: it may be off, or go on."}`,
+    about: (device: string, why: string, isCertain: boolean, message: string) =>
+      why === SETPOINT_LOST
+        ? `It was done. Since then ${device} does not keep what was set. ${capitalise(message)}. What it had set is unknown: it may be off, or set to something else.`
+        : `It was done. Since then ${device} was halted${HALTS[why] ?? ""}, ${isCertain ? "and what it had set is unknown: it may be off." : "and what that makes of it is known to its maker alone: it may be off, or go on."}`,
   },
   resume: "Resume",
   alsoPause: "Pause, too",
