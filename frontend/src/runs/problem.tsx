@@ -64,7 +64,12 @@ function ProblemCard({ run, problem }: { run: Run; problem: Problem }) {
         <h2>{undone ? job.sentence : problemText(job) || `${job.sentence} did not complete`}</h2>
         <p className="s" data-testid="problem-effect">
           {undone
-            ? words.undone.about(job.device.name, job.halted_by ?? "", job.is_halt_certain, job.message)
+            ? words.undone.about(
+                job.device.name,
+                job.halted_by ?? "",
+                job.is_halt_certain,
+                job.message,
+              )
             : effectText(job)}
         </p>
         <Evidence job={job} />
