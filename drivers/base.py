@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import threading
+import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
@@ -31,6 +32,12 @@ if TYPE_CHECKING:
 Method = TypeVar("Method", bound=Callable[..., Any])
 TransportT = TypeVar("TransportT", bound=Transport)
 ConfigT = TypeVar("ConfigT", bound=msgspec.Struct)
+
+SPARE_S = 1.0
+"""What a limit is longer in real time where lab time runs faster: links and machines do not."""
+
+SLICE_S = 5.0
+"""Longest wait, in lab time, after which an action that is watched is looked at again."""
 
 Recovery = Literal["R0", "R1", "R2", "R3"]
 Operation = Literal["read", "update", "transfer"]
@@ -192,6 +199,14 @@ class Driver(ABC, Generic[TransportT, ConfigT]):
         self.action_id = ""
         """Id of the action that is carried out; "": nobody has told one."""
 
+        self.pace = 1.0
+        """Seconds of lab time in one real second: 1, unless the instruments are simulated and
+        their host says that their clock runs faster or slower."""
+
+        self.while_waiting: Callable[[], None] | None = None
+        """Called in every wait of an action: it looks whether what was set still stands, and
+        raises what ends the action."""
+
         self._stopping = threading.Event()
 
     def connect(self) -> None:
@@ -233,18 +248,43 @@ class Driver(ABC, Generic[TransportT, ConfigT]):
         """Tell whether `stop()` was called and not cleared."""
         return self._stopping.is_set()
 
+    def now_s(self) -> float:
+        """Return seconds of lab time, on a clock that never goes back: for durations and limits.
+
+        How long an answer may take on the wire is real time: that is the transport's.
+        """
+        return time.monotonic() * self.pace
+
+    def deadline_s(self, limit_s: float) -> float:
+        """Return until when, by `now_s`, something may take that lasts at most so long.
+
+        Where lab time runs faster, the time that links and this machine take is added.
+        """
+        return self.now_s() + limit_s + SPARE_S * max(0.0, self.pace - 1.0)
+
     def pause(self, seconds: float) -> None:
-        """Wait, unless somebody stops the device.
+        """Wait for some lab time, unless somebody stops the device.
 
         Raises:
             DeviceStoppedError: `stop()` was called, before or during the wait.
+            DeviceError: What the action had set is gone (`device.setpoint_lost`,
+                `device.stalled`).
         """
-        if self._stopping.wait(max(0.0, seconds)):
-            raise DeviceStoppedError("stopped")
+        until_s = self.now_s() + max(0.0, seconds)
+        left_s = seconds
+        while True:
+            slice_s = left_s if self.while_waiting is None else min(left_s, SLICE_S)
+            if self._stopping.wait(max(0.0, slice_s) / self.pace):
+                raise DeviceStoppedError("stopped")
+            if self.while_waiting is not None:
+                self.while_waiting()
+            left_s = until_s - self.now_s()
+            if left_s <= 0:
+                return
 
     def rest(self, seconds: float) -> None:
-        """Wait, stopped or not: for what has to be watched after a halt."""
-        threading.Event().wait(max(0.0, seconds))
+        """Wait for some lab time, stopped or not: for what has to be watched after a halt."""
+        threading.Event().wait(max(0.0, seconds) / self.pace)
 
     def refuse_if_stopped(self) -> None:
         """Refuse to begin while the device is stopped.

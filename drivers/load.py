@@ -12,6 +12,7 @@ import importlib
 import re
 import sys
 from collections.abc import Mapping
+from functools import partial
 from importlib.abc import Loader, MetaPathFinder
 from importlib.machinery import ModuleSpec
 from pathlib import Path
@@ -21,7 +22,9 @@ from typing import Any
 from drivers.base import ActionMark, Driver, Report, StatusMark, before_acting
 from drivers.catalog.inspect import PACKAGE
 from drivers.catalog.scan import inspect_bundle, inspect_file
+from drivers.readback import reading_back
 from drivers.transports.base import Transport
+from labweb.domain.enrollment.kept import kept_by
 from labweb.domain.enrollment.spec import DriverSpec, check_arguments, check_config
 from labweb.domain.errors import (
     ConformanceError,
@@ -184,17 +187,22 @@ class _Bundled(MetaPathFinder, Loader):
 def call_action(driver: Driver[Any, Any], name: str, arguments: Mapping[str, Any]) -> Report:
     """Run one action to its end and return its report.
 
+    While it waits, what it has set is read back: see `drivers.readback`.
+
     Raises:
         NotFoundError: No such action.
         PreconditionError: The arguments do not fit; nothing was sent.
-        DeviceError: It failed; `effect` and `context["moved_ul"]` say how far it came.
+        DeviceError: It failed; `effect` and `context["moved_ul"]` say how far it came. What was
+            set is gone: `device.setpoint_lost`, `device.stalled`.
     """
     method = _marked(driver, name, ActionMark)
     spec = _spec_of(driver)
     if findings := check_arguments(spec.action(name), arguments):
         messages = "; ".join(finding.message for finding in findings)
         raise PreconditionError(messages, code="driver.arguments", findings=findings)
-    report = method(**arguments)
+    statuses = frozenset(status.name for status in spec.statuses)
+    with reading_back(driver, kept_by(name, arguments, statuses), partial(read_status, driver)):
+        report = method(**arguments)
     if not isinstance(report, Report):
         raise FrameError(f"{name} returned no report", effect=Effect.UNKNOWN)
     return report

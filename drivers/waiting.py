@@ -1,4 +1,7 @@
-"""Waits for readings, and leaves things off when the waiting fails."""
+"""Waits for readings, and leaves things off when the waiting fails.
+
+All times are lab time (`Driver.now_s`).
+"""
 
 from __future__ import annotations
 
@@ -13,9 +16,21 @@ from labweb.domain.errors import DeviceError, Effect, PreconditionError, Rejecte
 
 KNOWN_ENDS = frozenset(
     {"device.not_reached", "device.not_held", "device.slow", "device.alarm"}
+    | {"device.no_progress", "device.setpoint_lost", "device.stalled"}
     | {DeviceStoppedError.default_code, RejectedError.default_code}
 )
 """Codes of failures after which the instrument still answers and can say how far it came."""
+
+
+PROGRESS_RATIO = 1 / 12
+"""A reading that comes no nearer for this share of its time limit makes no progress."""
+
+SHORTEST_PROGRESS_S = 60.0
+TURNED_S = 30.0
+"""How long a reading that was on its way may go back before that counts as no progress."""
+
+MOST_OFTEN_S = 0.02
+"""Shortest real time between two looks of a wait, however fast lab time runs."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,11 +117,12 @@ def await_reading(
         DeviceError: Not reached in time, or the reading failed.
     """
     pause = driver.rest if is_stopping else driver.pause
-    deadline_s = time.monotonic() + limit_s
+    deadline_s = driver.deadline_s(limit_s)
+    progress = Progress(wanted, limit_s)
     near_since_s: float | None = None
     while True:
         reading = read()
-        now_s = time.monotonic()
+        now_s = driver.now_s()
         if not wanted.accepts(reading):
             near_since_s = None
         elif near_since_s is None:
@@ -119,7 +135,70 @@ def await_reading(
                 f"{wanted} not reached in {limit_s:g} s: reading is {reading:g}",
                 code="device.not_reached",
             )
-        pause(poll_s)
+        progress.note(reading, now_s)
+        pause(polled_s(driver, poll_s))
+
+
+def polled_s(driver: Driver[Any, Any], poll_s: float) -> float:
+    """Return how long to wait between two looks, lab time: the line is no faster than it is."""
+    return max(poll_s, MOST_OFTEN_S * (driver.pace if driver.pace > 1 else 0.0))
+
+
+class Progress:
+    """Watches that a reading comes nearer to what is wanted.
+
+    It makes no progress where it comes no nearer for a twelfth of the time limit, or where it has
+    come nearer, turns round short of the goal and goes away for half a minute. One that has gone
+    past the goal may swing back in its own time.
+    """
+
+    def __init__(self, wanted: Wanted, limit_s: float) -> None:
+        self._wanted = wanted
+        self._window_s = max(SHORTEST_PROGRESS_S, limit_s * PROGRESS_RATIO)
+        self._first: float | None = None
+        self._nearest = float("inf")
+        self._nearest_at_s = self._step_at_s = 0.0
+        self._step_from = float("inf")
+        self._was_past = False
+
+    def note(self, reading: float, at_s: float) -> None:
+        """Take one reading.
+
+        Raises:
+            DeviceError: Code `device.no_progress`.
+        """
+        gap = reading - self._wanted.value
+        if self._first is None:
+            self._first = gap
+        self._was_past |= gap * self._first <= 0
+        if abs(gap) < self._nearest:
+            self._nearest, self._nearest_at_s = abs(gap), at_s
+        if self._wanted.accepts(reading) or self._step_from - abs(gap) >= self._step:
+            self._step_from, self._step_at_s = abs(gap), at_s
+        if at_s - self._step_at_s > self._window_s:
+            raise self._error(reading, f"it comes no nearer for {self._window_s:g} s")
+        if self._has_turned(gap) and at_s - self._nearest_at_s > TURNED_S:
+            raise self._error(reading, f"it goes away again for {TURNED_S:g} s")
+
+    @property
+    def _step(self) -> float:
+        return self._wanted.tolerance / 4
+
+    def _has_turned(self, gap: float) -> bool:
+        """Say whether it was on its way and has come back by more than a reading wavers."""
+        if self._first is None or self._was_past:
+            return False
+        least = max(self._wanted.tolerance, 0.02 * abs(self._first))
+        has_come = abs(self._first) - self._nearest >= least
+        return has_come and abs(gap) - self._nearest >= least
+
+    def _error(self, reading: float, why: str) -> DeviceError:
+        return DeviceError(
+            f"{self._wanted} is wanted, the reading is {reading:g}, and {why}: look whether the "
+            "device still acts and its sensor is in place",
+            code="device.no_progress",
+            context={"reading": reading},
+        )
 
 
 def watch_reading(
@@ -137,14 +216,14 @@ def watch_reading(
         DeviceStoppedError: Somebody stopped the device.
         DeviceError: It left for longer, or the reading failed.
     """
-    last_good_s = time.monotonic()
+    last_good_s = driver.now_s()
     end_s = last_good_s + duration_s
-    while (left_s := end_s - time.monotonic()) > 0:
-        driver.pause(min(left_s, poll_s))
+    while (left_s := end_s - driver.now_s()) > 0:
+        driver.pause(min(left_s, polled_s(driver, poll_s)))
         reading = read()
         if wanted.accepts(reading):
-            last_good_s = time.monotonic()
-        elif time.monotonic() - last_good_s > grace_s:
+            last_good_s = driver.now_s()
+        elif driver.now_s() - last_good_s > grace_s:
             raise DeviceError(f"reading left {wanted}: {reading:g}", code="device.not_held")
     driver.pause(0)
 
@@ -163,11 +242,11 @@ def await_true(
         DeviceStoppedError: Somebody stopped the device.
         DeviceError: Not so in time, or the question failed.
     """
-    deadline_s = time.monotonic() + limit_s
+    deadline_s = driver.deadline_s(limit_s)
     while not is_so():
-        if time.monotonic() > deadline_s:
+        if driver.now_s() > deadline_s:
             raise DeviceError(f"{what}: not so after {limit_s:g} s", code="device.slow")
-        driver.pause(poll_s)
+        driver.pause(polled_s(driver, poll_s))
     driver.pause(0)
 
 
@@ -191,6 +270,7 @@ def once_started(
     describe: Callable[[], Mapping[str, Any]] | None,
     *,
     lasted: str = "duration_s",
+    driver: Driver[Any, Any] | None = None,
 ) -> Iterator[None]:
     """Guard what follows the command that started something.
 
@@ -203,12 +283,14 @@ def once_started(
         describe: Reads what is true once it is off. None: nobody can tell how far it came,
             and the effect is UNKNOWN.
         lasted: Name of the time in `context`.
+        driver: By whose clock it lasts; None: in real time.
     """
-    started_s = time.monotonic()
+    now_s = time.monotonic if driver is None else driver.now_s
+    started_s = now_s()
     try:
         yield
     except DeviceError as error:
-        error.context[lasted] = round(time.monotonic() - started_s, 3)
+        error.context[lasted] = round(now_s() - started_s, 3)
         error.effect = Effect.UNKNOWN
         try:
             turn_off()
@@ -251,7 +333,7 @@ class Control:
         wanted = Wanted(temperature_c, tolerance_c, "°C", config.settle_s)
         if self.before is not None:
             self.before(temperature_c)
-        with once_started(self.end, self.describe):
+        with once_started(self.end, self.describe, driver=self.driver):
             self._begin(temperature_c)
             await_reading(
                 self.driver,
@@ -282,9 +364,9 @@ class Control:
         refuse_unless_near(reading_c, wanted)
         if self.before is not None:
             self.before(temperature_c)
-        with once_started(self.end, self.describe, lasted="held_s"):
+        with once_started(self.end, self.describe, lasted="held_s", driver=self.driver):
             self._begin(temperature_c)
-            started_s = time.monotonic()
+            started_s = self.driver.now_s()
             watch_reading(
                 self.driver,
                 self.read,
@@ -293,7 +375,7 @@ class Control:
                 poll_s=config.poll_s,
                 grace_s=config.grace_s,
             )
-            held_s = round(time.monotonic() - started_s, 3)
+            held_s = round(self.driver.now_s() - started_s, 3)
             return Report(evidence={**self.describe(), "held_s": held_s})
 
     def _begin(self, temperature_c: float) -> None:

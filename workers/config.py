@@ -18,6 +18,7 @@ LONGEST_SOCKET_PATH = 100
 """Bytes; the kernel's limit for a unix socket is 108."""
 
 SLOWEST_HZ, FASTEST_HZ = 10, 100
+SLOWEST_PACE, FASTEST_PACE = 0.001, 1000.0
 
 
 class ValkeyConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -108,6 +109,10 @@ class HostConfig(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
 
     valkey: ValkeyConfig
     mode: Literal["sim", "live"] = "sim"
+    pace: float = 1.0
+    """Seconds of lab time in one real second, as the simulated instruments run; 1 where the mode
+    is `live`, always. Drivers wait by lab time, and their limits count in it."""
+
     stop_grace_s: float = 2.0
     """How long a running action may go on after the first request to end."""
 
@@ -229,6 +234,7 @@ def _check(config: HostConfig, path: Path) -> None:
         raise DefinitionError(f"{path}: wss:// and ca_file go together, so that no one listens")
     if config.mode == "live" and (config.faults is not None or faults.are_wanted()):
         raise DefinitionError(f"{path}: a live host injects no faults; unset LABWEB_FAULTS")
+    _check_pace(config, path)
     if config.discovery is not None:
         expand_addresses(config.discovery.network)
         if not config.discovery.every_s >= 1:
@@ -238,6 +244,13 @@ def _check(config: HostConfig, path: Path) -> None:
         raise DefinitionError(f"{path}: ros2 tells statuses {SLOWEST_HZ} to {FASTEST_HZ} times/s")
     if config.stop_grace_s < 0:
         raise DefinitionError(f"{path}: stop_grace_s may not be negative")
+
+
+def _check_pace(config: HostConfig, path: Path) -> None:
+    if not SLOWEST_PACE <= config.pace <= FASTEST_PACE:
+        raise DefinitionError(f"{path}: pace lies between {SLOWEST_PACE:g} and {FASTEST_PACE:g}")
+    if config.mode == "live" and config.pace != 1.0:
+        raise DefinitionError(f"{path}: a live host has the pace 1; only simulations run faster")
 
 
 def command_queue(host_id: UUID) -> str:

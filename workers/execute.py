@@ -41,9 +41,9 @@ class Acted:
     """What the action hands over, as the report names it; not on disk yet."""
 
 
-def outer_limit_s(do: Do) -> float:
-    """Return after how long the watchdog stops a device whose driver has not."""
-    return watchdog_s(do.timeout_s)
+def outer_limit_s(do: Do, pace: float = 1.0) -> float:
+    """Return after how long, in real time, the watchdog stops a device whose driver has not."""
+    return watchdog_s(do.timeout_s, pace)
 
 
 class Act:
@@ -53,7 +53,7 @@ class Act:
         self.row = row
         self.unit = unit
         self._clock = clock
-        self._late_at_s = clock.monotonic_s() + outer_limit_s(row.do)
+        self._late_at_s = clock.monotonic_s() + outer_limit_s(row.do, unit.driver.pace)
         self._ending = threading.Lock()
         self._is_over = False
         self._is_halted = False

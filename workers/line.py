@@ -29,6 +29,7 @@ from workers.journal import Journal
 from workers.store import Store
 from workers.telemetry import Sampler
 from workers.unit import Unit
+from workers.vigil import Vigil
 
 log = logging.getLogger(__name__)
 
@@ -77,7 +78,10 @@ class Line:
         )
         for action_id in self._executor.recover():
             log.warning("action %s is in doubt: a crash left it without an answer", action_id)
-        self._sampler = Sampler(line, self.units, self._store, self._clock)
+        vigil = Vigil(
+            self.units, lambda: Journal(config.journal_path), self._clock, pace=config.pace
+        )
+        self._sampler = Sampler(line, self.units, self._store, self._clock, vigil)
         late = LateHalts(
             self.units, self._clock, lambda: Journal(config.journal_path), lambda: wake(line)
         )
@@ -87,7 +91,9 @@ class Line:
         """Load the drivers, and tell the server which versions serve and which cannot."""
         devices = lines_of(self._journal.devices()).get(self.name, [])
         drivers = Drivers(DriverStore(self._config.drivers_folder), self._journal.command_keys())
-        units = make_units(devices, self._clock, drivers, self._tell_refused)
+        units = make_units(
+            devices, self._clock, drivers, self._tell_refused, pace=self._config.pace
+        )
         for unit in units.values():
             tell_once(self._journal, unit.config, "driver_serving")
         return units
@@ -254,6 +260,8 @@ def make_units(
     clock: Clock,
     drivers: Drivers,
     refuse: Callable[[DeviceConfig, LabError], None] = lambda _device, _error: None,
+    *,
+    pace: float = 1.0,
 ) -> dict[UUID, Unit]:
     """Load the drivers of one line over one shared transport; nothing is opened.
 
@@ -269,7 +277,7 @@ def make_units(
                 if shared is None
                 else shared.for_url(device.transport)
             )
-            units[device.id] = Unit(device, drivers.load(device, transport), clock)
+            units[device.id] = Unit(device, drivers.load(device, transport), clock, pace)
         except LabError as error:
             log.error("device %s is not served: %s", device.key, error)  # the reason is whole
             refuse(device, error)

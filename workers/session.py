@@ -24,7 +24,9 @@ from workers.keys import HostKey, is_signature
 log = logging.getLogger(__name__)
 
 
-def make_hello(journal: Journal, key: HostKey, nonce: str, instance_id: str = "") -> Hello:
+def make_hello(
+    journal: Journal, key: HostKey, nonce: str, instance_id: str = "", pace: float = 1.0
+) -> Hello:
     """Say who this host is and where its journal stands, and prove it."""
     host = journal.host_state()
     seq, digest = journal.head()
@@ -43,6 +45,7 @@ def make_hello(journal: Journal, key: HostKey, nonce: str, instance_id: str = ""
         open_actions=journal.open_ids(),
         instance_id=instance_id,
         software=f"labweb {version('labweb')}",
+        pace=pace,
     )
     return msgspec.structs.replace(hello, signature=key.sign_hello(hello, nonce))
 

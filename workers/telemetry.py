@@ -13,6 +13,7 @@ from labweb.domain.runs.bodies import plain
 from workers.files import share_picture
 from workers.store import Sample, Store
 from workers.unit import Unit
+from workers.vigil import Vigil
 
 log = logging.getLogger(__name__)
 
@@ -29,12 +30,18 @@ class Sampler:
     """
 
     def __init__(
-        self, line: str, units: Mapping[UUID, Unit], store: Store | None, clock: Clock
+        self,
+        line: str,
+        units: Mapping[UUID, Unit],
+        store: Store | None,
+        clock: Clock,
+        vigil: Vigil | None = None,
     ) -> None:
         self._line = line
         self._units = list(units.values())
         self._store = store
         self._clock = clock
+        self._vigil = vigil
         self._due_s: dict[tuple[UUID, str], float] = {}
         self._failures: dict[UUID, int] = {}
         self._taken_count = 0
@@ -63,7 +70,10 @@ class Sampler:
         for unit in self._units:
             unit.connect_if_due()
             if unit.is_online:
-                samples += self._ask(unit)
+                taken = self._ask(unit)
+                samples += taken
+                if self._vigil is not None:
+                    self._vigil.note(unit, taken)
         self._taken_count += len(samples)
         if samples and self._store is not None:
             self._store.put(self._line, samples, self._taken_count, self._began_s)
@@ -74,13 +84,19 @@ class Sampler:
         while not self._ending.is_set():
             self.sample_once()
             self._clock.wait(TICK_S)
+        if self._vigil is not None:
+            self._vigil.close()
 
     def _ask(self, unit: Unit) -> Sequence[Sample]:
         now_s = self._clock.monotonic_s()
         samples = []
-        for status, period_s in unit.config.statuses.items():
+        for status, usual_s in unit.config.statuses.items():
+            watched = self._vigil
+            period_s = usual_s if watched is None else watched.period_s(unit, status, usual_s)
             key = (unit.config.id, status)
             due_s = self._due_s.get(key, now_s)
+            if now_s + period_s < due_s < float("inf"):  # watched from now on
+                due_s = self._due_s[key] = now_s + period_s
             if now_s < due_s or not unit.is_online:
                 continue
             # On from when it was due, else each look that comes late would slow it down.

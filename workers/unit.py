@@ -36,11 +36,17 @@ def _border(key: str) -> Iterator[None]:
 class Unit:
     """A device of this line."""
 
-    def __init__(self, config: DeviceConfig, driver: Driver[Any, Any], clock: Clock) -> None:
+    def __init__(
+        self, config: DeviceConfig, driver: Driver[Any, Any], clock: Clock, pace: float = 1.0
+    ) -> None:
         self.config = config
         self.driver = driver
+        self.driver.pace = pace
         self.is_online = False
         self.is_acting = False
+        self.acting = ""
+        """The action that its driver is carrying out; empty: none."""
+
         self._clock = clock
         self._retry_s = FIRST_RETRY_S
         self.owes_halt = False
@@ -124,7 +130,11 @@ class Unit:
             LabError: It failed; the effect says what may have happened to matter.
         """
         self.driver.action_id = action_id
-        return call_action(self.driver, action, args)
+        self.acting = action
+        try:
+            return call_action(self.driver, action, args)
+        finally:
+            self.acting = ""
 
     def has_action(self, action: str) -> bool:
         """Say whether the driver offers an action of that name."""

@@ -183,7 +183,8 @@ class Uplink:
             raise RefusedError(f"the server began with {type(challenge).__name__}")
         faults.point("uplink.before_hello")
         asked_at = self._journal.moment()
-        hello = make_hello(self._journal, self._identity.key, challenge.nonce, self._instance_id)
+        key, pace = self._identity.key, self._config.pace
+        hello = make_hello(self._journal, key, challenge.nonce, self._instance_id, pace)
         await send(socket, hello)
         if text := version_refusal(host=hello.v, server=challenge.v):
             raise RefusedError(text, code="host.version")

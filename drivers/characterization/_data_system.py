@@ -241,10 +241,10 @@ class DataSystem:
 
     def _follow(self, run: Run, lasts_s: float) -> Run:
         """Watch a run until it is done."""
-        until_s = time.monotonic() + lasts_s + SPARE_S
+        until_s = self.driver.deadline_s(lasts_s + SPARE_S)
         while run.state == "running":
             self.progress_ratio = min(1.0, max(0.0, run.progress))
-            if time.monotonic() > until_s:
+            if self.driver.now_s() > until_s:
                 self._abort_quietly()
                 raise DeviceError(f"run {run.id} goes on beyond {lasts_s + SPARE_S:g} s")
             try:

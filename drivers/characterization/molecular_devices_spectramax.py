@@ -131,7 +131,7 @@ class MolecularDevicesSpectramax(Driver[ByteTransport, Config], PlateReader, Tem
             self._prepare(plate, wavelengths_nm)
             self.pause(0)
         self._ask("!READ")
-        with once_started(self._leave, self._told):
+        with once_started(self._leave, self._told, driver=self):
             await_true(
                 self,
                 self._is_idle,
@@ -223,7 +223,7 @@ class MolecularDevicesSpectramax(Driver[ByteTransport, Config], PlateReader, Tem
         Effect:
             No more heat is asked for.
         """
-        with once_started(self.halt, self._told):
+        with once_started(self.halt, self._told, driver=self):
             self.halt()
             return Report(evidence=dict(self._told()))
 
@@ -264,7 +264,7 @@ class MolecularDevicesSpectramax(Driver[ByteTransport, Config], PlateReader, Tem
             self._refuse_unless_idle()
             self.pause(0)
         self._ask(command, timeout_s=self.config.move_limit_s)
-        with once_started(self._leave, None):
+        with once_started(self._leave, None, driver=self):
             await_true(
                 self,
                 lambda: self._state() == (is_open, IDLE),

@@ -188,7 +188,7 @@ class NewareBts(Driver[ByteTransport, Config], BatteryTester, Showing):
             'backupfree="0" />'
         )
         self._act("start", protocol_path, f' barcode="{barcode}"', backup)
-        with once_started(self.halt, None):
+        with once_started(self.halt, None, driver=self):
             await_true(
                 self,
                 lambda: self.channel_state() == "working",
@@ -230,7 +230,7 @@ class NewareBts(Driver[ByteTransport, Config], BatteryTester, Showing):
         Effect:
             No current flows through the cell.
         """
-        with once_started(self.halt, self._evidence):
+        with once_started(self.halt, self._evidence, driver=self):
             self.halt()
             return Report(evidence=self._evidence())
 

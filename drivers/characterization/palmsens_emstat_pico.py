@@ -298,7 +298,7 @@ class PalmsensEmstatPico(Driver[ByteTransport, Config], Potentiostat):
         output = Output(technique)
         with self.transport.lock, self._measuring(output, count, interval_s):
             rest = self._begin(script)
-            with once_started(self.halt, lambda: summarise(output)):
+            with once_started(self.halt, lambda: summarise(output), driver=self):
                 self._follow(output, rest)
         return self._report(output)
 
@@ -344,7 +344,7 @@ class PalmsensEmstatPico(Driver[ByteTransport, Config], Potentiostat):
             try:
                 frame = self.transport.receive(
                     until=whole_lines,
-                    timeout_s=self._interval_s + ANSWER_S,
+                    timeout_s=self._interval_s / self.pace + ANSWER_S,
                     longest_bytes=LONGEST_BYTES,
                     unless=unless,
                 )
@@ -371,7 +371,7 @@ class PalmsensEmstatPico(Driver[ByteTransport, Config], Potentiostat):
     def _abort(self) -> None:
         """Tell what runs to end, and wait until it has."""
         self.transport.send(ABORT, gap_s=self._take_gap_s())
-        heard, until_s = b"", time.monotonic() + ABORT_S + self._interval_s
+        heard, until_s = b"", time.monotonic() + ABORT_S + self._interval_s / self.pace
         while whole_after_abort(heard) is None:
             # The answer comes at once; the end only after the point that is being measured.
             left_s = until_s - time.monotonic()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from contextlib import suppress
 from typing import Any
@@ -65,10 +64,10 @@ def deliver(
         DeviceError: UNKNOWN: the pump stood on its way, or its link was lost.
     """
     duration_s = check_delivery(volume_ul, rate_ul_s)
-    started_s = time.monotonic()
+    started_s = driver.now_s()
     try:
         begin()
-        started_s = time.monotonic()
+        started_s = driver.now_s()
         with after_acting():
             _run(driver, started_s + duration_s, is_running)
             end()
@@ -76,10 +75,10 @@ def deliver(
         _end_after(error, end)
         if isinstance(error, DeviceStoppedError):
             error.effect = Effect.PARTIAL
-            error.context["moved_ul"] = _moved_ul(rate_ul_s, started_s)
+            error.context["moved_ul"] = _moved_ul(driver, rate_ul_s, started_s)
         raise
-    ran_s = time.monotonic() - started_s
-    moved_ul = _moved_ul(rate_ul_s, started_s)
+    ran_s = driver.now_s() - started_s
+    moved_ul = _moved_ul(driver, rate_ul_s, started_s)
     evidence = {"duration_s": round(ran_s, 3), "rate_ul_s": round(rate_ul_s, 6)}
     return Report(moved_ul, evidence, resolution_ul=round(rate_ul_s * POLL_S, 3))
 
@@ -96,12 +95,12 @@ def _end_after(error: DeviceError, end: Callable[[], None]) -> None:
 
 def _run(driver: Driver[Any, Any], until_s: float, is_running: Callable[[], bool]) -> None:
     driver.pause(0)
-    while (left_s := until_s - time.monotonic()) > 0:
+    while (left_s := until_s - driver.now_s()) > 0:
         driver.pause(min(POLL_S, left_s))
-        if time.monotonic() < until_s and not is_running():
+        if driver.now_s() < until_s and not is_running():
             driver.pause(0)  # a stop stands the pump still before its own wait hears of it
             raise DeviceError("the pump stood before the volume was through")
 
 
-def _moved_ul(rate_ul_s: float, started_s: float) -> float:
-    return round(rate_ul_s * (time.monotonic() - started_s), 3)
+def _moved_ul(driver: Driver[Any, Any], rate_ul_s: float, started_s: float) -> float:
+    return round(rate_ul_s * (driver.now_s() - started_s), 3)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
@@ -215,11 +214,11 @@ def watch(
         DeviceStoppedError: Somebody stopped the device.
         DeviceError: Code `device.slow`, or what the device reports.
     """
-    deadline_s = time.monotonic() + limit_s
+    deadline_s = driver.deadline_s(limit_s)
     try:
         driver.pause(0)
         while not is_idle():
-            if time.monotonic() > deadline_s:
+            if driver.now_s() > deadline_s:
                 raise DeviceError(f"still busy after {limit_s:g} s", code="device.slow")
             driver.pause(POLL_S)
         driver.pause(0)
@@ -237,9 +236,9 @@ def _describe_standstill(
 ) -> None:
     """Halt, and when it can be read, say how far the motion came."""
     driver.halt()
-    deadline_s = time.monotonic() + SLACK_S
+    deadline_s = driver.deadline_s(SLACK_S)
     while not is_idle():
-        if time.monotonic() > deadline_s:
+        if driver.now_s() > deadline_s:
             return
         driver.rest(POLL_S)
     facts = progress() if progress is not None else None

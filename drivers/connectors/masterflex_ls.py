@@ -14,7 +14,6 @@ Source:
 from __future__ import annotations
 
 import re
-import time
 from contextlib import suppress
 from typing import Annotated, ClassVar, Literal
 
@@ -175,7 +174,7 @@ class MasterflexLs(Driver[ByteTransport, Config], ContinuousPump):
             self._do(f"V{turns:.2f}")
         self._do("G")
         self._is_running = True
-        started_s = time.monotonic()
+        started_s = self.now_s()
         with after_acting():
             self._await_turns(started_s, duration_s + SETTLE_S, speed_rpm)
             self.halt()
@@ -187,10 +186,10 @@ class MasterflexLs(Driver[ByteTransport, Config], ContinuousPump):
     def _await_turns(self, started_s: float, wait_s: float, speed_rpm: float) -> None:
         try:
             self.pause(0)
-            while (left_s := started_s + wait_s - time.monotonic()) > 0:
+            while (left_s := started_s + wait_s - self.now_s()) > 0:
                 self.pause(min(POLL_S, left_s))
         except DeviceStoppedError as error:
-            ran_s = time.monotonic() - started_s
+            ran_s = self.now_s() - started_s
             self.halt()
             error.effect = Effect.PARTIAL
             error.context["moved_ul"] = round(self._rate_ul_s(speed_rpm) * ran_s, 3)

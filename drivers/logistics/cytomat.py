@@ -144,7 +144,7 @@ class Cytomat(Driver[ByteTransport, Config], Storage):
             if self._overview() & HANDLER_OCCUPIED:
                 raise RejectedError("the handler carries a plate: take it off first")
         self._move("ll:in", self.config.initialize_limit_s)
-        with once_started(self.halt, None):
+        with once_started(self.halt, None, driver=self):
             if not self.is_ready():
                 raise DeviceError("the store is not ready after initialising")
         return Report()
@@ -186,7 +186,7 @@ class Cytomat(Driver[ByteTransport, Config], Storage):
                 state = "empty" if is_storing else "full"
                 raise RejectedError(f"the transfer station is {state}")
         self._move(f"{command} {slot_index:03d}", self.config.move_limit_s)
-        with once_started(self.halt, None):
+        with once_started(self.halt, None, driver=self):
             if self.has_plate_at_transfer() == is_storing:
                 raise DeviceError(
                     f"the transfer station is as before after {command} {slot_index}",
@@ -206,7 +206,7 @@ class Cytomat(Driver[ByteTransport, Config], Storage):
 
     def _move(self, command: str, limit_s: float) -> None:
         decode_register(self._exchange(command), "ok")
-        with once_started(self.halt, None):
+        with once_started(self.halt, None, driver=self):
             await_true(self, self._has_ended, command, limit_s=limit_s, poll_s=self.config.poll_s)
 
     def _has_ended(self) -> bool:

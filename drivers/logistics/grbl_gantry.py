@@ -194,11 +194,11 @@ class GrblGantry(Driver[ByteTransport, Config], Gantry):
         with before_acting():
             if (state := self._seen().state) not in {"Idle", "Alarm"}:
                 raise RejectedError(f"the controller is in state {state}", context={"state": state})
-        with once_started(self.halt, None):
+        with once_started(self.halt, None, driver=self):
             frame = self._home()
         if is_refusal(frame):
             decode_answer(frame)
-        with once_started(self.halt, None):
+        with once_started(self.halt, None, driver=self):
             decode_answer(frame)
             return Report(evidence=self._where())
 
@@ -237,9 +237,9 @@ class GrblGantry(Driver[ByteTransport, Config], Gantry):
         except RejectedError:
             raise
         except DeviceError:
-            with once_started(self.halt, None):
+            with once_started(self.halt, None, driver=self):
                 raise
-        with once_started(self.halt, self._where):
+        with once_started(self.halt, self._where, driver=self):
             await_true(
                 self,
                 lambda: self._stands_at(place),
@@ -256,7 +256,7 @@ class GrblGantry(Driver[ByteTransport, Config], Gantry):
         Effect:
             The axes stand.
         """
-        with once_started(self.halt, self._where):
+        with once_started(self.halt, self._where, driver=self):
             self.halt()
             return Report(evidence=self._where())
 

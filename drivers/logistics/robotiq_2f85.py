@@ -194,7 +194,7 @@ class Robotiq2F85(Driver[RegisterTransport, Config], Gripper):
         with before_acting():
             if self._state().found == STOPPED_CLOSING:
                 raise RejectedError("the gripper holds something: release it first")
-        with once_started(self.halt, None):
+        with once_started(self.halt, None, driver=self):
             self._write(encode_action(0))
             self._await("reset", lambda state: state.activation == RESET)
             self._write(encode_action(ACTIVATE))
@@ -233,7 +233,7 @@ class Robotiq2F85(Driver[RegisterTransport, Config], Gripper):
         force = steps_of(force_n, LOW_FORCE_N, HIGH_FORCE_N)
         evidence = self._move(position, speed_mm_s, force, STOPPED_CLOSING)
         if not evidence["is_holding"]:
-            with once_started(self.halt, self._evidence):
+            with once_started(self.halt, self._evidence, driver=self):
                 raise DeviceError(
                     f"nothing is between the fingers at {evidence['width_mm']:g} mm",
                     code="device.not_held",
@@ -264,7 +264,7 @@ class Robotiq2F85(Driver[RegisterTransport, Config], Gripper):
                 )
         evidence = self._move(position, speed_mm_s, 0, STOPPED_OPENING)
         if self._state().found == STOPPED_OPENING:
-            with once_started(self.halt, self._evidence):
+            with once_started(self.halt, self._evidence, driver=self):
                 raise DeviceError(
                     f"a thing stopped the fingers at {evidence['width_mm']:g} mm",
                     code="device.not_reached",
@@ -289,9 +289,9 @@ class Robotiq2F85(Driver[RegisterTransport, Config], Gripper):
         except RejectedError:
             raise
         except DeviceError:
-            with once_started(self.halt, None):
+            with once_started(self.halt, None, driver=self):
                 raise
-        with once_started(self.halt, self._evidence):
+        with once_started(self.halt, self._evidence, driver=self):
             self._await("move ended", is_over)
             return self._evidence()
 

@@ -233,7 +233,7 @@ class SeerAgv(Driver[ByteTransport, Config], Agv):
         with before_acting():
             self._refuse_unless_ready()
         self._send_off(station)
-        with once_started(self.halt, self._standing):
+        with once_started(self.halt, self._standing, driver=self):
             await_true(
                 self,
                 lambda: self._has_come(station),
@@ -257,7 +257,7 @@ class SeerAgv(Driver[ByteTransport, Config], Agv):
         Effect:
             The vehicle stands; what it carries it still carries.
         """
-        with once_started(self.halt, self._standing):
+        with once_started(self.halt, self._standing, driver=self):
             self.halt()
             return Report(evidence=self._standing())
 
@@ -283,7 +283,7 @@ class SeerAgv(Driver[ByteTransport, Config], Agv):
         except RejectedError:
             raise
         except DeviceError:
-            with once_started(self.halt, None):
+            with once_started(self.halt, None, driver=self):
                 raise
 
     def _has_come(self, station: str) -> bool:

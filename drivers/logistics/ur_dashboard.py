@@ -143,7 +143,7 @@ class UrDashboard(Driver[ByteTransport, Config], Arm, Showing):
         answer = self._ask("play")
         if answer.startswith("Failed"):
             raise RejectedError(f"the program was not played: {answer}")
-        with once_started(self.halt, None):
+        with once_started(self.halt, None, driver=self):
             if answer != "Starting program":
                 raise FrameError(f"play was answered with {answer!r}")
             await_true(
@@ -162,7 +162,7 @@ class UrDashboard(Driver[ByteTransport, Config], Arm, Showing):
         Effect:
             The arm stands; what it carries it still carries.
         """
-        with once_started(self.halt, None):
+        with once_started(self.halt, None, driver=self):
             self.halt()
             return Report(evidence={"is_running": self.is_running()})
 

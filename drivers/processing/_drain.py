@@ -12,7 +12,7 @@ Source:
 
 from __future__ import annotations
 
-import time
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Any
@@ -74,6 +74,9 @@ class Run:
     falls: bool
     """What the signal does at the boundary; else it rises."""
 
+    now_s: Callable[[], float]
+    """The clock of its driver: lab time."""
+
     began_s: float = 0.0
     is_taken: bool = False
     """The valve has taken the command to open."""
@@ -88,7 +91,7 @@ class Run:
         It is told to close as long before it is closed as it was told to open before it was
         open, so the two turns make up for each other.
         """
-        return round(self.rate_ul_s * (time.monotonic() - self.began_s), 1)
+        return round(self.rate_ul_s * (self.now_s() - self.began_s), 1)
 
     def report(self) -> Report:
         """Report what went where both witnesses agree.
@@ -110,7 +113,13 @@ class Run:
 
 
 def planned(
-    volume_ul: float, *, falls: bool, rate_ul_s: float, tolerance_ratio: float, poll_s: float
+    volume_ul: float,
+    *,
+    falls: bool,
+    rate_ul_s: float,
+    tolerance_ratio: float,
+    poll_s: float,
+    now_s: Callable[[], float],
 ) -> Run:
     """Return a run that its two witnesses can tell apart from another.
 
@@ -129,7 +138,7 @@ def planned(
             f"{least_ul:g} µL run",
             code="device.volume_too_small",
         )
-    return Run(volume_ul=volume_ul, rate_ul_s=rate_ul_s, off_ul=off_ul, falls=falls)
+    return Run(volume_ul=volume_ul, rate_ul_s=rate_ul_s, off_ul=off_ul, falls=falls, now_s=now_s)
 
 
 @dataclass(slots=True, kw_only=True)
@@ -221,7 +230,7 @@ class Drain:
         count = self.count()
         if abs(abs(count) - OPEN_COUNTS) <= NEAR_COUNTS:
             run.is_open = True
-        elif run.is_open or time.monotonic() - run.began_s > self.limit_s:
+        elif run.is_open or run.now_s() - run.began_s > self.limit_s:
             raise DeviceError(
                 "the valve does not stand where the drain is open",
                 code="device.not_reached",
@@ -269,9 +278,9 @@ class Drain:
         Raises:
             DeviceError: It does not come there in time, or nobody knows where its zero is.
         """
-        deadline_s = time.monotonic() + self.limit_s
+        deadline_s = self.driver.deadline_s(self.limit_s)
         while not _is_near(count := self.count()):
-            if time.monotonic() > deadline_s:
+            if self.driver.now_s() > deadline_s:
                 self.is_sent_to_zero = False
                 raise DeviceError(
                     f"the valve stands {count} counts from where it is closed",

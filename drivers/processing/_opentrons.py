@@ -263,9 +263,9 @@ class Robot:
 
     def _follow(self, run_id: str, command: Command, limit_s: float) -> Command:
         """Watch a command until it has ended."""
-        until_s = time.monotonic() + limit_s
+        until_s = self.driver.deadline_s(limit_s)
         while command.status in {"queued", "running"}:
-            if time.monotonic() > until_s:
+            if self.driver.now_s() > until_s:
                 self.run_id = ""
                 self.stop(run_id)
                 raise DeviceError(

@@ -120,6 +120,16 @@ class Bioshake(Driver[ByteTransport, Config], Shaker, TemperatureController):
         """Tell the temperature of the table."""
         return self._number("getTempActual")
 
+    @status(every_s=4.0)
+    def temperature_setpoint_c(self) -> float:
+        """Tell the wanted temperature."""
+        return self._number("getTempTarget")
+
+    @status(every_s=4.0)
+    def is_heating(self) -> bool:
+        """Tell whether the temperature control is on."""
+        return self._number("getTempState") == 1
+
     @action(timeout_s=120.0, recovery="R1", hazards=("moving_parts",))
     def shake(
         self,
@@ -139,7 +149,7 @@ class Bioshake(Driver[ByteTransport, Config], Shaker, TemperatureController):
         with before_acting():
             low_rpm, high_rpm = self._number("getShakeMinRpm"), self._number("getShakeMaxRpm")
             refuse_beyond("speed", speed_rpm, low_rpm, high_rpm)
-        with once_started(self._shake_off, self._speeds):
+        with once_started(self._shake_off, self._speeds, driver=self):
             self._tell("setElmLockPos")
             self._tell(f"setShakeAcceleration{round(ramp_s)}")
             self._tell(f"setShakeTargetSpeed{round(speed_rpm)}")
@@ -154,7 +164,7 @@ class Bioshake(Driver[ByteTransport, Config], Shaker, TemperatureController):
         Effect:
             The shaker is off; the plate stays locked.
         """
-        with once_started(self._shake_off, self._speeds):
+        with once_started(self._shake_off, self._speeds, driver=self):
             self._shake_off()
             self._await_speed(0.0)
             self.rest(self.config.stand_s)
@@ -223,7 +233,7 @@ class Bioshake(Driver[ByteTransport, Config], Shaker, TemperatureController):
         Effect:
             The heater is off.
         """
-        with once_started(self._heater_off, self._temperatures):
+        with once_started(self._heater_off, self._temperatures, driver=self):
             self._heater_off()
             return Report(evidence=self._temperatures())
 

@@ -225,7 +225,7 @@ class BuchiC815(Driver[HttpTransport, Config], Chromatography):
             {"solventSystem": wanted},
             lambda process: _holds(process.get("solventSystem"), wanted),
         )
-        with once_started(self.halt, self._evidence):
+        with once_started(self.halt, self._evidence, driver=self):
             self.pause(self.config.settle_s)
             evidence = self._evidence()
             if evidence["pressure_kpa"] > self.config.max_pressure_kpa:
@@ -243,7 +243,7 @@ class BuchiC815(Driver[HttpTransport, Config], Chromatography):
         Effect:
             No solvent flows.
         """
-        with once_started(self.halt, self._evidence):
+        with once_started(self.halt, self._evidence, driver=self):
             self.halt()
             return Report(evidence=self._evidence())
 
@@ -304,9 +304,9 @@ class BuchiC815(Driver[HttpTransport, Config], Chromatography):
         except RejectedError:
             raise
         except DeviceError:
-            with once_started(self.halt, None):
+            with once_started(self.halt, None, driver=self):
                 raise
-        with once_started(self.halt, self._evidence):
+        with once_started(self.halt, self._evidence, driver=self):
             await_true(
                 self,
                 lambda: is_so(self._process()),

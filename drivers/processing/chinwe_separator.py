@@ -15,7 +15,6 @@ Source:
 
 from __future__ import annotations
 
-import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from typing import Annotated, Any, ClassVar, Literal
@@ -197,12 +196,12 @@ class ChinweSeparator(Driver[ByteTransport, Config], Separator):
         self._begin_to_turn(turns)
         wanted = Wanted(speed_rpm, min(SPEED_TOLERANCE_RPM, speed_rpm / 2), "rpm")
         own, poll_s = self.config, self.config.poll_s
-        with once_started(self._stop_stirrer, self._speed):
+        with once_started(self._stop_stirrer, self._speed, driver=self):
             await_reading(self, self._turning, wanted, limit_s=own.speed_limit_s, poll_s=poll_s)
-            began_s = time.monotonic()
+            began_s = self.now_s()
             times = {"duration_s": duration_s, "poll_s": poll_s, "grace_s": own.grace_s}
             watch_reading(self, self._turning, wanted, **times)
-            stirred_s = round(time.monotonic() - began_s, 3)
+            stirred_s = round(self.now_s() - began_s, 3)
             self._stop_stirrer()
             return Report(evidence={**self._speed(), "stirred_s": stirred_s})
 
@@ -233,11 +232,12 @@ class ChinweSeparator(Driver[ByteTransport, Config], Separator):
             rate_ul_s=own.drain_rate_ul_s,
             tolerance_ratio=own.tolerance_ratio,
             poll_s=own.poll_s,
+            now_s=self.now_s,
         )
         with before_acting():
             self._refuse_unless_ready(run)
             self.pause(0)
-        run.began_s = time.monotonic()
+        run.began_s = self.now_s()
         with self._closing(run):
             self._drain.open()
             run.is_taken = True
@@ -254,7 +254,7 @@ class ChinweSeparator(Driver[ByteTransport, Config], Separator):
         Effect:
             Nothing runs out any more.
         """
-        with once_started(self._drain.close, None):
+        with once_started(self._drain.close, None, driver=self):
             self._drain.close()
             return Report(evidence={"is_drain_closed": True, "valve_count": self._drain.count()})
 
@@ -354,7 +354,7 @@ class ChinweSeparator(Driver[ByteTransport, Config], Separator):
         except RejectedError:
             raise  # by the manual nothing moved
         except DeviceError:
-            with once_started(self._stop_stirrer, None):
+            with once_started(self._stop_stirrer, None, driver=self):
                 raise
 
     def _turning(self) -> float:

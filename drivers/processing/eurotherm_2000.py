@@ -93,6 +93,11 @@ class Eurotherm2000(Driver[RegisterTransport, Config], TemperatureController):
             )
         return reading_c
 
+    @status(every_s=4.0)
+    def temperature_setpoint_c(self) -> float:
+        """Tell the wanted temperature."""
+        return self._read(SETPOINT)
+
     @action(timeout_s=43_200.0, recovery="R1", hazards=("heat",))
     def reach_temperature(self, temperature_c: Temperature, tolerance_c: Tolerance) -> Report:
         """Return once the reading has stayed within tolerance.
@@ -136,7 +141,7 @@ class Eurotherm2000(Driver[RegisterTransport, Config], TemperatureController):
         Effect:
             No more heat is asked for above the rest temperature.
         """
-        with once_started(self.halt, self._temperatures):
+        with once_started(self.halt, self._temperatures, driver=self):
             self.halt()
             return Report(evidence=self._temperatures())
 

@@ -14,7 +14,6 @@ Source:
 from __future__ import annotations
 
 import re
-import time
 from typing import Annotated, Any, ClassVar, Literal
 
 import msgspec
@@ -155,7 +154,7 @@ class HeidolphHeiConnect(Driver[ByteTransport, Config], HeaterStirrer):
             The heater stays on with this setpoint.
         """
         self._check_heating(temperature_c)
-        with once_started(self._heater_off, self._temperatures):
+        with once_started(self._heater_off, self._temperatures, driver=self):
             self._start_heating(temperature_c)
             await_reading(
                 self,
@@ -174,7 +173,7 @@ class HeidolphHeiConnect(Driver[ByteTransport, Config], HeaterStirrer):
             The heater is off.
         """
         self._heater_off()
-        with once_started(self._heater_off, dict):
+        with once_started(self._heater_off, dict, driver=self):
             return Report(evidence=self._temperatures())
 
     @action(timeout_s=60.0, recovery="R1", hazards=("moving_parts",))
@@ -191,7 +190,7 @@ class HeidolphHeiConnect(Driver[ByteTransport, Config], HeaterStirrer):
         refuse_beyond("speed", speed_rpm, 0.0, self.config.max_speed_rpm)
         with before_acting():
             self._refuse_blocked()
-        with once_started(self._motor_off, self._speeds):
+        with once_started(self._motor_off, self._speeds, driver=self):
             self._set(SPEED_SETPOINT, round(speed_rpm))
             self._tell(f"START_{MOTOR}")
             return self._await_speed(speed_rpm)
@@ -204,7 +203,7 @@ class HeidolphHeiConnect(Driver[ByteTransport, Config], HeaterStirrer):
             The motor is off.
         """
         self._motor_off()
-        with once_started(self._motor_off, self._speeds):
+        with once_started(self._motor_off, self._speeds, driver=self):
             return self._await_speed(0.0)
 
     @action(timeout_s=604_800.0, recovery="R3", hazards=("heat",))
@@ -228,9 +227,9 @@ class HeidolphHeiConnect(Driver[ByteTransport, Config], HeaterStirrer):
         """
         wanted = Wanted(temperature_c, tolerance_c, "°C")
         refuse_unless_near(self._check_heating(temperature_c), wanted)
-        with once_started(self._heater_off, self._temperatures, lasted="held_s"):
+        with once_started(self._heater_off, self._temperatures, lasted="held_s", driver=self):
             self._start_heating(temperature_c)
-            started_s = time.monotonic()
+            started_s = self.now_s()
             watch_reading(
                 self,
                 self.temperature_c,
@@ -239,7 +238,7 @@ class HeidolphHeiConnect(Driver[ByteTransport, Config], HeaterStirrer):
                 poll_s=self.config.poll_s,
                 grace_s=self.config.grace_s,
             )
-            held_s = round(time.monotonic() - started_s, 3)
+            held_s = round(self.now_s() - started_s, 3)
             return Report(evidence={**self._temperatures(), "held_s": held_s})
 
     def _check_heating(self, temperature_c: float) -> float:

@@ -142,7 +142,7 @@ class HeidolphStirrer(Driver[ByteTransport, Config], Stirrer):
         refuse_beyond("speed", speed_rpm, least, highest)
         with before_acting():
             self._refuse_fault()
-        with once_started(self.halt, self._speeds):
+        with once_started(self.halt, self._speeds, driver=self):
             taken = decode_number(self._exchange(f"R{round(speed_rpm):04d}"), "SET")
             if taken != round(speed_rpm):
                 raise RejectedError(f"speed is {taken:g} after writing {speed_rpm:g}")
@@ -156,7 +156,7 @@ class HeidolphStirrer(Driver[ByteTransport, Config], Stirrer):
         Effect:
             The motor is off.
         """
-        with once_started(self.halt, self._speeds):
+        with once_started(self.halt, self._speeds, driver=self):
             self.halt()
             self._await(0.0)
             return Report(evidence=self._speeds())

@@ -207,7 +207,7 @@ class HuberPb(Driver[ByteTransport, Config], Thermostat):
         Effect:
             Heater, compressor and pump are off.
         """
-        with once_started(self.halt, self._temperatures):
+        with once_started(self.halt, self._temperatures, driver=self):
             self.halt()
             return Report(evidence=self._temperatures())
 

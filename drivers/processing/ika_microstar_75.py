@@ -94,7 +94,7 @@ class IkaMicrostar75(Driver[ByteTransport, Config], Stirrer):
         refuse_beyond("speed", speed_rpm, 0.0, self.config.max_speed_rpm)
         with before_acting():
             self.speed_rpm()
-        with once_started(self.halt, self._speeds):
+        with once_started(self.halt, self._speeds, driver=self):
             self._send(f"START_{SPEED}")
             self._send(f"OUT_SP_{SPEED} {round(speed_rpm)}")
             taken = self.speed_setpoint_rpm()
@@ -110,7 +110,7 @@ class IkaMicrostar75(Driver[ByteTransport, Config], Stirrer):
             The motor is off.
         """
         self.halt()
-        with once_started(self.halt, self._speeds):
+        with once_started(self.halt, self._speeds, driver=self):
             self._await(0.0)
             return Report(evidence=self._speeds())
 

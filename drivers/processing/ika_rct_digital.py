@@ -12,14 +12,12 @@ Source:
 
 from __future__ import annotations
 
-import time
 from typing import Annotated, ClassVar, Literal
 
 import msgspec
 
 from drivers.base import (
     Accuracy,
-    DeviceStoppedError,
     Driver,
     Quantity,
     Range,
@@ -32,12 +30,8 @@ from drivers.base import (
 from drivers.interfaces.heater_stirrer import HeaterStirrer
 from drivers.processing._namur import END, decode_value, encode_line
 from drivers.transports.base import ByteTransport
-from labweb.domain.errors import (
-    DeviceError,
-    Effect,
-    PreconditionError,
-    RejectedError,
-)
+from drivers.waiting import Wanted, await_reading, once_started, refuse_unless_near, watch_reading
+from labweb.domain.errors import PreconditionError, RejectedError
 
 MODEL = "RCT digital"
 TEMPERATURE, PLATE, SPEED = 1, 2, 4
@@ -131,13 +125,11 @@ class IkaRctDigital(Driver[ByteTransport, Config], HeaterStirrer):
             The heater stays on with this setpoint.
         """
         self._start_heating(temperature_c)
-        with after_acting():
-            started_s = time.monotonic()
-            try:
-                self._await_temperature(temperature_c, tolerance_c)
-            except DeviceError as error:
-                self._heater_off(error)
-                raise
+        wanted = Wanted(temperature_c, tolerance_c, "°C", self.config.settle_s)
+        started_s = self.now_s()
+        with once_started(self._heater_off, self._heat, driver=self):
+            limit_s, poll_s = self.config.heat_limit_s, self.config.poll_s
+            await_reading(self, self.temperature_c, wanted, limit_s=limit_s, poll_s=poll_s)
             return self._heat_report(started_s)
 
     @action(timeout_s=10.0, recovery="R1")
@@ -199,24 +191,14 @@ class IkaRctDigital(Driver[ByteTransport, Config], HeaterStirrer):
             The heater stays on with this setpoint.
         """
         self.refuse_if_stopped()
+        wanted = Wanted(temperature_c, tolerance_c, "°C")
         with before_acting():
-            reading_c = self.temperature_c()
-        if abs(reading_c - temperature_c) > tolerance_c:
-            raise PreconditionError(
-                f"reading is {reading_c:g} °C, not within {tolerance_c:g} K of "
-                f"{temperature_c:g} °C: heat first",
-                code="device.not_at_temperature",
-                context={"temperature_c": reading_c},
-            )
+            refuse_unless_near(self.temperature_c(), wanted)
         self._start_heating(temperature_c)
-        with after_acting():
-            started_s = time.monotonic()
-            try:
-                self._watch(started_s + duration_s, temperature_c, tolerance_c)
-            except DeviceError as error:
-                error.context["held_s"] = round(time.monotonic() - started_s, 3)
-                self._heater_off(error)
-                raise
+        started_s = self.now_s()
+        with once_started(self._heater_off, self._heat, lasted="held_s", driver=self):
+            times = {"poll_s": self.config.poll_s, "grace_s": self.config.grace_s}
+            watch_reading(self, self.temperature_c, wanted, duration_s=duration_s, **times)
             return self._heat_report(started_s)
 
     def _start_heating(self, temperature_c: float) -> None:
@@ -225,83 +207,33 @@ class IkaRctDigital(Driver[ByteTransport, Config], HeaterStirrer):
         self._set(TEMPERATURE, temperature_c)
         self._send("START_1")
 
-    def _await_temperature(self, temperature_c: float, tolerance_c: float) -> None:
-        deadline_s = time.monotonic() + self.config.heat_limit_s
-        within_since_s: float | None = None
-        while True:
-            self.pause(self.config.poll_s)
-            reading_c = self.temperature_c()
-            now_s = time.monotonic()
-            if abs(reading_c - temperature_c) > tolerance_c:
-                within_since_s = None
-            elif within_since_s is None:
-                within_since_s = now_s
-            if within_since_s is not None and now_s - within_since_s >= self.config.settle_s:
-                return
-            if now_s > deadline_s:
-                raise DeviceError(
-                    f"{temperature_c:g} °C not reached in {self.config.heat_limit_s:g} s",
-                    code="device.not_reached",
-                )
-
-    def _watch(self, end_s: float, temperature_c: float, tolerance_c: float) -> None:
-        last_good_s = time.monotonic()
-        while (left_s := end_s - time.monotonic()) > 0:
-            self.pause(min(left_s, self.config.poll_s))
-            reading_c = self.temperature_c()
-            if abs(reading_c - temperature_c) <= tolerance_c:
-                last_good_s = time.monotonic()
-            elif time.monotonic() - last_good_s > self.config.grace_s:
-                raise DeviceError(
-                    f"reading left {temperature_c:g} ± {tolerance_c:g} °C: {reading_c:g} °C",
-                    code="device.not_held",
-                )
-        self.pause(0)
-
     def _await_speed(self, speed_rpm: float) -> Report:
-        deadline_s = time.monotonic() + SPEED_LIMIT_S
-        try:
-            while abs((reading_rpm := self.speed_rpm()) - speed_rpm) > SPEED_TOLERANCE_RPM:
-                if time.monotonic() > deadline_s:
-                    raise DeviceError(
-                        f"motor runs at {reading_rpm:g} rpm, asked for {speed_rpm:g} rpm",
-                        code="device.not_reached",
-                        context={"speed_rpm": reading_rpm},
-                    )
-                self._wait_for_motor(speed_rpm)
-            if speed_rpm > 0:
-                self.pause(0)
-        except DeviceError as error:
-            self._send("STOP_4")
-            if error.code in {"device.not_reached", DeviceStoppedError.default_code}:
-                error.context["speed_rpm"] = self.speed_rpm()
-                error.effect = Effect.PARTIAL
-            raise
+        """Return once the motor has the speed; running down is watched while stopped, too."""
+        with once_started(lambda: self._send("STOP_4"), self._speed, driver=self):
+            reading_rpm = await_reading(
+                self,
+                self.speed_rpm,
+                Wanted(speed_rpm, SPEED_TOLERANCE_RPM, "rpm"),
+                limit_s=SPEED_LIMIT_S,
+                poll_s=self.config.poll_s,
+                is_stopping=speed_rpm == 0,
+            )
         return Report(evidence={"speed_rpm": reading_rpm})
 
-    def _wait_for_motor(self, speed_rpm: float) -> None:
-        """Wait between two readings; running down may be watched while stopped."""
-        if speed_rpm > 0:
-            self.pause(self.config.poll_s)
-        else:
-            self.rest(self.config.poll_s)
+    def _speed(self) -> dict[str, float]:
+        return {"speed_rpm": self.speed_rpm()}
 
-    def _heater_off(self, error: DeviceError) -> None:
-        """Leave a failed heating cold, and say how warm it got."""
+    def _heater_off(self) -> None:
         self._send("STOP_1")
-        if error.code in {
-            "device.not_reached",
-            "device.not_held",
-            DeviceStoppedError.default_code,
-        }:
-            error.context["temperature_c"] = self.temperature_c()
-            error.effect = Effect.PARTIAL
+
+    def _heat(self) -> dict[str, float]:
+        return {"temperature_c": self.temperature_c()}
 
     def _heat_report(self, started_s: float) -> Report:
         evidence = {
             "temperature_c": self.temperature_c(),
             "temperature_setpoint_c": self.temperature_setpoint_c(),
-            "duration_s": round(time.monotonic() - started_s, 3),
+            "duration_s": round(self.now_s() - started_s, 3),
         }
         return Report(evidence=evidence)
 

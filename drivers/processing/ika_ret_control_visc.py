@@ -13,7 +13,6 @@ Source:
 
 from __future__ import annotations
 
-import time
 from typing import Annotated, Any, ClassVar, Literal
 
 import msgspec
@@ -131,7 +130,7 @@ class IkaRetControlVisc(Driver[ByteTransport, Config], HeaterStirrer):
             The heater stays on with this setpoint.
         """
         self._check_heating(temperature_c)
-        with once_started(self._heater_off, self._temperatures):
+        with once_started(self._heater_off, self._temperatures, driver=self):
             self._start_heating(temperature_c)
             await_reading(
                 self,
@@ -150,7 +149,7 @@ class IkaRetControlVisc(Driver[ByteTransport, Config], HeaterStirrer):
             The heater is off.
         """
         self._heater_off()
-        with once_started(self._heater_off, dict):
+        with once_started(self._heater_off, dict, driver=self):
             return Report(evidence=self._temperatures())
 
     @action(timeout_s=60.0, recovery="R1", hazards=("moving_parts",))
@@ -167,7 +166,7 @@ class IkaRetControlVisc(Driver[ByteTransport, Config], HeaterStirrer):
         refuse_beyond("speed", speed_rpm, 0.0, self.config.max_speed_rpm)
         with before_acting():
             self.speed_rpm()
-        with once_started(self._motor_off, self._speeds):
+        with once_started(self._motor_off, self._speeds, driver=self):
             self._set(SPEED, round(speed_rpm))
             self._send(f"START_{MOTOR}")
             await_reading(
@@ -187,7 +186,7 @@ class IkaRetControlVisc(Driver[ByteTransport, Config], HeaterStirrer):
             The motor is off.
         """
         self._motor_off()
-        with once_started(self._motor_off, self._speeds):
+        with once_started(self._motor_off, self._speeds, driver=self):
             await_reading(
                 self,
                 self.speed_rpm,
@@ -219,9 +218,9 @@ class IkaRetControlVisc(Driver[ByteTransport, Config], HeaterStirrer):
         """
         wanted = Wanted(temperature_c, tolerance_c, "°C")
         refuse_unless_near(self._check_heating(temperature_c), wanted)
-        with once_started(self._heater_off, self._temperatures, lasted="held_s"):
+        with once_started(self._heater_off, self._temperatures, lasted="held_s", driver=self):
             self._start_heating(temperature_c)
-            started_s = time.monotonic()
+            started_s = self.now_s()
             watch_reading(
                 self,
                 self.temperature_c,
@@ -230,7 +229,7 @@ class IkaRetControlVisc(Driver[ByteTransport, Config], HeaterStirrer):
                 poll_s=self.config.poll_s,
                 grace_s=self.config.grace_s,
             )
-            held_s = round(time.monotonic() - started_s, 3)
+            held_s = round(self.now_s() - started_s, 3)
             return Report(evidence={**self._temperatures(), "held_s": held_s})
 
     def _check_heating(self, temperature_c: float) -> float:

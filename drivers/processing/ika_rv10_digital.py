@@ -120,7 +120,7 @@ class IkaRv10Digital(Driver[ByteTransport, Config], RotaryEvaporator):
         refuse_beyond("temperature", temperature_c, 0.0, self.config.max_temperature_c)
         with before_acting():
             self._refuse_fault()
-        with once_started(self._bath_off, self._temperatures):
+        with once_started(self._bath_off, self._temperatures, driver=self):
             self._set(BATH, round(temperature_c, 1))
             self._send(f"START_{BATH}")
             await_reading(
@@ -140,7 +140,7 @@ class IkaRv10Digital(Driver[ByteTransport, Config], RotaryEvaporator):
             The bath is off.
         """
         self._bath_off()
-        with once_started(self._bath_off, dict):
+        with once_started(self._bath_off, dict, driver=self):
             return Report(evidence=self._temperatures())
 
     @action(timeout_s=60.0, recovery="R1", hazards=("moving_parts",))
@@ -157,7 +157,7 @@ class IkaRv10Digital(Driver[ByteTransport, Config], RotaryEvaporator):
         refuse_beyond("speed", speed_rpm, 0.0, self.config.max_speed_rpm)
         with before_acting():
             self._refuse_fault()
-        with once_started(self._drive_off, self._speeds):
+        with once_started(self._drive_off, self._speeds, driver=self):
             self._set(SPEED, round(speed_rpm))
             self._send(f"START_{SPEED}")
             return self._await_speed(speed_rpm)
@@ -170,7 +170,7 @@ class IkaRv10Digital(Driver[ByteTransport, Config], RotaryEvaporator):
             The drive is off.
         """
         self._drive_off()
-        with once_started(self._drive_off, self._speeds):
+        with once_started(self._drive_off, self._speeds, driver=self):
             return self._await_speed(0.0)
 
     @action(timeout_s=60.0, recovery="R3", hazards=("moving_parts",))
@@ -198,7 +198,7 @@ class IkaRv10Digital(Driver[ByteTransport, Config], RotaryEvaporator):
         self._send(f"OUT_SP_{channel} 1")
         # The lift has no command to stop: it goes on to its end whatever happens here.
         self.rest(self.config.lift_s)
-        with once_started(lambda: None, dict):
+        with once_started(lambda: None, dict, driver=self):
             self._refuse_fault()
         return Report(evidence={"waited_s": self.config.lift_s})
 

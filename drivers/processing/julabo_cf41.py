@@ -195,7 +195,7 @@ class JulaboCf41(Driver[ByteTransport, Config], Thermostat):
         Effect:
             Heater, compressor and pump are off.
         """
-        with once_started(self.halt, self._temperatures):
+        with once_started(self.halt, self._temperatures, driver=self):
             self.halt()
             if self.is_controlling():
                 raise RejectedError("the circulator did not turn off: is it set to remote?")

@@ -142,6 +142,16 @@ class LadsController(Driver[OpcUaTransport, Config], TemperatureController):
         """
         return self.transport.read_number(self._parts.reading, "CurrentValue")
 
+    @status(every_s=4.0)
+    def temperature_setpoint_c(self) -> float:
+        """Tell the wanted temperature."""
+        return self._target_c()
+
+    @status(every_s=4.0)
+    def is_controlling(self) -> bool:
+        """Tell whether the function runs."""
+        return self._state() == "Running"
+
     @action(timeout_s=43_200.0, recovery="R1", hazards=("heat", "cold"))
     def reach_temperature(self, temperature_c: Temperature, tolerance_c: Tolerance) -> Report:
         """Return once the reading has stayed within tolerance.
@@ -187,7 +197,7 @@ class LadsController(Driver[OpcUaTransport, Config], TemperatureController):
         Effect:
             No more heat or cold is asked for.
         """
-        with once_started(self.halt, self._temperatures):
+        with once_started(self.halt, self._temperatures, driver=self):
             self.halt()
             return Report(evidence=self._temperatures())
 
@@ -229,7 +239,7 @@ class LadsController(Driver[OpcUaTransport, Config], TemperatureController):
         except RejectedError:
             raise
         except DeviceError:
-            with once_started(self.halt, None):
+            with once_started(self.halt, None, driver=self):
                 raise
 
     def _ask_for(self, temperature_c: float, *, is_running: bool) -> None:

@@ -225,7 +225,7 @@ class LaudaLoop(Driver[ByteTransport, Config], Thermostat):
         Effect:
             Pump and Peltier elements are off.
         """
-        with once_started(self.halt, self._temperatures):
+        with once_started(self.halt, self._temperatures, driver=self):
             self.halt()
             if self.is_controlling():
                 raise RejectedError("the thermostat did not go to standby")

@@ -159,7 +159,7 @@ class MansonHcs(Driver[ByteTransport, Config], PowerSupply):
         current_steps = refuse_between_steps("current", current_ma, step_ma)
         with before_acting():
             self._measured()
-        with once_started(self.halt, self._evidence):
+        with once_started(self.halt, self._evidence, driver=self):
             self._set(f"VOLT{voltage_steps:03d}")
             self._set(f"CURR{current_steps:03d}")
             taken_v, taken_ma = self.voltage_setpoint_v(), self.current_setpoint_ma()
@@ -177,7 +177,7 @@ class MansonHcs(Driver[ByteTransport, Config], PowerSupply):
         Effect:
             No current flows.
         """
-        with once_started(self.halt, self._evidence):
+        with once_started(self.halt, self._evidence, driver=self):
             self.halt()
             return Report(evidence=self._evidence())
 

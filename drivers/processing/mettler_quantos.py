@@ -15,7 +15,6 @@ Source:
 from __future__ import annotations
 
 import re
-import time
 from typing import Annotated, Any, ClassVar
 
 import msgspec
@@ -339,9 +338,9 @@ class MettlerQuantos(Driver[ByteTransport, Config], PowderDispenser):
 
     def _await_stable(self, *, is_stopping: bool = False) -> float:
         pause = self.rest if is_stopping else self.pause
-        deadline_s = time.monotonic() + self.config.stable_limit_s
+        deadline_s = self.deadline_s(self.config.stable_limit_s)
         while not (weight := self._weight())[0]:
-            if time.monotonic() > deadline_s:
+            if self.now_s() > deadline_s:
                 raise DeviceTimeoutError(f"no steady weight in {self.config.stable_limit_s:g} s")
             pause(self.config.poll_s)
         return weight[1]

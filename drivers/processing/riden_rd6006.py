@@ -113,7 +113,7 @@ class RidenRd6006(Driver[RegisterTransport, Config], PowerSupply):
         )
         with before_acting():
             self._read(OUTPUT)
-        with once_started(self.halt, self._evidence):
+        with once_started(self.halt, self._evidence, driver=self):
             self.transport.write_registers(VOLTAGE_SET, setpoints)
             taken_v, taken_ma = self._pair(VOLTAGE_SET)
             refuse_untaken("voltage", taken_v, voltage_v, resolution=STEP_V / 2)
@@ -131,7 +131,7 @@ class RidenRd6006(Driver[RegisterTransport, Config], PowerSupply):
         Effect:
             No current flows.
         """
-        with once_started(self.halt, self._evidence):
+        with once_started(self.halt, self._evidence, driver=self):
             self.halt()
             return Report(evidence=self._evidence())
 

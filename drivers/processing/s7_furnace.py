@@ -115,7 +115,7 @@ class S7Furnace(Driver[S7Transport, Config], Furnace):
                 f"block {self.config.block_index} has version {state.version}, expected {VERSION}",
                 context={"version": state.version},
             )
-        every_s = self.config.watchdog_s / BEATS
+        every_s = self.config.watchdog_s / BEATS / self.pace
         self.transport.keep_alive(self.config.block_index, LIFE, every_s)
 
     def halt(self) -> None:
@@ -217,7 +217,7 @@ class S7Furnace(Driver[S7Transport, Config], Furnace):
         Effect:
             The heater is off.
         """
-        with once_started(self.halt, self._temperatures):
+        with once_started(self.halt, self._temperatures, driver=self):
             self.halt()
             return Report(evidence=self._temperatures())
 
@@ -299,7 +299,7 @@ class S7Furnace(Driver[S7Transport, Config], Furnace):
     @contextmanager
     def _acting(self) -> Iterator[None]:
         """Turn the heater off where what was begun did not succeed."""
-        with once_started(self.halt, self._temperatures):
+        with once_started(self.halt, self._temperatures, driver=self):
             yield
 
     def _refuse_untaken(self, temperature_c: float, ramp_k_min: float, order: int) -> None:

@@ -156,7 +156,7 @@ class ScpiSupply(Driver[ByteTransport, Config], PowerSupply):
         with before_acting():
             self.voltage_v()
             self._send("*CLS")
-        with once_started(self.halt, self._evidence):
+        with once_started(self.halt, self._evidence, driver=self):
             self._send(f"VOLT {voltage_v:.4f}")
             self._send(f"CURR {current_ma / MA_PER_A:.5f}")
             self._refuse_error()
@@ -175,7 +175,7 @@ class ScpiSupply(Driver[ByteTransport, Config], PowerSupply):
         Effect:
             No current flows.
         """
-        with once_started(self.halt, self._evidence):
+        with once_started(self.halt, self._evidence, driver=self):
             self.halt()
             return Report(evidence=self._evidence())
 

@@ -134,7 +134,7 @@ class SilaTemperatureController(Driver[SilaTransport, Config], TemperatureContro
         Effect:
             The target is the rest temperature.
         """
-        with once_started(self.halt, self._temperatures):
+        with once_started(self.halt, self._temperatures, driver=self):
             self.halt()
             return Report(evidence=self._temperatures())
 
@@ -170,7 +170,7 @@ class SilaTemperatureController(Driver[SilaTransport, Config], TemperatureContro
         except RejectedError:
             raise
         except DeviceError:
-            with once_started(self.halt, None):
+            with once_started(self.halt, None, driver=self):
                 raise
 
     def _begin(self, temperature_c: float) -> None:

@@ -149,7 +149,7 @@ class TdkGenesys(Driver[ByteTransport, Config], PowerSupply):
         refuse_beyond("current", current_ma, 0.0, self.config.max_current_ma)
         with before_acting():
             self.voltage_v()
-        with once_started(self.halt, self._evidence):
+        with once_started(self.halt, self._evidence, driver=self):
             self._set("RMT 1")
             self._set(f"PV {voltage_v:.3f}")
             self._set(f"PC {current_ma / MA_PER_A:.3f}")
@@ -169,7 +169,7 @@ class TdkGenesys(Driver[ByteTransport, Config], PowerSupply):
         Effect:
             No current flows.
         """
-        with once_started(self.halt, self._evidence):
+        with once_started(self.halt, self._evidence, driver=self):
             self.halt()
             return Report(evidence=self._evidence())
 

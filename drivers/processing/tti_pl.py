@@ -134,7 +134,7 @@ class TtiPl(Driver[ByteTransport, Config], PowerSupply):
         refuse_between_steps("current", current_ma, STEP_MA)
         with before_acting():
             self._limit_events()  # reading them clears what an earlier run left
-        with once_started(self.halt, self._evidence):
+        with once_started(self.halt, self._evidence, driver=self):
             self._send(f"V1 {voltage_v:.3f}")
             self._send(f"I1 {current_ma / MA_PER_A:.4f}")
             taken_v, taken_ma = self.voltage_setpoint_v(), self.current_setpoint_ma()
@@ -151,7 +151,7 @@ class TtiPl(Driver[ByteTransport, Config], PowerSupply):
         Effect:
             No current flows.
         """
-        with once_started(self.halt, self._evidence):
+        with once_started(self.halt, self._evidence, driver=self):
             self.halt()
             return Report(evidence=self._evidence())
 

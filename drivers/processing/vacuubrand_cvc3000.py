@@ -171,6 +171,11 @@ class VacuubrandCvc3000(Driver[ByteTransport, Config], VacuumController):
         """Tell whether the pump runs."""
         return self._state()[MOTOR]
 
+    @status(every_s=4.0)
+    def is_controlling(self) -> bool:
+        """Tell whether the control is on; its pump rests where the pressure is reached."""
+        return self._state()[CONTROL]
+
     @action(timeout_s=7200.0, recovery="R1", hazards=("vacuum",))
     def evacuate_to(
         self,
@@ -192,7 +197,7 @@ class VacuubrandCvc3000(Driver[ByteTransport, Config], VacuumController):
             self.pressure_kpa()
             self._refuse_fault()
         pressure_mbar = round(pressure_kpa * MBAR_PER_KPA)
-        with once_started(self.halt, self._pressures):
+        with once_started(self.halt, self._pressures, driver=self):
             self._tell("REMOTE 1", 1)
             self._tell(f"OUT_MODE {VACUUM_CONTROL}", VACUUM_CONTROL)
             self._tell(f"OUT_SP_1 {pressure_mbar}", pressure_mbar)
@@ -213,7 +218,7 @@ class VacuubrandCvc3000(Driver[ByteTransport, Config], VacuumController):
         Effect:
             The pump is off; what is under vacuum stays so as long as it is tight.
         """
-        with once_started(self.halt, self._pressures):
+        with once_started(self.halt, self._pressures, driver=self):
             self.halt()
             return Report(evidence=self._pressures())
 
@@ -231,7 +236,7 @@ class VacuubrandCvc3000(Driver[ByteTransport, Config], VacuumController):
         self.refuse_if_stopped()
         with before_acting():
             self.pressure_kpa()
-        with once_started(self.halt, self._pressures):
+        with once_started(self.halt, self._pressures, driver=self):
             self._tell("REMOTE 1", 1)
             self._tell("STOP 1", 1)
             self._tell(f"OUT_VENT {VENT_TO_ATMOSPHERE}", VENT_TO_ATMOSPHERE)

@@ -17,7 +17,6 @@ Source:
 from __future__ import annotations
 
 import re
-import time
 from typing import Annotated, ClassVar, NamedTuple
 
 import msgspec
@@ -229,9 +228,9 @@ class MettlerSics(Driver[ByteTransport, Config], Balance, Showing):
             raise FrameError(f"answer to {name} is {answer!r}")
 
     def _await_stable(self) -> Weight:
-        deadline_s = time.monotonic() + self.config.stable_limit_s
+        deadline_s = self.deadline_s(self.config.stable_limit_s)
         while not (weight := self._weight()).is_stable:
-            if time.monotonic() > deadline_s:
+            if self.now_s() > deadline_s:
                 raise DeviceTimeoutError(
                     f"no steady weight in {self.config.stable_limit_s:g} s",
                     context={"mass_mg": weight.mass_mg},

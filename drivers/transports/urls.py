@@ -42,7 +42,6 @@ FORMS = (
     "visa://TCPIP0::192.168.1.50::hislip0::INSTR",
     "ros2://192.168.1.7/arm_1?domain=0",
     "virtual:timer",
-    "virtual:timer?pace=10",
 )
 """Every accepted form, by example."""
 
@@ -53,7 +52,7 @@ _FILES = {
 }
 """Which word of an address names a file, and how."""
 
-_VIRTUAL = re.compile(r"(virtual:[a-z0-9_-]{1,64})(?:\?pace=([0-9]{1,4}(?:\.[0-9]{1,6})?))?")
+_VIRTUAL = re.compile(r"virtual:[a-z0-9_-]{1,64}")
 _SERIAL_KEYS = frozenset({"baud", "format", "flow"})
 _THIS_HOST = ("127.0.0.1", "localhost")
 _HIGHEST_PORT = 65535
@@ -246,9 +245,7 @@ def _visa(url: str) -> str:
 
 
 def _make_virtual(url: str) -> Transport:
-    _virtual_line(url)
-    pace = url.partition("?pace=")[2]
-    return VirtualTransport(url, float(pace) if pace else 1.0)
+    return VirtualTransport(_virtual_line(url))
 
 
 def _make_ros2(url: str) -> Transport:
@@ -286,10 +283,9 @@ def _tcp_line(url: str) -> str:
 
 
 def _virtual_line(url: str) -> str:
-    match = _VIRTUAL.fullmatch(url)
-    if match is None or (match[2] and float(match[2]) == 0):
+    if _VIRTUAL.fullmatch(url) is None:
         raise _bad(url, "a virtual line has a name of small letters, digits, _ and -")
-    return match[1]
+    return url
 
 
 def _serial_settings(url: str, keys: frozenset[str]) -> SerialSettings:

@@ -12,11 +12,8 @@ class VirtualTransport(Transport):
 
     sort: ClassVar[str] = "virtual"
 
-    def __init__(self, url: str, pace: float = 1.0) -> None:
-        super().__init__(url, url.partition("?")[0])
-        self.pace = pace
-        """Seconds that pass here in one second: a simulated bench may run faster."""
-
+    def __init__(self, url: str) -> None:
+        super().__init__(url, url)
         self._is_open = False
 
     @property

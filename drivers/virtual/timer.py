@@ -1,13 +1,12 @@
 """A timer that runs on the edge host itself.
 
-Protocol: none; the host's monotonic clock, as fast as its line says.
+Protocol: none; the host's monotonic clock, as fast as its lab time runs.
 Quality: bronze, the host's clock is the instrument.
 Safe state: not waiting.
 """
 
 from __future__ import annotations
 
-import time
 from typing import Annotated, ClassVar
 
 import msgspec
@@ -44,9 +43,9 @@ class HostTimer(Driver[VirtualTransport, Config], Timer):
         Effect:
             None.
         """
-        started_s = time.monotonic()
+        started_s = self.now_s()
         try:
-            self.pause(duration_s / self.transport.pace)
+            self.pause(duration_s)
         except DeviceStoppedError as error:
             error.effect = Effect.NONE
             error.context["waited_s"] = self._waited_s(started_s)
@@ -54,4 +53,4 @@ class HostTimer(Driver[VirtualTransport, Config], Timer):
         return Report(evidence={"waited_s": self._waited_s(started_s)})
 
     def _waited_s(self, started_s: float) -> float:
-        return round((time.monotonic() - started_s) * self.transport.pace, 3)
+        return round(self.now_s() - started_s, 3)

@@ -50,6 +50,7 @@ class EdgeHost(Base):
     instance_id = models.CharField(max_length=64, blank=True)
     """Process that speaks in the present session."""
 
+    pace = models.FloatField(default=1.0)  # seconds of lab time in a real one; 1 in a live lab
     clock_skew_s = models.FloatField(null=True)
     """Host's wall clock less the server's at its last heartbeat; shown, never decided by."""
 

@@ -18,6 +18,7 @@ from drivers.load import source_path
 from drivers.transports.urls import make_transport
 from labweb.domain.dimensions import DIMENSIONS
 from labweb.domain.enrollment.bundle import digest_of
+from labweb.domain.enrollment.kept import names_set_by, setting_actions
 from labweb.domain.enrollment.spec import UNITS, DriverSpec, encode, parse
 from labweb.domain.errors import DefinitionError
 from labweb.domain.units import parse as parse_quantity
@@ -34,6 +35,8 @@ URLS = {
     "s7": "s7://127.0.0.1:102/0/1",
     "virtual": "virtual:timer",
 }
+
+READ_BACK = frozenset().union(*map(names_set_by, setting_actions()))
 
 every_driver = pytest.mark.parametrize("spec", SPECS, ids=lambda spec: spec.class_name)
 
@@ -97,7 +100,9 @@ def test_a_spec_is_complete(spec: DriverSpec) -> None:
     assert spec.safe_state
     assert spec.digest == digest_of(gather(read_source(source_path(spec.module))))
     assert all(action.timeout_s and action.doc and action.role for action in spec.actions)
-    assert all(status.every_s and status.doc and status.role for status in spec.statuses)
+    assert all(status.every_s and status.doc for status in spec.statuses)
+    # What shows that something set still stands a driver tells also where its role does not ask.
+    assert {status.name for status in spec.statuses if not status.role} <= READ_BACK
 
 
 @every_driver

@@ -112,3 +112,55 @@ def test_limits_steps_and_setpoints_are_refused_and_never_moved() -> None:
         refuse_between_steps("voltage", 0.35, 0.1)
     with pytest.raises(RejectedError):
         refuse_untaken("speed", 1.0, 1.2, resolution=0.1)
+
+
+def quick(timer: HostTimer) -> HostTimer:
+    timer.pace = 600.0
+    return timer
+
+
+def test_a_reading_that_comes_no_nearer_makes_no_progress(timer: HostTimer) -> None:
+    with pytest.raises(DeviceError) as caught:
+        await_reading(quick(timer), lambda: 30.0, WANTED, limit_s=1800.0, poll_s=1.0)
+    assert caught.value.code == "device.no_progress"
+    assert "comes no nearer for 150 s" in caught.value.message
+
+
+def test_a_reading_that_was_on_its_way_and_goes_back_makes_no_progress(timer: HostTimer) -> None:
+    driver = quick(timer)
+    began_s = driver.now_s()
+
+    def heated_and_off() -> float:
+        passed_s = driver.now_s() - began_s
+        return 20.0 + min(passed_s, 200.0) / 10 - max(0.0, passed_s - 200.0) / 10
+
+    with pytest.raises(DeviceError) as caught:
+        await_reading(driver, heated_and_off, WANTED, limit_s=7200.0, poll_s=1.0)
+    assert caught.value.code == "device.no_progress"
+    assert "goes away again" in caught.value.message
+    assert driver.now_s() - began_s < 200.0 + 60.0 + 60.0
+
+
+def test_a_reading_that_swings_past_the_goal_may_come_back(timer: HostTimer) -> None:
+    driver = quick(timer)
+    began_s = driver.now_s()
+
+    def swinging() -> float:
+        passed_s = driver.now_s() - began_s
+        return 20.0 + min(passed_s, 500.0) / 10 - max(0.0, min(passed_s, 600.0) - 500.0) / 10
+
+    wanted = Wanted(60.0, 1.0, "°C", 30.0)
+    assert await_reading(driver, swinging, wanted, limit_s=7200.0, poll_s=1.0) == 60.0
+
+
+def test_a_slow_bath_that_comes_nearer_is_waited_for(timer: HostTimer) -> None:
+    driver = quick(timer)
+    began_s = driver.now_s()
+    reading = await_reading(
+        driver,
+        lambda: 20.0 + (driver.now_s() - began_s) * 0.03,
+        WANTED,
+        limit_s=7200.0,
+        poll_s=1.0,
+    )
+    assert reading == pytest.approx(59.0, abs=1.0)

@@ -51,7 +51,7 @@ def run(seed: int, *, trace: list[str] | None = None, steps: int = STEPS) -> Wor
         ViolationError: An invariant does not hold.
     """
     world = AbortingWorld(seed, trace=trace)
-    halts.add_routes(world, ROUTES)
+    halts.submit(world, ROUTES)
     hosts = tuple(world.hosts.values())
     for step in world.rng.choices(_STEPS, cum_weights=_CUMULATIVE, k=steps):
         world.now_s += 0.05

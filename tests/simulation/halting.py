@@ -26,7 +26,7 @@ from tests.simulation.rows import Host, Job
 from tests.simulation.server import SimServer
 from tests.simulation.world import World
 
-SETPOINT = "flow_setpoint_ul_s"
+SETPOINT = "rate_setpoint_ul_s"
 PUMP_OF = {pump.id: pump for pump in PUMPS.values()}
 
 

@@ -76,11 +76,11 @@ _CUMULATIVE = tuple(accumulate(WEIGHTS.values()))
 def a_halting_world(seed: int, *, trace: list[str] | None = None) -> HaltingWorld:
     """Return a lab with its runs submitted."""
     world = HaltingWorld(seed, trace=trace)
-    add_routes(world, ROUTES)
+    submit(world)
     return world
 
 
-def add_routes(world: World, routes: tuple[Route, ...]) -> None:
+def submit(world: World, routes: tuple[Route, ...] = ROUTES) -> None:
     """Submit the runs of some routes."""
     for index, (run_number, name, number, what, after) in enumerate(routes):
         pump = PUMPS[name, number]

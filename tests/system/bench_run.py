@@ -100,14 +100,15 @@ def bench_run(lab: LabFile, view: LabView, folder: Path, *, speed: int) -> Itera
     try:
         for entry in lab.devices:
             module, _, name = entry.driver.partition(":")
-            url = f"virtual:timer?pace={speed}"
+            url = "virtual:timer"
             if entry.line in ends:
                 path = ends[entry.line].removeprefix("pty:")
                 url = f"serial://{path}?baud=9600&format=8N1"
             driver_type = getattr(importlib.import_module(module), name)
             known = driver_type.config_type.__struct_fields__
-            waits = {field: wait_s / speed for field, wait_s in WAITS_S.items() if field in known}
+            waits = {field: wait_s for field, wait_s in WAITS_S.items() if field in known}
             driver = driver_type(make_transport(url), {**waits, **entry.config})
+            driver.pace = speed
             driver.connect()
             drivers[entry.id] = driver
         yield BenchRun(lab, view, bench, drivers)

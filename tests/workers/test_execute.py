@@ -269,7 +269,7 @@ def test_a_cancelled_running_action_is_halted_and_says_how_far_it_came(
 def test_the_watchdog_halts_a_device_whose_driver_does_not_come_back(
     host: Host, pump: PumpProcess, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(execute, "outer_limit_s", lambda _: 0.3)
+    monkeypatch.setattr(execute, "outer_limit_s", lambda *_: 0.3)
     pump.tell("slow 100")
     action_id = run(host)
     assert host.state(action_id) == "in_doubt"
@@ -291,7 +291,7 @@ def test_after_the_watchdog_and_a_person_s_answer_the_device_works_again(
     )
     with host.executor() as executor:
         with monkeypatch.context() as patch:
-            patch.setattr(execute, "outer_limit_s", lambda _: 0.3)
+            patch.setattr(execute, "outer_limit_s", lambda *_: 0.3)
             pump.tell("slow 100")
             executor.drain()
         assert host.state(later.action_id) == "accepted"

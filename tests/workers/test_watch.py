@@ -49,7 +49,7 @@ def hang(monkeypatch: pytest.MonkeyPatch) -> Hang:
 def test_an_action_whose_driver_hangs_is_in_doubt_and_its_late_return_changes_nothing(
     host: Host, pump: PumpProcess, hang: Hang, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(execute, "outer_limit_s", lambda _: 0.2)
+    monkeypatch.setattr(execute, "outer_limit_s", lambda *_: 0.2)
     monkeypatch.setattr(execute, "HALT_GRACE_S", 0.2)
     do, later = a_do(host.server), a_do(host.server, resources=[])
     host.take(do)
@@ -74,7 +74,7 @@ def test_an_action_whose_driver_hangs_is_in_doubt_and_its_late_return_changes_no
 def test_what_comes_back_within_the_grace_is_told_with_what_it_said(
     host: Host, pump: PumpProcess, hang: Hang, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(execute, "outer_limit_s", lambda _: 0.2)
+    monkeypatch.setattr(execute, "outer_limit_s", lambda *_: 0.2)
     stop = Unit.stop
 
     def come_back(unit: Unit) -> None:

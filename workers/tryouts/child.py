@@ -34,6 +34,8 @@ class Start(msgspec.Struct, frozen=True):
     class_name: str
     url: str
     config: dict[str, Any]
+    pace: float = 1.0
+    """Seconds of lab time in a real one, as its simulator runs."""
 
 
 class Wish(msgspec.Struct, frozen=True):
@@ -65,6 +67,7 @@ def main() -> None:
     try:
         transport = make_transport(start.url)
         driver = load_bundle(start.modules, start.class_name, transport, start.config)
+        driver.pace = start.pace
     except LabError as error:
         mouth.refuse(0, error)
         return

@@ -177,7 +177,7 @@ class Tryout:
                 text = "the line of the simulated instrument is unplugged"
                 raise DeviceError(text, code="tryout.unplugged", effect=Effect.NONE)
             order = self._order
-            start = Start(self._modules, order.class_name, simulator.url, order.config)
+            start = Start(self._modules, order.class_name, simulator.url, order.config, order.speed)
             self._driving = await Driving.start(start, self._environment)
             self._mark = mark
             return self._driving

@@ -155,6 +155,7 @@ const PAUSES: Record<string, string> = {
   stopped: "Lab stopped",
   device_stopped: "A device of it was stopped",
   halted: "A halt undid what a step had set",
+  lost: "A device does not keep what a step had set",
   recovery: "Waits to be resumed after a decision",
   "server error": "The server cannot dispatch it",
 };

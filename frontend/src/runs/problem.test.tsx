@@ -40,6 +40,21 @@ test("a step that a stop of the lab undid is asked about, and says what was take
   expect(screen.queryByTestId("problem-card")).toBeNull();
 });
 
+test("a step whose set-point is gone says what its device reads, and is asked about", () => {
+  serve(() => [200, { devices: [] }]);
+  const message =
+    "speed_setpoint_rpm reads 0, and 400 was set: the device has restarted, or somebody has changed it";
+  const change = { halted_by: "edge.setpoint_lost", message, recovery };
+  const job = aJob(0, "a", "complete", change);
+  show(<Problems run={{ ...paused("lost"), jobs: [job] }} job={null} />);
+  expect(screen.getByText("Its device does not keep it")).toBeInTheDocument();
+  expect(screen.getByText(/A device does not keep what a step had set/)).toBeInTheDocument();
+  const text = screen.getByTestId("problem-effect");
+  expect(text).toHaveTextContent(/does not keep what was set/);
+  expect(text).toHaveTextContent(/reads 0, and 400 was set/);
+  expect(screen.getAllByRole("radio")).toHaveLength(3);
+});
+
 test("what a halt makes of a foreign node's goal is said to be known to its maker alone", () => {
   serve(() => [200, { devices: [] }]);
   const change = { halted_by: "edge.halted", is_halt_certain: false, recovery };

@@ -20,7 +20,7 @@ import { At } from "@/ui/time";
 import { DoubtCard, Evidence } from "./doubt";
 import { Departed } from "./proof";
 import { Recovery } from "./recovery";
-import { words } from "./words";
+import { SETPOINT_LOST, words } from "./words";
 
 export function Problems({ run, job }: { run: Run; job: string | null }) {
   const problems = findProblems(run);
@@ -54,7 +54,8 @@ function ProblemCard({ run, problem }: { run: Run; problem: Problem }) {
   if (problem.kind === "paused") return <PausedCard run={run} />;
   const { job } = problem;
   const undone = isTakenAway(job);
-  const word = job.is_halt_certain ? words.undone.title : words.undone.mayBe;
+  const halted = job.is_halt_certain ? words.undone.title : words.undone.mayBe;
+  const word = job.halted_by === SETPOINT_LOST ? words.undone.lost : halted;
   const state = undone ? { look: "error" as const, word } : jobState(job.state);
   const look = state.look === "stopped" ? "stopped" : "error";
   return (
@@ -71,7 +72,12 @@ function ProblemCard({ run, problem }: { run: Run; problem: Problem }) {
         <h2>{undone ? job.sentence : problemText(job) || `${job.sentence} did not complete`}</h2>
         <p className="s" data-testid="problem-effect">
           {undone
-            ? words.undone.about(job.device.name, job.halted_by ?? "", job.is_halt_certain)
+            ? words.undone.about(
+                job.device.name,
+                job.halted_by ?? "",
+                job.is_halt_certain,
+                job.message,
+              )
             : effectText(job)}
         </p>
         {job.recovery && <Recovery run={run} job={job} card={job.recovery} />}

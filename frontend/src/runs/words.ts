@@ -1,6 +1,7 @@
 /** Words of the list of runs and of the page of one run. */
 
 import promises from "@/model/promises.json";
+import { capitalise } from "@/model/states";
 
 const HALTS: Record<string, string> = {
   "edge.stopped": " with the whole lab",
@@ -9,6 +10,9 @@ const HALTS: Record<string, string> = {
   "edge.run_aborted": " with a run that was aborted",
   "edge.device_stopped": " by a person",
 };
+
+/** What an action had set is gone by itself: its device restarted, or somebody changed it. */
+export const SETPOINT_LOST = "edge.setpoint_lost";
 
 export const words = {
   title: "Runs",
@@ -27,9 +31,12 @@ export const words = {
   pausing: promises.pause.acts,
   undone: {
     title: "Undone by a halt",
+    lost: "Its device does not keep it",
     mayBe: "May be undone by a halt",
-    about: (device: string, why: string, isCertain: boolean) =>
-      `It was done. Since then ${device} was halted${HALTS[why] ?? ""}, ${isCertain ? "and what it had set is unknown: it may be off." : "and what that makes of it is known to its maker alone: it may be off, or go on."}`,
+    about: (device: string, why: string, isCertain: boolean, message: string) =>
+      why === SETPOINT_LOST
+        ? `It was done. Since then ${device} does not keep what was set. ${capitalise(message)}. What it had set is unknown: it may be off, or set to something else.`
+        : `It was done. Since then ${device} was halted${HALTS[why] ?? ""}, ${isCertain ? "and what it had set is unknown: it may be off." : "and what that makes of it is known to its maker alone: it may be off, or go on."}`,
   },
   resume: "Resume",
   alsoPause: "Pause, too",

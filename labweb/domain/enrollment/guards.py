@@ -31,14 +31,18 @@ class Guards(msgspec.Struct, frozen=True, kw_only=True):
     interlocks: tuple[Guard, ...]
 
 
-def watchdog_s(timeout_s: float) -> float:
-    """Return after how long a host halts a device whose action has not ended.
+def watchdog_s(timeout_s: float, pace: float = 1.0) -> float:
+    """Return after how long, in real time, a host halts a device whose action has not ended.
+
+    Args:
+        timeout_s: Longest time of the action, lab time.
+        pace: Seconds of lab time in a real one; the grace is for links, and real.
 
     Example:
-        >>> watchdog_s(60.0)
-        95.0
+        >>> watchdog_s(60.0), watchdog_s(7200.0, pace=20.0)
+        (95.0, 545.0)
     """
-    return timeout_s * WATCHDOG_RATIO + WATCHDOG_GRACE_S
+    return timeout_s / pace * WATCHDOG_RATIO + WATCHDOG_GRACE_S
 
 
 def guards_of(

@@ -118,6 +118,9 @@ class Hello(msgspec.Struct, frozen=True, tag="hello", tag_field="t", kw_only=Tru
     """Names the process that speaks; another one is another process, or another machine."""
 
     software: str = ""
+    pace: float = 1.0
+    """Seconds of lab time in one real second; another than 1 at simulated instruments alone."""
+
     v: int = PROTOCOL_VERSION
     signature: str = ""
     """Ed25519 over `hello_bytes(hello, nonce)`, base64."""
@@ -272,8 +275,13 @@ def decode_command(body: str | bytes) -> Command:
 
 
 def hello_bytes(hello: Hello, nonce: str) -> bytes:
-    """Return what a host signs to prove its key: the nonce and every other field."""
+    """Return what a host signs to prove its key: the nonce and every other field.
+
+    The usual pace is left out, so that a side that does not know of any reads the same bytes.
+    """
     plain = msgspec.to_builtins(msgspec.structs.replace(hello, signature=""))
+    if hello.pace == 1.0:
+        del plain["pace"]
     return canonical({"nonce": nonce, "hello": plain})
 
 

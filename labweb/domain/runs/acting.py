@@ -16,7 +16,7 @@ from labweb.domain.crutd.conditions import Condition, Result, Verification
 from labweb.domain.crutd.decide import Change, Outcome, OutcomeKind
 from labweb.domain.errors import Effect, LabError
 from labweb.domain.messages import Do
-from labweb.domain.runs import batch, edge, halting, standing
+from labweb.domain.runs import batch, edge, halting, standing, vanishing
 from labweb.domain.runs.bodies import change_body, report_body, results_body
 from labweb.domain.runs.edge import ActionState, Answer, Conclusion, Report
 from labweb.domain.runs.journal import ActionRow, JournalWrite
@@ -221,6 +221,8 @@ def write_end(
     current = ActionState.STARTED if answered is not None else tx.state_of(row.action_id) or row.st
     tx.move(row.action_id, current, conclusion.state)
     tx.append(conclusion.state.value, row.action_id, body)
+    if conclusion.state is ActionState.COMPLETE:
+        vanishing.note_complete(tx, row)
     if is_undone:
         halting.write_halt(tx, row, halting.WITH_ACTION)
     return conclusion

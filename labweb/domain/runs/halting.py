@@ -17,6 +17,7 @@ import msgspec
 from labweb.domain.messages import DeviceConfig, Halt, canonical
 from labweb.domain.runs.edge import ActionState
 from labweb.domain.runs.journal import ActionRow, HeldResource, JournalWrite
+from labweb.domain.runs.stands import clear_stands
 
 STOPPED = "edge.stopped"
 """The lab was stopped."""
@@ -182,6 +183,17 @@ def still_standing(done: Iterable[Done]) -> list[int]:
         elif one.action in FOREIGN:
             standing[f"{one.action} {one.args.get(FOREIGN[one.action])}"] = one.index
     return sorted(standing.values())
+
+
+def sort_of(action: str) -> str | None:
+    """Return the sort of what an action begins, or ends; None: neither."""
+    return _BEGINS.get(action) or _ENDS.get(action)
+
+
+def sort_set_by(action: str, args: Mapping[str, Any]) -> str | None:
+    """Return the sort of what an action leaves standing once it completes; None: nothing."""
+    one = Done(index=0, action=action, args=args)
+    return None if _is_timed(one) else _BEGINS.get(action)
 
 
 def leaves_standing(action: str, args: Mapping[str, Any]) -> bool:
@@ -395,5 +407,6 @@ def _write_halt(
         **(late or {}),
     }
     tx.append("halted", None, body)
+    clear_stands(tx, device.id)
     halted = {**tx.host_state("").halted, str(device.id): tx.max_fence(device.id)}
     tx.set_meta("halted", canonical(halted).decode())

@@ -127,7 +127,7 @@ def run_waits_for(jobs: Iterable[Wait | None]) -> Wait | None:
 def _after_halt() -> tuple[Choice, ...]:
     again = "Sends the action again, as another action, before all that follows it in the plan."
     go_on = "Leaves the device as it is. What follows starts if its conditions hold."
-    why_not = "it was done, and a halt undid it: do it again, or go on without"
+    why_not = "it was done, and what it had set is gone: do it again, or go on without"
     return (
         Choice(name="retry", consequence=again),
         Choice(name="change", why_not=why_not, consequence=""),

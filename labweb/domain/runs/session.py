@@ -68,6 +68,21 @@ class HelloAnswer:
     message: str = ""
 
 
+def pace_refusal(pace: float, *, is_simulated: bool) -> str:
+    """Say why a host may not run at its pace; empty: it may. Real instruments have none but 1.
+
+    Example:
+        >>> pace_refusal(20.0, is_simulated=True)
+        ''
+    """
+    if pace == 1.0 or (is_simulated and 0 < pace < float("inf")):
+        return ""
+    return (
+        f"the host runs {pace:g} times as fast as real time, and the lab is live: "
+        "set its pace to 1 in host.json"
+    )
+
+
 def decide_hello(record: HostRecord, hello: Hello, *, live_instance_id: str = "") -> HelloAnswer:
     """Decide whether a host's journal continues the one the server knows.
 

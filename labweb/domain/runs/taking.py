@@ -30,7 +30,7 @@ from labweb.domain.messages import (
     Signed,
     decode_command,
 )
-from labweb.domain.runs import custody, edge, halting
+from labweb.domain.runs import custody, edge, halting, vanishing
 from labweb.domain.runs.bodies import change_body
 from labweb.domain.runs.edge import ActionState, Answer
 from labweb.domain.runs.journal import ActionRow, JournalWrite
@@ -372,6 +372,8 @@ def _take_resolve(tx: JournalWrite, signed: Signed, resolve: Resolve) -> Receipt
         body[halting.IS_HALTED] = True
     tx.move(row.action_id, ActionState.IN_DOUBT, state)
     tx.append("resolved", row.action_id, body)
+    if state is ActionState.COMPLETE:
+        vanishing.note_complete(tx, row)
     if is_undone:
         halting.write_halt(tx, row, halting.WITH_ACTION)
     return Receipt(Answer(edge.ACCEPT), row.line)

@@ -33,6 +33,7 @@ from labweb.domain.runs.session import (
     after_hello,
     decide_hello,
     heard,
+    pace_refusal,
     quarantined,
     readmitted,
     state_by_beat,
@@ -152,7 +153,7 @@ def open_session(hello: Hello, nonce: str, certificate: bytes | None = None) -> 
 
     Raises:
         EnrollmentError: Unknown host, another version of the protocol, wrong signature, no
-            good certificate, or revoked. Nothing changed.
+            good certificate, revoked, or a pace that is not the lab's. Nothing changed.
 
     Effect:
         Commands of older epochs are void from now on.
@@ -167,6 +168,8 @@ def open_session(hello: Hello, nonce: str, certificate: bytes | None = None) -> 
         raise EnrollmentError(text, code="host.version")
     if not signing.is_signed_by(key, hello_bytes(hello, nonce), hello.signature):
         raise EnrollmentError("the signature is not this host's", code="host.bad_signature")
+    if text := pace_refusal(hello.pace, is_simulated=row.lab.mode == "sim"):
+        raise EnrollmentError(text, code="host.pace")
     record = record_of(row)
     answer = decide_hello(record, hello, live_instance_id=_live_instance(row))
     if answer.kind == "refuse":
@@ -176,6 +179,7 @@ def open_session(hello: Hello, nonce: str, certificate: bytes | None = None) -> 
     row.state = opening.state.value
     row.session_id = new_id()
     row.instance_id = hello.instance_id
+    row.pace = hello.pace
     row.last_seen_at = row.state_at = now()
     row.away_since_at = None
     if opening.mode == "quarantine" and not record.quarantine:

@@ -14,7 +14,6 @@ from labweb.accounts import selectors as account_selectors
 from labweb.accounts.selectors import User
 from labweb.approvals import selectors as approval_selectors
 from labweb.approvals.selectors import ApprovalRequest
-from labweb.common.clock import now
 from labweb.common.prepared import together
 from labweb.common.render import iso
 from labweb.domain.approvals.policy import check_decision
@@ -30,6 +29,7 @@ from labweb.resources.selectors import Lab
 from labweb.runs import selectors
 from labweb.runs.api.halts import render_halts
 from labweb.runs.api.holds import render_holds, render_wait
+from labweb.runs.api.pace import estimate_s, left_s, on_the_wall
 from labweb.runs.api.question import render_question
 from labweb.runs.models import Attempt, Job, Run
 from labweb.telemetry import selectors as telemetry_selectors
@@ -47,7 +47,8 @@ def render_rows(runs: Iterable[Run]) -> list[dict[str, Any]]:
     rows = list(runs)
     holds = render_holds(rows)
     jobs: dict[UUID, list[Job]] = {}
-    for job in Job.objects.filter(run__in=[row.id for row in rows]).order_by("index"):
+    found = Job.objects.filter(run__in=[row.id for row in rows]).select_related("device__host")
+    for job in found.order_by("index"):
         jobs.setdefault(job.run_id, []).append(job)
     return [_row(row, jobs.get(row.id, []), holds.get(row.id, [])) for row in rows]
 
@@ -78,8 +79,8 @@ def _row(run: Run, jobs: list[Job], holds: list[dict[str, Any]]) -> dict[str, An
         "steps_done": len(done),
         "step_now": None if current is None else current.sentence,
         "in_doubt_count": sum(job.state == JobState.IN_DOUBT.value for job in jobs),
-        "estimate_s": sum(job.estimate_s for job in jobs),
-        "left_s": None if ended else _left_s(left),
+        "estimate_s": sum(estimate_s(job) for job in jobs),
+        "left_s": None if ended else left_s(left),
         "pause_reasons": run.pause_reasons,
         "waits_for": render_wait(run),
         "holds": holds,
@@ -88,18 +89,11 @@ def _row(run: Run, jobs: list[Job], holds: list[dict[str, Any]]) -> dict[str, An
     }
 
 
-def _left_s(jobs: list[Job]) -> float:
-    at = now()
-    spent = {
-        job.id: (at - job.started_at).total_seconds() for job in jobs if job.started_at is not None
-    }
-    return sum(max(job.estimate_s - spent.get(job.id, 0.0), 0.0) for job in jobs)
-
-
 def render_plan(run: Run, jobs: Iterable[Job]) -> dict[str, Any]:
-    """Render the plan a run carries out."""
-    names = {str(job.device_id): job.device.name for job in jobs}
-    return plan_json(run.plan, run.plan_digest, names)
+    """Render the plan a run carries out; its estimates are by the clock on the wall."""
+    rows = list(jobs)
+    names = {str(job.device_id): job.device.name for job in rows}
+    return on_the_wall(plan_json(run.plan, run.plan_digest, names), rows)
 
 
 def plan_json(plan: Mapping[str, Any], digest: str, names: Mapping[str, str]) -> dict[str, Any]:
@@ -270,7 +264,7 @@ def render_job(
         "state_at": iso(job.state_at),
         "started_at": iso(job.started_at),
         "ended_at": iso(job.ended_at),
-        "estimate_s": job.estimate_s,
+        "estimate_s": estimate_s(job),
         "verification": job.verification,
         "code": job.code,
         "message": job.message,

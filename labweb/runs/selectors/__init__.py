@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Collection, Iterable
 from datetime import datetime
 from typing import Any, NamedTuple
@@ -268,14 +267,15 @@ def lab_summary(lab: Lab) -> dict[str, Any]:
     unknown = len(crutd_selectors.given_up(lab)) + len(owed_halts(lab.pk))
     waiting = approval_selectors.requests_of(lab).filter(state="open", driver_id=None).count()
     brought = approval_selectors.open_about_drivers(lab).count()
+    known = list(enrollment_selectors.hosts_of(lab))
     return {
         "id": str(lab.id),
         "key": lab.key,
         "name": lab.name,
         "mode": lab.mode,
         "time_zone": lab.time_zone,
-        "speed": float(os.environ.get("LABWEB_SPEED", "1")) if lab.mode == "sim" else 1.0,
-        "stop": _stop(lab),
+        "speed": max((host.pace for host in known), default=1.0),
+        "stop": _stop(lab, known),
         "counts": {
             "runs_live": live.count(),
             "approvals_open": waiting,
@@ -285,7 +285,7 @@ def lab_summary(lab: Lab) -> dict[str, Any]:
     }
 
 
-def _stop(lab: Lab) -> dict[str, Any]:
+def _stop(lab: Lab, known: list[EdgeHost]) -> dict[str, Any]:
     hosts = [
         {
             "id": str(host.id),
@@ -296,7 +296,7 @@ def _stop(lab: Lab) -> dict[str, Any]:
             else None,
             "after_s": _after_s(lab, host),
         }
-        for host in enrollment_selectors.hosts_of(lab)
+        for host in known
     ]
     return {
         "is_stopped": lab.is_stopped,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import Any
 from uuid import UUID
@@ -28,6 +28,7 @@ from labweb.domain.runs.halting import (
     was_halted_since,
 )
 from labweb.domain.runs.job import JobState
+from labweb.domain.runs.vanishing import VANISHED, gone_of
 from labweb.enrollment import selectors as enrollment_selectors
 from labweb.enrollment.selectors import Device, EdgeHost
 from labweb.resources import selectors as resource_selectors
@@ -60,17 +61,57 @@ def take_halt(host: EdgeHost, event: EdgeEvent) -> None:
     code = str(event.body["code"])
     _take_from_runs(device, code)
     _note_found(host, event.body)
-    told, revs = event.body.get("data") or {}, event.body.get("revs") or {}
+    why = f"{device.name} was halted: {_why(code)}"
+    _void(host, device, event.body, why, voided)
+
+
+def _void(
+    host: EdgeHost,
+    device: Device,
+    body: Mapping[str, Any],
+    why: str,
+    rule: Callable[[Mapping[str, Any]], dict[str, None]],
+) -> None:
+    """Apply to the device's resources what the host has made unknown on its own record."""
+    told, revs = body.get("data") or {}, body.get("revs") or {}
     nodes = {UUID(node) for node in device.nodes.values()}
     for row in resource_selectors.rows_for_update(nodes).values():
-        gone = voided(row.data)
+        gone = rule(row.data)
         known = told.get(str(row.id))
         if known is not None and dict(known) != gone:
             _doubt_halt(host, row.id, known, gone)
         if gone or known:
             rev = max(row.rev + 1, int(revs.get(str(row.id), 0)))
-            why = f"{device.name} was halted: {_why(code)}"
-            crutd_services.note_halt(row, gone, rev=rev, code=code, message=why)
+            crutd_services.note_halt(row, gone, rev=rev, code=str(body["code"]), message=why)
+
+
+def take_lost(host: EdgeHost, event: EdgeEvent) -> None:
+    """Void what an action had set and is gone, and pause its run with the question of a halt.
+
+    Raises:
+        StateError: The host does not serve the device.
+
+    Effect:
+        On the record only: the same rule as the host's, on the server's own rows. A difference
+        opens a ticket.
+    """
+    device = enrollment_selectors.find_device(UUID(event.body["device_id"]))
+    if device.host_id != host.id:
+        raise StateError(f"{device.name} is not one of its devices", code="host.unknown_device")
+    code, message = str(event.body["code"])[:20], str(event.body["message"])
+    attempt = Attempt.objects.filter(pk=UUID(event.body["action_id"]), host=host).first()
+    if attempt is not None:
+        job = selectors.job_for_update(attempt.job_id)
+        is_last = not job.attempts.filter(dseq__gt=attempt.dseq).exists()
+        is_live = job.run.state in selectors.LIVE
+        if is_last and is_live and job.state == JobState.COMPLETE.value and not job.halted_by:
+            job.halted_by, job.message = code, message
+            job.save(update_fields=["halted_by", "message"])
+            _pause(selectors.run_for_update(job.run_id), "lost")
+            on_commit(partial(announce, job.run_id, job.id))
+    action = str(event.body["action"])
+    why = f"{device.name}: {message}"
+    _void(host, device, event.body, why, lambda data: gone_of(data, action))
 
 
 def _note_found(host: EdgeHost, body: Mapping[str, Any]) -> None:
@@ -149,12 +190,12 @@ def undo_job(job: Job) -> None:
         _pause(selectors.run_for_update(job.run_id))
 
 
-def _pause(run: Run) -> None:
+def _pause(run: Run, kind: str = "halted") -> None:
     """Pause a run, unless somebody has given it up: then nothing of it begins anyhow."""
     if run.is_given_up:
         return
-    if all(one["kind"] != "halted" for one in run.pause_reasons):
-        entry = {"kind": "halted", "by": "", "at": now().isoformat()}
+    if all(one["kind"] != kind for one in run.pause_reasons):
+        entry = {"kind": kind, "by": "", "at": now().isoformat()}
         run.pause_reasons = [*run.pause_reasons, entry]
         run.save(update_fields=["pause_reasons"])
     recall_run(run, issued_by="", is_whole=True)
@@ -194,4 +235,6 @@ def _undone(job: Job) -> str:
 
 
 def _taken(job: Job) -> str:
+    if job.halted_by == VANISHED:
+        return f"since {job.device.name} does not keep what was set: {job.message}"
     return f"since {job.device.name} was halted, {_why(job.halted_by)}"

@@ -29,6 +29,7 @@ from labweb.domain.runs.halting import IS_HALTED
 from labweb.domain.runs.intake import Meaning, read_event
 from labweb.domain.runs.job import JobState, Mover
 from labweb.domain.runs.session import check_events, heard
+from labweb.domain.runs.vanishing import EVENT as LOSS
 from labweb.enrollment import selectors as enrollment_selectors
 from labweb.enrollment import services as enrollment_services
 from labweb.enrollment.selectors import EdgeHost
@@ -41,7 +42,7 @@ from labweb.runs.services.custody import KINDS, take_custody_event
 from labweb.runs.services.doubts import doubt
 from labweb.runs.services.fencing import quarantine
 from labweb.runs.services.files import await_files
-from labweb.runs.services.halting import take_halt, undo_job
+from labweb.runs.services.halting import take_halt, take_lost, undo_job
 from labweb.runs.services.resolving import follow
 from labweb.runs.services.state import move_job, refresh_run
 
@@ -147,6 +148,8 @@ def _apply_word(host: EdgeHost, event: EdgeEvent) -> None:
         aborting.note_delivered(host, event)
     if event.kind in aborting.HALT_KINDS:
         aborting.take_halt_word(host, event)
+    if event.kind == LOSS:
+        take_lost(host, event)
 
 
 def _apply(host: EdgeHost, event: EdgeEvent, action_id: UUID) -> None:

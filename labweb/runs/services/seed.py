@@ -167,8 +167,7 @@ def _url(entry: DeviceEntry, found: Mapping[str, str]) -> str:
         return entry.transport or ""
     endpoint = found.get(entry.line)
     if endpoint is None:
-        pace = os.environ.get("LABWEB_SPEED", "1")
-        return f"virtual:{entry.simulator.model}" + ("" if pace == "1" else f"?pace={pace}")
+        return f"virtual:{entry.simulator.model}"
     if endpoint.startswith("pty:"):
         options = _SERIAL.get(entry.simulator.model, "baud=9600&format=8N1")
         carrier = "modbus+serial" if "device=" in options else "serial"
@@ -210,6 +209,7 @@ def write_host(lab_file: LabFile, data: Path) -> str:
         "key_file": str(folder / "host.key"),
         "valkey": {"socket": str(sockets / "host.sock")},
         "mode": lab_file.mode.value,
+        "pace": float(os.environ.get("LABWEB_SPEED", "1")) if lab_file.mode is Mode.SIM else 1.0,
         "tryouts": lab_file.mode is Mode.SIM,
     }
     write_private(folder / "host.json", config)

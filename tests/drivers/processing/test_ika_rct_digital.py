@@ -146,7 +146,7 @@ def test_a_stopped_plate_may_still_be_turned_off(play: Play) -> None:
 
 def test_holding_needs_the_temperature_to_be_reached_first(play: Play) -> None:
     transport = play(text="> IN_PV_1\\r\\n\n< 25.0 1\\r\\n\n")
-    with pytest.raises(PreconditionError, match="heat first"):
+    with pytest.raises(PreconditionError, match="bring it there first"):
         plate(transport).hold(1.0, 60.0, 1.0)
 
 
@@ -184,7 +184,7 @@ def test_a_motor_that_does_not_turn_is_switched_off(
     with pytest.raises(DeviceError) as caught:
         plate(play(text=text)).stir(300.0)
     assert caught.value.effect is Effect.PARTIAL
-    assert caught.value.context == {"speed_rpm": 0.0}
+    assert caught.value.context["speed_rpm"] == 0.0
 
 
 @pytest.mark.parametrize(

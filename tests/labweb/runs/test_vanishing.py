@@ -1,0 +1,148 @@
+"""A set-point that is gone by itself: told by the host, and its run is asked about it."""
+
+from __future__ import annotations
+
+import msgspec
+import pytest
+
+from labweb.crutd.models import Event, Ticket
+from labweb.domain.enrollment.kept import kept_by
+from labweb.domain.errors import StateError
+from labweb.domain.messages import DeviceConfig
+from labweb.domain.runs import halting, vanishing
+from labweb.domain.runs.edge import Report
+from labweb.domain.runs.stands import Stands, read_stands
+from labweb.runs import services
+from labweb.runs.models import Job, Run
+from labweb.runs.services.rebuilding import differences
+from tests.builders import Bench
+from tests.labweb.runs.hosts import Host, a_heating_run
+from tests.labweb.web import signed_in
+
+
+@pytest.fixture
+def host(bench: Bench) -> Host:
+    return Host(bench)
+
+
+@pytest.fixture
+def run(bench: Bench) -> Run:
+    return a_heating_run(bench)
+
+
+def until_the_hold(host: Host) -> None:
+    """Heat and stir, and be in the middle of the hold."""
+    while True:
+        services.dispatch_ready()
+        host.take()
+        row = host.begin()
+        if row.do.action == "hold":
+            host.tell()
+            return
+        host.end(row, Report(ok=True))
+        host.tell()
+
+
+def lose(host: Host, bench: Bench, sort: str, found: float) -> bool:
+    """Have the host see in its readings that what stands of a sort is gone."""
+    device = bench.device("heater_1")
+    stands = read_stands(host.disk.meta)[device.id][sort]
+    kept = kept_by(stands.action, stands.args, ["temperature_setpoint_c", "speed_setpoint_rpm"])[0]
+    with host.write() as tx:
+        return vanishing.write_vanished(tx, served(host, bench), stands, kept, found)
+
+
+def served(host: Host, bench: Bench) -> DeviceConfig:
+    devices = msgspec.json.decode(host.disk.meta["devices"], type=list[DeviceConfig])
+    return next(one for one in devices if one.id == bench.device("heater_1").id)
+
+
+def stirring(run: Run) -> Job:
+    return Job.objects.get(run=run, action="stir")
+
+
+def test_a_stirrer_that_was_reset_between_steps_pauses_its_run_and_asks_about_the_step(
+    bench: Bench, host: Host, run: Run
+) -> None:
+    until_the_hold(host)
+    assert lose(host, bench, "motion", 0.0)
+    host.tell()
+    run.refresh_from_db()
+    job = stirring(run)
+    assert job.halted_by == "edge.setpoint_lost"
+    assert job.message.startswith("speed_setpoint_rpm reads 0, and 400 was set")
+    assert [one["kind"] for one in run.pause_reasons] == ["lost"]
+    assert Job.objects.get(run=run, action="heat_to").halted_by == "", "the heat still stands"
+    shown = signed_in(bench.people["chemist"]).get(f"/api/v1/runs/{run.id}").json()
+    card = next(one for one in shown["jobs"] if one["id"] == str(job.id))["recovery"]
+    offered = [one["name"] for one in card["choices"] if not one["why_not"]]
+    assert offered == ["retry", "skip"]
+
+
+def test_the_run_is_not_resumed_before_somebody_has_said_what_becomes_of_the_step(
+    bench: Bench, host: Host, run: Run
+) -> None:
+    until_the_hold(host)
+    lose(host, bench, "motion", 0.0)
+    host.tell()
+    with pytest.raises(StateError) as refusal:
+        services.resume_run(run.id, actor=bench.people["chemist"])
+    assert refusal.value.code == "run.halted"
+    assert "does not keep what was set" in refusal.value.message
+
+
+def test_the_record_says_that_what_was_set_is_unknown_and_why_at_host_and_server(
+    bench: Bench, host: Host, run: Run
+) -> None:
+    until_the_hold(host)
+    assert bench.node("heater_1").data["speed_setpoint_rpm"] == 400.0
+    lose(host, bench, "motion", 0.0)
+    host.tell()
+    row = bench.node("heater_1")
+    view = host.disk.resources[row.id].view
+    assert row.data["speed_setpoint_rpm"] is None
+    assert row.data["temperature_setpoint_c"] is not None, "the heat still stands"
+    assert (view.rev, view.data) == (row.rev, row.data)
+    assert differences(bench.lab) == []
+    assert not Ticket.objects.exists()
+    event = Event.objects.filter(body__code="edge.setpoint_lost").latest("seq")
+    assert "reads 0, and 400 was set" in event.body["message"]
+
+
+def test_a_loss_is_told_once_and_not_while_another_action_of_its_sort_acts(
+    bench: Bench, host: Host, run: Run
+) -> None:
+    until_the_hold(host)
+    device_id = bench.device("heater_1").id
+    heat = read_stands(host.disk.meta)[device_id]["heat"]
+    assert not lose(host, bench, "heat", 0.0), "the hold that acts reads it back itself"
+    assert read_stands(host.disk.meta)[device_id]["heat"] == heat
+    stands = read_stands(host.disk.meta)[device_id]["motion"]
+    assert lose(host, bench, "motion", 0.0)
+    assert "motion" not in read_stands(host.disk.meta)[device_id]
+    kept = kept_by("stir", stands.args, ["speed_rpm"])[0]
+    with host.write() as tx:
+        assert not vanishing.write_vanished(tx, served(host, bench), stands, kept, 0.0)
+
+
+def test_a_halt_of_the_device_leaves_nothing_that_could_vanish(
+    bench: Bench, host: Host, run: Run
+) -> None:
+    until_the_hold(host)
+    assert read_stands(host.disk.meta)
+    with host.write() as tx:
+        halting.write_halts(tx, halting.STOPPED)
+    assert not read_stands(host.disk.meta)
+
+
+def test_another_actions_word_changes_nothing_but_what_it_names(
+    bench: Bench, host: Host, run: Run
+) -> None:
+    until_the_hold(host)
+    stale = Stands(action_id=run.id, action="stir", args={"speed_rpm": 1.0})
+    kept = kept_by("stir", stale.args, ["speed_rpm"])[0]
+    with host.write() as tx:
+        assert not vanishing.write_vanished(tx, served(host, bench), stale, kept, 0.0)
+    host.tell()
+    run.refresh_from_db()
+    assert run.pause_reasons == []
