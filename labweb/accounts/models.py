@@ -12,7 +12,20 @@ from labweb.common.models import Base
 class User(AbstractUser):
     """A person who signs in."""
 
+    class PasswordFrom(models.TextChoices):
+        """Who chose the password that is in force."""
+
+        OWN = "own"
+        ADMIN = "admin"
+        """Somebody else knows it: it has to be changed before anything else."""
+
+        SEED = "seed"
+        """The start of a lab with simulated instruments made it: a change is advised."""
+
     id = models.UUIDField(primary_key=True, default=new_id, editable=False)
+    password_from = models.CharField(
+        max_length=8, choices=PasswordFrom.choices, default=PasswordFrom.OWN, editable=False
+    )
 
     @property
     def printed_name(self) -> str:

@@ -11,7 +11,13 @@ from rest_framework.response import Response
 from rest_framework.views import APIView
 
 from labweb.accounts.selectors import User, user_of
-from labweb.api.driver_use import driver_of, places_of, users_of
+from labweb.api.driver_use import (
+    driver_of,
+    places_of,
+    users_of,
+    visible_driver,
+    visible_drivers,
+)
 from labweb.api.tryouts import tried_of
 from labweb.approvals import selectors as approval_selectors
 from labweb.approvals import services as approval_services
@@ -98,7 +104,7 @@ class Drivers(APIView):
         user = user_of(request)
         users = users_of(user)
         allowed = resource_selectors.permissions_on_all(user)
-        rows = selectors.drivers().defer("sources")
+        rows = visible_drivers(user, users)
         return Response({"drivers": [_render(row, user, users, allowed) for row in rows]})
 
     def post(self, request: Request) -> Response:
@@ -138,7 +144,7 @@ class DriverDetail(APIView):
     def get(self, request: Request, driver_id: UUID) -> Response:
         """Return a version with its texts, actions, statuses, settings, request and devices."""
         user = user_of(request)
-        row = selectors.find_driver(driver_id)
+        row = visible_driver(driver_id, user)
         allowed = resource_selectors.permissions_on_all(user)
         asked = approval_selectors.newest_about_driver(row.id)
         return Response(
@@ -173,6 +179,7 @@ class DriverChanges(APIView):
 class DecideDriver(APIView):
     """The answer of a second person."""
 
+    signs = frozenset({"post"})
     bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": Answer}
 
     def post(self, request: Request, driver_id: UUID) -> Response:

@@ -62,7 +62,7 @@ def _home(user: User) -> dict[str, Any]:
         "last_results": render_rows(
             runs.filter(state__in=["complete", "aborted"]).order_by("-ended_at")[:_MOST]
         ),
-        "workflows": workflow_rows(lab)[:_MOST],
+        "workflows": workflow_rows(lab, seen)[:_MOST],
         "devices": device_rows(devices),
         "hosts": host_rows(visible_hosts(lab, user)),
     }
@@ -232,7 +232,7 @@ def _places(lab: Lab, text: str, seen: set[UUID]) -> Iterator[dict[str, Any]]:
 
 
 def _work(lab: Lab, text: str, seen: set[UUID]) -> Iterator[dict[str, Any]]:
-    for row in workflow_rows(lab):
+    for row in workflow_rows(lab, seen):
         if text in row["name"].lower():
             url = f"/workflows/{row['id']}/edit"
             yield _result("workflow", row["id"], row["name"], "workflow", url)

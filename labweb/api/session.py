@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from hashlib import sha256
 from typing import Any, ClassVar
 
 import msgspec
-from django.contrib.auth import authenticate, login, logout
+from django.contrib.auth import authenticate, login, logout, update_session_auth_hash
 from django.core.cache import cache
 from django.middleware.csrf import get_token
 from rest_framework.authentication import SessionAuthentication
 from rest_framework.exceptions import Throttled
-from rest_framework.permissions import AllowAny
+from rest_framework.permissions import AllowAny, IsAuthenticated
 from rest_framework.request import Request
 from rest_framework.response import Response
 from rest_framework.views import APIView
@@ -20,6 +20,7 @@ from rest_framework.views import APIView
 from labweb.accounts import selectors as account_selectors
 from labweb.accounts import services as account_services
 from labweb.accounts.selectors import User
+from labweb.common import sessions
 from labweb.common.requests import body
 from labweb.domain.errors import ForbiddenError, NotFoundError
 from labweb.resources import selectors as resource_selectors
@@ -54,8 +55,7 @@ class Session(APIView):
         SessionAuthentication().enforce_csrf(request)
         given = body(request, Credentials)
         keys = _keys(given.username, request)
-        if any((cache.get(key) or 0) >= most for key, most in keys.items()):
-            raise Throttled(wait=FORGET_AFTER_S)
+        _refuse_too_many(keys)
         user = authenticate(request, username=given.username, password=given.password)
         if not isinstance(user, User):
             _count_failure(keys)
@@ -65,6 +65,7 @@ class Session(APIView):
             raise ForbiddenError("the name or the password is wrong", code="session.wrong")
         cache.delete(_name_key(given.username))
         login(request._request, user)  # noqa: SLF001 - DRF offers no other way to the session
+        sessions.begin(request.session)
         account_services.write_audit("session.open", str(user.pk), actor=user)
         return Response(_session(user))
 
@@ -74,6 +75,77 @@ class Session(APIView):
             account_services.write_audit("session.close", str(request.user.pk), actor=request.user)
         logout(request._request)  # noqa: SLF001 - DRF offers no other way to the session
         return Response(status=204)
+
+
+class Words(msgspec.Struct, forbid_unknown_fields=True):
+    """Body of a change of the own password."""
+
+    old: str
+    new: str
+
+
+class Password(APIView):
+    """The caller's own password."""
+
+    bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": Words}
+
+    permission_classes = (IsAuthenticated,)
+
+    def post(self, request: Request) -> Response:
+        """Choose a new one; every other session of the caller ends."""
+        user, given = account_selectors.user_of(request), body(request, Words)
+        keys = _keys(user.username, request)
+        _refuse_too_many(keys)
+        try:
+            row = account_services.change_password(user, old=given.old, new=given.new)
+        except ForbiddenError:
+            _count_failure(keys)
+            raise
+        update_session_auth_hash(request._request, row)  # noqa: SLF001 - as above
+        sessions.begin(request.session)
+        return Response(_session(row))
+
+
+class Again(msgspec.Struct, forbid_unknown_fields=True):
+    """Body of a password that is typed again."""
+
+    password: str
+
+
+class Confirm(APIView):
+    """The caller's password, typed again for what is signed."""
+
+    bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": Again}
+
+    permission_classes = (IsAuthenticated,)
+
+    def post(self, request: Request) -> Response:
+        """Take the password; acts are signed with it for five minutes."""
+        user, given = account_selectors.user_of(request), body(request, Again)
+        keys = _keys(user.username, request)
+        _refuse_too_many(keys)
+        if not user.check_password(given.password):
+            _count_failure(keys)
+            address = request.META.get("REMOTE_ADDR", "")
+            account_services.write_failed_sign_in(user.username, address=address)
+            raise ForbiddenError("the password is wrong", code="session.wrong")
+        sessions.confirm(request.session)
+        return Response({"holds_s": sessions.CONFIRMED_FOR_S})
+
+
+class Awake(APIView):
+    """Somebody is there."""
+
+    permission_classes = (IsAuthenticated,)
+
+    def post(self, _request: Request) -> Response:
+        """Note that the person who is signed in has used the page."""
+        return Response(status=204)
+
+
+def _refuse_too_many(keys: Mapping[str, int]) -> None:
+    if any((cache.get(key) or 0) >= most for key, most in keys.items()):
+        raise Throttled(wait=FORGET_AFTER_S)
 
 
 def _name_key(username: str) -> str:
@@ -106,6 +178,7 @@ def _session(user: object) -> dict[str, Any]:
             "name": name,
             "initials": "".join(part[0] for part in name.split()[:2]).upper(),
             "roles": account_selectors.roles_of(user),
+            "password_from": user.password_from,
             "permissions": sorted(p.value for p in account_selectors.permissions_of(user)),
         },
         "lab": lab,

@@ -11,13 +11,13 @@ from rest_framework.response import Response
 from rest_framework.views import APIView
 
 from labweb.accounts.selectors import user_of
+from labweb.api.driver_use import visible_driver
 from labweb.approvals import selectors as tryouts
 from labweb.approvals import services
 from labweb.approvals.selectors import Tryout, TryoutAct
 from labweb.common.render import iso
 from labweb.common.requests import body
 from labweb.domain.enrollment.tryout import FASTEST, labelled
-from labweb.enrollment import selectors as driver_selectors
 from labweb.enrollment.selectors import DriverVersion
 
 
@@ -28,8 +28,7 @@ class DriverTryouts(APIView):
 
     def get(self, request: Request, driver_id: UUID) -> Response:
         """Say where a version can be tried, on which models, and what was tried of it."""
-        user_of(request)
-        version = driver_selectors.find_driver(driver_id)
+        version = visible_driver(driver_id, user_of(request))
         return Response(
             {
                 "hosts": [

@@ -89,6 +89,7 @@ class JoinRequests(APIView):
 class Admission(APIView):
     """Yes to one machine."""
 
+    signs = frozenset({"post"})
     bodies = {"post": Typed}
 
     def post(self, request: Request, join_id: UUID) -> Response:

@@ -12,6 +12,7 @@ from django.test import Client
 from django.urls import URLPattern, URLResolver, get_resolver
 
 from labweb.accounts.selectors import User
+from labweb.common import sessions
 from tests.builders import Bench
 
 
@@ -20,6 +21,9 @@ def signed_in(user: User | None) -> Client:
     client = Client(raise_request_exception=False)
     if user is not None:
         client.force_login(user)
+        session = client.session
+        sessions.begin(session)
+        session.save()
     return client
 
 

@@ -109,6 +109,7 @@ def _materials(run: Run) -> list[dict[str, Any]]:
 class DecideRequest(APIView):
     """The answer to a request."""
 
+    signs = frozenset({"post"})
     bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": Verdict}
 
     def post(self, request: Request, request_id: UUID) -> Response:

@@ -103,6 +103,7 @@ class CalibrationDetail(APIView):
 class DecideCalibration(APIView):
     """The decision about a result."""
 
+    signs = frozenset({"post"})
     bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": Answer}
 
     def post(self, request: Request, calibration_id: UUID) -> Response:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from typing import Any, ClassVar
 from uuid import UUID
 
@@ -23,6 +24,7 @@ from labweb.runs import selectors, services
 from labweb.runs.api import render
 from labweb.workflows import selectors as workflow_selectors
 from labweb.workflows.api import drawing as workflow_api
+from labweb.workflows.selectors import Workflow
 
 
 class CheckDocument(msgspec.Struct, forbid_unknown_fields=True):
@@ -53,7 +55,9 @@ class Check(APIView):
             "plan": None,
             "policies": [],
             "sentences": _sentences(document, names),
-            "proof": None if wanted.workflow_id is None else _proof(wanted.workflow_id, document),
+            "proof": None
+            if wanted.workflow_id is None
+            else _proof(workflow_selectors.find_visible(wanted.workflow_id, user), document),
         }
         try:
             found = services.preview(lab, document, view=view, reach=reach)
@@ -70,9 +74,8 @@ class Check(APIView):
         return Response(answer)
 
 
-def _proof(workflow_id: UUID, document: dict[str, Any]) -> dict[str, Any] | None:
+def _proof(row: Workflow, document: dict[str, Any]) -> dict[str, Any] | None:
     """Say which version's proof a draft has, or what took it away; None: there is none."""
-    row = workflow_selectors.find_workflow(workflow_id)
     found = workflow_selectors.proof_of(row, document)
     if found is None:
         return None
@@ -100,8 +103,8 @@ class Workflows(APIView):
 
     def get(self, request: Request) -> Response:
         """List workflows, templates first."""
-        user_of(request)
-        return Response({"workflows": workflow_rows(resource_selectors.the_lab())})
+        seen = resource_selectors.allowed_ids(user_of(request), Permission.VIEW)
+        return Response({"workflows": workflow_rows(resource_selectors.the_lab(), seen)})
 
     def post(self, request: Request) -> Response:
         """Create a workflow."""
@@ -117,12 +120,12 @@ class WorkflowDetail(APIView):
         return Response(_workflow(workflow_id, user_of(request)))
 
 
-def workflow_rows(lab: Lab) -> list[dict[str, Any]]:
+def workflow_rows(lab: Lab, seen: Collection[UUID]) -> list[dict[str, Any]]:
     """Render workflows with the last run of each; a fixed number of queries."""
     last = selectors.last_runs(lab)
     return [
         {**workflow_api.render_row(row), "last_run": _last_run(last.get(row.id))}
-        for row in workflow_selectors.workflows_of(lab)
+        for row in workflow_selectors.visible_workflows(lab, seen)
     ]
 
 
@@ -139,7 +142,7 @@ def _last_run(last: selectors.LastRun | None) -> dict[str, Any] | None:
 
 
 def _workflow(workflow_id: UUID, user: User) -> dict[str, Any]:
-    row = workflow_selectors.find_workflow(workflow_id)
+    row = workflow_selectors.find_visible(workflow_id, user)
     last = selectors.last_runs(row.lab)
     return {
         **workflow_api.render_row(row),

@@ -26,6 +26,7 @@ class HostReason(Reason):
 class HostAct(APIView):
     """Fence, revoke or readmit."""
 
+    signs = frozenset({"post"})
     act = ""
     bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": HostReason}
 

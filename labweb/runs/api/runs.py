@@ -245,6 +245,7 @@ def _by_hand_nl(moved_ul: float | None) -> int | None:
 class ResolveJob(APIView):
     """What happened in a job in doubt."""
 
+    signs = frozenset({"post"})
     bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": Answer}
 
     def post(self, request: Request, job_id: UUID) -> Response:

@@ -130,9 +130,10 @@ class Versions(APIView):
 class VersionDetail(APIView):
     """One version."""
 
-    def get(self, _request: Request, workflow_id: UUID, number: int) -> Response:
+    def get(self, request: Request, workflow_id: UUID, number: int) -> Response:
         """Return a version with its document."""
-        version = selectors.find_numbered(workflow_id, number)
+        workflow = selectors.find_visible(workflow_id, user_of(request))
+        version = selectors.find_numbered(workflow.id, number)
         return Response({**render_version(version), "document": version.document})
 
 
@@ -141,7 +142,7 @@ def create(request: Request) -> Workflow:
     wanted = body(request, NewWorkflow)
     document = wanted.document
     if wanted.copy_of is not None:
-        document = selectors.find_workflow(wanted.copy_of).draft
+        document = selectors.find_visible(wanted.copy_of, user_of(request)).draft
     return services.create_workflow(
         resource_selectors.the_lab(),
         name=wanted.name,
