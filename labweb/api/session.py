@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from hashlib import sha256
 from typing import Any, ClassVar
 
@@ -15,10 +15,10 @@ from rest_framework.exceptions import Throttled
 from rest_framework.permissions import AllowAny
 from rest_framework.request import Request
 from rest_framework.response import Response
-from rest_framework.views import APIView
 
 from labweb.accounts import selectors as account_selectors
 from labweb.accounts import services as account_services
+from labweb.accounts.api import Endpoint
 from labweb.accounts.selectors import User
 from labweb.common.requests import body
 from labweb.domain.errors import ForbiddenError, NotFoundError
@@ -37,10 +37,14 @@ class Credentials(msgspec.Struct, forbid_unknown_fields=True):
     password: str
 
 
-class Session(APIView):
+class Session(Endpoint):
     """The caller's session."""
 
     bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": Credentials}
+    harmless: ClassVar[Mapping[str, str]] = {
+        "post": "who signs in twice is signed in; nobody is known yet whose key it could be",
+        "delete": "who signs out twice is signed out",
+    }
 
     permission_classes = (AllowAny,)
 
