@@ -106,3 +106,27 @@ class SignedHead(models.Model):
 
     def __str__(self) -> str:
         return f"{self.chain} at {self.seq}"
+
+
+class KeptAnswer(models.Model):
+    """What was answered to a request that acts, by the key that its sender gave it.
+
+    Only who has the key can read the answer: it is sealed with it, and the key is kept as a digest.
+    """
+
+    id = models.BigAutoField(primary_key=True)
+    user = models.ForeignKey(User, on_delete=models.CASCADE, related_name="+")
+    key_digest = models.CharField(max_length=64)
+    request_digest = models.CharField(max_length=64)
+    """Of method, address and body: the same key is good for the same request alone."""
+
+    sealed = models.BinaryField()
+    at = models.DateTimeField(db_index=True)
+
+    class Meta:
+        constraints = [
+            models.UniqueConstraint(fields=["user", "key_digest"], name="one_answer_to_a_key")
+        ]
+
+    def __str__(self) -> str:
+        return f"the answer to {self.key_digest[:12]}"

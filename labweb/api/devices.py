@@ -8,8 +8,8 @@ from uuid import UUID
 
 from rest_framework.request import Request
 from rest_framework.response import Response
-from rest_framework.views import APIView
 
+from labweb.accounts.api import Endpoint
 from labweb.accounts.selectors import User, user_of
 from labweb.api.driver_use import driver_of
 from labweb.common.clock import now
@@ -32,7 +32,7 @@ from labweb.workflows.api.drawing import render_actions
 _STALE_AFTER_S = 5.0
 
 
-class Devices(APIView):
+class Devices(Endpoint):
     """Devices of the lab."""
 
     def get(self, request: Request) -> Response:
@@ -43,7 +43,7 @@ class Devices(APIView):
         return Response({"devices": device_rows(rows)})
 
 
-class DeviceDetail(APIView):
+class DeviceDetail(Endpoint):
     """One device."""
 
     def get(self, request: Request, device_id: UUID) -> Response:
@@ -80,7 +80,7 @@ class DeviceDetail(APIView):
         )
 
 
-class ShowDevice(APIView):
+class ShowDevice(Endpoint):
     """The name of a device, on the device itself."""
 
     def post(self, request: Request, showing_id: UUID) -> Response:
@@ -89,7 +89,7 @@ class ShowDevice(APIView):
         return Response({"run_id": str(run.id), "number": run.number}, status=201)
 
 
-class Hosts(APIView):
+class Hosts(Endpoint):
     """Edge hosts of the lab."""
 
     def get(self, request: Request) -> Response:

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Annotated, Any, ClassVar
 from uuid import UUID
 
 import msgspec
 from rest_framework.request import Request
 from rest_framework.response import Response
-from rest_framework.views import APIView
 
+from labweb.accounts.api import Endpoint
 from labweb.accounts.selectors import User, user_of
 from labweb.api.driver_use import (
     driver_of,
@@ -94,7 +95,7 @@ class Choices(msgspec.Struct, forbid_unknown_fields=True):
     reason: str
 
 
-class Drivers(APIView):
+class Drivers(Endpoint):
     """Versions of drivers."""
 
     bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": Submission}
@@ -116,10 +117,11 @@ class Drivers(APIView):
         return Response(_render(row, user, {}), status=201)
 
 
-class DriverReading(APIView):
+class DriverReading(Endpoint):
     """What driver source declares, before anybody proposes it."""
 
     bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": Text}
+    harmless: ClassVar[Mapping[str, str]] = {"post": "it reads text and writes nothing"}
 
     def post(self, request: Request) -> Response:
         """Read source as text; nothing of it is executed, and nothing is written."""
@@ -138,7 +140,7 @@ class DriverReading(APIView):
         )
 
 
-class DriverDetail(APIView):
+class DriverDetail(Endpoint):
     """One version of a driver."""
 
     def get(self, request: Request, driver_id: UUID) -> Response:
@@ -159,7 +161,7 @@ class DriverDetail(APIView):
         )
 
 
-class DriverChanges(APIView):
+class DriverChanges(Endpoint):
     """What differs between two versions."""
 
     def get(self, request: Request, driver_id: UUID, since_id: UUID) -> Response:
@@ -176,7 +178,7 @@ class DriverChanges(APIView):
         return Response({"modules": [msgspec.to_builtins(one) for one in found]})
 
 
-class DecideDriver(APIView):
+class DecideDriver(Endpoint):
     """The answer of a second person."""
 
     signs = frozenset({"post"})
@@ -191,7 +193,7 @@ class DecideDriver(APIView):
         return Response(_render(row, user, users_of(user)))
 
 
-class WithdrawDriver(APIView):
+class WithdrawDriver(Endpoint):
     """The end of a version."""
 
     bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": Withdrawal}
@@ -203,7 +205,7 @@ class WithdrawDriver(APIView):
         return Response(_render(row, user, {}))
 
 
-class DeviceDriver(APIView):
+class DeviceDriver(Endpoint):
     """The version of its driver that a device has, and is to have."""
 
     bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": Choice}
@@ -221,7 +223,7 @@ class DeviceDriver(APIView):
         return Response(driver_of(device))
 
 
-class DriverDevices(APIView):
+class DriverDevices(Endpoint):
     """The devices that shall have a version."""
 
     bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": Choices}
@@ -240,7 +242,7 @@ class DriverDevices(APIView):
         )
 
 
-class DeviceDriverParts(APIView):
+class DeviceDriverParts(Endpoint):
     """What another version of its driver makes of a device's parts."""
 
     def get(self, request: Request, device_id: UUID, approved_id: UUID) -> Response:

@@ -15,10 +15,10 @@ from rest_framework.exceptions import Throttled
 from rest_framework.permissions import AllowAny, IsAuthenticated
 from rest_framework.request import Request
 from rest_framework.response import Response
-from rest_framework.views import APIView
 
 from labweb.accounts import selectors as account_selectors
 from labweb.accounts import services as account_services
+from labweb.accounts.api import Endpoint
 from labweb.accounts.selectors import User
 from labweb.common import sessions
 from labweb.common.requests import body
@@ -38,10 +38,14 @@ class Credentials(msgspec.Struct, forbid_unknown_fields=True):
     password: str
 
 
-class Session(APIView):
+class Session(Endpoint):
     """The caller's session."""
 
     bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": Credentials}
+    harmless: ClassVar[Mapping[str, str]] = {
+        "post": "who signs in twice is signed in; nobody is known yet whose key it could be",
+        "delete": "who signs out twice is signed out",
+    }
 
     permission_classes = (AllowAny,)
 
@@ -84,10 +88,13 @@ class Words(msgspec.Struct, forbid_unknown_fields=True):
     new: str
 
 
-class Password(APIView):
+class Password(Endpoint):
     """The caller's own password."""
 
     bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": Words}
+    harmless: ClassVar[Mapping[str, str]] = {
+        "post": "a second time the present password is another one, and is refused"
+    }
 
     permission_classes = (IsAuthenticated,)
 
@@ -112,10 +119,13 @@ class Again(msgspec.Struct, forbid_unknown_fields=True):
     password: str
 
 
-class Confirm(APIView):
+class Confirm(Endpoint):
     """The caller's password, typed again for what is signed."""
 
     bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": Again}
+    harmless: ClassVar[Mapping[str, str]] = {
+        "post": "it notes when the password was typed, and does nothing else"
+    }
 
     permission_classes = (IsAuthenticated,)
 
@@ -133,9 +143,12 @@ class Confirm(APIView):
         return Response({"holds_s": sessions.CONFIRMED_FOR_S})
 
 
-class Awake(APIView):
+class Awake(Endpoint):
     """Somebody is there."""
 
+    harmless: ClassVar[Mapping[str, str]] = {
+        "post": "it notes when somebody was there, and does nothing else"
+    }
     permission_classes = (IsAuthenticated,)
 
     def post(self, _request: Request) -> Response:

@@ -9,6 +9,13 @@ from labweb.accounts.services.auditing import (
     write_refusal,
 )
 from labweb.accounts.services.heads import sign_chain
+from labweb.accounts.services.once import (
+    Answer,
+    InProgressError,
+    KeyReusedError,
+    carry_out_once,
+    forget_answers,
+)
 from labweb.accounts.services.people import (
     PasswordFrom,
     change_password,
@@ -17,10 +24,15 @@ from labweb.accounts.services.people import (
 )
 
 __all__ = [
+    "Answer",
+    "InProgressError",
+    "KeyReusedError",
     "PasswordFrom",
+    "carry_out_once",
     "change_password",
     "end_of_audit",
     "ensure_user",
+    "forget_answers",
     "note_foreign_password",
     "sign_chain",
     "write_audit",

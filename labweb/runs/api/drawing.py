@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from typing import Any, ClassVar
 from uuid import UUID
 
 import msgspec
 from rest_framework.request import Request
 from rest_framework.response import Response
-from rest_framework.views import APIView
 
+from labweb.accounts.api import Endpoint
 from labweb.accounts.selectors import User, user_of
 from labweb.common.render import iso
 from labweb.common.requests import body
@@ -35,10 +35,11 @@ class CheckDocument(msgspec.Struct, forbid_unknown_fields=True):
     """Workflow that it is a draft of, whose proofs are then compared with it."""
 
 
-class Check(APIView):
+class Check(Endpoint):
     """What a workflow would mean here and now."""
 
     bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": CheckDocument}
+    harmless: ClassVar[Mapping[str, str]] = {"post": "it calculates and writes nothing"}
 
     def post(self, request: Request) -> Response:
         """Compile a document against the lab as it is; findings are an answer, no failure."""
@@ -96,7 +97,7 @@ def _sentences(document: dict[str, Any], names: dict[str, str]) -> dict[str, Any
     return found
 
 
-class Workflows(APIView):
+class Workflows(Endpoint):
     """Workflows with their last runs."""
 
     bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": workflow_api.NewWorkflow}
@@ -112,7 +113,7 @@ class Workflows(APIView):
         return Response(_workflow(row.id, user_of(request)), status=201)
 
 
-class WorkflowDetail(APIView):
+class WorkflowDetail(Endpoint):
     """One workflow."""
 
     def get(self, request: Request, workflow_id: UUID) -> Response:

@@ -7,8 +7,8 @@ from typing import ClassVar
 import msgspec
 from rest_framework.request import Request
 from rest_framework.response import Response
-from rest_framework.views import APIView
 
+from labweb.accounts.api import Endpoint
 from labweb.accounts.selectors import user_of
 from labweb.common.requests import body
 from labweb.resources import selectors as resource_selectors
@@ -16,7 +16,7 @@ from labweb.runs import selectors, services
 from labweb.runs.api.runs import Reason
 
 
-class LabView(APIView):
+class LabView(Endpoint):
     """The lab and its stop."""
 
     def get(self, request: Request) -> Response:
@@ -29,7 +29,7 @@ class Nothing(msgspec.Struct, forbid_unknown_fields=True):
     """Body of an act that takes no arguments."""
 
 
-class StopLab(APIView):
+class StopLab(Endpoint):
     """Software stop."""
 
     bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": Nothing}
@@ -41,7 +41,7 @@ class StopLab(APIView):
         return Response(selectors.lab_summary(resource_selectors.the_lab()))
 
 
-class ResetLab(APIView):
+class ResetLab(Endpoint):
     """Release after a stop."""
 
     bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": Reason}

@@ -11,8 +11,8 @@ import msgspec
 from django.db.models import QuerySet
 from rest_framework.request import Request
 from rest_framework.response import Response
-from rest_framework.views import APIView
 
+from labweb.accounts.api import Endpoint
 from labweb.accounts.selectors import User, user_of
 from labweb.common.reading import one_moment
 from labweb.common.render import iso
@@ -41,6 +41,9 @@ class StartRun(msgspec.Struct, forbid_unknown_fields=True):
     version_id: UUID
     plan_digest: str | None = None
     """Of the plan that the caller saw; without it the present plan is started."""
+
+    is_second: bool = False
+    """Start it though another run of the version has not begun."""
 
 
 class Reason(msgspec.Struct, forbid_unknown_fields=True):
@@ -85,7 +88,7 @@ def visible_runs(lab: Lab, user: User) -> QuerySet[Run]:
     return selectors.visible_runs(lab, seen)
 
 
-class Runs(APIView):
+class Runs(Endpoint):
     """Runs of the lab."""
 
     bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": StartRun}
@@ -107,11 +110,16 @@ class Runs(APIView):
         user = user_of(request)
         wanted = body(request, StartRun)
         version = workflow_selectors.find_version(wanted.version_id)
-        run = services.start_run(version, actor=user, seen_digest=wanted.plan_digest)
+        run = services.start_run(
+            version,
+            actor=user,
+            seen_digest=wanted.plan_digest,
+            is_asked=not wanted.is_second,
+        )
         return Response(render.render_run(run, user), status=201)
 
 
-class RunDetail(APIView):
+class RunDetail(Endpoint):
     """One run."""
 
     def get(self, request: Request, run_id: UUID) -> Response:
@@ -121,7 +129,7 @@ class RunDetail(APIView):
             return Response(render.render_run(visible(run_id, user), user))
 
 
-class RunEvents(APIView):
+class RunEvents(Endpoint):
     """CRUTD events of one run."""
 
     def get(self, request: Request, run_id: UUID) -> Response:
@@ -135,7 +143,7 @@ class RunEvents(APIView):
         return Response({"events": rendered})
 
 
-class RunLog(APIView):
+class RunLog(Endpoint):
     """What hosts reported of one run."""
 
     def get(self, request: Request, run_id: UUID) -> Response:
@@ -175,7 +183,7 @@ def _line(kind: str, report: dict[str, Any], sentence_text: str) -> str:
     return f"{sentence_text}: {kind.replace('_', ' ')}" + (f", {message}" if message else "")
 
 
-class RunAct(APIView):
+class RunAct(Endpoint):
     """Pause, resume or abort."""
 
     act = ""
@@ -217,7 +225,7 @@ class Choice(msgspec.Struct, forbid_unknown_fields=True):
     params: dict[str, Any] | None = None
 
 
-class RecoverJob(APIView):
+class RecoverJob(Endpoint):
     """What becomes of a job that ended undone."""
 
     bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": Choice}
@@ -242,7 +250,7 @@ def _by_hand_nl(moved_ul: float | None) -> int | None:
     return None if moved_ul is None else 0 if moved_ul == 0 else whole_nl(moved_ul)
 
 
-class ResolveJob(APIView):
+class ResolveJob(Endpoint):
     """What happened in a job in doubt."""
 
     signs = frozenset({"post"})
