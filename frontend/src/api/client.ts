@@ -3,6 +3,7 @@
 import type { Finding, Refusal } from "@/model/wire";
 import { sentence } from "@/model/format";
 import { useConnection } from "./connection";
+import { askPassword } from "./signing";
 import { once } from "./wish";
 
 /** The server said no, or did not answer at all (status 0). */
@@ -103,13 +104,18 @@ export async function call<T>(
   return once(wish, (key) => insist<T>(method, path, body, key), isFinal);
 }
 
-/** Send what acts, and ask for its answer while the server says that it is being carried out. */
+/**
+ * Send what acts, and ask for its answer while the server says that it is being carried out. What is
+ * signed waits until the person has typed the password; whoever gives up gets the server's refusal.
+ */
 async function insist<T>(method: Method, path: string, body: unknown, key: string): Promise<T> {
   for (let count = 1; ; count += 1) {
     try {
       return await send<T>(method, path, body, { key });
     } catch (error) {
-      const isUnderWay = error instanceof ApiError && error.code === "http.in_progress";
+      const code = error instanceof ApiError ? error.code : "";
+      if (code === "session.confirm" && (await askPassword())) continue;
+      const isUnderWay = code === "http.in_progress";
       if (!isUnderWay || count === MOST_TIMES) throw error;
       await new Promise((wake) => setTimeout(wake, ASK_AGAIN_MS));
     }

@@ -56,6 +56,27 @@ export function useSignIn(): UseMutationResult<
   });
 }
 
+/** Type the password again, for acts that are signed. */
+export function useConfirmPassword(): UseMutationResult<unknown, Error, string> {
+  return useAct({ mutationFn: (password) => call("POST", "/session/confirm", { password }) });
+}
+
+export function useChangePassword(): UseMutationResult<
+  Session,
+  Error,
+  { old: string; new: string }
+> {
+  return useAct({
+    mutationFn: (words) => call<Session>("POST", "/session/password", words),
+    onSuccess: (session) => client.setQueryData(keys.session, session),
+  });
+}
+
+/** Tell the server that somebody uses the page. */
+export function tellAwake(): Promise<undefined> {
+  return call("POST", "/session/awake");
+}
+
 export function useSignOut(): UseMutationResult<undefined, Error, void> {
   return useAct({
     mutationFn: () => call<undefined>("DELETE", "/session"),
