@@ -5,6 +5,7 @@ import { createBrowserRouter, type RouteObject } from "react-router";
 import { Frame } from "@/lab/frame";
 import { HomePage } from "@/lab/home";
 import { LoginPage } from "@/lab/login";
+import { PasswordPage } from "@/lab/signing";
 import { BrokenPage, NotFoundPage, Starting } from "@/ui/notfound";
 
 type Lazy = () => Promise<{ Component: ComponentType }>;
@@ -46,6 +47,7 @@ const pages: RouteObject[] = [
 
 export const routes: RouteObject[] = [
   { path: "/login", Component: LoginPage, ErrorBoundary: BrokenPage },
+  { path: "/password", Component: PasswordPage, ErrorBoundary: BrokenPage },
   {
     path: "/",
     Component: Frame,

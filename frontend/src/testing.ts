@@ -10,4 +10,6 @@ afterEach(async () => {
   const { cleanup } = await import("@testing-library/react");
   cleanup();
   sessionStorage.clear();
+  const { forgetWishes } = await import("@/api/wish");
+  forgetWishes();
 });

@@ -6,6 +6,7 @@ from typing import Any
 
 from django.contrib import admin
 from django.contrib.auth.admin import UserAdmin
+from django.contrib.auth.forms import AdminPasswordChangeForm
 from django.contrib.auth.models import Group
 from django.db.models import Model, QuerySet
 from django.forms import ModelForm
@@ -25,6 +26,16 @@ def _audit(request: HttpRequest, action: str, row: Model, detail: dict[str, Any]
     services.write_audit(action, str(row.pk), actor=actor, detail=detail)
 
 
+class ForeignPassword(AdminPasswordChangeForm):  # type: ignore[type-arg] # none at run time
+    """A password that an admin sets: who signs in with it has to choose their own."""
+
+    def save(self, commit: bool = True) -> User:  # noqa: FBT001, FBT002 - Django's shape
+        """Set the password, and have its owner change it first thing."""
+        user: User = super().save(commit)
+        services.note_foreign_password(user)
+        return user
+
+
 @admin.register(User)
 class Users(UserAdmin):  # type: ignore[type-arg] # no generic at run time
     """People who sign in. Nobody is deleted, for their name stands under decisions."""
@@ -32,6 +43,7 @@ class Users(UserAdmin):  # type: ignore[type-arg] # no generic at run time
     list_display = ("username", "printed_name", "email", "is_active", "is_staff", "last_login")
     list_filter = ("is_active", "is_staff")
     filter_horizontal = ()
+    change_password_form = ForeignPassword
     fieldsets = (
         (None, {"fields": ("username", "password")}),
         ("Name", {"fields": ("first_name", "last_name", "email")}),
@@ -55,6 +67,8 @@ class Users(UserAdmin):  # type: ignore[type-arg] # no generic at run time
     ) -> None:
         """Write the user and who changed what; never the password."""
         super().save_model(request, obj, form, change)
+        if not change and obj.pk != request.user.pk:
+            services.note_foreign_password(obj)
         changed = sorted(set(form.changed_data) - {"password", "password1", "password2"})
         _audit(request, "user.change" if change else "user.add", obj, {"fields": changed})
 

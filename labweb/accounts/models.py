@@ -12,7 +12,20 @@ from labweb.common.models import Base
 class User(AbstractUser):
     """A person who signs in."""
 
+    class PasswordFrom(models.TextChoices):
+        """Who chose the password that is in force."""
+
+        OWN = "own"
+        ADMIN = "admin"
+        """Somebody else knows it: it has to be changed before anything else."""
+
+        SEED = "seed"
+        """The start of a lab with simulated instruments made it: a change is advised."""
+
     id = models.UUIDField(primary_key=True, default=new_id, editable=False)
+    password_from = models.CharField(
+        max_length=8, choices=PasswordFrom.choices, default=PasswordFrom.OWN, editable=False
+    )
 
     @property
     def printed_name(self) -> str:
@@ -93,3 +106,27 @@ class SignedHead(models.Model):
 
     def __str__(self) -> str:
         return f"{self.chain} at {self.seq}"
+
+
+class KeptAnswer(models.Model):
+    """What was answered to a request that acts, by the key that its sender gave it.
+
+    Only who has the key can read the answer: it is sealed with it, and the key is kept as a digest.
+    """
+
+    id = models.BigAutoField(primary_key=True)
+    user = models.ForeignKey(User, on_delete=models.CASCADE, related_name="+")
+    key_digest = models.CharField(max_length=64)
+    request_digest = models.CharField(max_length=64)
+    """Of method, address and body: the same key is good for the same request alone."""
+
+    sealed = models.BinaryField()
+    at = models.DateTimeField(db_index=True)
+
+    class Meta:
+        constraints = [
+            models.UniqueConstraint(fields=["user", "key_digest"], name="one_answer_to_a_key")
+        ]
+
+    def __str__(self) -> str:
+        return f"the answer to {self.key_digest[:12]}"

@@ -4,24 +4,26 @@ from __future__ import annotations
 
 import hashlib
 import hmac
-import io
 import re
 import time
 from typing import ClassVar
 
 import msgspec
 from django.conf import settings
+from drf_spectacular.extensions import OpenApiAuthenticationExtension
+from rest_framework.authentication import BaseAuthentication
 from rest_framework.exceptions import NotAuthenticated
 from rest_framework.request import Request
 from rest_framework.response import Response
-from rest_framework.views import APIView
 
 from labweb.accounts import selectors as account_selectors
-from labweb.accounts.selectors import User
+from labweb.accounts.api import Endpoint
+from labweb.accounts.selectors import User, user_of
 from labweb.api.parsers import MAX_BODY_BYTES, StrictJSONParser, TooLargeError
+from labweb.common.requests import body
 from labweb.crutd import services as crutd_services
 from labweb.domain.crutd.deliveries import read_deliveries
-from labweb.domain.errors import DefinitionError, ForbiddenError
+from labweb.domain.errors import ForbiddenError
 from labweb.resources import selectors as resource_selectors
 
 WINDOW_S = 300
@@ -38,31 +40,54 @@ class Delivered(msgspec.Struct, forbid_unknown_fields=True):
     lots: list[dict[str, str]]
 
 
-class Deliveries(APIView):
+class Signed(BaseAuthentication):
+    """Whoever signs with the shared secret acts in the name of its user."""
+
+    def authenticate(self, request: Request) -> tuple[User, None]:
+        """Return the user of the other system.
+
+        Raises:
+            NotAuthenticated: There is no signature.
+            ForbiddenError: `lims.bad_signature`, `lims.no_user`.
+        """
+        _check_signature(request.headers.get("X-Labweb-Signature", ""), _raw(request))
+        return _actor(), None
+
+
+class DescribedSigned(OpenApiAuthenticationExtension):  # type: ignore[no-untyped-call] # the library registers it
+    """How the signature stands in the description of the interface."""
+
+    target_class = Signed
+    name = "lims"
+
+    def get_security_definition(self, auto_schema: object) -> dict[str, str]:
+        """Return the header that carries it."""
+        del auto_schema
+        return {"type": "apiKey", "in": "header", "name": "X-Labweb-Signature"}
+
+
+class OfAnyType(StrictJSONParser):
+    """Reads JSON however the other system calls it."""
+
+    media_type = "*/*"
+
+
+class Deliveries(Endpoint):
     """Deliveries from another system."""
 
     # No session: the signature alone says who asks.
-    authentication_classes = ()
-    permission_classes = ()
+    authentication_classes = (Signed,)
+    parser_classes = (OfAnyType,)
     bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": Delivered}
 
     def post(self, request: Request) -> Response:
         """Receive every lot of a signed request, or none."""
-        raw = _raw(request)
-        _check_signature(request.headers.get("X-Labweb-Signature", ""), raw)
-        actor = _actor()
-        plain = StrictJSONParser().parse(io.BytesIO(raw))
-        try:
-            told = msgspec.convert(plain, Delivered).lots
-        except msgspec.ValidationError as error:
-            what = f"the request is not as described: {error}"
-            raise DefinitionError(what, code="http.body") from error
-        deliveries = read_deliveries(told)
+        deliveries = read_deliveries(body(request, Delivered).lots)
         lots = crutd_services.receive_deliveries(
             deliveries,
             lab=resource_selectors.the_lab(),
-            actor=actor,
-            source={"file": "a request", "sha256": hashlib.sha256(raw).hexdigest()},
+            actor=user_of(request),
+            source={"file": "a request", "sha256": hashlib.sha256(_raw(request)).hexdigest()},
         )
         pairs = zip(lots, deliveries, strict=True)
         answer = [{"id": str(lot), "key": one.lot} for lot, one in pairs]

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from typing import Any, ClassVar
 from uuid import UUID
 
 import msgspec
 from rest_framework.request import Request
 from rest_framework.response import Response
-from rest_framework.views import APIView
 
+from labweb.accounts.api import Endpoint
 from labweb.accounts.selectors import User, user_of
 from labweb.api.driver_use import driver_of
 from labweb.common.clock import now
@@ -37,7 +37,7 @@ from labweb.workflows.api.drawing import render_actions
 _STALE_AFTER_S = 5.0
 
 
-class Devices(APIView):
+class Devices(Endpoint):
     """Devices of the lab."""
 
     def get(self, request: Request) -> Response:
@@ -48,7 +48,7 @@ class Devices(APIView):
         return Response({"devices": device_rows(rows)})
 
 
-class DeviceDetail(APIView):
+class DeviceDetail(Endpoint):
     """One device."""
 
     def get(self, request: Request, device_id: UUID) -> Response:
@@ -85,7 +85,7 @@ class DeviceDetail(APIView):
         )
 
 
-class ShowDevice(APIView):
+class ShowDevice(Endpoint):
     """The name of a device, on the device itself."""
 
     def post(self, request: Request, showing_id: UUID) -> Response:
@@ -94,10 +94,13 @@ class ShowDevice(APIView):
         return Response({"run_id": str(run.id), "number": run.number}, status=201)
 
 
-class StopDevice(APIView):
+class StopDevice(Endpoint):
     """Software stop of one device."""
 
     bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": Nothing}
+    harmless: ClassVar[Mapping[str, str]] = {
+        "post": "a device that is stopped twice stands; a stop is never refused for a missing key"
+    }
 
     def post(self, request: Request, stopped_id: UUID) -> Response:
         """Halt a device now, whether anything acts on it or not, and return what came of it."""
@@ -109,7 +112,7 @@ class StopDevice(APIView):
         return Response(render_halt(run_services.stop_device(stopped_id, actor=user)))
 
 
-class Hosts(APIView):
+class Hosts(Endpoint):
     """Edge hosts of the lab."""
 
     def get(self, request: Request) -> Response:

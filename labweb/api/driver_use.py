@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 from uuid import UUID
 
 from labweb.accounts.selectors import User
 from labweb.domain.approvals.roles import Permission
+from labweb.domain.errors import NotFoundError
 from labweb.enrollment import selectors
 from labweb.enrollment.selectors import Device, DriverVersion
 from labweb.resources import selectors as resource_selectors
@@ -46,6 +48,30 @@ def users_of(user: User) -> dict[UUID, list[dict[str, str]]]:
         entry = {"id": str(device.id), "key": device.key, "name": device.name}
         found.setdefault(device.driver_id, []).append(entry)
     return found
+
+
+def _reads_all(user: User) -> bool:
+    """Say whether a person may see the whole lab, and so every driver."""
+    root = resource_selectors.root_of(resource_selectors.the_lab())
+    return root.id in resource_selectors.allowed_ids(user, Permission.VIEW)
+
+
+def visible_drivers(user: User, users: Mapping[UUID, object]) -> list[DriverVersion]:
+    """Return the versions that a person may see: all, or those of the devices in `users`."""
+    rows = selectors.drivers().defer("sources")
+    return list(rows if _reads_all(user) else rows.filter(pk__in=list(users)))
+
+
+def visible_driver(version_id: UUID, user: User) -> DriverVersion:
+    """Return a version that a person may see.
+
+    Raises:
+        NotFoundError: There is none, or no device in their part of the lab has it.
+    """
+    row = selectors.find_driver(version_id)
+    if not _reads_all(user) and row.id not in users_of(user):
+        raise NotFoundError(f"no driver version {version_id}", code="driver.not_found")
+    return row
 
 
 def places_of(version: DriverVersion, user: User) -> list[dict[str, Any]]:

@@ -2,16 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Annotated, Any, ClassVar
 from uuid import UUID
 
 import msgspec
 from rest_framework.request import Request
 from rest_framework.response import Response
-from rest_framework.views import APIView
 
+from labweb.accounts.api import Endpoint
 from labweb.accounts.selectors import User, user_of
-from labweb.api.driver_use import driver_of, places_of, users_of
+from labweb.api.driver_use import (
+    driver_of,
+    places_of,
+    users_of,
+    visible_driver,
+    visible_drivers,
+)
 from labweb.api.tryouts import tried_of
 from labweb.approvals import selectors as approval_selectors
 from labweb.approvals import services as approval_services
@@ -88,7 +95,7 @@ class Choices(msgspec.Struct, forbid_unknown_fields=True):
     reason: str
 
 
-class Drivers(APIView):
+class Drivers(Endpoint):
     """Versions of drivers."""
 
     bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": Submission}
@@ -98,7 +105,7 @@ class Drivers(APIView):
         user = user_of(request)
         users = users_of(user)
         allowed = resource_selectors.permissions_on_all(user)
-        rows = selectors.drivers().defer("sources")
+        rows = visible_drivers(user, users)
         return Response({"drivers": [_render(row, user, users, allowed) for row in rows]})
 
     def post(self, request: Request) -> Response:
@@ -110,10 +117,11 @@ class Drivers(APIView):
         return Response(_render(row, user, {}), status=201)
 
 
-class DriverReading(APIView):
+class DriverReading(Endpoint):
     """What driver source declares, before anybody proposes it."""
 
     bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": Text}
+    harmless: ClassVar[Mapping[str, str]] = {"post": "it reads text and writes nothing"}
 
     def post(self, request: Request) -> Response:
         """Read source as text; nothing of it is executed, and nothing is written."""
@@ -132,13 +140,13 @@ class DriverReading(APIView):
         )
 
 
-class DriverDetail(APIView):
+class DriverDetail(Endpoint):
     """One version of a driver."""
 
     def get(self, request: Request, driver_id: UUID) -> Response:
         """Return a version with its texts, actions, statuses, settings, request and devices."""
         user = user_of(request)
-        row = selectors.find_driver(driver_id)
+        row = visible_driver(driver_id, user)
         allowed = resource_selectors.permissions_on_all(user)
         asked = approval_selectors.newest_about_driver(row.id)
         return Response(
@@ -153,7 +161,7 @@ class DriverDetail(APIView):
         )
 
 
-class DriverChanges(APIView):
+class DriverChanges(Endpoint):
     """What differs between two versions."""
 
     def get(self, request: Request, driver_id: UUID, since_id: UUID) -> Response:
@@ -170,9 +178,10 @@ class DriverChanges(APIView):
         return Response({"modules": [msgspec.to_builtins(one) for one in found]})
 
 
-class DecideDriver(APIView):
+class DecideDriver(Endpoint):
     """The answer of a second person."""
 
+    signs = frozenset({"post"})
     bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": Answer}
 
     def post(self, request: Request, driver_id: UUID) -> Response:
@@ -184,7 +193,7 @@ class DecideDriver(APIView):
         return Response(_render(row, user, users_of(user)))
 
 
-class WithdrawDriver(APIView):
+class WithdrawDriver(Endpoint):
     """The end of a version."""
 
     bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": Withdrawal}
@@ -196,7 +205,7 @@ class WithdrawDriver(APIView):
         return Response(_render(row, user, {}))
 
 
-class DeviceDriver(APIView):
+class DeviceDriver(Endpoint):
     """The version of its driver that a device has, and is to have."""
 
     bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": Choice}
@@ -214,7 +223,7 @@ class DeviceDriver(APIView):
         return Response(driver_of(device))
 
 
-class DriverDevices(APIView):
+class DriverDevices(Endpoint):
     """The devices that shall have a version."""
 
     bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": Choices}
@@ -233,7 +242,7 @@ class DriverDevices(APIView):
         )
 
 
-class DeviceDriverParts(APIView):
+class DeviceDriverParts(Endpoint):
     """What another version of its driver makes of a device's parts."""
 
     def get(self, request: Request, device_id: UUID, approved_id: UUID) -> Response:

@@ -114,7 +114,7 @@ def _failed(error: BaseException | None, method: str, path: str) -> tuple[dict[s
     logger.error("%s %s failed", method, path, exc_info=error)
     is_safe = method in {"GET", "HEAD", "OPTIONS"}
     effect = errors.Effect.NONE if is_safe else errors.Effect.UNKNOWN
-    hint = "" if is_safe else "; look whether it was carried out before you send it again"
+    hint = "" if is_safe else "; send it again with the same key: it is carried out once"
     if isinstance(error, AWAY):
         message = f"the database or the broker does not answer{hint}"
         return _body("http.unavailable", message, effect=effect), 503

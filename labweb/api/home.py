@@ -9,8 +9,8 @@ from uuid import UUID
 from django.db.models import Q, QuerySet
 from rest_framework.request import Request
 from rest_framework.response import Response
-from rest_framework.views import APIView
 
+from labweb.accounts.api import Endpoint
 from labweb.accounts.selectors import User, permissions_of, user_of
 from labweb.api.devices import device_rows, host_rows, visible_hosts
 from labweb.approvals import selectors as approval_selectors
@@ -35,7 +35,7 @@ _MOST_SINGLE = 3
 """Finds that are shown one by one; more are one line."""
 
 
-class Home(APIView):
+class Home(Endpoint):
     """What a person sees first."""
 
     def get(self, request: Request) -> Response:
@@ -62,7 +62,7 @@ def _home(user: User) -> dict[str, Any]:
         "last_results": render_rows(
             runs.filter(state__in=["complete", "aborted"]).order_by("-ended_at")[:_MOST]
         ),
-        "workflows": workflow_rows(lab)[:_MOST],
+        "workflows": workflow_rows(lab, seen)[:_MOST],
         "devices": device_rows(devices),
         "hosts": host_rows(visible_hosts(lab, user)),
     }
@@ -210,7 +210,7 @@ def _where(job: Job, names: dict[str, str]) -> str:
     return f"In doubt · Run #{job.run.number} {workflow} · {job.device.name}: {job.message}"
 
 
-class Search(APIView):
+class Search(Endpoint):
     """Find anything by name."""
 
     def get(self, request: Request) -> Response:
@@ -238,7 +238,7 @@ def _places(lab: Lab, text: str, seen: set[UUID]) -> Iterator[dict[str, Any]]:
 
 
 def _work(lab: Lab, text: str, seen: set[UUID]) -> Iterator[dict[str, Any]]:
-    for row in workflow_rows(lab):
+    for row in workflow_rows(lab, seen):
         if text in row["name"].lower():
             url = f"/workflows/{row['id']}/edit"
             yield _result("workflow", row["id"], row["name"], "workflow", url)

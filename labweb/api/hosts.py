@@ -7,8 +7,8 @@ from uuid import UUID
 
 from rest_framework.request import Request
 from rest_framework.response import Response
-from rest_framework.views import APIView
 
+from labweb.accounts.api import Endpoint
 from labweb.accounts.selectors import User, user_of
 from labweb.api.devices import device_rows, host_rows, visible_hosts
 from labweb.common.render import iso
@@ -25,7 +25,7 @@ from labweb.runs.selectors import Custody, Job
 _CLOSED = {SessionState.QUARANTINED.value, SessionState.FENCED.value}
 
 
-class HostDetail(APIView):
+class HostDetail(Endpoint):
     """One host."""
 
     def get(self, request: Request, host_id: UUID) -> Response:

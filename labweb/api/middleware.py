@@ -9,6 +9,8 @@ from django.http import HttpRequest
 from django.http.response import HttpResponseBase
 from django.utils.decorators import sync_and_async_middleware
 
+from labweb.common import sessions
+
 _APP_POLICY = (
     "default-src 'self'; script-src 'self'; style-src 'self' 'unsafe-inline'; "
     "img-src 'self' data: blob:; font-src 'self' data:; connect-src 'self'; "
@@ -36,6 +38,18 @@ def headers(get_response: Handler) -> Handler:
         response = get_response(request)
         assert isinstance(response, HttpResponseBase)  # noqa: S101 - narrows the sync branch
         return _with_policy(response)
+
+    return answer
+
+
+def acts(get_response: Callable[[HttpRequest], HttpResponseBase]) -> Handler:
+    """Note each request that a person makes: what acts, and every page of the admin."""
+
+    def answer(request: HttpRequest) -> HttpResponseBase:
+        is_read = request.method in {"GET", "HEAD", "OPTIONS"}
+        if not is_read or request.path.startswith("/admin/"):
+            sessions.note_act(request.session)
+        return get_response(request)
 
     return answer
 

@@ -6,6 +6,9 @@ from typing import Any
 
 import msgspec
 from drf_spectacular.openapi import AutoSchema
+from drf_spectacular.utils import OpenApiParameter
+
+from labweb.accounts.api import HEADER, acts
 
 REFUSAL: dict[str, Any] = {
     "type": "object",
@@ -34,6 +37,21 @@ class LabSchema(AutoSchema):
         """Return a name made of method and path, so that none stands twice."""
         path = self.path.removeprefix("/api/v1/").replace("{", "by_").replace("}", "")
         return f"{self.method.lower()}_{path.replace('/', '_').replace('-', '_')}"
+
+    def get_override_parameters(self) -> list[Any]:
+        """Return the key that every method takes that acts."""
+        if not acts(type(self.view), self.method.lower()):
+            return []
+        name = "Names the wish: a new one for each, the same one each time that it is repeated."
+        return [
+            OpenApiParameter(
+                HEADER,
+                {"type": "string", "pattern": "^[!-~]{8,64}$"},
+                OpenApiParameter.HEADER,
+                required=True,
+                description=name,
+            )
+        ]
 
     def get_request_serializer(self) -> Any:  # noqa: ANN401 - the library's shape
         """Return None: bodies are structs, not serializers."""

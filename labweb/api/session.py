@@ -2,22 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any, ClassVar
 
 import msgspec
-from django.contrib.auth import authenticate, login, logout
+from django.contrib.auth import authenticate, login, logout, update_session_auth_hash
 from django.middleware.csrf import get_token
 from rest_framework.authentication import SessionAuthentication
 from rest_framework.exceptions import Throttled
-from rest_framework.permissions import AllowAny
+from rest_framework.permissions import AllowAny, IsAuthenticated
 from rest_framework.request import Request
 from rest_framework.response import Response
-from rest_framework.views import APIView
 
 from labweb.accounts import selectors as account_selectors
 from labweb.accounts import services as account_services
+from labweb.accounts.api import Endpoint
 from labweb.accounts.selectors import User
 from labweb.api.sign_in import FORGET_AFTER_S, Place, remember
+from labweb.common import sessions
 from labweb.common.requests import body
 from labweb.domain.errors import ForbiddenError, NotFoundError
 from labweb.resources import selectors as resource_selectors
@@ -31,10 +33,14 @@ class Credentials(msgspec.Struct, forbid_unknown_fields=True):
     password: str
 
 
-class Session(APIView):
+class Session(Endpoint):
     """The caller's session."""
 
     bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": Credentials}
+    harmless: ClassVar[Mapping[str, str]] = {
+        "post": "who signs in twice is signed in; nobody is known yet whose key it could be",
+        "delete": "who signs out twice is signed out",
+    }
 
     permission_classes = (AllowAny,)
 
@@ -47,9 +53,7 @@ class Session(APIView):
         """Sign in; whoever fails five times at a name from one place waits there five minutes."""
         SessionAuthentication().enforce_csrf(request)
         given = body(request, Credentials)
-        place = Place.of(request, given.username)
-        if place.is_closed():
-            raise Throttled(wait=FORGET_AFTER_S)
+        place = _open_place(request, given.username)
         user = authenticate(request, username=given.username, password=given.password)
         if not isinstance(user, User):
             place.count_failure()
@@ -59,6 +63,7 @@ class Session(APIView):
             raise ForbiddenError("the name or the password is wrong", code="session.wrong")
         place.forget_failures()
         login(request._request, user)  # noqa: SLF001 - DRF offers no other way to the session
+        sessions.begin(request.session)
         account_services.write_audit("session.open", str(user.pk), actor=user)
         answer = Response(_session(user))
         remember(answer, request, given.username)
@@ -70,6 +75,87 @@ class Session(APIView):
             account_services.write_audit("session.close", str(request.user.pk), actor=request.user)
         logout(request._request)  # noqa: SLF001 - DRF offers no other way to the session
         return Response(status=204)
+
+
+class Words(msgspec.Struct, forbid_unknown_fields=True):
+    """Body of a change of the own password."""
+
+    old: str
+    new: str
+
+
+class Password(Endpoint):
+    """The caller's own password."""
+
+    bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": Words}
+    harmless: ClassVar[Mapping[str, str]] = {
+        "post": "a second time the present password is another one, and is refused"
+    }
+
+    permission_classes = (IsAuthenticated,)
+
+    def post(self, request: Request) -> Response:
+        """Choose a new one; every other session of the caller ends."""
+        user, given = account_selectors.user_of(request), body(request, Words)
+        place = _open_place(request, user.username)
+        try:
+            row = account_services.change_password(user, old=given.old, new=given.new)
+        except ForbiddenError:
+            place.count_failure()
+            raise
+        update_session_auth_hash(request._request, row)  # noqa: SLF001 - as above
+        sessions.begin(request.session)
+        return Response(_session(row))
+
+
+class Again(msgspec.Struct, forbid_unknown_fields=True):
+    """Body of a password that is typed again."""
+
+    password: str
+
+
+class Confirm(Endpoint):
+    """The caller's password, typed again for what is signed."""
+
+    bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": Again}
+    harmless: ClassVar[Mapping[str, str]] = {
+        "post": "it notes when the password was typed, and does nothing else"
+    }
+
+    permission_classes = (IsAuthenticated,)
+
+    def post(self, request: Request) -> Response:
+        """Take the password; acts are signed with it for five minutes."""
+        user, given = account_selectors.user_of(request), body(request, Again)
+        place = _open_place(request, user.username)
+        if not user.check_password(given.password):
+            place.count_failure()
+            address = request.META.get("REMOTE_ADDR", "")
+            account_services.write_failed_sign_in(user.username, address=address)
+            raise ForbiddenError("the password is wrong", code="session.wrong")
+        sessions.confirm(request.session)
+        return Response({"holds_s": sessions.CONFIRMED_FOR_S})
+
+
+class Awake(Endpoint):
+    """Somebody is there."""
+
+    harmless: ClassVar[Mapping[str, str]] = {
+        "post": "it notes when somebody was there, and does nothing else"
+    }
+    permission_classes = (IsAuthenticated,)
+
+    def post(self, _request: Request) -> Response:
+        """Note that the person who is signed in has used the page."""
+        return Response(status=204)
+
+
+def _open_place(request: Request, username: str) -> Place:
+    """Return from where a password is tried, unless it was wrong too often there."""
+    place = Place.of(request, username)
+    if place.is_closed():
+        raise Throttled(wait=FORGET_AFTER_S)
+    return place
 
 
 def _session(user: object) -> dict[str, Any]:
@@ -87,6 +173,7 @@ def _session(user: object) -> dict[str, Any]:
             "name": name,
             "initials": "".join(part[0] for part in name.split()[:2]).upper(),
             "roles": account_selectors.roles_of(user),
+            "password_from": user.password_from,
             "permissions": sorted(p.value for p in account_selectors.permissions_of(user)),
         },
         "lab": lab,

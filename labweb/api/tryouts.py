@@ -8,28 +8,27 @@ from uuid import UUID
 import msgspec
 from rest_framework.request import Request
 from rest_framework.response import Response
-from rest_framework.views import APIView
 
+from labweb.accounts.api import Endpoint
 from labweb.accounts.selectors import user_of
+from labweb.api.driver_use import visible_driver
 from labweb.approvals import selectors as tryouts
 from labweb.approvals import services
 from labweb.approvals.selectors import Tryout, TryoutAct
 from labweb.common.render import iso
 from labweb.common.requests import body
 from labweb.domain.enrollment.tryout import FASTEST, labelled
-from labweb.enrollment import selectors as driver_selectors
 from labweb.enrollment.selectors import DriverVersion
 
 
-class DriverTryouts(APIView):
+class DriverTryouts(Endpoint):
     """Tryouts of one version."""
 
     bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": services.TryoutWanted}
 
     def get(self, request: Request, driver_id: UUID) -> Response:
         """Say where a version can be tried, on which models, and what was tried of it."""
-        user_of(request)
-        version = driver_selectors.find_driver(driver_id)
+        version = visible_driver(driver_id, user_of(request))
         return Response(
             {
                 "hosts": [
@@ -62,7 +61,7 @@ class DriverTryouts(APIView):
         return Response(_detail(tryouts.find_tryout(row.id)), status=201)
 
 
-class TryoutDetail(APIView):
+class TryoutDetail(Endpoint):
     """One tryout."""
 
     def get(self, request: Request, tryout_id: UUID) -> Response:
@@ -71,7 +70,7 @@ class TryoutDetail(APIView):
         return Response(_detail(tryouts.find_tryout(tryout_id)))
 
 
-class TryoutWishes(APIView):
+class TryoutWishes(Endpoint):
     """What is asked of a tryout."""
 
     bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": services.TryoutWish}

@@ -20,12 +20,12 @@ from django.contrib.auth import get_user
 from django.http import HttpRequest, HttpResponse, HttpResponseRedirect, StreamingHttpResponse
 from rest_framework.request import Request
 from rest_framework.response import Response
-from rest_framework.views import APIView
 from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import WebSocketException
 from websockets.typing import Subprotocol
 
 from labweb.accounts import selectors as account_selectors
+from labweb.accounts.api import Endpoint
 from labweb.accounts.selectors import User, user_of
 from labweb.api.twin_dress import dress
 from labweb.api.twin_feed import find_alive
@@ -75,7 +75,7 @@ _PATH = re.compile(r"(?:(?P<theme>light|dark)(?:/|$))?(?P<file>[A-Za-z0-9_-][A-Z
 _PASSED = ("content-type", "content-encoding", "content-length")
 
 
-class Twin(APIView):
+class Twin(Endpoint):
     """Whether there is a twin, and where."""
 
     def get(self, request: Request) -> Response:

@@ -17,6 +17,9 @@ from labweb.api import (
 
 urlpatterns = [
     path("session", session.Session.as_view()),
+    path("session/password", session.Password.as_view()),
+    path("session/confirm", session.Confirm.as_view()),
+    path("session/awake", session.Awake.as_view()),
     path("home", home.Home.as_view()),
     path("search", home.Search.as_view()),
     path("devices", devices.Devices.as_view()),

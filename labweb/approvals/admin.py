@@ -63,6 +63,7 @@ class Policies(admin.ModelAdmin[Policy]):
             str(obj.pk),
             actor=None if request.user.pk is None else user_by_id(request.user.pk),
             detail={**_plain(obj), "before": before},
+            meaning="changes the policy" if change else "adds the policy",
         )
 
 

@@ -8,12 +8,17 @@ from typing import Any, TypeVar, cast
 from urllib.parse import urlencode
 
 from django.contrib import admin
+from django.contrib.auth.base_user import AbstractBaseUser
 from django.core.exceptions import PermissionDenied
 from django.db.models import Model
 from django.http import HttpRequest, HttpResponse, HttpResponseRedirect
 from django.http.response import HttpResponseBase
+from django.template.response import TemplateResponse
+
+from labweb.common import sessions
 
 _SIGN_IN = "/login"
+_TYPED = "confirm_password"
 View = TypeVar("View", bound=Callable[..., HttpResponseBase])
 
 
@@ -47,9 +52,42 @@ class Site(admin.AdminSite):
         def inner(request: HttpRequest, *args: Any, **kwargs: Any) -> HttpResponseBase:  # noqa: ANN401
             if request.user.is_authenticated and not self.has_permission(request):
                 raise PermissionDenied
+            if self.has_permission(request) and request.method == "POST":
+                asked = _ask_again(request)
+                if asked is not None:
+                    return asked
             return guarded(request, *args, **kwargs)
 
         return cast("View", update_wrapper(inner, guarded))
+
+
+def _ask_again(request: HttpRequest) -> HttpResponse | None:
+    """Ask for the password before anything is written here, unless it was typed lately.
+
+    What was filled in goes along in the form that asks, and is sent with the password. A file
+    does not: it has to be chosen again.
+    """
+    given = request.POST.get(_TYPED)
+    if given is not None and isinstance(request.user, AbstractBaseUser):
+        if request.user.check_password(given):
+            sessions.confirm(request.session)
+            return None
+    elif sessions.is_confirmed(request.session):
+        return None
+    fields = [
+        (name, value)
+        for name, values in request.POST.lists()
+        if name not in {_TYPED, "csrfmiddlewaretoken"}
+        for value in values
+    ]
+    context = {
+        "fields": fields,
+        "has_files": bool(request.FILES),
+        "is_wrong": given is not None,
+        "title": "Type your password again",
+        **admin.site.each_context(request),
+    }
+    return TemplateResponse(request, "admin/ask_again.html", context, status=403)
 
 
 class ReadOnly(admin.ModelAdmin[Any]):

@@ -9,8 +9,8 @@ import msgspec
 from django.conf import settings
 from rest_framework.request import Request
 from rest_framework.response import Response
-from rest_framework.views import APIView
 
+from labweb.accounts.api import Endpoint
 from labweb.accounts.selectors import user_of
 from labweb.common.render import iso
 from labweb.common.requests import body
@@ -40,7 +40,7 @@ class Said(msgspec.Struct, forbid_unknown_fields=True):
     reason: str
 
 
-class JoinTokens(APIView):
+class JoinTokens(Endpoint):
     """Join tokens of the lab."""
 
     bodies = {"post": TokenWish}
@@ -65,7 +65,7 @@ class JoinTokens(APIView):
         return Response(answer, status=201)
 
 
-class JoinTokenDetail(APIView):
+class JoinTokenDetail(Endpoint):
     """One token."""
 
     def delete(self, request: Request, token_id: UUID) -> Response:
@@ -73,7 +73,7 @@ class JoinTokenDetail(APIView):
         return Response(_token(services.withdraw_token(token_id, actor=user_of(request))))
 
 
-class JoinRequests(APIView):
+class JoinRequests(Endpoint):
     """Machines that asked."""
 
     def get(self, request: Request) -> Response:
@@ -86,9 +86,10 @@ class JoinRequests(APIView):
         )
 
 
-class Admission(APIView):
+class Admission(Endpoint):
     """Yes to one machine."""
 
+    signs = frozenset({"post"})
     bodies = {"post": Typed}
 
     def post(self, request: Request, join_id: UUID) -> Response:
@@ -98,7 +99,7 @@ class Admission(APIView):
         return Response({"host": {"id": str(host.id), "key": host.key, "name": host.name}})
 
 
-class Rejection(APIView):
+class Rejection(Endpoint):
     """No to one machine."""
 
     bodies = {"post": Said}

@@ -6,15 +6,15 @@ from typing import Any
 
 from rest_framework.request import Request
 from rest_framework.response import Response
-from rest_framework.views import APIView
 
+from labweb.accounts.api import Endpoint
 from labweb.accounts.selectors import user_of
 from labweb.domain.approvals.roles import Permission
 from labweb.resources import selectors
 from labweb.resources.models import Connection, Resource
 
 
-class Connections(APIView):
+class Connections(Endpoint):
     """What can flow or be carried where."""
 
     def get(self, request: Request) -> Response:

@@ -11,8 +11,8 @@ from drf_spectacular.utils import OpenApiParameter, extend_schema
 from rest_framework.parsers import MultiPartParser
 from rest_framework.request import Request
 from rest_framework.response import Response
-from rest_framework.views import APIView
 
+from labweb.accounts.api import Endpoint
 from labweb.accounts.selectors import user_of
 from labweb.common.download import Blocks, sent
 from labweb.common.render import iso
@@ -41,7 +41,7 @@ _RANGE = [
 _STATUS = OpenApiParameter("status", str, many=True, description="Which; without it, all.")
 
 
-class Telemetry(APIView):
+class Telemetry(Endpoint):
     """What a device told."""
 
     @extend_schema(parameters=_RANGE)
@@ -53,7 +53,7 @@ class Telemetry(APIView):
         return Response({"series": selectors.series(device.id, since, until)})
 
 
-class Curves(APIView):
+class Curves(Endpoint):
     """What a device told, as finely as a plot can show it."""
 
     @extend_schema(
@@ -92,7 +92,7 @@ class Curves(APIView):
         )
 
 
-class Export(APIView):
+class Export(Endpoint):
     """What a device told, as a file."""
 
     answer_type = "text/csv"
@@ -132,7 +132,7 @@ class Export(APIView):
         return sent(services.write_parquet(wanted), services.PARQUET, name)
 
 
-class Photo(APIView):
+class Photo(Endpoint):
     """What a device looks like."""
 
     parser_classes = [MultiPartParser]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 from uuid import UUID
@@ -11,6 +11,7 @@ from django.db.models import Prefetch, QuerySet, UUIDField
 
 from labweb.accounts.selectors import User
 from labweb.common.prepared import Given, Prepared
+from labweb.domain.approvals.roles import Permission
 from labweb.domain.errors import Finding, NotFoundError
 from labweb.domain.workflows.agreement.keeping import changes_since
 from labweb.resources import selectors as resource_selectors
@@ -41,6 +42,36 @@ def find_workflow(workflow_id: UUID) -> Workflow:
     row = Workflow.objects.filter(pk=workflow_id).select_related("lab", "created_by").first()
     if row is None:
         raise NotFoundError(f"no workflow {workflow_id}", code="workflow.not_found")
+    return row
+
+
+def visible_workflows(lab: Lab, seen: Collection[UUID]) -> list[Workflow]:
+    """Return the workflows of a lab that one who may see these resources may read.
+
+    Whoever may see the whole lab reads all. Of anybody else, those that name nothing of the lab,
+    and those of which they may see everything that is named.
+    """
+    rows = list(workflows_of(lab))
+    if resource_selectors.root_of(lab).id in seen:
+        return rows
+    named = {row.pk: resource_selectors.names_in(_values(row.draft)) for row in rows}
+    return [row for row in rows if seen and {UUID(one) for one in named[row.pk]} <= set(seen)]
+
+
+def find_visible(workflow_id: UUID, user: User) -> Workflow:
+    """Return a workflow that a person may read.
+
+    Raises:
+        NotFoundError: There is none, or they may not.
+    """
+    row = find_workflow(workflow_id)
+    seen = resource_selectors.allowed_ids(user, Permission.VIEW)
+    if resource_selectors.root_of(row.lab).id not in seen:
+        named = resource_selectors.names_in(
+            _values(row.draft), *(_values(one.document) for one in row.versions.all())
+        )
+        if not seen or not {UUID(one) for one in named} <= seen:
+            raise NotFoundError(f"no workflow {workflow_id}", code="workflow.not_found")
     return row
 
 

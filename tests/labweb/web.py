@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator
 from typing import Any
+from uuid import uuid4
 
 from asgiref.sync import async_to_sync
 from django.http import HttpResponse, StreamingHttpResponse
@@ -12,21 +13,46 @@ from django.test import Client
 from django.urls import URLPattern, URLResolver, get_resolver
 
 from labweb.accounts.selectors import User
+from labweb.common import sessions
 from tests.builders import Bench
+
+KEY = "HTTP_IDEMPOTENCY_KEY"
+
+
+class Keyed(Client):
+    """A client that names each wish with a key of its own, as the page does."""
+
+    def request(self, **request: Any) -> Any:  # noqa: ANN401 - Django's shape
+        """Send one request; a key that was given stays, and an empty one is left out."""
+        is_api = str(request.get("PATH_INFO", "")).startswith("/api/")
+        if is_api and request.get("REQUEST_METHOD") not in {"GET", "HEAD", "OPTIONS"}:
+            request.setdefault(KEY, str(uuid4()))
+        if not request.get(KEY, "-"):
+            del request[KEY]
+        return super().request(**request)
 
 
 def signed_in(user: User | None) -> Client:
     """Return a client with the user's session; None is a stranger."""
-    client = Client(raise_request_exception=False)
+    client = Keyed(raise_request_exception=False)
     if user is not None:
         client.force_login(user)
+        session = client.session
+        sessions.begin(session)
+        session.save()
     return client
 
 
-def call(client: Client, method: str, path: str, body: object = None) -> HttpResponse:
-    """Send one request with a JSON body; what is streamed is read to its end."""
+def call(
+    client: Client, method: str, path: str, body: object = None, key: str | None = None
+) -> HttpResponse:
+    """Send one request with a JSON body; what is streamed is read to its end.
+
+    Without `key` it has one of its own, and none if that is empty.
+    """
     data = "" if body is None else json.dumps(body)
-    answer = client.generic(method, path, data, content_type="application/json")
+    named: dict[str, Any] = {} if key is None else {KEY: key}
+    answer = client.generic(method, path, data, content_type="application/json", **named)
     if isinstance(answer, StreamingHttpResponse):
         content = async_to_sync(_whole)(answer)
         return HttpResponse(content, status=answer.status_code, headers=dict(answer.headers))

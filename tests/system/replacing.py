@@ -62,7 +62,7 @@ class Work:
         for device, version in self._versions.items():
             if ended[device] < self._planned[device] or not self._is_over(device):
                 continue
-            run = self.client.call("POST", "runs", {"version_id": version})
+            run = self.client.start_version(version)
             self.runs.setdefault(device, []).append(run["id"])
             self._planned[device] += len(run["jobs"])
 

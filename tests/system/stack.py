@@ -13,6 +13,7 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
+from uuid import uuid4
 
 import httpx
 
@@ -52,8 +53,15 @@ class Client:
 
     def raw(self, method: str, path: str, body: dict[str, Any] | None = None) -> httpx.Response:
         """Send a request and return the answer as it is."""
-        headers = {"X-CSRFToken": self.http.cookies.get("csrftoken") or "", "Referer": self.url}
-        return self.http.request(method, path, json=body, headers=headers)
+        return self.http.request(method, path, json=body, headers=self.headers())
+
+    def headers(self) -> dict[str, str]:
+        """Return what goes with each request: the session's token, and the key of a new wish."""
+        return {
+            "X-CSRFToken": self.http.cookies.get("csrftoken") or "",
+            "Referer": self.url,
+            "Idempotency-Key": str(uuid4()),
+        }
 
     def get(self, path: str) -> Any:  # noqa: ANN401 - JSON
         """Read."""
@@ -63,14 +71,17 @@ class Client:
         """Start the newest version of the workflow of that name."""
         rows = self.get("workflows")["workflows"]
         row = next(row for row in rows if row["name"] == workflow)
-        run: dict[str, Any] = self.call("POST", "runs", {"version_id": row["latest_version"]["id"]})
+        return self.start_version(row["latest_version"]["id"])
+
+    def start_version(self, version_id: str) -> dict[str, Any]:
+        """Start a version, be there one that waits or not."""
+        body = {"version_id": version_id, "is_second": True}
+        run: dict[str, Any] = self.call("POST", "runs", body)
         return run
 
     def start_step(self, kind: str, params: Mapping[str, Any]) -> dict[str, Any]:
         """Draw a workflow of one step, save it and start it."""
-        version_id = self.draw_step(kind, params)
-        run: dict[str, Any] = self.call("POST", "runs", {"version_id": version_id})
-        return run
+        return self.start_version(self.draw_step(kind, params))
 
     def draw_step(self, kind: str, params: Mapping[str, Any]) -> str:
         """Draw a workflow of one step and save it; return its version."""

@@ -96,10 +96,7 @@ def test_a_spectrum_of_the_product_is_in_the_report(station: Stack, run: dict[st
         "files",
         files={"file": ("product.jdx", text.encode(), "chemical/x-jcamp-dx")},
         data={"format": "jcamp", "resource": flask},
-        headers={
-            "X-CSRFToken": client.http.cookies.get("csrftoken") or "",
-            "Referer": station.url,
-        },
+        headers=client.headers(),
     )
     assert answer.status_code == 202, answer.text
     deadline = time.monotonic() + 60

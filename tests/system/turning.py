@@ -144,7 +144,7 @@ class Turning:
 
     def once(self) -> None:
         """Turn through all ports."""
-        run = self.client.call("POST", "runs", {"version_id": self.version})
+        run = self.client.start_version(self.version)
         self.jobs += self.ended(run["id"])
 
 

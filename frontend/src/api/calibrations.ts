@@ -1,11 +1,6 @@
 /** Calibrations of a device: what its page reads and writes of them. */
 
-import {
-  useMutation,
-  useQuery,
-  type UseMutationResult,
-  type UseQueryResult,
-} from "@tanstack/react-query";
+import { useQuery, type UseMutationResult, type UseQueryResult } from "@tanstack/react-query";
 import type {
   CalibratedQuantity,
   Calibration,
@@ -13,6 +8,7 @@ import type {
   TemperatureOrder,
   VolumeOrder,
 } from "@/model/wirecalibration";
+import { useAct } from "./act";
 import { call } from "./client";
 import { keys } from "./keys";
 import { client } from "./live";
@@ -44,7 +40,7 @@ export function useCalibrations(deviceId: string): UseQueryResult<CalibratedQuan
 export function useBeginCalibration(
   deviceId: string,
 ): UseMutationResult<Calibration, Error, VolumeOrder> {
-  return useMutation({
+  return useAct({
     mutationFn: (order) => call<Calibration>("POST", `/devices/${deviceId}/calibrations`, order),
     onSuccess: refresh,
   });
@@ -53,7 +49,7 @@ export function useBeginCalibration(
 export function useBeginPhCalibration(
   deviceId: string,
 ): UseMutationResult<Calibration, Error, PhOrder> {
-  return useMutation({
+  return useAct({
     mutationFn: (order) => call<Calibration>("POST", `/devices/${deviceId}/calibrations/ph`, order),
     onSuccess: refresh,
   });
@@ -62,7 +58,7 @@ export function useBeginPhCalibration(
 export function useBeginTemperatureCalibration(
   deviceId: string,
 ): UseMutationResult<Calibration, Error, TemperatureOrder> {
-  return useMutation({
+  return useAct({
     mutationFn: (order) =>
       call<Calibration>("POST", `/devices/${deviceId}/calibrations/temperature`, order),
     onSuccess: refresh,
@@ -70,7 +66,7 @@ export function useBeginTemperatureCalibration(
 }
 
 export function useWithdrawCalibration(id: string): UseMutationResult<Calibration, Error, string> {
-  return useMutation({
+  return useAct({
     mutationFn: (reason) => call<Calibration>("POST", `/calibrations/${id}/withdraw`, { reason }),
     onSuccess: refresh,
   });

@@ -3,11 +3,15 @@
 import type { Finding, Refusal } from "@/model/wire";
 import { sentence } from "@/model/format";
 import { useConnection } from "./connection";
+import { askPassword } from "./signing";
+import { once } from "./wish";
 
 /** The server said no, or did not answer at all (status 0). */
 export class ApiError extends Error {
   readonly status: number;
   readonly refusal: Refusal;
+  /** Send the same wish again, under the same key; undefined: it was answered. */
+  again: (() => void) | undefined;
 
   constructor(status: number, refusal: Refusal) {
     super(refusal.message);
@@ -22,6 +26,11 @@ export class ApiError extends Error {
 
   get findings(): Finding[] {
     return this.refusal.findings;
+  }
+
+  /** Nobody knows whether it was carried out: no answer came, or the server failed at it. */
+  get isUnanswered(): boolean {
+    return this.status === 0 || this.status >= 500 || this.code === "http.in_progress";
   }
 
   /** The session has ended: sign in, then come back. */
@@ -69,17 +78,66 @@ export async function readRefusal(response: Response): Promise<Refusal> {
   }
 }
 
-/** Call the server and return its answer. */
+/** How long the page waits for the answer to what acts; a recipe is compiled for minutes. */
+const patienceOf = (path: string): number => (path.startsWith("/recipes/") ? 300_000 : 30_000);
+
+const ASK_AGAIN_MS = 1000;
+const MOST_TIMES = 10;
+
+/** Whether the server has had its last word on a wish. */
+export function isFinal(error: unknown): boolean {
+  return error instanceof ApiError && !error.isUnanswered;
+}
+
+/**
+ * Call the server and return its answer. What acts is sent once, however often it is pressed, and
+ * under one key until the server has answered; what a `signal` may end only reads.
+ */
 export async function call<T>(
   method: Method,
   path: string,
   body?: unknown,
   signal?: AbortSignal,
 ): Promise<T> {
+  if (method === "GET" || signal) return send<T>(method, path, body, { signal });
+  const wish = `${method} ${path} ${JSON.stringify(body) ?? ""}`;
+  return once(wish, (key) => insist<T>(method, path, body, key), isFinal);
+}
+
+/**
+ * Send what acts, and ask for its answer while the server says that it is being carried out. What is
+ * signed waits until the person has typed the password; whoever gives up gets the server's refusal.
+ */
+async function insist<T>(method: Method, path: string, body: unknown, key: string): Promise<T> {
+  for (let count = 1; ; count += 1) {
+    try {
+      return await send<T>(method, path, body, { key });
+    } catch (error) {
+      const code = error instanceof ApiError ? error.code : "";
+      if (code === "session.confirm" && (await askPassword())) continue;
+      const isUnderWay = code === "http.in_progress";
+      if (!isUnderWay || count === MOST_TIMES) throw error;
+      await new Promise((wake) => setTimeout(wake, ASK_AGAIN_MS));
+    }
+  }
+}
+
+async function send<T>(
+  method: Method,
+  path: string,
+  body: unknown,
+  { key, signal }: { key?: string; signal?: AbortSignal | undefined },
+): Promise<T> {
   const headers: Record<string, string> = { Accept: "application/json" };
   if (body !== undefined) headers["Content-Type"] = "application/json";
   if (method !== "GET") headers["X-CSRFToken"] = csrfToken();
-  const limit = method === "GET" ? limited(signal) : signal;
+  if (key !== undefined) headers["Idempotency-Key"] = key;
+  const limit =
+    key !== undefined
+      ? AbortSignal.timeout(patienceOf(path))
+      : method === "GET"
+        ? limited(signal)
+        : signal;
   let response: Response;
   try {
     response = await fetch(`/api/v1${path}`, {
@@ -90,6 +148,8 @@ export async function call<T>(
       ...(limit ? { signal: limit } : {}),
     });
   } catch (error) {
+    if (key !== undefined && limit?.aborted)
+      throw new ApiError(0, refusal("http.no_answer", "The server has not answered."));
     if (signal?.aborted !== true && limit?.aborted) throw tooLate();
     if (error instanceof DOMException && error.name === "AbortError") throw error;
     useConnection.getState().setReachable(false);

@@ -1,6 +1,6 @@
 /** What pages write, one hook each. Nothing is shown as done before the server said so. */
 
-import { useMutation, type UseMutationResult } from "@tanstack/react-query";
+import { type UseMutationResult } from "@tanstack/react-query";
 import type { ThenAct } from "@/model/doubt";
 import type {
   ApprovalRequest,
@@ -21,10 +21,12 @@ import type {
   WorkflowDocument,
 } from "@/model/wire";
 import type { Correction } from "@/model/stock";
+import { useAct } from "./act";
 import { call } from "./client";
 import { keys } from "./keys";
 import { readWorkflow } from "./workflows";
 import { client } from "./live";
+import { forgetWishes } from "./wish";
 
 function setLab(lab: Lab): void {
   client.setQueryData(keys.session, (old: Session | undefined) => ({
@@ -47,19 +49,42 @@ export function useSignIn(): UseMutationResult<
   Error,
   { username: string; password: string }
 > {
-  return useMutation({
+  return useAct({
     mutationFn: (who) => call<Session>("POST", "/session", who),
     onSuccess: (session) => {
       client.clear();
+      forgetWishes();
       client.setQueryData(keys.session, session);
     },
   });
 }
 
+/** Type the password again, for acts that are signed. */
+export function useConfirmPassword(): UseMutationResult<unknown, Error, string> {
+  return useAct({ mutationFn: (password) => call("POST", "/session/confirm", { password }) });
+}
+
+export function useChangePassword(): UseMutationResult<
+  Session,
+  Error,
+  { old: string; new: string }
+> {
+  return useAct({
+    mutationFn: (words) => call<Session>("POST", "/session/password", words),
+    onSuccess: (session) => client.setQueryData(keys.session, session),
+  });
+}
+
+/** Tell the server that somebody uses the page. */
+export function tellAwake(): Promise<undefined> {
+  return call("POST", "/session/awake");
+}
+
 export function useSignOut(): UseMutationResult<undefined, Error, void> {
-  return useMutation({
+  return useAct({
     mutationFn: () => call<undefined>("DELETE", "/session"),
     onSuccess: () => {
+      forgetWishes();
       client.setQueryData(keys.session, (old: Session | undefined) => ({
         user: null,
         lab: old?.lab ?? null,
@@ -69,12 +94,12 @@ export function useSignOut(): UseMutationResult<undefined, Error, void> {
 }
 
 export function useStopLab(): UseMutationResult<Lab, Error, void> {
-  return useMutation({ mutationFn: () => call<Lab>("POST", "/lab/stop", {}), onSuccess: setLab });
+  return useAct({ mutationFn: () => call<Lab>("POST", "/lab/stop", {}), onSuccess: setLab });
 }
 
 /** Halt one device now. */
 export function useStopDevice(id: string): UseMutationResult<DeviceHalt, Error, void> {
-  return useMutation({
+  return useAct({
     mutationFn: () => call<DeviceHalt>("POST", `/devices/${id}/stop`, {}),
     onSuccess: () => {
       void client.invalidateQueries({ queryKey: keys.devices });
@@ -84,7 +109,7 @@ export function useStopDevice(id: string): UseMutationResult<DeviceHalt, Error, 
 }
 
 export function useResetLab(): UseMutationResult<Lab, Error, string> {
-  return useMutation({
+  return useAct({
     mutationFn: (reason) => call<Lab>("POST", "/lab/reset", { reason }),
     onSuccess: setLab,
   });
@@ -97,7 +122,7 @@ export interface NewWorkflow {
 }
 
 export function useCreateWorkflow(): UseMutationResult<Workflow, Error, NewWorkflow> {
-  return useMutation({
+  return useAct({
     mutationFn: async (wanted) => readWorkflow(await call<Workflow>("POST", "/workflows", wanted)),
     onSuccess: (workflow) => {
       client.setQueryData(keys.workflow(workflow.id), workflow);
@@ -127,9 +152,17 @@ export function checkDocument(
   return call("POST", "/workflows/check", { document, workflow_id: workflowId }, signal);
 }
 
-/** Start a version by the plan that was seen; its page shows what was answered until it changes. */
-export async function startRun(versionId: string, planDigest: string): Promise<Run> {
-  const body = { version_id: versionId, plan_digest: planDigest };
+/**
+ * Start a version by the plan that was seen; its page shows what was answered until it changes.
+ * While another run of the version has not begun, only a second one is started that is wanted.
+ */
+export async function startRun(
+  versionId: string,
+  planDigest: string,
+  isSecond: boolean,
+): Promise<Run> {
+  const seen = { version_id: versionId, plan_digest: planDigest };
+  const body = isSecond ? { ...seen, is_second: true } : seen;
   const run = await call<Run>("POST", "/runs", body);
   setRun(run);
   return run;
@@ -146,7 +179,7 @@ function refreshRuns(): void {
 }
 
 export function useRunAct(id: string): UseMutationResult<Run, Error, RunAct> {
-  return useMutation({
+  return useAct({
     mutationFn: ({ act, ...body }) => call<Run>("POST", `/runs/${id}/${act}`, body),
     onSuccess: setRun,
     onError: refreshRuns,
@@ -167,7 +200,7 @@ export interface Answer {
 }
 
 export function useResolve(jobId: string, runId: string): UseMutationResult<Job, Error, Answer> {
-  return useMutation({
+  return useAct({
     mutationFn: (answer) => call<Job>("POST", `/jobs/${jobId}/resolve`, answer),
     onSettled: () => {
       void client.invalidateQueries({ queryKey: keys.run(runId) });
@@ -185,7 +218,7 @@ export interface RecoveryAnswer {
 }
 
 export function useRecover(jobId: string): UseMutationResult<Run, Error, RecoveryAnswer> {
-  return useMutation({
+  return useAct({
     mutationFn: (answer) => call<Run>("POST", `/jobs/${jobId}/recover`, answer),
     onSuccess: setRun,
     onError: refreshRuns,
@@ -200,7 +233,7 @@ export interface HostAct {
 }
 
 export function useHostAct(id: string): UseMutationResult<{ state: string }, Error, HostAct> {
-  return useMutation({
+  return useAct({
     mutationFn: ({ act, reason, withWork }) =>
       call("POST", `/hosts/${id}/${act}`, withWork ? { reason, with_work: true } : { reason }),
     onSuccess: () => {
@@ -212,7 +245,7 @@ export function useHostAct(id: string): UseMutationResult<{ state: string }, Err
 }
 
 export function useArrival(): UseMutationResult<{ state: string }, Error, string> {
-  return useMutation({
+  return useAct({
     mutationFn: (id) => call("POST", `/handovers/${id}/arrived`, {}),
     onSuccess: () => {
       void client.invalidateQueries({ queryKey: ["custody"] });
@@ -231,7 +264,7 @@ export interface Carrying {
 
 /** Tell that a vessel is carried elsewhere; between two hosts this only begins it. */
 export function useCarry(): UseMutationResult<unknown, Error, Carrying> {
-  return useMutation({
+  return useAct({
     mutationFn: ({ note, ...move }) =>
       call("POST", "/operations", { operation: { op: "transfer_resource", ...move }, note }),
     onSuccess: () => {
@@ -246,7 +279,7 @@ export type TakingOff = SeenConnection & { is_seen_empty: boolean; note: string 
 
 /** Tell that a connection was taken off; it is gone from the lab's graph. */
 export function useDisconnect(): UseMutationResult<unknown, Error, TakingOff> {
-  return useMutation({
+  return useAct({
     mutationFn: ({ note, ...seen }) =>
       call("POST", "/operations", { operation: { op: "disconnect", ...seen }, note }),
     onSuccess: () => {
@@ -267,14 +300,14 @@ function refreshResources(): void {
 }
 
 export function useReserve(): UseMutationResult<unknown, Error, Reserving> {
-  return useMutation({
+  return useAct({
     mutationFn: (wanted) => call("POST", "/reservations", wanted),
     onSuccess: refreshResources,
   });
 }
 
 export function useEndReservation(): UseMutationResult<unknown, Error, string> {
-  return useMutation({
+  return useAct({
     mutationFn: (id) => call("POST", `/reservations/${id}/end`, {}),
     onSuccess: refreshResources,
   });
@@ -286,7 +319,7 @@ export interface Decision {
 }
 
 export function useDecide(id: string): UseMutationResult<ApprovalRequest, Error, Decision> {
-  return useMutation({
+  return useAct({
     mutationFn: (decision) => call<ApprovalRequest>("POST", `/approvals/${id}/decision`, decision),
     onSettled: () => {
       void client.invalidateQueries({ queryKey: keys.approvals });
@@ -304,7 +337,7 @@ function refreshNeeds(): void {
 }
 
 export function useTakeStock(): UseMutationResult<LabEvent, Error, Correction> {
-  return useMutation({
+  return useAct({
     mutationFn: (operation) => call<LabEvent>("POST", "/operations", { operation }),
     onSuccess: () => {
       void client.invalidateQueries({ queryKey: keys.resources });
@@ -314,7 +347,7 @@ export function useTakeStock(): UseMutationResult<LabEvent, Error, Correction> {
 }
 
 export function useReact(): UseMutationResult<LabEvent, Error, Record<string, unknown>> {
-  return useMutation({
+  return useAct({
     mutationFn: (operation) => call<LabEvent>("POST", "/operations", { operation }),
     onSuccess: () => {
       void client.invalidateQueries({ queryKey: keys.resources });
@@ -324,7 +357,7 @@ export function useReact(): UseMutationResult<LabEvent, Error, Record<string, un
 }
 
 export function useCloseTicket(id: string): UseMutationResult<Ticket, Error, string> {
-  return useMutation({
+  return useAct({
     mutationFn: (reason) => call<Ticket>("POST", `/tickets/${id}/close`, { reason }),
     onSuccess: (ticket) => {
       client.setQueryData(keys.ticket(id), ticket);
@@ -337,7 +370,7 @@ export function useCloseTicket(id: string): UseMutationResult<Ticket, Error, str
 export function useShowDevice(
   deviceId: string,
 ): UseMutationResult<{ run_id: string; number: number }, Error, void> {
-  return useMutation({
+  return useAct({
     mutationFn: () =>
       call<{ run_id: string; number: number }>("POST", `/devices/${deviceId}/show`, {}),
     onSettled: () => {

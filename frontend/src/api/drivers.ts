@@ -1,7 +1,6 @@
 /** Drivers: what pages read and write of them. */
 
 import {
-  useMutation,
   useQueries,
   useQuery,
   type UseMutationResult,
@@ -17,6 +16,7 @@ import type {
   ModuleChange,
   PartChanges,
 } from "@/model/wiredrivers";
+import { useAct } from "./act";
 import { call } from "./client";
 import { keys } from "./keys";
 import { client } from "./live";
@@ -72,13 +72,13 @@ export interface Source {
 
 /** Have source read as text; nothing is kept. */
 export function useReadDriver(): UseMutationResult<DriverReading, Error, Source> {
-  return useMutation({
+  return useAct({
     mutationFn: (given) => call<DriverReading>("POST", "/drivers/reading", given),
   });
 }
 
 export function useProposeDriver(): UseMutationResult<DriverRow, Error, Source & { note: string }> {
-  return useMutation({
+  return useAct({
     mutationFn: (given) => call<DriverRow>("POST", "/drivers", given),
     onSuccess: refreshDrivers,
   });
@@ -87,14 +87,14 @@ export function useProposeDriver(): UseMutationResult<DriverRow, Error, Source &
 export function useDecideDriver(
   id: string,
 ): UseMutationResult<DriverRow, Error, { is_approved: boolean; comment: string }> {
-  return useMutation({
+  return useAct({
     mutationFn: (decision) => call<DriverRow>("POST", `/drivers/${id}/decision`, decision),
     onSettled: refreshDrivers,
   });
 }
 
 export function useWithdrawDriver(id: string): UseMutationResult<DriverRow, Error, string> {
-  return useMutation({
+  return useAct({
     mutationFn: (reason) => call<DriverRow>("POST", `/drivers/${id}/withdraw`, { reason }),
     onSettled: refreshDrivers,
   });
@@ -128,7 +128,7 @@ export function usePartChangesOf(
 export function useGiveDriverToMany(
   versionId: string,
 ): UseMutationResult<unknown, Error, { devices: { device_id: string }[]; reason: string }> {
-  return useMutation({
+  return useAct({
     mutationFn: (choices) => call("POST", `/drivers/${versionId}/devices`, choices),
     onSettled: refreshDrivers,
   });
@@ -138,7 +138,7 @@ export function useGiveDriverToMany(
 export function useGiveDriver(
   deviceId: string,
 ): UseMutationResult<DriverUse, Error, { version_id: string; reason: string; parts?: string }> {
-  return useMutation({
+  return useAct({
     mutationFn: (choice) => call<DriverUse>("POST", `/devices/${deviceId}/driver`, choice),
     onSettled: refreshDrivers,
   });

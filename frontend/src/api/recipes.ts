@@ -1,12 +1,8 @@
 /** Recipes on rigs: opened, advised on, kept. */
 
-import {
-  useMutation,
-  useQuery,
-  type UseMutationResult,
-  type UseQueryResult,
-} from "@tanstack/react-query";
+import { useQuery, type UseMutationResult, type UseQueryResult } from "@tanstack/react-query";
 import type { KeptRecipe, Opening, RecipeAdvice, RecipeFinding } from "@/model/wirerecipe";
+import { useAct } from "./act";
 import { call, spoken } from "./client";
 import { keys } from "./keys";
 import { client } from "./live";
@@ -81,7 +77,7 @@ export function useOpening(asked: RecipeAsked | null): UseQueryResult<Opening> {
 }
 
 export function useAdvice(): UseMutationResult<RecipeAdvice, Error, RecipeAsked> {
-  return useMutation({
+  return useAct({
     mutationFn: (asked) => call<RecipeAdvice>("POST", "/recipes/advise", bodyOf(asked)),
   });
 }
@@ -93,7 +89,7 @@ export interface Keeping extends Said {
 }
 
 export function useKeepRecipe(): UseMutationResult<KeptRecipe, Error, Keeping> {
-  return useMutation({
+  return useAct({
     mutationFn: (wanted) => call<KeptRecipe>("POST", "/recipes/keep", wanted),
     onSuccess: () => client.invalidateQueries({ queryKey: keys.workflows, exact: true }),
   });

@@ -1,13 +1,9 @@
 /** Drivers on trial: what pages read of them and ask of them. */
 
-import {
-  useMutation,
-  useQuery,
-  type UseMutationResult,
-  type UseQueryResult,
-} from "@tanstack/react-query";
+import { useQuery, type UseMutationResult, type UseQueryResult } from "@tanstack/react-query";
 import { isLive } from "@/model/tryouts";
 import type { Tryout, TryoutAct, TryoutWanted, TryoutWish, Tryouts } from "@/model/wiretryouts";
+import { useAct } from "./act";
 import { call } from "./client";
 import { keys } from "./keys";
 import { client } from "./live";
@@ -34,14 +30,14 @@ export function useTryout(id: string | null): UseQueryResult<Tryout> {
 }
 
 export function useBeginTryout(driverId: string): UseMutationResult<Tryout, Error, TryoutWanted> {
-  return useMutation({
+  return useAct({
     mutationFn: (wanted) => call<Tryout>("POST", `/drivers/${driverId}/tryouts`, wanted),
     onSettled: () => void client.invalidateQueries({ queryKey: keys.tryouts(driverId) }),
   });
 }
 
 export function useWish(id: string): UseMutationResult<TryoutAct, Error, TryoutWish> {
-  return useMutation({
+  return useAct({
     mutationFn: (wish) => call<TryoutAct>("POST", `/tryouts/${id}/wishes`, wish),
     onSettled: () => void client.invalidateQueries({ queryKey: keys.tryout(id) }),
   });

@@ -1,12 +1,14 @@
 /** Send a file with its progress; the browser tells it of this kind of request alone. */
 
-import { useMutation, type UseMutationResult } from "@tanstack/react-query";
+import { type UseMutationResult } from "@tanstack/react-query";
 import { useState } from "react";
 import type { Device, DevicePhoto } from "@/model/wire";
 import type { FileDetail, IncomingFile } from "@/model/wirefiles";
-import { ApiError, call, csrfToken, readRefusal, refusal, spoken } from "./client";
+import { useAct } from "./act";
+import { ApiError, call, csrfToken, isFinal, readRefusal, refusal, spoken } from "./client";
 import { keys } from "./keys";
 import { client } from "./live";
+import { once } from "./wish";
 
 export interface Brought {
   file: File;
@@ -47,10 +49,23 @@ export async function sendFile(
   return whenRead(told as IncomingFile);
 }
 
-/** Send a form; `onShare` hears how much of it has been sent. */
+/** Send a form once; `onShare` hears how much of it has been sent. */
 function sendForm(
   path: string,
   form: FormData,
+  onShare: (share: number) => void,
+): Promise<[status: number, told: unknown]> {
+  const fields = [...form].map(([name, value]) =>
+    value instanceof File ? [name, value.name, value.size, value.lastModified] : [name, value],
+  );
+  const wish = `POST ${path} ${JSON.stringify(fields)}`;
+  return once(wish, (key) => sendKeyed(path, form, key, onShare), isFinal);
+}
+
+function sendKeyed(
+  path: string,
+  form: FormData,
+  key: string,
   onShare: (share: number) => void,
 ): Promise<[status: number, told: unknown]> {
   return new Promise((resolve, reject) => {
@@ -58,6 +73,7 @@ function sendForm(
     request.open("POST", `/api/v1${path}`);
     request.setRequestHeader("Accept", "application/json");
     request.setRequestHeader("X-CSRFToken", csrfToken());
+    request.setRequestHeader("Idempotency-Key", key);
     request.upload.onprogress = (event) => {
       if (event.lengthComputable) onShare(event.loaded / event.total);
     };
@@ -81,7 +97,7 @@ export function useSendPhoto(deviceId: string): {
   share: number;
 } {
   const [share, setShare] = useState(0);
-  const send = useMutation({
+  const send = useAct({
     mutationFn: async (file: File) => {
       setShare(0);
       const form = new FormData();
@@ -105,7 +121,7 @@ export function useSendFile(): {
   share: number;
 } {
   const [share, setShare] = useState(0);
-  const send = useMutation({
+  const send = useAct({
     mutationFn: (brought: Brought) => {
       setShare(0);
       return sendFile(brought, setShare);

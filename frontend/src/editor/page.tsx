@@ -2,10 +2,10 @@
 
 import "@xyflow/react/dist/style.css";
 import "./editor.css";
-import { useMutation } from "@tanstack/react-query";
 import { ReactFlowProvider, useReactFlow } from "@xyflow/react";
 import { useEffect, useMemo, useState } from "react";
 import { useParams } from "react-router";
+import { useAct } from "@/api/act";
 import { keys } from "@/api/keys";
 import { client, useTopics } from "@/api/live";
 import { useResources, useSession, useSteps, useWorkflow } from "@/api/queries";
@@ -122,7 +122,7 @@ function useOpen(workflow: Workflow): boolean {
 
 function SaveSheet(props: { isOpen: boolean; onClose: () => void }) {
   const [note, setNote] = useState("");
-  const save = useMutation({
+  const save = useAct({
     mutationFn: () => saveSeen(note.trim()),
     onSuccess: () => {
       void client.invalidateQueries({ queryKey: keys.workflows });

@@ -1,8 +1,8 @@
 /** From the draft to a run: what will happen, who has to agree, then start. */
 
-import { useMutation } from "@tanstack/react-query";
 import { useEffect, useState } from "react";
 import { useNavigate } from "react-router";
+import { useAct } from "@/api/act";
 import { ApiError } from "@/api/client";
 import { startRun } from "@/api/commands";
 import { useSession } from "@/api/queries";
@@ -83,7 +83,7 @@ function Sheet({ onClose }: { onClose: () => void }) {
           {words.editor.conflict} Settle that first.
         </p>
       )}
-      <Refused error={start.error} />
+      <Refused error={waitingRuns(start.error) ? null : start.error} />
       <div className="acts">
         <Button large onClick={onClose}>
           Cancel
@@ -94,11 +94,17 @@ function Sheet({ onClose }: { onClose: () => void }) {
           testId="start-run"
           disabled={start.isPending}
           why={whyNot(plan, { isStopped: lab?.stop.is_stopped === true, isConflict, isFresh })}
-          onClick={() => plan && start.mutate(plan)}
+          onClick={() => plan && start.mutate({ seen: plan, isSecond: false })}
         >
           {start.isPending ? "Starting…" : policies.length ? "Request approval" : verb}
         </Button>
       </div>
+      <SecondRun
+        error={start.error}
+        isPending={start.isPending}
+        onStart={() => plan && start.mutate({ seen: plan, isSecond: true })}
+        onClose={() => start.reset()}
+      />
     </div>
   );
 }
@@ -106,13 +112,74 @@ function Sheet({ onClose }: { onClose: () => void }) {
 /** Start by the plan that was seen; when it is another by now, show that one first. */
 function useStart() {
   const navigate = useNavigate();
-  return useMutation({
-    mutationFn: async (seen: Plan) => startRun((await versionToRun()).id, seen.digest),
+  return useAct({
+    mutationFn: async ({ seen, isSecond }: { seen: Plan; isSecond: boolean }) =>
+      startRun((await versionToRun()).id, seen.digest, isSecond),
     onSuccess: (run) => void navigate(`/runs/${run.id}`),
     onError: (error) => {
       if (error instanceof ApiError && error.code === "run.plan_changed") void runCheck();
     },
   });
+}
+
+interface WaitingRun {
+  id: string;
+  number: number;
+}
+
+/** The runs of the version that have not begun, when a start was refused for them. */
+function waitingRuns(error: Error | null): WaitingRun[] | null {
+  if (!(error instanceof ApiError) || error.code !== "run.already_waiting") return null;
+  return error.refusal.context["runs"] as WaitingRun[];
+}
+
+/** Ask whether a second run is wanted while the first has not begun. */
+function SecondRun(props: {
+  error: Error | null;
+  isPending: boolean;
+  onStart: () => void;
+  onClose: () => void;
+}) {
+  const navigate = useNavigate();
+  const runs = waitingRuns(props.error);
+  const numbers = runs?.map((run) => `#${run.number}`).join(", ");
+  const first = runs?.[0];
+  return (
+    <Dialog
+      title="Start a second run?"
+      isOpen={runs !== null}
+      onClose={props.onClose}
+      testId="second-run"
+    >
+      <div className="sheet">
+        <p className="s">
+          {numbers
+            ? `Run ${numbers} of this version has not begun yet.`
+            : "A run of this version that you may not see has not begun yet."}{" "}
+          A second run does every step once more and uses the same amounts again.
+        </p>
+        <div className="acts">
+          <Button large onClick={props.onClose}>
+            Cancel
+          </Button>
+          {first && (
+            <Button large testId="show-first" onClick={() => void navigate(`/runs/${first.id}`)}>
+              Show run #{first.number}
+            </Button>
+          )}
+          <Button
+            large
+            look="pri"
+            testId="start-second"
+            disabled={props.isPending}
+            onClick={props.onStart}
+          >
+            Start a second run
+          </Button>
+        </div>
+      </div>
+    </Dialog>
+  );
 }
 
 /** Check again as the sheet opens: the lab may have changed since one drew. */

@@ -7,6 +7,7 @@ import { useSession } from "@/api/queries";
 import { Button, Refused, TextField } from "@/ui/controls";
 import { Logo } from "@/ui/icons";
 import { ModeChip } from "@/ui/state";
+import { words } from "./words";
 
 /** Only a path of this site may be gone back to. */
 export function safeNext(next: string | null): string {
@@ -27,10 +28,29 @@ function GoTo({ path }: { path: string }) {
   return isOutside ? null : <Navigate to={path} replace />;
 }
 
+const RECENT = "labweb.recent-users";
+const MOST_RECENT = 5;
+
+/** Names that signed in on this terminal lately, the last one first. */
+function recentNames(): string[] {
+  try {
+    const kept: unknown = JSON.parse(localStorage.getItem(RECENT) ?? "[]");
+    return Array.isArray(kept) ? kept.filter((one) => typeof one === "string") : [];
+  } catch {
+    return [];
+  }
+}
+
+function keepName(name: string): void {
+  const names = [name, ...recentNames().filter((one) => one !== name)];
+  localStorage.setItem(RECENT, JSON.stringify(names.slice(0, MOST_RECENT)));
+}
+
 export function LoginPage() {
   const [params] = useSearchParams();
   const [username, setUsername] = useState("");
   const [password, setPassword] = useState("");
+  const [recent] = useState(recentNames);
   const session = useSession();
   const signIn = useSignIn();
   if (session.data?.user) return <GoTo path={safeNext(params.get("next"))} />;
@@ -41,7 +61,7 @@ export function LoginPage() {
         className="card"
         onSubmit={(event) => {
           event.preventDefault();
-          signIn.mutate({ username, password });
+          signIn.mutate({ username, password }, { onSuccess: () => keepName(username) });
         }}
       >
         <div className="login-head">
@@ -51,6 +71,22 @@ export function LoginPage() {
           {lab && <ModeChip mode={lab.mode} />}
         </div>
         {params.get("next") && <p className="s">Sign in to go on where you were.</p>}
+        {recent.length > 0 && (
+          <div className="acts" role="group" aria-label={words.password.recent}>
+            {recent.map((name) => (
+              <Button
+                key={name}
+                testId="recent-user"
+                onClick={() => {
+                  setUsername(name);
+                  document.querySelector<HTMLInputElement>("[data-testid=password]")?.focus();
+                }}
+              >
+                {name}
+              </Button>
+            ))}
+          </div>
+        )}
         <TextField
           label="User name"
           value={username}

@@ -25,6 +25,7 @@ const user: User = {
   name: "Li Na",
   initials: "LN",
   roles: ["approver"],
+  password_from: "own",
   permissions: ["view", "stop", "reset"],
 };
 const stopped: Lab = {

@@ -4,7 +4,7 @@ import { Menu } from "@mantine/core";
 import { useHotkeys } from "@mantine/hooks";
 import { useEffect, useRef, useState } from "react";
 import { Link, NavLink, Outlet, useLocation, useNavigate } from "react-router";
-import { useSignOut } from "@/api/commands";
+import { tellAwake, useSignOut } from "@/api/commands";
 import { useConnection, useStatus } from "@/api/connection";
 import { useTopics } from "@/api/live";
 import type { Lab, User } from "@/model/wire";
@@ -14,6 +14,7 @@ import { ModeChip } from "@/ui/state";
 import { useTheme, type Theme } from "@/ui/theme";
 import { useLabTime } from "@/ui/time";
 import { SearchDialog } from "./search";
+import { SigningDialog } from "./signing";
 import { StopBanner, StopButton } from "./stop";
 import { words } from "./words";
 
@@ -52,6 +53,7 @@ export function Shell({ lab, user }: { lab: Lab; user: User }) {
     [],
   );
   useGoKeys();
+  useAwake();
   return (
     <div className={`app ${isSlim ? "slim" : ""}`} data-mode={lab.mode}>
       <a className="skip" href="#main">
@@ -85,6 +87,7 @@ export function Shell({ lab, user }: { lab: Lab; user: User }) {
         <Outlet />
       </main>
       <TabBar lab={lab} user={user} onSearch={() => setSearching(true)} />
+      <SigningDialog user={user} />
       <SearchDialog isOpen={isSearching} onClose={() => setSearching(false)} />
     </div>
   );
@@ -114,6 +117,24 @@ function useGoKeys(): void {
     window.addEventListener("keydown", onKey, true);
     return () => window.removeEventListener("keydown", onKey, true);
   }, [navigate]);
+}
+
+/** Tell the server now and then that somebody is there; a page left alone is signed out. */
+const AWAKE_EVERY_MS = 60_000;
+
+function useAwake(): void {
+  const told = useRef(Date.now());
+  useEffect(() => {
+    const onUse = (): void => {
+      if (Date.now() - told.current < AWAKE_EVERY_MS) return;
+      told.current = Date.now();
+      // A session that has ended shows in the next answer to the page itself.
+      tellAwake().catch(() => undefined);
+    };
+    const events = ["pointerdown", "keydown"] as const;
+    events.forEach((name) => window.addEventListener(name, onUse, true));
+    return () => events.forEach((name) => window.removeEventListener(name, onUse, true));
+  }, []);
 }
 
 function ConnectionChip() {
@@ -256,6 +277,7 @@ const THEMES: { value: Theme; label: string }[] = [
 
 function UserItems({ user }: { user: User }) {
   const { theme, setTheme } = useTheme();
+  const navigate = useNavigate();
   const signOut = useSignOut();
   return (
     <>
@@ -275,7 +297,17 @@ function UserItems({ user }: { user: User }) {
         </Menu.Item>
       ))}
       <Menu.Divider />
-      <Menu.Item data-testid="sign-out" onClick={() => signOut.mutate()}>
+      {user.password_from === "seed" && <Menu.Label>{words.password.advised}</Menu.Label>}
+      <Menu.Item data-testid="change-password" onClick={() => void navigate("/password")}>
+        {words.password.change}
+      </Menu.Item>
+      <Menu.Item data-testid="switch-user" onClick={() => signOut.mutate()}>
+        {words.password.switchUser}
+      </Menu.Item>
+      <Menu.Item
+        data-testid="sign-out"
+        onClick={() => signOut.mutate(undefined, { onSuccess: () => void navigate("/login") })}
+      >
         Sign out
       </Menu.Item>
     </>

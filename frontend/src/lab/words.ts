@@ -37,6 +37,37 @@ export const words = {
     nobody: "Only people with the right to reset may do this.",
     failed: "The stop was not confirmed. Use the red button on the bench.",
   },
+  noRole: {
+    title: "You have no role in this lab",
+    about: (name: string) =>
+      `You are signed in as ${name}. Ask an admin of the lab to grant you a role.`,
+    signOut: "Sign out",
+  },
+  signing: {
+    title: "Sign this act",
+    about: (name: string) =>
+      `Type your password to sign as ${name}. It then holds for five minutes.`,
+    password: "Password",
+    empty: "Type your password first.",
+    cancel: "Cancel",
+    send: "Sign and send",
+  },
+  password: {
+    title: "Change your password",
+    due: "Somebody else has set your password. Choose your own before you go on.",
+    about: "Your other sessions end when you change it.",
+    old: "Present password",
+    fresh: "New password",
+    again: "New password again",
+    empty: "Type the present password and the new one.",
+    other: "The two new passwords differ.",
+    cancel: "Cancel",
+    send: "Change password",
+    change: "Change password…",
+    advised: "The password of this lab was made at its first start and stands in a file.",
+    switchUser: "Switch user…",
+    recent: "Lately signed in here",
+  },
   home: {
     needs: "Needs you",
     nothing: "Nothing needs you.",

@@ -37,6 +37,8 @@ export interface User {
   initials: string;
   roles: string[];
   permissions: string[];
+  /** Who chose the password: themselves, an admin, or the start of a simulated lab. */
+  password_from: "own" | "admin" | "seed";
 }
 
 export interface StopHost {

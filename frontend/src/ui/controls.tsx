@@ -174,8 +174,10 @@ export function Refused({ error }: { error: Error | null }) {
     if (error && document.activeElement === document.body) shown.current?.focus();
   }, [error]);
   if (!error) return null;
-  const refusal = (error as { refusal?: { code: string; findings: { message: string }[] } })
-    .refusal;
+  const { refusal, again } = error as {
+    refusal?: { code: string; findings: { message: string }[] };
+    again?: () => void;
+  };
   const others = refusal?.findings.filter((finding) => finding.message !== error.message) ?? [];
   return (
     <div className="refused" role="alert" data-testid="refused" tabIndex={-1} ref={shown}>
@@ -186,6 +188,11 @@ export function Refused({ error }: { error: Error | null }) {
         </p>
       ))}
       {refusal && <p className="mono m">{refusal.code}</p>}
+      {again && (
+        <Button testId="try-again" onClick={again}>
+          Try again
+        </Button>
+      )}
     </div>
   );
 }

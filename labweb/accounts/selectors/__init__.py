@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from uuid import UUID
 
 from django.contrib.auth.backends import ModelBackend
-from django.db.models import UUIDField
+from django.db.models import Exists, OuterRef, UUIDField
 from rest_framework.request import Request
 
 from labweb.accounts.models import AuditEntry, Grant
@@ -25,7 +25,11 @@ class Backend(ModelBackend):
         return user if user is not None and self.user_can_authenticate(user) else None
 
 
-_USER = Prepared(lambda: User.objects.filter(pk=Given("id", UUIDField())))
+_USER = Prepared(
+    lambda: User.objects.filter(pk=Given("id", UUIDField())).annotate(
+        has_role=Exists(Grant.objects.filter(user=OuterRef("pk")))
+    )
+)
 
 
 GRANTED_ROOTS = """

@@ -1,110 +1,43 @@
-"""Writes of users, grants and the audit trail."""
+"""Writes of users, grants, the audit trail and its signed heads."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import Any
-from uuid import UUID
+from labweb.accounts.services.auditing import (
+    end_of_audit,
+    write_audit,
+    write_failed_sign_in,
+    write_refusal,
+)
+from labweb.accounts.services.heads import sign_chain
+from labweb.accounts.services.once import (
+    KEPT_FOR,
+    Answer,
+    InProgressError,
+    KeyReusedError,
+    carry_out_once,
+    forget_answers,
+)
+from labweb.accounts.services.people import (
+    PasswordFrom,
+    change_password,
+    ensure_user,
+    note_foreign_password,
+)
 
-from django.db.transaction import atomic
-
-from labweb.accounts.models import AuditEntry, Grant, User
-from labweb.accounts.selectors.chain import audit_hash
-from labweb.accounts.services.heads import sign_chain as sign_chain
-from labweb.common.clock import now
-from labweb.common.prepared import Question, insert_rows, together
-
-_AUDIT_LOCK = 0x6C61_6261
-_LONGEST_SUBJECT = 128
-
-
-@atomic
-def ensure_user(
-    username: str, *, full_name: str, password: str, role: str, root_id: UUID
-) -> tuple[User, bool]:
-    """Create a user with a role on a subtree, unless the name is taken.
-
-    Returns:
-        The user, and whether they were created now with this password.
-    """
-    first, _, last = full_name.partition(" ")
-    user, created = User.objects.get_or_create(
-        username=username,
-        defaults={
-            "first_name": first,
-            "last_name": last,
-            "is_staff": role == "admin",
-            "is_superuser": role == "admin",
-        },
-    )
-    if created:
-        user.set_password(password)
-        user.save(update_fields=["password"])
-    Grant.objects.get_or_create(user=user, role=role, resource_id=root_id)
-    return user, created
-
-
-def end_of_audit() -> tuple[Question[Any], Question[Any]]:
-    """Return what locks the audit trail and reads the hash of its last row, to be asked so."""
-    return (
-        Question("SELECT pg_advisory_xact_lock(%s)", [_AUDIT_LOCK], tuple),
-        Question("SELECT hash FROM accounts_auditentry ORDER BY id DESC LIMIT 1", [], _first),
-    )
-
-
-def _first(row: Sequence[Any]) -> str:
-    return str(row[0])
-
-
-@atomic(savepoint=False)
-def write_audit(
-    action: str,
-    subject: str,
-    *,
-    actor: User | None,
-    reason: str = "",
-    detail: Mapping[str, Any] | None = None,
-    after: Sequence[str] | None = None,
-) -> AuditEntry:
-    """Append who did what to which object, bound to the row before.
-
-    Args:
-        action: What was done.
-        subject: To which object.
-        actor: By whom; None: by the server.
-        reason: Why.
-        detail: What else there is to tell.
-        after: What `end_of_audit` told in this transaction; None asks it.
-    """
-    last = together(*end_of_audit())[-1] if after is None else after
-    prev = last[0] if last else ""
-    at = now()
-    entry = AuditEntry(
-        at=at,
-        actor=actor,
-        action=action,
-        subject=subject,
-        reason=reason,
-        detail=dict(detail or {}),
-        prev_hash=prev,
-    )
-    entry.hash = audit_hash(prev, entry)
-    insert_rows([entry])
-    return entry
-
-
-def write_failed_sign_in(username: str, *, address: str) -> AuditEntry:
-    """Append that somebody could not sign in.
-
-    The name is kept where it is somebody's: what else was typed there may be a password.
-    """
-    user = User.objects.filter(username__iexact=username[:150]).first()
-    known = "" if user is None else str(user.pk)
-    detail = {"address": address, "is_name_known": user is not None}
-    return write_audit("session.refuse", known, actor=None, detail=detail)
-
-
-def write_refusal(actor: User, *, method: str, path: str, code: str) -> AuditEntry:
-    """Append that somebody asked for what they may not do."""
-    detail = {"method": method, "code": code}
-    return write_audit("access.refuse", path[:_LONGEST_SUBJECT], actor=actor, detail=detail)
+__all__ = [
+    "KEPT_FOR",
+    "Answer",
+    "InProgressError",
+    "KeyReusedError",
+    "PasswordFrom",
+    "carry_out_once",
+    "change_password",
+    "end_of_audit",
+    "ensure_user",
+    "forget_answers",
+    "note_foreign_password",
+    "sign_chain",
+    "write_audit",
+    "write_failed_sign_in",
+    "write_refusal",
+]

@@ -135,6 +135,7 @@ def decide(request_id: UUID, *, actor: User, is_approved: bool, comment: str) ->
         actor=actor,
         reason=comment,
         detail={"approved": is_approved},
+        meaning=_meaning(row, is_approved=is_approved),
     )
     on_commit(partial(feed.publish, "approvals", {"request_id": str(row.id)}))
     return row

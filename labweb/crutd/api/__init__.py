@@ -10,8 +10,8 @@ import msgspec
 from drf_spectacular.utils import OpenApiParameter, extend_schema
 from rest_framework.request import Request
 from rest_framework.response import Response
-from rest_framework.views import APIView
 
+from labweb.accounts.api import Endpoint
 from labweb.accounts.selectors import User, user_of
 from labweb.common.clock import now
 from labweb.common.render import iso
@@ -60,7 +60,7 @@ def visible(request: Request, resource_id: UUID) -> Resource:
     return row
 
 
-class Resources(APIView):
+class Resources(Endpoint):
     """The tree."""
 
     @extend_schema(parameters=[AT])
@@ -77,7 +77,7 @@ class Resources(APIView):
         return Response({"resources": render_rows(lab, rows)})
 
 
-class ResourceDetail(APIView):
+class ResourceDetail(Endpoint):
     """One resource."""
 
     def get(self, request: Request, resource_id: UUID) -> Response:
@@ -129,7 +129,7 @@ class Act(msgspec.Struct, forbid_unknown_fields=True):
     note: Annotated[str, msgspec.Meta(max_length=2000)] = ""
 
 
-class HandOperations(APIView):
+class HandOperations(Endpoint):
     """Operations that people carry out by hand and tell of.
 
     A transfer between two edge hosts does not end here: `labweb.runs.api.custody` takes it.
@@ -153,10 +153,11 @@ class HandOperations(APIView):
         )
 
 
-class OperationCheck(APIView):
+class OperationCheck(Endpoint):
     """What speaks against an operation."""
 
     bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": Act}
+    harmless: ClassVar[Mapping[str, str]] = {"post": "it calculates and writes nothing"}
 
     def post(self, request: Request) -> Response:
         """List every finding against an operation as things stand; change nothing."""
@@ -188,7 +189,7 @@ def require_act(user: User, operation: operations.Operation) -> None:
     resource_selectors.require(user, wanted, ids)
 
 
-class Lineage(APIView):
+class Lineage(Endpoint):
     """Where what is in a vessel came from, and where it went."""
 
     def get(self, request: Request, resource_id: UUID) -> Response:

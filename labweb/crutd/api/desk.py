@@ -8,8 +8,8 @@ from uuid import UUID
 import msgspec
 from rest_framework.request import Request
 from rest_framework.response import Response
-from rest_framework.views import APIView
 
+from labweb.accounts.api import Endpoint
 from labweb.accounts.selectors import user_of
 from labweb.common.render import iso
 from labweb.common.requests import body
@@ -27,7 +27,7 @@ from labweb.resources import selectors as resource_selectors
 from labweb.resources.selectors import Lot
 
 
-class Stock(APIView):
+class Stock(Endpoint):
     """What a person needs to take stock of a resource."""
 
     def get(self, request: Request, resource_id: UUID) -> Response:
@@ -54,7 +54,7 @@ def _lot(lot: Lot) -> dict[str, Any]:
     }
 
 
-class Reaction(APIView):
+class Reaction(Endpoint):
     """What a person needs to tell of a reaction in a vessel."""
 
     def get(self, request: Request, resource_id: UUID) -> Response:
@@ -96,7 +96,7 @@ class Closing(msgspec.Struct, forbid_unknown_fields=True):
     reason: str
 
 
-class TicketDetail(APIView):
+class TicketDetail(Endpoint):
     """One contradiction between record and world."""
 
     def get(self, request: Request, ticket_id: UUID) -> Response:
@@ -104,7 +104,7 @@ class TicketDetail(APIView):
         return Response(_ticket(request, _seen(request, ticket_id)))
 
 
-class CloseTicket(APIView):
+class CloseTicket(Endpoint):
     """The end of a ticket."""
 
     bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": Closing}

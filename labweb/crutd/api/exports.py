@@ -12,8 +12,8 @@ from django.http import HttpResponse
 from django.utils.http import content_disposition_header
 from drf_spectacular.utils import OpenApiParameter, extend_schema
 from rest_framework.request import Request
-from rest_framework.views import APIView
 
+from labweb.accounts.api import Endpoint
 from labweb.accounts.selectors import user_of
 from labweb.common.clock import now
 from labweb.common.requests import moment
@@ -43,7 +43,7 @@ def _whole_lab(request: Request) -> Lab:
     return lab
 
 
-class LabExport(APIView):
+class LabExport(Endpoint):
     """The lab as a file."""
 
     answer_type = "application/json"
@@ -62,7 +62,7 @@ class LabExport(APIView):
         return _file(text.encode(), self.answer_type, f"{lab.key}.uni-lab-os.json")
 
 
-class LotsExport(APIView):
+class LotsExport(Endpoint):
     """What was received."""
 
     answer_type = "text/csv"
@@ -74,7 +74,7 @@ class LotsExport(APIView):
         return _file(text.encode(), CSV, f"{lab.key}.lots.csv")
 
 
-class ContentsExport(APIView):
+class ContentsExport(Endpoint):
     """What is where."""
 
     answer_type = "text/csv"

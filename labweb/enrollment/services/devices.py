@@ -102,7 +102,12 @@ def admit_device(
         "label": row.admitted_as["label"],
     }
     account_services.write_audit(
-        "device.admit", str(row.id), actor=actor, reason=reason, detail=detail
+        "device.admit",
+        str(row.id),
+        actor=actor,
+        reason=reason,
+        detail=detail,
+        meaning="admits the device with these actions and limits",
     )
     on_commit(partial(tell_host, row.host_id, {"type": "edge.renew"}))
     on_commit(partial(feed.publish, "devices", {"device_id": str(row.id)}))

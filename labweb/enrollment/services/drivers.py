@@ -270,6 +270,7 @@ def settle_proposal(
         actor=actor,
         reason=comment,
         detail={"digest": row.digest},
+        meaning="approves the driver" if is_approved else "rejects the driver",
     )
     on_commit(partial(feed.publish, "drivers", {"driver_id": str(row.id)}))
     return row

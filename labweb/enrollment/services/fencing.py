@@ -58,7 +58,13 @@ def sign_fence(host_id: UUID, *, actor: User, reason: str) -> tuple[EdgeHost, bo
         raise error(f"{row.name}: {answer.message}", code=answer.code)
     if record_of(row).quarantine == FENCED_CODE:
         raise StateError(f"{row.name} is fenced already", code="host.not_lost")
-    account_services.write_audit("host.fence", str(row.id), actor=actor, reason=reason)
+    account_services.write_audit(
+        "host.fence",
+        str(row.id),
+        actor=actor,
+        reason=reason,
+        meaning="the machine is off, or its devices are: it can move nothing more",
+    )
     on_commit(partial(feed.publish, "hosts", {"host_id": str(row.id)}))
     if open_fence is None:
         Fence.objects.create(host=row, reason=reason, first_by=actor, first_at=now())
@@ -116,7 +122,13 @@ def revoke_host(host_id: UUID, *, actor: User, reason: str) -> EdgeHost:
     row.heartbeat = {"code": "host.revoked", "message": f"revoked by {actor.printed_name}"}
     row.save()
     row.certificates.filter(ended_at__isnull=True).update(ended_at=now())
-    account_services.write_audit("host.revoke", str(row.id), actor=actor, reason=reason)
+    account_services.write_audit(
+        "host.revoke",
+        str(row.id),
+        actor=actor,
+        reason=reason,
+        meaning="takes the host's keys away for good",
+    )
     on_commit(partial(tell_host, row.id, {"type": "edge.renew"}))
     on_commit(partial(feed.publish, "hosts", {"host_id": str(row.id)}))
     return row

@@ -135,7 +135,13 @@ def readmit_host(host_id: UUID, *, actor: User, reason: str) -> EdgeHost:
     row.state_at = now()
     row.heartbeat = {}
     row.save()
-    account_services.write_audit("host.readmit", str(row.id), actor=actor, reason=reason)
+    account_services.write_audit(
+        "host.readmit",
+        str(row.id),
+        actor=actor,
+        reason=reason,
+        meaning="lets the host begin again with a new journal",
+    )
     on_commit(partial(tell_host, row.id, {"type": "edge.renew"}))
     on_commit(partial(feed.publish, "hosts", {"host_id": str(row.id)}))
     return row

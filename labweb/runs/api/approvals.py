@@ -10,8 +10,8 @@ import msgspec
 from django.db.models import Q
 from rest_framework.request import Request
 from rest_framework.response import Response
-from rest_framework.views import APIView
 
+from labweb.accounts.api import Endpoint
 from labweb.accounts.selectors import user_of
 from labweb.approvals import selectors as approval_selectors
 from labweb.approvals.selectors import ApprovalRequest
@@ -33,7 +33,7 @@ class Verdict(msgspec.Struct, forbid_unknown_fields=True):
     comment: str = ""
 
 
-class Requests(APIView):
+class Requests(Endpoint):
     """Approval requests."""
 
     def get(self, request: Request) -> Response:
@@ -62,7 +62,7 @@ class Requests(APIView):
         )
 
 
-class RequestDetail(APIView):
+class RequestDetail(Endpoint):
     """One approval request."""
 
     def get(self, request: Request, request_id: UUID) -> Response:
@@ -106,9 +106,10 @@ def _materials(run: Run) -> list[dict[str, Any]]:
     ]
 
 
-class DecideRequest(APIView):
+class DecideRequest(Endpoint):
     """The answer to a request."""
 
+    signs = frozenset({"post"})
     bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": Verdict}
 
     def post(self, request: Request, request_id: UUID) -> Response:

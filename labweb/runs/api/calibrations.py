@@ -9,8 +9,8 @@ from uuid import UUID
 import msgspec
 from rest_framework.request import Request
 from rest_framework.response import Response
-from rest_framework.views import APIView
 
+from labweb.accounts.api import Endpoint
 from labweb.accounts.selectors import User, user_of
 from labweb.approvals import selectors as approval_selectors
 from labweb.common.clock import now
@@ -46,7 +46,7 @@ class Withdrawal(msgspec.Struct, forbid_unknown_fields=True):
     reason: Annotated[str, msgspec.Meta(max_length=10_000)]
 
 
-class DeviceCalibrations(APIView):
+class DeviceCalibrations(Endpoint):
     """Calibrations of one device."""
 
     bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": VolumeOrder}
@@ -65,7 +65,7 @@ class DeviceCalibrations(APIView):
         return Response(render_calibration(selectors.find_calibration(row.id), user), status=201)
 
 
-class PhCalibrations(APIView):
+class PhCalibrations(Endpoint):
     """Calibrations of one probe in buffers."""
 
     bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": PhOrder}
@@ -78,7 +78,7 @@ class PhCalibrations(APIView):
         return Response(render_calibration(selectors.find_calibration(row.id), user), status=201)
 
 
-class TemperatureCalibrations(APIView):
+class TemperatureCalibrations(Endpoint):
     """Calibrations of one heater or thermostat beside a reference thermometer."""
 
     bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": TemperatureOrder}
@@ -91,7 +91,7 @@ class TemperatureCalibrations(APIView):
         return Response(render_calibration(selectors.find_calibration(row.id), user), status=201)
 
 
-class CalibrationDetail(APIView):
+class CalibrationDetail(Endpoint):
     """One calibration."""
 
     def get(self, request: Request, calibration_id: UUID) -> Response:
@@ -100,9 +100,10 @@ class CalibrationDetail(APIView):
         return Response(render_calibration(_find(calibration_id, user), user))
 
 
-class DecideCalibration(APIView):
+class DecideCalibration(Endpoint):
     """The decision about a result."""
 
+    signs = frozenset({"post"})
     bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": Answer}
 
     def post(self, request: Request, calibration_id: UUID) -> Response:
@@ -116,7 +117,7 @@ class DecideCalibration(APIView):
         return Response(render_calibration(selectors.find_calibration(calibration_id), user))
 
 
-class WithdrawCalibration(APIView):
+class WithdrawCalibration(Endpoint):
     """The end of a calibration before its due date."""
 
     bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": Withdrawal}

@@ -6,8 +6,8 @@ from uuid import UUID
 
 from django.http import StreamingHttpResponse
 from rest_framework.request import Request
-from rest_framework.views import APIView
 
+from labweb.accounts.api import Endpoint
 from labweb.accounts.selectors import user_of
 from labweb.common.download import sent
 from labweb.domain.approvals.roles import Permission
@@ -17,7 +17,7 @@ from labweb.runs.services.crate import pack_run
 from labweb.runs.services.eln import MEDIA_TYPE, name_of, pack_eln
 
 
-class RunCrate(APIView):
+class RunCrate(Endpoint):
     """A run with all that belongs to it, in one file."""
 
     answer_type = "application/zip"
@@ -30,7 +30,7 @@ class RunCrate(APIView):
         return sent(packed, self.answer_type, f"run-{run.number}.crate.zip")
 
 
-class RunEln(APIView):
+class RunEln(Endpoint):
     """A run for an electronic lab notebook."""
 
     answer_type = MEDIA_TYPE

@@ -8,8 +8,8 @@ from uuid import UUID
 import msgspec
 from rest_framework.request import Request
 from rest_framework.response import Response
-from rest_framework.views import APIView
 
+from labweb.accounts.api import Endpoint
 from labweb.accounts.selectors import User, user_of
 from labweb.common.render import iso
 from labweb.common.requests import body
@@ -72,7 +72,7 @@ class OperationsCheck(OperationCheck):
         return super().findings(act, user)
 
 
-class InWhoseHands(APIView):
+class InWhoseHands(Endpoint):
     """Which host writes a resource's facts, and the move it is on."""
 
     def get(self, request: Request, resource_id: UUID) -> Response:
@@ -128,7 +128,7 @@ def _move(move: Custody, request: Request) -> dict[str, Any]:
     }
 
 
-class HandOvers(APIView):
+class HandOvers(Endpoint):
     """Move a vessel to a place of another host."""
 
     bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": HandOver}
@@ -142,7 +142,7 @@ class HandOvers(APIView):
         return Response({"id": str(made.id), "state": made.state}, status=201)
 
 
-class Arrival(APIView):
+class Arrival(Endpoint):
     """A vessel in transit is where it was sent."""
 
     bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": Nothing}

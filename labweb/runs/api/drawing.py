@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection, Mapping
 from typing import Any, ClassVar
 from uuid import UUID
 
 import msgspec
 from rest_framework.request import Request
 from rest_framework.response import Response
-from rest_framework.views import APIView
 
+from labweb.accounts.api import Endpoint
 from labweb.accounts.selectors import User, user_of
 from labweb.common.render import iso
 from labweb.common.requests import body
@@ -23,6 +24,7 @@ from labweb.runs import selectors, services
 from labweb.runs.api import render
 from labweb.workflows import selectors as workflow_selectors
 from labweb.workflows.api import drawing as workflow_api
+from labweb.workflows.selectors import Workflow
 
 
 class CheckDocument(msgspec.Struct, forbid_unknown_fields=True):
@@ -33,10 +35,11 @@ class CheckDocument(msgspec.Struct, forbid_unknown_fields=True):
     """Workflow that it is a draft of, whose proofs are then compared with it."""
 
 
-class Check(APIView):
+class Check(Endpoint):
     """What a workflow would mean here and now."""
 
     bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": CheckDocument}
+    harmless: ClassVar[Mapping[str, str]] = {"post": "it calculates and writes nothing"}
 
     def post(self, request: Request) -> Response:
         """Compile a document against the lab as it is; findings are an answer, no failure."""
@@ -53,7 +56,9 @@ class Check(APIView):
             "plan": None,
             "policies": [],
             "sentences": _sentences(document, names),
-            "proof": None if wanted.workflow_id is None else _proof(wanted.workflow_id, document),
+            "proof": None
+            if wanted.workflow_id is None
+            else _proof(workflow_selectors.find_visible(wanted.workflow_id, user), document),
         }
         try:
             found = services.preview(lab, document, view=view, reach=reach)
@@ -70,9 +75,8 @@ class Check(APIView):
         return Response(answer)
 
 
-def _proof(workflow_id: UUID, document: dict[str, Any]) -> dict[str, Any] | None:
+def _proof(row: Workflow, document: dict[str, Any]) -> dict[str, Any] | None:
     """Say which version's proof a draft has, or what took it away; None: there is none."""
-    row = workflow_selectors.find_workflow(workflow_id)
     found = workflow_selectors.proof_of(row, document)
     if found is None:
         return None
@@ -93,15 +97,15 @@ def _sentences(document: dict[str, Any], names: dict[str, str]) -> dict[str, Any
     return found
 
 
-class Workflows(APIView):
+class Workflows(Endpoint):
     """Workflows with their last runs."""
 
     bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": workflow_api.NewWorkflow}
 
     def get(self, request: Request) -> Response:
         """List workflows, templates first."""
-        user_of(request)
-        return Response({"workflows": workflow_rows(resource_selectors.the_lab())})
+        seen = resource_selectors.allowed_ids(user_of(request), Permission.VIEW)
+        return Response({"workflows": workflow_rows(resource_selectors.the_lab(), seen)})
 
     def post(self, request: Request) -> Response:
         """Create a workflow."""
@@ -109,7 +113,7 @@ class Workflows(APIView):
         return Response(_workflow(row.id, user_of(request)), status=201)
 
 
-class WorkflowDetail(APIView):
+class WorkflowDetail(Endpoint):
     """One workflow."""
 
     def get(self, request: Request, workflow_id: UUID) -> Response:
@@ -117,12 +121,12 @@ class WorkflowDetail(APIView):
         return Response(_workflow(workflow_id, user_of(request)))
 
 
-def workflow_rows(lab: Lab) -> list[dict[str, Any]]:
+def workflow_rows(lab: Lab, seen: Collection[UUID]) -> list[dict[str, Any]]:
     """Render workflows with the last run of each; a fixed number of queries."""
     last = selectors.last_runs(lab)
     return [
         {**workflow_api.render_row(row), "last_run": _last_run(last.get(row.id))}
-        for row in workflow_selectors.workflows_of(lab)
+        for row in workflow_selectors.visible_workflows(lab, seen)
     ]
 
 
@@ -139,7 +143,7 @@ def _last_run(last: selectors.LastRun | None) -> dict[str, Any] | None:
 
 
 def _workflow(workflow_id: UUID, user: User) -> dict[str, Any]:
-    row = workflow_selectors.find_workflow(workflow_id)
+    row = workflow_selectors.find_visible(workflow_id, user)
     last = selectors.last_runs(row.lab)
     return {
         **workflow_api.render_row(row),

@@ -11,8 +11,8 @@ from django.utils.http import content_disposition_header
 from rest_framework.parsers import MultiPartParser
 from rest_framework.request import Request
 from rest_framework.response import Response
-from rest_framework.views import APIView
 
+from labweb.accounts.api import Endpoint
 from labweb.accounts.selectors import User, user_of
 from labweb.common.download import Blocks
 from labweb.common.render import iso
@@ -50,7 +50,7 @@ _UPLOAD: dict[str, Any] = {
 }
 
 
-class Files(APIView):
+class Files(Endpoint):
     """Files of the lab."""
 
     parser_classes = [MultiPartParser]
@@ -102,7 +102,7 @@ class Files(APIView):
         return Response(_render_incoming(incoming), status=202)
 
 
-class IncomingFiles(APIView):
+class IncomingFiles(Endpoint):
     """Files that were brought to be read."""
 
     def get(self, request: Request) -> Response:
@@ -113,7 +113,7 @@ class IncomingFiles(APIView):
         return Response({"incoming": [_render_incoming(row) for row in rows[:limit]]})
 
 
-class IncomingFile(APIView):
+class IncomingFile(Endpoint):
     """A file that was brought to be read."""
 
     def get(self, request: Request, incoming_id: UUID) -> Response:
@@ -123,7 +123,7 @@ class IncomingFile(APIView):
         return Response(_render_incoming(row))
 
 
-class FileDetail(APIView):
+class FileDetail(Endpoint):
     """One file."""
 
     def get(self, request: Request, file_id: UUID) -> Response:
@@ -131,7 +131,7 @@ class FileDetail(APIView):
         return Response(_detail(_find(request, file_id), user_of(request)))
 
 
-class FileContent(APIView):
+class FileContent(Endpoint):
     """The bytes of a file."""
 
     answer_type = "application/octet-stream"
@@ -150,7 +150,7 @@ class FileContent(APIView):
         return answer
 
 
-class ReadingPoints(APIView):
+class ReadingPoints(Endpoint):
     """The points of a series, for a plot."""
 
     def get(self, request: Request, reading_id: UUID) -> Response:
@@ -163,7 +163,7 @@ class ReadingPoints(APIView):
         return Response(telemetry_services.drawn(row, scan=scan, most=most))
 
 
-class Readings(APIView):
+class Readings(Endpoint):
     """What was measured."""
 
     def get(self, request: Request) -> Response:

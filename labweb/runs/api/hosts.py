@@ -8,8 +8,8 @@ from uuid import UUID
 import msgspec
 from rest_framework.request import Request
 from rest_framework.response import Response
-from rest_framework.views import APIView
 
+from labweb.accounts.api import Endpoint
 from labweb.accounts.selectors import user_of
 from labweb.common.requests import body
 from labweb.enrollment import services as enrollment_services
@@ -23,9 +23,10 @@ class HostReason(Reason):
     with_work: bool = False
 
 
-class HostAct(APIView):
+class HostAct(Endpoint):
     """Fence, revoke or readmit."""
 
+    signs = frozenset({"post"})
     act = ""
     bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": HostReason}
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+from collections.abc import Mapping
 from typing import ClassVar
 
 import msgspec
@@ -10,8 +11,8 @@ from django.db import OperationalError
 from psycopg.errors import DeadlockDetected, LockNotAvailable
 from rest_framework.request import Request
 from rest_framework.response import Response
-from rest_framework.views import APIView
 
+from labweb.accounts.api import Endpoint
 from labweb.accounts.selectors import User, user_of
 from labweb.common.requests import body
 from labweb.resources import selectors as resource_selectors
@@ -23,7 +24,7 @@ logger = logging.getLogger(__name__)
 _TRIES = 3
 
 
-class LabView(APIView):
+class LabView(Endpoint):
     """The lab and its stop."""
 
     def get(self, request: Request) -> Response:
@@ -36,10 +37,11 @@ class Nothing(msgspec.Struct, forbid_unknown_fields=True):
     """Body of an act that takes no arguments."""
 
 
-class StopLab(APIView):
-    """Software stop."""
+class StopLab(Endpoint):
+    """Software stop. It is never refused because a key is missing or was used before."""
 
     bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": Nothing}
+    harmless: ClassVar[Mapping[str, str]] = {"post": "a lab that is stopped twice is stopped"}
 
     def post(self, request: Request) -> Response:
         """Stop every device now and latch."""
@@ -62,7 +64,7 @@ def _stop(actor: User) -> None:
     services.stop_lab(actor=actor)
 
 
-class ResetLab(APIView):
+class ResetLab(Endpoint):
     """Release after a stop."""
 
     bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": Reason}

@@ -8,8 +8,8 @@ from uuid import UUID
 
 from rest_framework.request import Request
 from rest_framework.response import Response
-from rest_framework.views import APIView
 
+from labweb.accounts.api import Endpoint
 from labweb.accounts.selectors import user_of
 from labweb.common.clock import now
 from labweb.common.requests import seconds, whole_number
@@ -56,7 +56,7 @@ def _told(request: Request, found: Provenance) -> Response:
     return Response({**to_json(graph), "truncation": found.truncation()})
 
 
-class ResourceProvenance(APIView):
+class ResourceProvenance(Endpoint):
     """What led to a resource, and what it touched."""
 
     def get(self, request: Request, resource_id: UUID) -> Response:
@@ -65,7 +65,7 @@ class ResourceProvenance(APIView):
         return _told(request, provenance.of_resource(row, **_asked(request)))
 
 
-class LotProvenance(APIView):
+class LotProvenance(Endpoint):
     """What was made from a lot."""
 
     def get(self, request: Request, lot_id: UUID) -> Response:
@@ -78,7 +78,7 @@ class LotProvenance(APIView):
         return _told(request, provenance.of_lot(lots[lot_id], **_asked(request)))
 
 
-class RunProvenance(APIView):
+class RunProvenance(Endpoint):
     """What a run used and made."""
 
     def get(self, request: Request, run_id: UUID) -> Response:
@@ -87,7 +87,7 @@ class RunProvenance(APIView):
         return _told(request, provenance.of_run(run, **_asked(request)))
 
 
-class FileProvenance(APIView):
+class FileProvenance(Endpoint):
     """What a kept file is of."""
 
     def get(self, request: Request, file_id: UUID) -> Response:
@@ -96,7 +96,7 @@ class FileProvenance(APIView):
         return _told(request, provenance.of_file(row.made_from or row, **_asked(request)))
 
 
-class ReadingProvenance(APIView):
+class ReadingProvenance(Endpoint):
     """Where a reading comes from."""
 
     def get(self, request: Request, reading_id: UUID) -> Response:
@@ -110,7 +110,7 @@ def _place(row_id: UUID, request: Request) -> tuple[Lab, UUID, set[UUID]]:
     return resource_selectors.the_lab(), row_id, seen
 
 
-class Conditions(APIView):
+class Conditions(Endpoint):
     """What a device told while a resource was in it."""
 
     def get(self, request: Request, resource_id: UUID) -> Response:

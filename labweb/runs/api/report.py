@@ -8,8 +8,8 @@ from uuid import UUID
 
 from rest_framework.request import Request
 from rest_framework.response import Response
-from rest_framework.views import APIView
 
+from labweb.accounts.api import Endpoint
 from labweb.accounts.selectors import user_of
 from labweb.domain.approvals.roles import Permission
 from labweb.domain.crutd.balance import AccountChange, Yield
@@ -21,7 +21,7 @@ from labweb.runs.api.runs import visible
 from labweb.runs.selectors.report import Report, report_of
 
 
-class RunReport(APIView):
+class RunReport(Endpoint):
     """What a run did with matter."""
 
     def get(self, request: Request, run_id: UUID) -> Response:

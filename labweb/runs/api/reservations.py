@@ -9,8 +9,8 @@ from uuid import UUID
 import msgspec
 from rest_framework.request import Request
 from rest_framework.response import Response
-from rest_framework.views import APIView
 
+from labweb.accounts.api import Endpoint
 from labweb.accounts.selectors import User, user_of
 from labweb.common.render import iso
 from labweb.common.requests import body
@@ -38,7 +38,7 @@ class Nothing(msgspec.Struct, forbid_unknown_fields=True):
     """Body of an act that takes no arguments."""
 
 
-class Reservations(APIView):
+class Reservations(Endpoint):
     """What is reserved now."""
 
     bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": Wanted}
@@ -62,7 +62,7 @@ class Reservations(APIView):
         return Response({"reservations": [_render(row, user) for row in found]}, status=201)
 
 
-class ResourceReservations(APIView):
+class ResourceReservations(Endpoint):
     """What is reserved of one resource."""
 
     def get(self, request: Request, resource_id: UUID) -> Response:
@@ -80,7 +80,7 @@ class ResourceReservations(APIView):
         )
 
 
-class EndReservation(APIView):
+class EndReservation(Endpoint):
     """The end of a reservation before its time."""
 
     bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": Nothing}

@@ -11,8 +11,8 @@ import msgspec
 from django.db.models import QuerySet
 from rest_framework.request import Request
 from rest_framework.response import Response
-from rest_framework.views import APIView
 
+from labweb.accounts.api import Endpoint
 from labweb.accounts.selectors import User, user_of
 from labweb.common.reading import one_moment
 from labweb.common.render import iso
@@ -42,6 +42,9 @@ class StartRun(msgspec.Struct, forbid_unknown_fields=True):
     version_id: UUID
     plan_digest: str | None = None
     """Of the plan that the caller saw; without it the present plan is started."""
+
+    is_second: bool = False
+    """Start it though another run of the version has not begun."""
 
 
 class Reason(msgspec.Struct, forbid_unknown_fields=True):
@@ -98,7 +101,7 @@ def visible_runs(lab: Lab, user: User) -> QuerySet[Run]:
     return selectors.visible_runs(lab, seen)
 
 
-class Runs(APIView):
+class Runs(Endpoint):
     """Runs of the lab."""
 
     bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": StartRun}
@@ -120,11 +123,16 @@ class Runs(APIView):
         user = user_of(request)
         wanted = body(request, StartRun)
         version = workflow_selectors.find_version(wanted.version_id)
-        run = services.start_run(version, actor=user, seen_digest=wanted.plan_digest)
+        run = services.start_run(
+            version,
+            actor=user,
+            seen_digest=wanted.plan_digest,
+            is_asked=not wanted.is_second,
+        )
         return Response(render.render_run(run, user), status=201)
 
 
-class RunDetail(APIView):
+class RunDetail(Endpoint):
     """One run."""
 
     def get(self, request: Request, run_id: UUID) -> Response:
@@ -134,7 +142,7 @@ class RunDetail(APIView):
             return Response(render.render_run(visible(run_id, user), user))
 
 
-class RunEvents(APIView):
+class RunEvents(Endpoint):
     """CRUTD events of one run."""
 
     def get(self, request: Request, run_id: UUID) -> Response:
@@ -148,7 +156,7 @@ class RunEvents(APIView):
         return Response({"events": rendered})
 
 
-class RunLog(APIView):
+class RunLog(Endpoint):
     """What hosts reported of one run."""
 
     def get(self, request: Request, run_id: UUID) -> Response:
@@ -205,7 +213,7 @@ def _end_of(kind: str, end: Resolved | None) -> dict[str, Any] | None:
     return end.to_json() if end is not None and kind == "in_doubt" else None
 
 
-class RunAct(APIView):
+class RunAct(Endpoint):
     """Pause, resume or abort."""
 
     act = ""
@@ -247,7 +255,7 @@ class Choice(msgspec.Struct, forbid_unknown_fields=True):
     params: dict[str, Any] | None = None
 
 
-class RecoverJob(APIView):
+class RecoverJob(Endpoint):
     """What becomes of a job that ended undone."""
 
     bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": Choice}
@@ -272,9 +280,10 @@ def _by_hand_nl(moved_ul: float | None) -> int | None:
     return None if moved_ul is None else 0 if moved_ul == 0 else whole_nl(moved_ul)
 
 
-class ResolveJob(APIView):
+class ResolveJob(Endpoint):
     """What happened in a job in doubt."""
 
+    signs = frozenset({"post"})
     bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": Answer}
 
     def post(self, request: Request, job_id: UUID) -> Response:

@@ -99,6 +99,13 @@ def visible_runs(lab: Lab, seen: Collection[UUID]) -> QuerySet[Run]:
     return runs_of(lab).exclude(pk__in=hidden.values("run_id"))
 
 
+def waiting_runs(version_id: UUID) -> list[Run]:
+    """Runs of a version that have not begun, newest first."""
+    over = [RunState.COMPLETE.value, RunState.ABORTED.value]
+    rows = Run.objects.filter(version_id=version_id, started_at=None).exclude(state__in=over)
+    return list(rows.order_by("-number"))
+
+
 def find_run(run_id: UUID) -> Run:
     """Return a run.
 

@@ -12,6 +12,7 @@ from labweb.common.clock import now
 from labweb.crutd import selectors as crutd_selectors
 from labweb.crutd import services as crutd_services
 from labweb.crutd.services import Settlement
+from labweb.domain.approvals.roles import Permission
 from labweb.domain.crutd.decide import Outcome, OutcomeKind
 from labweb.domain.errors import StateError
 from labweb.domain.runs.job import JobState, Mover
@@ -19,6 +20,7 @@ from labweb.domain.runs.session import FENCED_CODE, SessionState
 from labweb.enrollment import selectors as enrollment_selectors
 from labweb.enrollment import services as enrollment_services
 from labweb.enrollment.selectors import EdgeHost
+from labweb.resources import selectors as resource_selectors
 from labweb.runs import selectors
 from labweb.runs.models import Outbox
 from labweb.runs.services.aborting import note_journal_gone
@@ -144,6 +146,8 @@ def revoke_host(host_id: UUID, *, actor: User, reason: str, with_work: bool = Fa
         the host is not asked any more.
     """
     host = enrollment_selectors.host_for_update(host_id)
+    root = resource_selectors.root_of(host.lab)
+    resource_selectors.require(actor, Permission.ADMIT, [root.id])
     count = work_count(host)
     if count and not with_work and host.state != SessionState.REVOKED.value:
         text = (

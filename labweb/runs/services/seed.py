@@ -55,16 +55,23 @@ _BEHIND = {"s7_furnace": "/0/1"}
 """What stands in the address behind the port."""
 
 
-def seed_people(root_id: UUID, passwords_file: Path) -> None:
+def seed_people(root_id: UUID, passwords_file: Path, mode: Mode) -> None:
     """Create the four users with random passwords, kept in a file of mode 0600.
 
-    Users that exist keep their passwords; the file says which were changed since.
+    Users that exist keep their passwords; the file says which were changed since. In a lab with
+    real instruments each has to change theirs at the first sign-in, for the file knows it.
     """
+    source = account_services.PasswordFrom
     kept = {row["username"]: row for row in _read(passwords_file, [])}
     for username, full_name, role in USERS:
         password = kept.get(username, {}).get("password") or secrets.token_urlsafe(9)
         user, created = account_services.ensure_user(
-            username, full_name=full_name, password=password, role=role, root_id=root_id
+            username,
+            full_name=full_name,
+            password=password,
+            role=role,
+            root_id=root_id,
+            password_from=source.SEED if mode is Mode.SIM else source.ADMIN,
         )
         if created:
             kept[username] = {"username": username, "role": role, "password": password}
@@ -241,7 +248,7 @@ def seed(lab_file: LabFile, *, data: Path, templates: Path, source: dict[str, st
     if not resource_selectors.labs().filter(pk=lab_file.id).exists():
         crutd_services.import_lab(lab_file, actor=None, source=source)
     root = resource_selectors.root_of(resource_selectors.labs().get(pk=lab_file.id))
-    seed_people(root.id, data / "passwords.json")
+    seed_people(root.id, data / "passwords.json", lab_file.mode)
     found = endpoints(lab_file, data)
     write_bench(lab_file, found, data, templates.with_name("chemistry.json"))
     public = write_host(lab_file, data)

@@ -24,7 +24,7 @@ from labweb.crutd import services as crutd_services
 from labweb.crutd.selectors import reserved as reservations
 from labweb.domain.approvals.roles import Permission
 from labweb.domain.crutd import operations
-from labweb.domain.errors import Finding, PreconditionError, RevisionError
+from labweb.domain.errors import Finding, PreconditionError, RevisionError, StateError
 from labweb.domain.runs.job import JobState, Mover, RunState
 from labweb.domain.workflows import plan as plans
 from labweb.domain.workflows.compile import LabView, compile_workflow
@@ -140,13 +140,15 @@ def start_run(
     actor: User,
     seen_digest: str | None = None,
     wish: Wish | None = None,
+    is_asked: bool = False,
 ) -> Run:
     """Compile a version against the lab as it is and queue it, or ask for approval.
 
     `seen_digest` is of the plan that the actor saw; None agrees to the present one. A wish
-    always asks for approval.
+    always asks for approval. `is_asked`: a second run is refused until the first has begun.
 
     Raises:
+        StateError: `run.already_waiting`: a run of this version has not begun.
         RevisionError: The plan is not the one the actor saw; nothing was written.
         ProtocolError, PlanningError: As `preview`; nothing was written.
         ForbiddenError: The actor may not run things on some resource of the plan.
@@ -158,6 +160,8 @@ def start_run(
     """
     scene = hold_scene(version.workflow.lab_id, actor)
     lab, view = scene.lab, scene.view
+    if is_asked:
+        _refuse_second(version, lab, actor)
     found = preview(lab, version.document, view=view, reach=scene.reach, rules=scene.rules)
     check_proved(version, view)
     crutd_services.refuse_reserved_by_others(
@@ -251,6 +255,23 @@ def _check_seen(plan_digest: str, seen_digest: str | None) -> None:
             code="run.plan_changed",
             context={"plan_digest": plan_digest},
         )
+
+
+def _refuse_second(version: WorkflowVersion, lab: Lab, actor: User) -> None:
+    """Refuse a start while another run of the version has not begun; name those the actor sees."""
+    waiting = selectors.waiting_runs(version.id)
+    if not waiting:
+        return
+    seen = resource_selectors.allowed_ids(actor, Permission.VIEW)
+    shown = selectors.visible_runs(lab, seen).filter(pk__in=[run.pk for run in waiting])
+    runs = [{"id": str(run.id), "number": run.number, "state": run.state} for run in shown]
+    names = ", ".join(f"run #{run['number']}" for run in runs) or "a run that you may not see"
+    raise StateError(
+        f"{names} of this version has not begun: a second run does everything once more. "
+        "Say that you want a second one (is_second), or wait",
+        code="run.already_waiting",
+        context={"runs": runs},
+    )
 
 
 def write_jobs(run: Run, plan: Plan, state: JobState) -> None:

@@ -8,8 +8,8 @@ from uuid import UUID
 import msgspec
 from rest_framework.request import Request
 from rest_framework.response import Response
-from rest_framework.views import APIView
 
+from labweb.accounts.api import Endpoint
 from labweb.accounts.selectors import user_of
 from labweb.common.render import iso
 from labweb.common.requests import body
@@ -23,7 +23,7 @@ from labweb.workflows import selectors, services
 from labweb.workflows.models import Workflow, WorkflowVersion
 
 
-class Steps(APIView):
+class Steps(Endpoint):
     """What can be put into a workflow."""
 
     def get(self, request: Request) -> Response:
@@ -96,7 +96,7 @@ class NewVersion(msgspec.Struct, forbid_unknown_fields=True):
     """Of the draft that the caller saw; without it the present draft is frozen."""
 
 
-class Drafts(APIView):
+class Drafts(Endpoint):
     """The draft of one workflow."""
 
     bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"put": Draft}
@@ -113,7 +113,7 @@ class Drafts(APIView):
         return Response({"revision": row.draft_revision})
 
 
-class Versions(APIView):
+class Versions(Endpoint):
     """Versions of one workflow."""
 
     bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": NewVersion}
@@ -127,12 +127,13 @@ class Versions(APIView):
         return Response(render_version(version), status=201)
 
 
-class VersionDetail(APIView):
+class VersionDetail(Endpoint):
     """One version."""
 
-    def get(self, _request: Request, workflow_id: UUID, number: int) -> Response:
+    def get(self, request: Request, workflow_id: UUID, number: int) -> Response:
         """Return a version with its document."""
-        version = selectors.find_numbered(workflow_id, number)
+        workflow = selectors.find_visible(workflow_id, user_of(request))
+        version = selectors.find_numbered(workflow.id, number)
         return Response({**render_version(version), "document": version.document})
 
 
@@ -141,7 +142,7 @@ def create(request: Request) -> Workflow:
     wanted = body(request, NewWorkflow)
     document = wanted.document
     if wanted.copy_of is not None:
-        document = selectors.find_workflow(wanted.copy_of).draft
+        document = selectors.find_visible(wanted.copy_of, user_of(request)).draft
     return services.create_workflow(
         resource_selectors.the_lab(),
         name=wanted.name,

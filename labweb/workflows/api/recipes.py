@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any, ClassVar
 
 import msgspec
 from rest_framework.request import Request
 from rest_framework.response import Response
-from rest_framework.views import APIView
 
+from labweb.accounts.api import Endpoint
 from labweb.accounts.selectors import user_of
 from labweb.common.requests import body
 from labweb.domain.workflows.opening import Asked
@@ -78,27 +79,29 @@ class Kept(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
     equiv_amount: str = ""
 
 
-class OpenRecipe(APIView):
+class OpenRecipe(Endpoint):
     """A recipe on a rig."""
 
     bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": Opened}
+    harmless: ClassVar[Mapping[str, str]] = {"post": "it calculates and writes nothing"}
 
     def post(self, request: Request) -> Response:
         """Read, bind, compile and prove a recipe; findings are an answer, no failure."""
         return Response(_ask(request, services.open_recipe))
 
 
-class AdviseRecipe(APIView):
+class AdviseRecipe(Endpoint):
     """What to change in a rig for a recipe."""
 
     bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": Opened}
+    harmless: ClassVar[Mapping[str, str]] = {"post": "it calculates and writes nothing"}
 
     def post(self, request: Request) -> Response:
         """Return the fewest changes with which the recipe compiles, and the changed graph."""
         return Response(_ask(request, services.advise_on))
 
 
-class KeepRecipe(APIView):
+class KeepRecipe(Endpoint):
     """A recipe as a workflow."""
 
     bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": Kept}

@@ -9,13 +9,12 @@ import time
 from typing import Any
 
 import pytest
-from django.test import Client
 from pytest_django import Settings
 
 from labweb.resources.models import Lot
 from tests.builders import Bench
 from tests.labweb.crutd.hand import held, rows
-from tests.labweb.web import code_of
+from tests.labweb.web import Keyed, code_of
 
 SECRET = "s" * 40
 ROW = {
@@ -36,7 +35,7 @@ def sent(
     stamp = str(int(time.time() if at is None else at))
     mac = hmac.new(secret.encode(), f"{stamp}.".encode() + raw, hashlib.sha256).hexdigest()
     told = f"t={stamp},v1={mac}" if header is None else header
-    return Client().post(
+    return Keyed().post(
         "/api/v1/deliveries", raw, content_type="application/json",
         headers={"X-Labweb-Signature": told},
     )  # fmt: skip

@@ -14,6 +14,7 @@ from labweb.runs import services
 from labweb.runs.models import Run
 from labweb.workflows import services as workflow_services
 from tests.builders import MOVE_WATER, PASSWORD, Bench
+from tests.labweb.web import Keyed
 
 API = "/api/v1"
 
@@ -24,7 +25,7 @@ def posted(client: Client, path: str, body: dict[str, Any]) -> tuple[int, dict[s
 
 
 def at_the_page(bench: Bench, username: str) -> Client:
-    client = Client()
+    client = Keyed()
     person = bench.people[username].get_username()
     status, _ = posted(client, "session", {"username": person, "password": PASSWORD})
     assert status == HTTPStatus.OK

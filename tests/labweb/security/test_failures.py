@@ -14,7 +14,7 @@ from psycopg.errors import DeadlockDetected
 
 from labweb.runs import services
 from tests.builders import Bench, a_started_run, an_edge, to_transfer
-from tests.labweb.web import call, code_of, signed_in
+from tests.labweb.web import Keyed, call, code_of, signed_in
 
 API = "/api/v1"
 SHAPE = {"code", "message", "effect", "context", "findings"}
@@ -37,7 +37,7 @@ def told(answer: Any) -> dict[str, Any]:  # noqa: ANN401 - each test client has 
     ["/api/v1/nothing", "/api/v1/runs/7", "/api/v1/runs/x/abort", "/api/v1/", "/api/", "/api/v2/a"],
 )
 def test_an_address_or_an_id_that_is_none_is_told_in_the_one_shape(path: str, method: str) -> None:
-    answer = call(Client(), method, path)
+    answer = call(Keyed(), method, path)
     assert answer.status_code == 404
     assert told(answer)["code"] == "http.not_found"
 
@@ -80,7 +80,7 @@ def test_a_database_that_is_away_is_a_503(chemist: Client, no_database: None) ->
     answer = call(chemist, "GET", f"{API}/runs")
     assert answer.status_code == 503
     assert told(answer)["code"] == "http.unavailable"
-    assert call(Client(), "GET", "/healthz").status_code == 503
+    assert call(Keyed(), "GET", "/healthz").status_code == 503
 
 
 @pytest.fixture
@@ -94,7 +94,7 @@ def no_cache(db: None, settings: Any) -> None:  # noqa: ANN401 - pytest-django's
 
 
 def test_a_redis_that_is_away_is_a_503(no_cache: None) -> None:
-    answer = call(Client(), "POST", f"{API}/session", {"username": "a", "password": "b"})
+    answer = call(Keyed(), "POST", f"{API}/session", {"username": "a", "password": "b"})
     assert answer.status_code == 503
     assert told(answer)["code"] == "http.unavailable"
 

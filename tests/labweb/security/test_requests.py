@@ -13,7 +13,7 @@ from django.test import Client
 from labweb.runs.models import Run
 from labweb.workflows.models import Workflow
 from tests.builders import PASSWORD, Bench
-from tests.labweb.web import call, code_of, signed_in
+from tests.labweb.web import Keyed, call, code_of, signed_in
 
 API = "/api/v1"
 
@@ -110,7 +110,7 @@ def test_search_takes_any_text(chemist: Client, text: str) -> None:
     [("POST", "workflows"), ("POST", "runs"), ("POST", "lab/stop"), ("DELETE", "session")],
 )
 def test_an_unsafe_call_without_the_token_is_refused(bench: Bench, method: str, path: str) -> None:
-    client = Client(enforce_csrf_checks=True)
+    client = Keyed(enforce_csrf_checks=True)
     client.force_login(bench.people["chemist"])
     answer = call(client, method, f"{API}/{path}", {})
     assert (answer.status_code, code_of(answer)) == (403, "http.permission_denied")
@@ -118,7 +118,7 @@ def test_an_unsafe_call_without_the_token_is_refused(bench: Bench, method: str, 
 
 
 def test_signing_in_needs_the_token_too(bench: Bench) -> None:
-    client = Client(enforce_csrf_checks=True)
+    client = Keyed(enforce_csrf_checks=True)
     body = {"username": "chemist", "password": PASSWORD}
     assert call(client, "POST", f"{API}/session", body).status_code == 403
     client.get(f"{API}/session")
@@ -156,7 +156,7 @@ def sign_in(
     **headers: Any,  # noqa: ANN401 - of WSGI's environment
 ) -> Any:  # noqa: ANN401 - a response of the test client
     body = json.dumps({"username": name, "password": password})
-    return (client or Client()).generic(
+    return (client or Keyed()).generic(
         "POST",
         f"{API}/session",
         body,

@@ -25,7 +25,7 @@ from labweb.telemetry.models import File, Incoming, Reading
 from labweb.telemetry.services import files
 from tests.builders import Bench, a_started_run, a_user, an_edge, to_transfer
 from tests.labweb.instrument_files import SPECTRUM, TRACE, an_mzml
-from tests.labweb.web import call, code_of, read, signed_in
+from tests.labweb.web import Keyed, call, code_of, read, signed_in
 
 API = "/api/v1"
 
@@ -103,7 +103,7 @@ def test_a_download_is_the_bytes_with_their_checksum(bench: Bench, chemist: Clie
 
 
 def test_a_browser_brings_a_file_with_the_token_of_its_session_alone(bench: Bench) -> None:
-    browser = Client(enforce_csrf_checks=True)
+    browser = Keyed(enforce_csrf_checks=True)
     browser.force_login(bench.people["chemist"])
     browser.get(f"{API}/session")
     token = browser.cookies["csrftoken"].value

@@ -20,6 +20,7 @@ from django.db import DEFAULT_DB_ALIAS, connection, connections
 from django.db.backends.postgresql.base import DatabaseWrapper
 from django.db.utils import InterfaceError, OperationalError
 
+from labweb.accounts import services as account_services
 from labweb.common import queue, wake
 from labweb.common.clock import now
 from labweb.common.heap import freeze_heap
@@ -184,6 +185,7 @@ class Command(BaseCommand):
                 self._tick(doing)
                 watch.take_turn()
                 if time.monotonic() >= trim_at:
+                    doing.do("forget old answers", account_services.forget_answers)
                     count = doing.do("trim telemetry", telemetry_services.trim) or 0
                     is_more = count >= telemetry_services.MOST_TRIMMED
                     trim_at = time.monotonic() + (0.0 if is_more else _TRIM_EVERY_S)

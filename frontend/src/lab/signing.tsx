@@ -1,0 +1,139 @@
+/** The password: typed again for an act that is signed, and changed by its owner. */
+
+import { useState } from "react";
+import { Navigate, useNavigate } from "react-router";
+import { useChangePassword, useConfirmPassword } from "@/api/commands";
+import { useSession } from "@/api/queries";
+import { useSigning } from "@/api/signing";
+import type { User } from "@/model/wire";
+import { Button, Dialog, Refused, TextField } from "@/ui/controls";
+import { words } from "./words";
+
+/** Asks for the password whenever an act has to be signed. */
+export function SigningDialog({ user }: { user: User }) {
+  const { answer, end } = useSigning();
+  const isOpen = answer !== null;
+  return (
+    <Dialog isOpen={isOpen} title={words.signing.title} onClose={() => end(false)}>
+      {isOpen && <SigningForm user={user} end={end} />}
+    </Dialog>
+  );
+}
+
+function SigningForm({ user, end }: { user: User; end: (isSigned: boolean) => void }) {
+  const [password, setPassword] = useState("");
+  const confirm = useConfirmPassword();
+  return (
+    <form
+      className="sheet"
+      data-testid="signing-form"
+      onSubmit={(event) => {
+        event.preventDefault();
+        event.stopPropagation();
+        confirm.mutate(password, { onSuccess: () => end(true) });
+      }}
+    >
+      <p className="s">{words.signing.about(user.name)}</p>
+      <input type="text" autoComplete="username" value={user.username} readOnly hidden />
+      <TextField
+        label={words.signing.password}
+        type="password"
+        value={password}
+        onChange={setPassword}
+        autoComplete="current-password"
+        testId="signing-password"
+      />
+      <Refused error={confirm.error} />
+      <div className="acts">
+        <Button onClick={() => end(false)} large>
+          {words.signing.cancel}
+        </Button>
+        <Button
+          type="submit"
+          look="pri"
+          large
+          testId="signing-send"
+          disabled={confirm.isPending}
+          why={password ? null : words.signing.empty}
+        >
+          {words.signing.send}
+        </Button>
+      </div>
+    </form>
+  );
+}
+
+/** Where a person chooses a new password; nothing else works while somebody else knows theirs. */
+export function PasswordPage() {
+  const session = useSession();
+  const navigate = useNavigate();
+  const user = session.data?.user ?? null;
+  const [old, setOld] = useState("");
+  const [fresh, setFresh] = useState("");
+  const [again, setAgain] = useState("");
+  const change = useChangePassword();
+  if (session.data && !user) return <Navigate to="/login?next=/password" replace />;
+  if (!user) return null;
+  const isDue = user.password_from === "admin";
+  const why = !old || !fresh ? words.password.empty : fresh === again ? null : words.password.other;
+  return (
+    <main className="login">
+      <form
+        className="card"
+        data-testid="password-form"
+        onSubmit={(event) => {
+          event.preventDefault();
+          change.mutate({ old, new: fresh }, { onSuccess: () => void navigate("/") });
+        }}
+      >
+        <div className="login-head">
+          <h1>{words.password.title}</h1>
+        </div>
+        <p className="s">{isDue ? words.password.due : words.password.about}</p>
+        <input type="text" autoComplete="username" value={user.username} readOnly hidden />
+        <TextField
+          label={words.password.old}
+          type="password"
+          value={old}
+          onChange={setOld}
+          autoComplete="current-password"
+          testId="password-old"
+        />
+        <TextField
+          label={words.password.fresh}
+          type="password"
+          value={fresh}
+          onChange={setFresh}
+          autoComplete="new-password"
+          testId="password-new"
+        />
+        <TextField
+          label={words.password.again}
+          type="password"
+          value={again}
+          onChange={setAgain}
+          autoComplete="new-password"
+          testId="password-again"
+        />
+        <Refused error={change.error} />
+        <div className="acts">
+          {!isDue && (
+            <Button onClick={() => void navigate("/")} large>
+              {words.password.cancel}
+            </Button>
+          )}
+          <Button
+            type="submit"
+            look="pri"
+            large
+            testId="password-send"
+            disabled={change.isPending}
+            why={why}
+          >
+            {words.password.send}
+          </Button>
+        </div>
+      </form>
+    </main>
+  );
+}

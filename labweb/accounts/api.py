@@ -1,0 +1,167 @@
+"""The base of every endpoint: one wish has one effect, however often it is sent."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import re
+from collections.abc import Callable, Mapping
+from functools import partial
+from typing import Any, ClassVar
+
+from django.core.files.uploadedfile import UploadedFile
+from django.http import HttpResponse, QueryDict
+from rest_framework.exceptions import APIException
+from rest_framework.renderers import JSONRenderer
+from rest_framework.request import Request
+from rest_framework.response import Response
+from rest_framework.views import APIView
+
+from labweb.accounts import services
+from labweb.accounts.selectors import user_of
+from labweb.domain.errors import LabError
+
+ACTING = frozenset({"post", "put", "patch", "delete"})
+HEADER = "Idempotency-Key"
+REPLAYED = "Idempotency-Replayed"
+
+_KEY = re.compile(r"[!-~]{8,64}")
+_JSON = "application/json"
+
+
+class KeyMissingError(APIException):
+    """What acts has to name the wish that it serves."""
+
+    status_code = 400
+    default_code = "key_missing"
+    default_detail = (
+        f"this request acts and has no {HEADER}: send one, a new UUID for each wish and the same "
+        "one each time that you repeat the request"
+    )
+
+
+class KeyMalformedError(APIException):
+    """The key is none."""
+
+    status_code = 400
+    default_code = "key_malformed"
+    default_detail = f"{HEADER} has 8 to 64 visible ASCII characters, such as a UUID"
+
+
+class KeyReusedError(APIException):
+    """One key cannot name two wishes."""
+
+    status_code = 409
+    default_code = "key_reused"
+    default_detail = (
+        f"this {HEADER} belongs to another request that you sent before: send a new key with a "
+        "new wish. Nothing was carried out now"
+    )
+
+
+class InProgressError(APIException):
+    """The first request has not been answered yet."""
+
+    status_code = 409
+    default_code = "in_progress"
+    default_detail = (
+        f"a request with this {HEADER} is being carried out: send it again with the same key to "
+        "get its answer"
+    )
+    wait = 1
+
+
+class Endpoint(APIView):
+    """A view whose unsafe methods each carry out one wish once.
+
+    A method acts unless `harmless` says why a second time does no more than the first. What
+    acts needs a key. The first answer to a key, a refusal too, is kept for seven days and is
+    the answer to each repetition. A request that could not be read (a code `http.…`) and a
+    failure of the server change nothing and keep nothing.
+
+    Source:
+        IETF draft-ietf-httpapi-idempotency-key-header, "The Idempotency-Key HTTP Header Field".
+    """
+
+    harmless: ClassVar[Mapping[str, str]] = {}
+    """Method that needs no key, in small letters → why."""
+
+    def initial(self, request: Request, *args: Any, **kwargs: Any) -> None:  # noqa: ANN401 - DRF's shape
+        """Let who may call at all come in; then guard what acts."""
+        super().initial(request, *args, **kwargs)
+        method = str(request.method).lower()
+        handler = getattr(self, method, None)
+        if handler is not None and acts(type(self), method):
+            setattr(self, method, partial(self._once, handler))
+
+    def _once(
+        self,
+        handler: Callable[..., Response],
+        request: Request,
+        *args: Any,  # noqa: ANN401 - what the address names
+        **kwargs: Any,  # noqa: ANN401
+    ) -> HttpResponse:
+        first: list[Response] = []
+
+        def act() -> services.Answer:
+            try:
+                response = handler(request, *args, **kwargs)
+            except LabError as error:
+                if error.code.startswith("http."):
+                    raise
+                response = self.handle_exception(error)
+            first.append(response)
+            content = b"" if response.data is None else JSONRenderer().render(response.data)
+            return services.Answer(response.status_code, content, {})
+
+        key, digest = _key(request), digest_of(request)
+        try:
+            answer = services.carry_out_once(act, actor=user_of(request), key=key, digest=digest)
+        except services.KeyReusedError as error:
+            raise KeyReusedError from error
+        except services.InProgressError as error:
+            raise InProgressError from error
+        if not answer.is_replayed:
+            return first[0]
+        replayed = HttpResponse(answer.content, status=answer.status, content_type=_JSON)
+        replayed[REPLAYED] = "true"
+        return replayed
+
+
+def acts(view: type[APIView], method: str) -> bool:
+    """Tell whether a method of a view acts, so that it needs a key."""
+    harmless: Mapping[str, str] = getattr(view, "harmless", {})
+    return method in ACTING and hasattr(view, method) and method not in harmless
+
+
+def _key(request: Request) -> str:
+    key = str(request.headers.get(HEADER, ""))
+    if not key:
+        raise KeyMissingError
+    if not _KEY.fullmatch(key):
+        raise KeyMalformedError
+    return key
+
+
+def digest_of(request: Request) -> str:
+    """Return the SHA-256 of method, address and body; of a form its fields and its files.
+
+    The boundary of a form is left out: a browser makes another each time it sends the form.
+
+    Raises:
+        ParseError: The body cannot be read.
+    """
+    data = request.data
+    body = sorted(map(_field, data.items())) if isinstance(data, QueryDict) else data
+    told = [request.method, request.get_full_path(), body]
+    return hashlib.sha256(json.dumps(told, sort_keys=True).encode()).hexdigest()
+
+
+def _field(item: tuple[str, object]) -> list[str]:
+    name, value = item
+    if not isinstance(value, UploadedFile):
+        return [name, str(value)]
+    value.seek(0)
+    content = hashlib.file_digest(value, "sha256").hexdigest()
+    value.seek(0)
+    return [name, value.name or "", value.content_type or "", content]
