@@ -25,6 +25,8 @@ ACTING = frozenset({"post", "put", "patch", "delete"})
 HEADER = "Idempotency-Key"
 REPLAYED = "Idempotency-Replayed"
 
+_HTTP = "http."
+
 _KEY = re.compile(r"[!-~]{8,64}")
 _JSON = "application/json"
 
@@ -33,7 +35,7 @@ class KeyMissingError(APIException):
     """What acts has to name the wish that it serves."""
 
     status_code = 400
-    default_code = "key_missing"
+    default_code = "http.key_missing"
     default_detail = (
         f"this request acts and has no {HEADER}: send one, a new UUID for each wish and the same "
         "one each time that you repeat the request"
@@ -44,7 +46,7 @@ class KeyMalformedError(APIException):
     """The key is none."""
 
     status_code = 400
-    default_code = "key_malformed"
+    default_code = "http.key_malformed"
     default_detail = f"{HEADER} has 8 to 64 visible ASCII characters, such as a UUID"
 
 
@@ -52,7 +54,7 @@ class KeyReusedError(APIException):
     """One key cannot name two wishes."""
 
     status_code = 409
-    default_code = "key_reused"
+    default_code = "http.key_reused"
     default_detail = (
         f"this {HEADER} belongs to another request that you sent before: send a new key with a "
         "new wish. Nothing was carried out now"
@@ -63,7 +65,7 @@ class InProgressError(APIException):
     """The first request has not been answered yet."""
 
     status_code = 409
-    default_code = "in_progress"
+    default_code = "http.in_progress"
     default_detail = (
         f"a request with this {HEADER} is being carried out: send it again with the same key to "
         "get its answer"
@@ -107,7 +109,7 @@ class Endpoint(APIView):
             try:
                 response = handler(request, *args, **kwargs)
             except LabError as error:
-                if error.code.startswith("http."):
+                if error.code.startswith(_HTTP):
                     raise
                 response = self.handle_exception(error)
             first.append(response)

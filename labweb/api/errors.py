@@ -100,7 +100,8 @@ def server_error(request: HttpRequest) -> HttpResponse:
 
 def _refused(error: exceptions.APIException) -> Response:
     is_text = isinstance(error.detail, str)
-    code = f"http.{error.get_codes() if is_text else 'invalid'}"
+    name = str(error.get_codes()) if is_text else "invalid"
+    code = name if name.startswith("http.") else f"http.{name}"
     body = _body(code, _text(error), context={} if is_text else {"fields": error.detail})
     response = Response(body, status=error.status_code)
     wait = getattr(error, "wait", None)

@@ -111,6 +111,7 @@ MIDDLEWARE = [
     "labweb.api.middleware.acts",
     "django.contrib.messages.middleware.MessageMiddleware",
     "django.middleware.clickjacking.XFrameOptionsMiddleware",
+    "labweb.api.middleware.once_per_form",
 ]
 
 ROOT_URLCONF = "labweb.urls"

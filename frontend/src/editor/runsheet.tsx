@@ -99,12 +99,7 @@ function Sheet({ onClose }: { onClose: () => void }) {
           {start.isPending ? "Starting…" : policies.length ? "Request approval" : verb}
         </Button>
       </div>
-      <SecondRun
-        error={start.error}
-        isPending={start.isPending}
-        onStart={() => plan && start.mutate({ seen: plan, isSecond: true })}
-        onClose={() => start.reset()}
-      />
+      <SecondRun start={start} plan={plan} />
     </div>
   );
 }
@@ -134,21 +129,16 @@ function waitingRuns(error: Error | null): WaitingRun[] | null {
 }
 
 /** Ask whether a second run is wanted while the first has not begun. */
-function SecondRun(props: {
-  error: Error | null;
-  isPending: boolean;
-  onStart: () => void;
-  onClose: () => void;
-}) {
+function SecondRun({ start, plan }: { start: ReturnType<typeof useStart>; plan: Plan | null }) {
   const navigate = useNavigate();
-  const runs = waitingRuns(props.error);
+  const runs = waitingRuns(start.error);
   const numbers = runs?.map((run) => `#${run.number}`).join(", ");
   const first = runs?.[0];
   return (
     <Dialog
       title="Start a second run?"
       isOpen={runs !== null}
-      onClose={props.onClose}
+      onClose={start.reset}
       testId="second-run"
     >
       <div className="sheet">
@@ -159,7 +149,7 @@ function SecondRun(props: {
           A second run does every step once more and uses the same amounts again.
         </p>
         <div className="acts">
-          <Button large onClick={props.onClose}>
+          <Button large onClick={start.reset}>
             Cancel
           </Button>
           {first && (
@@ -171,8 +161,8 @@ function SecondRun(props: {
             large
             look="pri"
             testId="start-second"
-            disabled={props.isPending}
-            onClick={props.onStart}
+            disabled={start.isPending}
+            onClick={() => plan && start.mutate({ seen: plan, isSecond: true })}
           >
             Start a second run
           </Button>

@@ -55,8 +55,8 @@ def carry_out_once(act: Callable[[], Answer], *, actor: User, key: str, digest: 
     a crash, or neither. Two requests with one key at once: the second waits for the first.
 
     Args:
-        act: Carries it out in the caller's block and returns the answer, also to what is
-            refused. What it raises takes everything back, and no answer is kept.
+        act: Carries it out in this block and returns the answer, also to what is refused.
+            What it raises takes everything back, as `set_rollback` does, and no answer is kept.
         actor: In whose name; keys of others are other keys.
         key: What the sender named its wish with.
         digest: SHA-256 of the request, hex.
@@ -75,6 +75,8 @@ def carry_out_once(act: Callable[[], Answer], *, actor: User, key: str, digest: 
         if kept is not None:
             return replace(_opened(kept, key), is_replayed=True)
         answer = act()
+        if connection.needs_rollback:
+            return answer
         KeptAnswer.objects.create(
             user=actor,
             key_digest=_key_digest(key),

@@ -160,8 +160,7 @@ def start_run(
     """
     scene = hold_scene(version.workflow.lab_id, actor)
     lab, view = scene.lab, scene.view
-    if is_asked:
-        _refuse_second(version, lab, actor)
+    _refuse_second(version, actor, is_asked=is_asked)
     found = preview(lab, version.document, view=view, reach=scene.reach, rules=scene.rules)
     check_proved(version, view)
     crutd_services.refuse_reserved_by_others(
@@ -170,8 +169,7 @@ def start_run(
     plan_digest = plans.digest(found.plan)
     _check_seen(plan_digest, seen_digest)
     policies = found.policies if wish is None else (*found.policies, wish.rule)
-    needs_person = bool(policies)
-    state = RunState.AWAITING_APPROVAL if needs_person else RunState.QUEUED
+    state = RunState.AWAITING_APPROVAL if policies else RunState.QUEUED
     run = Run(
         lab=lab,
         number=scene.run_number,
@@ -188,10 +186,9 @@ def start_run(
         ask_id=None if wish is None else wish.ask_id,
         ask_host_id=None if wish is None else wish.host_id,
     )
-    job_state = JobState.AWAITING_APPROVAL if needs_person else JobState.QUEUED
-    rows = [inserting([run]), *_inserting_jobs(run, found.plan, job_state)]
+    rows = [inserting([run]), *_inserting_jobs(run, found.plan, JobState(state.value))]
     last: list[str] | None = None
-    if needs_person:
+    if policies:
         together(*rows)
         _ask(run, policies, actor)
     else:
@@ -257,13 +254,15 @@ def _check_seen(plan_digest: str, seen_digest: str | None) -> None:
         )
 
 
-def _refuse_second(version: WorkflowVersion, lab: Lab, actor: User) -> None:
+def _refuse_second(version: WorkflowVersion, actor: User, *, is_asked: bool) -> None:
     """Refuse a start while another run of the version has not begun; name those the actor sees."""
-    waiting = selectors.waiting_runs(version.id)
+    waiting = selectors.waiting_runs(version.id) if is_asked else []
     if not waiting:
         return
     seen = resource_selectors.allowed_ids(actor, Permission.VIEW)
-    shown = selectors.visible_runs(lab, seen).filter(pk__in=[run.pk for run in waiting])
+    shown = selectors.visible_runs(version.workflow.lab, seen).filter(
+        pk__in=[run.pk for run in waiting]
+    )
     runs = [{"id": str(run.id), "number": run.number, "state": run.state} for run in shown]
     names = ", ".join(f"run #{run['number']}" for run in runs) or "a run that you may not see"
     raise StateError(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import threading
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
@@ -13,10 +14,12 @@ import pytest
 from django.db import connection
 from django.db.transaction import atomic
 from django.http import HttpResponse
+from django.test import Client
 
 from labweb.accounts import services as account_services
 from labweb.accounts.models import AuditEntry, KeptAnswer
 from labweb.common.clock import now
+from labweb.enrollment.models import JoinToken
 from labweb.runs import services
 from labweb.runs.models import Run
 from labweb.workflows.models import Workflow
@@ -24,6 +27,7 @@ from tests.builders import MOVE_WATER, Bench, a_lab
 from tests.labweb.web import call, code_of, signed_in
 
 RUNS = "/api/v1/runs"
+NEW_TOKEN = "/admin/enrollment/jointoken/new/"
 
 
 def at_once(*acts: Callable[[], HttpResponse]) -> list[HttpResponse]:
@@ -183,3 +187,22 @@ def test_a_run_that_has_begun_or_ended_is_no_reason_to_ask(bench: Bench) -> None
     assert starting(bench, str(uuid4())).status_code == 201
     Run.objects.filter(started_at=None).update(state="aborted", ended_at=now())
     assert starting(bench, str(uuid4())).status_code == 201
+
+
+def test_a_form_of_the_admin_pages_acts_once_however_often_it_is_sent(bench: Bench) -> None:
+    admin = Client(enforce_csrf_checks=True)
+    admin.force_login(bench.people["admin"])
+
+    def a_form() -> dict[str, str]:
+        page = admin.get(NEW_TOKEN).content.decode()
+        found = re.search(r'name="csrfmiddlewaretoken" value="(\w+)"', page)
+        assert found is not None
+        return {"csrfmiddlewaretoken": found[1], "name": "Bench 9", "minutes": "5"}
+
+    form = a_form()
+    first, second = admin.post(NEW_TOKEN, form), admin.post(NEW_TOKEN, form)
+    assert (first.status_code, second.status_code) == (200, 200), first.content
+    assert first.content == second.content, "the token is shown to whoever sees the second page"
+    assert JoinToken.objects.count() == 1
+    admin.post(NEW_TOKEN, a_form())
+    assert JoinToken.objects.count() == 2

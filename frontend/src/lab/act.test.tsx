@@ -3,9 +3,9 @@ import { fireEvent, screen, waitFor } from "@testing-library/react";
 import { afterEach, expect, test, vi } from "vitest";
 import { serve, show } from "@/testpage";
 import { Button, Refused } from "@/ui/controls";
-import { useAct } from "./act";
-import { call } from "./client";
-import { forgetWishes } from "./wish";
+import { useAct } from "@/api/act";
+import { call } from "@/api/client";
+import { forgetWishes } from "@/api/wish";
 
 afterEach(() => {
   vi.useRealTimers();
