@@ -71,7 +71,7 @@ def role_of(database_url: str) -> str:
     """Give the role that signs in at an address; empty: the address names none.
 
     Example:
-        >>> role_of("postgresql://labweb_app:secret@10.0.0.5/labweb")
+        >>> role_of("postgresql://labweb_app@10.0.0.5/labweb")
         'labweb_app'
     """
     return unquote(urlsplit(database_url).username or "")

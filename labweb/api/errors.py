@@ -73,12 +73,16 @@ def _audit_refusal(error: Exception, request: Request | None) -> None:
     is_refusal = isinstance(
         error, errors.GovernanceError | PermissionDenied | exceptions.PermissionDenied
     )
-    if not is_refusal or request is None or not isinstance(request.user, User):
+    if not is_refusal or request is None:
+        return
+    # Of the session: to ask who signed the request would refuse it once more.
+    user = getattr(request._request, "user", None)  # noqa: SLF001 - DRF offers no other way
+    if not isinstance(user, User):
         return
     code = error.code if isinstance(error, errors.LabError) else "http.permission_denied"
     try:
         account_services.write_refusal(
-            request.user, method=request.method or "", path=request.path, code=code
+            user, method=request.method or "", path=request.path, code=code
         )
     except AWAY:
         logger.warning("a refusal at %s could not be written down", request.path)

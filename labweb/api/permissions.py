@@ -5,6 +5,7 @@ from __future__ import annotations
 from rest_framework.permissions import BasePermission
 from rest_framework.request import Request
 
+from labweb.accounts import selectors as account_selectors
 from labweb.accounts.selectors import User
 from labweb.common import sessions
 from labweb.domain.errors import ForbiddenError
@@ -30,7 +31,7 @@ class SignedIn(BasePermission):
         if user.password_from == User.PasswordFrom.ADMIN:
             text = "somebody else has set your password: change it first"
             raise ForbiddenError(text, code="session.password_due")
-        if not getattr(user, "has_role", True):
+        if not account_selectors.has_role(user):
             text = "you were granted no role in this lab: ask an admin for one"
             raise ForbiddenError(text, code="http.no_role")
         check_signature(request, getattr(view, "signs", frozenset()))

@@ -89,6 +89,7 @@ class _Statement(Generic[Row]):
         self._populators = populators(shape, selected, DEFAULT_DB_ALIAS)
         self._model = shape["model"]
         self.columns = [column.target.column for column, _, _ in selected[self._part]]
+        self._annotations = dict(compiler.annotation_col_map)
 
     _model: Any = None
 
@@ -103,6 +104,8 @@ class _Statement(Generic[Row]):
         found = self._model.from_db(DEFAULT_DB_ALIAS, self._attributes, values[self._part])
         for populator in self._populators:
             populator.populate(values, found)
+        for name, position in self._annotations.items():
+            setattr(found, name, values[position])
         return cast("Row", found)
 
 

@@ -50,6 +50,12 @@ def granting(user: User, permission: Permission) -> tuple[UUID, list[str]]:
     return user.pk, roles_with(permission) if user.is_active else []
 
 
+def has_role(user: User) -> bool:
+    """Say whether a person was granted any role, anywhere; whoever is signed in was asked."""
+    known = getattr(user, "has_role", None)
+    return bool(roles_of(user)) if known is None else bool(known)
+
+
 def roles_of(user: User) -> list[str]:
     """Return the user's roles, anywhere."""
     return sorted({role for (role,) in ROLES.rows(user=user.pk)})

@@ -318,5 +318,5 @@ async def test_the_feed_is_closed_to_all_others(
 
 def test_the_feed_has_no_message_to_change_anything() -> None:
     assert {name for name in vars(FeedConsumer) if not name.startswith("_")} <= {
-        "connect", "disconnect", "receive", "feed_messages",
+        "connect", "disconnect", "receive", "feed_messages", "lane", "most_frame_bytes", "rate",
     }  # fmt: skip

@@ -71,8 +71,10 @@ def test_the_session_cookie_is_not_for_scripts(bench: Bench) -> None:
 ABOUT_TOKENS = {
     "api/v1/join-tokens",
     "api/v1/join-tokens/<uuid:token_id>",
+    "api/v1/session/password",
 }
-"""Routes that make and end join tokens; the second takes the id of one, never its secret."""
+"""Routes that make and end join tokens, of which one takes the id of one, never its secret; and
+where a password is changed, which stands in the body."""
 
 
 def test_no_url_takes_a_credential() -> None:

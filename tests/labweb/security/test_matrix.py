@@ -19,6 +19,7 @@ from pytest_django import Settings
 
 from labweb.common.clock import now
 from labweb.crutd import services as crutd_services
+from labweb.crutd.models import RunHold
 from labweb.domain.crutd.decide import Outcome, OutcomeKind
 from labweb.domain.crutd.operations import TransferLiquid
 from labweb.enrollment.models import EdgeHost
@@ -47,7 +48,7 @@ A_VIAL = {
     "operation": {
         "op": "create",
         "resource_id": "0198a000-0000-7000-8000-000000000001",
-        "parent_id": "<heater>",
+        "parent_id": "<place>",
         "key": "vial",
         "name": "Vial",
         "kind": "vial",
@@ -110,6 +111,7 @@ API: dict[tuple[str, str], tuple[tuple[str, ...], Any]] = {
     ),
     ("GET", "devices/<device>/driver/<approved>/parts"): (ADMINS, None),
     ("POST", "devices/<showing>/show"): (WORKERS, {}),
+    ("POST", "devices/<stopped>/stop"): (MEMBERS, {}),
     ("GET", "devices/<device>/photo"): (MEMBERS, None),
     ("POST", "devices/<device>/photo"): (ADMINS, Form()),
     ("GET", "drivers"): (MEMBERS, None),
@@ -256,6 +258,7 @@ def prepare(bench: Bench, route: str, ids: dict[str, str]) -> None:
         attempt = Attempt.objects.get(job_id=ids["job"])
         nothing = Outcome(kind=OutcomeKind.PARTIAL, moved_nl=0)
         crutd_services.settle(attempt.transaction_id, crutd_services.Settlement(outcome=nothing))
+        RunHold.objects.all().delete()
         bench.unplug("water")
     if route == "calibrations/<calibration>/withdraw":
         rows = Calibration.objects.filter(pk=ids["calibration"])

@@ -39,6 +39,11 @@ A_LOT = {
 HARMLESS = {
     ("POST", "session"),
     ("DELETE", "session"),
+    ("POST", "session/password"),
+    ("POST", "session/confirm"),
+    ("POST", "session/awake"),
+    ("POST", "lab/stop"),
+    ("POST", "devices/<stopped>/stop"),
     ("POST", "drivers/reading"),
     ("POST", "operations/check"),
     ("POST", "workflows/check"),

@@ -18,6 +18,7 @@ from django.test import Client
 
 from labweb.accounts import services as account_services
 from labweb.accounts.models import AuditEntry, KeptAnswer
+from labweb.common import sessions
 from labweb.common.clock import now
 from labweb.enrollment.models import JoinToken
 from labweb.runs import services
@@ -192,6 +193,9 @@ def test_a_run_that_has_begun_or_ended_is_no_reason_to_ask(bench: Bench) -> None
 def test_a_form_of_the_admin_pages_acts_once_however_often_it_is_sent(bench: Bench) -> None:
     admin = Client(enforce_csrf_checks=True)
     admin.force_login(bench.people["admin"])
+    session = admin.session
+    sessions.begin(session)
+    session.save()
 
     def a_form() -> dict[str, str]:
         page = admin.get(NEW_TOKEN).content.decode()

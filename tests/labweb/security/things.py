@@ -228,6 +228,7 @@ def one_of_each(bench: Bench) -> dict[str, str]:
         "place": str(place.id),
         "custody": str(on_its_way(bench, spare, place).id),
         "device": str(pictured.id),
+        "stopped": str(bench.device("pump_1").id),
         "showing": str(bench.device("balance_1").id),
         "resource": str(bench.node("water").id),
         "lot": str(Lot.objects.get(key="water_lot").id),
