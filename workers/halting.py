@@ -12,14 +12,9 @@ from labweb.domain.errors import LabError
 from labweb.domain.ports import Clock
 from labweb.domain.runs.acting import Found
 from labweb.domain.runs.bodies import plain
-from labweb.domain.runs.halting import (
-    MAY_MOVE,
-    is_moving,
-    note_waiting,
-    tells_motion,
-    write_late_halt,
-)
+from labweb.domain.runs.halting import MAY_MOVE, note_waiting, write_late_halt
 from labweb.domain.runs.journal import JournalError
+from labweb.domain.runs.motion import is_moving, tells_motion
 from workers.journal import Journal
 from workers.unit import Unit
 

@@ -96,11 +96,7 @@ def admit_device(
     row.admission = None if admission is None else {k: dict(v) for k, v in admission.items()}
     row.kept_review = {}
     row.save()
-    detail = {
-        "admission": row.admission,
-        "look": _proof_of(row),
-        "label": row.admitted_as["label"],
-    }
+    detail = {"admission": row.admission, "look": _proof_of(row), "label": row.admitted_as["label"]}
     account_services.write_audit(
         "device.admit",
         str(row.id),

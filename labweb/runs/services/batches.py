@@ -28,7 +28,7 @@ from labweb.runs import selectors
 from labweb.runs.models import Attempt, Job, Outbox, Run
 from labweb.runs.services import dispatch, holding
 from labweb.runs.services.drivers import switch_before
-from labweb.runs.services.state import check_not_halting, move_job, note_sent
+from labweb.runs.services.state import check_not_halting, hold_job, move_job, note_sent
 
 logger = logging.getLogger(__name__)
 
@@ -54,7 +54,7 @@ def dispatch_batch(run_id: UUID, job_ids: Sequence[UUID], execution: Execution) 
         holding.note_waiting(run_id, error)
         return 0
     except PreconditionError as error:
-        dispatch.hold_job(job_ids[0], error)
+        hold_job(job_ids[0], error)
         return 0
 
 

@@ -22,6 +22,7 @@ from labweb.resources import selectors as resource_selectors
 from labweb.runs import selectors
 from labweb.runs.models import Attempt
 from labweb.runs.services import custody, dispatch, holding
+from labweb.runs.services.state import hold_job
 
 
 def dispatch_carry(run_id: UUID, view: JobView) -> bool:
@@ -41,7 +42,7 @@ def dispatch_carry(run_id: UUID, view: JobView) -> bool:
         holding.note_waiting(run_id, error)
         return False
     except PreconditionError as error:
-        dispatch.hold_job(view.id, error)
+        hold_job(view.id, error)
         return False
 
 

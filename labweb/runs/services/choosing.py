@@ -18,9 +18,9 @@ from labweb.domain.workflows.plan import Choice
 from labweb.enrollment import selectors as enrollment_selectors
 from labweb.enrollment.selectors import Device
 from labweb.runs.models import Job
-from labweb.runs.services.dispatch import dispatch_on, hold_job
+from labweb.runs.services.dispatch import dispatch_on
 from labweb.runs.services.holding import note_waiting
-from labweb.runs.services.state import announce
+from labweb.runs.services.state import announce, hold_job
 from labweb.telemetry import selectors as telemetry_selectors
 
 

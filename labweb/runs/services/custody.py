@@ -39,7 +39,7 @@ from labweb.runs import selectors
 from labweb.runs.models import Custody, Job, Outbox
 from labweb.runs.services import dispatch
 from labweb.runs.services.doubts import doubt
-from labweb.runs.services.state import announce
+from labweb.runs.services.state import announce, hold_job
 
 KINDS = frozenset({"released", "kept", "received"})
 """Events of hosts that speak of custody."""
@@ -295,7 +295,7 @@ def _kept(host: EdgeHost, made: Custody, event: EdgeEvent) -> None:
 
 def _stop_for(made: Custody, job_id: UUID, text: str) -> None:
     """Have a person look at a job whose thing its host keeps, before or after it acts."""
-    dispatch.hold_job(job_id, PreconditionError(text, code="custody.in_use"))
+    hold_job(job_id, PreconditionError(text, code="custody.in_use"))
     detail = {"job_id": str(job_id), "resource_id": str(made.resource_id)}
     crutd_services.open_ticket(made.resource.lab, "custody.in_use", text, detail)
 

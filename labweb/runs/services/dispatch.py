@@ -48,7 +48,7 @@ from labweb.runs.services.failing import doubt_command
 from labweb.runs.services.state import (
     announce,
     check_not_halting,
-    move_job,
+    hold_job,
     moving,
     noting_sent,
     refresh_run,
@@ -226,16 +226,6 @@ def _keeping(attempt: Attempt, command: Do) -> Question[Any]:
         "body": msgspec.json.encode(command).decode(),
     }
     return Question(_KEEP, values, tuple)
-
-
-def hold_job(job_id: UUID, error: PreconditionError) -> None:
-    """Hold a job whose precondition fails now; a person resumes its run when it holds."""
-    with atomic():
-        selectors.run_for_update(Job.objects.values_list("run_id", flat=True).get(pk=job_id))
-        job = selectors.job_for_update(job_id)
-        if job.state == JobState.QUEUED.value:
-            move_job(job, JobState.HELD, Mover.SERVER, code=error.code, message=error.message)
-            refresh_run(job.run_id)
 
 
 def command_of(job: Job, attempt: Attempt, views: list[ResourceView]) -> Do:

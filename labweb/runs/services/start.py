@@ -176,10 +176,7 @@ def start_run(
         version=version,
         plan=msgspec.to_builtins(found.plan),
         plan_digest=plan_digest,
-        claims=msgspec.to_builtins(
-            claims_of_plan(found.plan, {one.id: one.kind for one in view.tree.resources}),
-            str_keys=True,
-        ),
+        claims=_claimed(found.plan, view),
         state=state.value,
         created_by=actor,
         created_at=now(),
@@ -198,6 +195,13 @@ def start_run(
     )
     on_commit(partial(announce, run.id))
     return run
+
+
+def _claimed(plan: Plan, view: LabView) -> dict[str, Any]:
+    """Return what any path of a plan may use, as it is stored."""
+    kinds = {one.id: one.kind for one in view.tree.resources}
+    claims: dict[str, Any] = msgspec.to_builtins(claims_of_plan(plan, kinds), str_keys=True)
+    return claims
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,14 +7,14 @@ from functools import partial
 from typing import Any
 from uuid import UUID
 
-from django.db.transaction import on_commit
+from django.db.transaction import atomic, on_commit
 
 from labweb.accounts.selectors import User
 from labweb.common import feed
 from labweb.common.clock import now
 from labweb.common.prepared import Question, together, updating
 from labweb.common.wake import wake_dispatcher
-from labweb.domain.errors import LockedError
+from labweb.domain.errors import LockedError, PreconditionError
 from labweb.domain.runs.job import FINAL, JobState, Mover, RunState, check_step
 from labweb.domain.runs.scheduler import run_state, state_after_dispatch
 from labweb.runs import selectors
@@ -118,3 +118,13 @@ def refresh_run(run_id: UUID) -> Run:
         on_commit(partial(announce, run_id))
     holding.release(run)
     return run
+
+
+def hold_job(job_id: UUID, error: PreconditionError) -> None:
+    """Hold a job whose precondition fails now; a person resumes its run when it holds."""
+    with atomic():
+        selectors.run_for_update(Job.objects.values_list("run_id", flat=True).get(pk=job_id))
+        job = selectors.job_for_update(job_id)
+        if job.state == JobState.QUEUED.value:
+            move_job(job, JobState.HELD, Mover.SERVER, code=error.code, message=error.message)
+            refresh_run(job.run_id)

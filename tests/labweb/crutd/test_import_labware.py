@@ -232,7 +232,12 @@ def test_a_plate_of_1536_wells_takes_as_many_queries_as_one_of_two(
     value = an_opentrons_plate()
     rows = [chr(65 + n) if n < 26 else f"A{chr(65 + n - 26)}" for n in range(32)]
     well = value["wells"]["A1"]
-    value["wells"] = {f"{row}{column}": well for column in range(1, 49) for row in rows}
+    value["dimensions"] = {"xDimension": 400, "yDimension": 300, "zDimension": 14}
+    value["wells"] = {
+        f"{row}{column}": {**well, "x": 7.0 * column, "y": 290.0 - 7.0 * place}
+        for column in range(1, 49)
+        for place, row in enumerate(rows)
+    }
     value["ordering"] = [[f"{row}{column}" for row in rows] for column in range(1, 49)]
     path = written(tmp_path, value)
     with CaptureQueriesContext(connection) as many:

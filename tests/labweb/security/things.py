@@ -12,6 +12,7 @@ from labweb.approvals import services as approval_services
 from labweb.approvals.models import ApprovalRequest, Tryout
 from labweb.common.clock import now
 from labweb.crutd import services as crutd_services
+from labweb.crutd.models import ResourceReservation
 from labweb.domain.enrollment.join import Ask, code_of, parse_token
 from labweb.domain.messages import SimulatedModel, TryoutOffer, TryoutTold
 from labweb.domain.runs.session import SessionState
@@ -183,17 +184,8 @@ def _calibrated(bench: Bench, calibration: Calibration) -> dict[str, str]:
     }
 
 
-def one_of_each(bench: Bench) -> dict[str, str]:
-    """Make one of each, in a state in which every act is possible; return their ids by name."""
-    run = a_started_run(bench)
-    attempt = to_transfer(run, an_edge(bench))
-    request_run = a_started_run(bench, HEAT)
-    workflow = workflow_services.create_workflow(
-        bench.lab, name="Own", document=None, actor=bench.people["chemist"]
-    )
-    workflow_services.save_version(workflow.id, note="", actor=bench.people["chemist"])
-    file = a_file(bench)
-    spare, place = a_second_host(bench)
+def a_reservation(bench: Bench) -> ResourceReservation:
+    """A shelf that a chemist has reserved."""
     shelf = Resource.objects.create(
         lab=bench.lab,
         parent=bench.node("lab"),
@@ -208,6 +200,21 @@ def one_of_each(bench: Bench) -> dict[str, str]:
         lasts=timedelta(hours=1),
         reason="a wash",
     )
+    return reservation
+
+
+def one_of_each(bench: Bench) -> dict[str, str]:
+    """Make one of each, in a state in which every act is possible; return their ids by name."""
+    run = a_started_run(bench)
+    attempt = to_transfer(run, an_edge(bench))
+    request_run = a_started_run(bench, HEAT)
+    workflow = workflow_services.create_workflow(
+        bench.lab, name="Own", document=None, actor=bench.people["chemist"]
+    )
+    workflow_services.save_version(workflow.id, note="", actor=bench.people["chemist"])
+    file = a_file(bench)
+    spare, place = a_second_host(bench)
+    reservation = a_reservation(bench)
     calibration = a_result(bench, request_run)
     token = enrollment_services.make_token(bench.lab, actor=bench.people["admin"])
     asking, code = a_machine_that_asks(bench)
