@@ -76,15 +76,7 @@ function Details(props: { resource: Resource; isShort: boolean; ask: StockAsked 
           {words.tree.unknown}
         </p>
       )}
-      {resource.held_by.map((hold) => (
-        <p className="quar" key={hold.run_id} data-testid="held-by">
-          <span className="chip" data-state="queued">
-            <Glyph look="queued" />
-            {words.tree.held}
-          </span>
-          <Link to={`/runs/${hold.run_id}`}>{words.tree.heldBy(hold)}</Link>
-        </p>
-      ))}
+      <HeldBy resource={resource} />
       {ask && resource.holds_liquid && <OnItsWay key={`way ${resource.id}`} resource={resource} />}
       {ask && <ReservedBy key={`reserved ${resource.id}`} resource={resource} />}
       {resource.holds_liquid && <ContentsTable resource={resource} />}
@@ -102,6 +94,18 @@ function Details(props: { resource: Resource; isShort: boolean; ask: StockAsked 
       )}
     </div>
   );
+}
+
+function HeldBy({ resource }: { resource: Resource }) {
+  return resource.held_by.map((hold) => (
+    <p className="quar" key={hold.run_id} data-testid="held-by">
+      <span className="chip" data-state="queued">
+        <Glyph look="queued" />
+        {words.tree.held}
+      </span>
+      <Link to={`/runs/${hold.run_id}`}>{words.tree.heldBy(hold)}</Link>
+    </p>
+  ));
 }
 
 function WellsNow({ resource }: { resource: Resource }) {

@@ -46,11 +46,32 @@ function keepName(name: string): void {
   localStorage.setItem(RECENT, JSON.stringify(names.slice(0, MOST_RECENT)));
 }
 
+/** Those who signed in on this terminal lately: one press, and only the password is missing. */
+function RecentNames({ onPick }: { onPick: (name: string) => void }) {
+  const [recent] = useState(recentNames);
+  if (recent.length === 0) return null;
+  return (
+    <div className="acts" role="group" aria-label={words.password.recent}>
+      {recent.map((name) => (
+        <Button
+          key={name}
+          testId="recent-user"
+          onClick={() => {
+            onPick(name);
+            document.querySelector<HTMLInputElement>("[data-testid=password]")?.focus();
+          }}
+        >
+          {name}
+        </Button>
+      ))}
+    </div>
+  );
+}
+
 export function LoginPage() {
   const [params] = useSearchParams();
   const [username, setUsername] = useState("");
   const [password, setPassword] = useState("");
-  const [recent] = useState(recentNames);
   const session = useSession();
   const signIn = useSignIn();
   if (session.data?.user) return <GoTo path={safeNext(params.get("next"))} />;
@@ -71,22 +92,7 @@ export function LoginPage() {
           {lab && <ModeChip mode={lab.mode} />}
         </div>
         {params.get("next") && <p className="s">Sign in to go on where you were.</p>}
-        {recent.length > 0 && (
-          <div className="acts" role="group" aria-label={words.password.recent}>
-            {recent.map((name) => (
-              <Button
-                key={name}
-                testId="recent-user"
-                onClick={() => {
-                  setUsername(name);
-                  document.querySelector<HTMLInputElement>("[data-testid=password]")?.focus();
-                }}
-              >
-                {name}
-              </Button>
-            ))}
-          </div>
-        )}
+        <RecentNames onPick={setUsername} />
         <TextField
           label="User name"
           value={username}

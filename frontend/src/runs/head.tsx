@@ -64,13 +64,7 @@ function Acts({ run }: { run: Run }) {
   const isOver = run.state === "complete" || run.state === "aborted";
   const offline = useStatus() === "offline" ? "Not connected." : null;
   if (isOver) return <Exports run={run} />;
-  if (run.is_given_up) {
-    return (
-      <span className="t12 s" role="status" data-testid="aborting">
-        {words.aborting}
-      </span>
-    );
-  }
+  if (run.is_given_up) return <Aborting />;
   const isPaused = run.pause_reasons.length > 0 || run.can.resume || run.state === "paused";
   const mayResume = run.can.resume && !isHeldByProof(run);
   // Who closed the dialog before the answer came is told here.
@@ -120,6 +114,14 @@ function Acts({ run }: { run: Run }) {
       </span>
       <AbortDialog run={run} act={abort} isOpen={isAborting} onClose={() => setAborting(false)} />
     </>
+  );
+}
+
+function Aborting() {
+  return (
+    <span className="t12 s" role="status" data-testid="aborting">
+      {words.aborting}
+    </span>
   );
 }
 

@@ -57,7 +57,6 @@ def test_a_lab_that_ran_and_was_worked_on_by_hand_is_rebuilt(bench: Bench) -> No
         ),
     )  # fmt: skip
     flask, archive = bench.unplug("flask_1"), bench.node("archive")
-    do(bench, operations.Dispose(resource_id=flask.id))
     do(bench, operations.Delete(resource_id=flask.id, archive_id=archive.id))
     assert rebuild_differences(bench.lab) == []
 

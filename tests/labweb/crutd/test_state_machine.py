@@ -22,10 +22,10 @@ from labweb.resources import services as resource_services
 from tests.labweb.crutd.machine import LAB_FILE, LabMachine
 
 IS_SOAK = "LABWEB_SOAK" in os.environ
-ENOUGH = 40
+ENOUGH = 200
 """Examples within which every broken rule is seen."""
 
-BLOCKS, EXAMPLES = (20, 100) if IS_SOAK else (1, ENOUGH)
+BLOCKS, EXAMPLES = (20, 100) if IS_SOAK else (1, 40)
 """Each block has a database transaction of its own: one for all grows slower with each example."""
 
 FIRST = int(os.environ.get("LABWEB_SEED", "0")) * BLOCKS
@@ -81,7 +81,7 @@ MUTANTS: dict[str, tuple[object, str, Any, str]] = {
         locking,
         "conflicts",
         nothing,
-        "one_exclusive_lock|never_overdrawn|I9",
+        "one_exclusive_lock|never_overdrawn|I9|I10",
     ),
     "a reservation stays": (transactions, "post", unreleased(post), "reserves|I10"),
     "anything stands in anything": (checks, "_check_carry", nothing, "own_parent|I11"),
