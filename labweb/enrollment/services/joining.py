@@ -259,7 +259,12 @@ def _admit(request_id: UUID, reason: str, actor: User) -> EdgeHost:
     _decide(row, JoinRequest.State.ADMITTED, actor, reason)
     detail = {"host_id": str(host.id), "public_key": row.public_key}
     account_services.write_audit(
-        "host.admit", str(host.id), actor=actor, reason=reason, detail=detail
+        "host.admit",
+        str(host.id),
+        actor=actor,
+        reason=reason,
+        detail=detail,
+        meaning="admits the machine whose code was typed as a host of the lab",
     )
     on_commit(partial(feed.publish, "hosts", {"host_id": str(host.id)}))
     return host

@@ -143,7 +143,12 @@ def _audit(
         **more,
     }
     account_services.write_audit(
-        "job.resolve", str(job.id), actor=actor, reason=told.note, detail=detail
+        "job.resolve",
+        str(job.id),
+        actor=actor,
+        reason=told.note,
+        detail=detail,
+        meaning="says what became of an action in doubt",
     )
 
 
