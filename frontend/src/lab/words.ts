@@ -62,6 +62,7 @@ export const words = {
     empty: "Type the present password and the new one.",
     other: "The two new passwords differ.",
     cancel: "Cancel",
+    signOut: "Sign out",
     send: "Change password",
     change: "Change password…",
     advised: "The password of this lab was made at its first start and stands in a file.",
