@@ -69,7 +69,7 @@ def test_a_middle_step_that_is_deleted_keeps_the_order_however_it_is_deleted(
             chemist.press(chemist.page.get_by_role("menuitem", name="Delete"))
         else:
             chemist.key(way)
-    expect(chemist.at("edit-notice")).to_contain_text("step 1 now leads to step 3.")
+    expect(chemist.at("edit-notice")).to_contain_text("step 1 now leads to the former step 3.")
     wait_until_saved(chemist)
     assert edges(stack, workflow) == [("wait_1", "wait_3")]
     if way == "menu":
