@@ -41,6 +41,7 @@ function SigningForm({ user, end }: { user: User; end: (isSigned: boolean) => vo
         value={password}
         onChange={setPassword}
         autoComplete="current-password"
+        autoFocus
         testId="signing-password"
       />
       <Refused error={confirm.error} />

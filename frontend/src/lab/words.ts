@@ -46,7 +46,7 @@ export const words = {
   signing: {
     title: "Sign this act",
     about: (name: string) =>
-      `Type your password to sign as ${name}. It then holds for five minutes.`,
+      `Type your password to sign as ${name}. You are not asked again for five minutes.`,
     password: "Password",
     empty: "Type your password first.",
     cancel: "Cancel",
