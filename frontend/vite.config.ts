@@ -29,5 +29,7 @@ export default defineConfig(({ command }) => ({
     environment: "node",
     include: ["src/**/*.test.{ts,tsx}"],
     setupFiles: ["src/testing.ts"],
+    // A page typed into key by key takes seconds on a machine that runs other tests.
+    testTimeout: 20_000,
   },
 }));

@@ -5,7 +5,7 @@ import {
   type UseMutationOptions,
   type UseMutationResult,
 } from "@tanstack/react-query";
-import { useRef } from "react";
+import { useCallback, useRef } from "react";
 import { ApiError } from "./client";
 
 /**
@@ -24,18 +24,24 @@ export function useAct<T, V = void>(
     },
   });
   type Pressed = Parameters<typeof begin>;
-  const mutate = (...pressed: Pressed): void => {
-    if (isBusy.current) return;
-    isBusy.current = true;
-    const [wanted, told] = pressed;
-    const heard: typeof told = {
-      ...told,
-      onError: (error, ...rest) => {
-        if (error instanceof ApiError && error.isUnanswered) error.again = () => mutate(...pressed);
-        told?.onError?.(error, ...rest);
-      },
-    };
-    begin(...([wanted, heard] as Pressed));
-  };
+  const mutate = useCallback(
+    (...pressed: Pressed): void => {
+      const [wanted, told] = pressed;
+      const press = (): void => {
+        if (isBusy.current) return;
+        isBusy.current = true;
+        const heard: typeof told = {
+          ...told,
+          onError: (error, ...rest) => {
+            if (error instanceof ApiError && error.isUnanswered) error.again = press;
+            told?.onError?.(error, ...rest);
+          },
+        };
+        begin(...([wanted, heard] as Pressed));
+      };
+      press();
+    },
+    [begin],
+  );
   return { ...mutation, mutate } as UseMutationResult<T, Error, V>;
 }

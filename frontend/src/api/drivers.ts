@@ -1,6 +1,7 @@
 /** Drivers: what pages read and write of them. */
 
 import {
+  useMutation,
   useQueries,
   useQuery,
   type UseMutationResult,
@@ -70,9 +71,9 @@ export interface Source {
   source: string;
 }
 
-/** Have source read as text; nothing is kept. */
+/** Have source read as text. Nothing is kept, so the newest source is read at once. */
 export function useReadDriver(): UseMutationResult<DriverReading, Error, Source> {
-  return useAct({
+  return useMutation({
     mutationFn: (given) => call<DriverReading>("POST", "/drivers/reading", given),
   });
 }

@@ -78,7 +78,7 @@ beforeEach(() => {
 async function expectKeptAndUndone(): Promise<void> {
   expect(ends()).toEqual(["a>c"]);
   expect(await screen.findByTestId("edit-notice")).toHaveTextContent(
-    "Step 2 was deleted; step 1 now leads to step 3.",
+    "Step 2 was deleted; step 1 now leads to the former step 3.",
   );
   await userEvent.click(screen.getByTestId("notice-undo"));
   expect(editor().history.document).toEqual(CHAIN);

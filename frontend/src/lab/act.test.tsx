@@ -1,5 +1,6 @@
 // @vitest-environment jsdom
 import { fireEvent, screen, waitFor } from "@testing-library/react";
+import { useEffect } from "react";
 import { afterEach, expect, test, vi } from "vitest";
 import { serve, show } from "@/testpage";
 import { Button, Refused } from "@/ui/controls";
@@ -37,6 +38,21 @@ function keysOf(...answers: (() => Promise<Response>)[]): string[] {
 
 const lost = (): Promise<Response> => Promise.reject(new TypeError("Failed to fetch"));
 const press = (name: string): boolean => fireEvent.click(screen.getByRole("button", { name }));
+
+test("an effect that acts once does so once, however often the page is drawn", async () => {
+  const sent = serve(() => [201, {}]);
+  function Once() {
+    const { mutate } = useAct<unknown>({ mutationFn: () => call("POST", "/operations", {}) });
+    useEffect(() => mutate(), [mutate]);
+    return null;
+  }
+  const { rerender } = show(<Once />);
+  await waitFor(() => expect(sent).toHaveLength(1));
+  await new Promise((resolve) => setTimeout(resolve, 900));
+  rerender(<Once />);
+  await new Promise((resolve) => setTimeout(resolve, 50));
+  expect(sent).toHaveLength(1);
+});
 
 test("a double click within one tick sends once", async () => {
   const sent = serve(() => [201, {}]);

@@ -1,11 +1,12 @@
 // @vitest-environment jsdom
 import { fireEvent, screen, waitFor } from "@testing-library/react";
+import { Route, Routes } from "react-router";
 import { afterEach, describe, expect, it, vi } from "vitest";
 import { call } from "@/api/client";
 import { useSigning } from "@/api/signing";
 import type { User } from "@/model/wire";
 import { serve, show } from "@/testpage";
-import { SigningDialog } from "./signing";
+import { PasswordPage, SigningDialog } from "./signing";
 
 const user: User = {
   id: 1,
@@ -71,5 +72,34 @@ describe("an act that is signed", () => {
     expect((await screen.findByTestId("refused")).textContent).toContain("password is wrong");
     fireEvent.click(screen.getByText("Cancel"));
     await expect(done).resolves.toBe("given up");
+  });
+});
+
+describe("the page of the password", () => {
+  const page = (
+    <Routes>
+      <Route path="/password" element={<PasswordPage />} />
+      <Route path="/login" element={<p>Signed out</p>} />
+    </Routes>
+  );
+  const answer = (password_from: string) => (path: string, method: string) =>
+    (path === "/session" && method === "GET"
+      ? [200, { user: { ...user, password_from }, lab: null }]
+      : [204, null]) as [number, unknown];
+
+  it("leads home for who need not change it", async () => {
+    serve(answer("own"));
+    show(page, "/password");
+    expect(await screen.findByRole("link", { name: "Cancel" })).toHaveAttribute("href", "/");
+    expect(screen.queryByRole("button", { name: "Sign out" })).toBeNull();
+  });
+
+  it("lets out who must change it and will not now", async () => {
+    const sent = serve(answer("admin"));
+    show(page, "/password");
+    fireEvent.click(await screen.findByRole("button", { name: "Sign out" }));
+    expect(await screen.findByText("Signed out")).toBeVisible();
+    expect(sent.filter((one) => one.method === "DELETE")).toHaveLength(1);
+    expect(screen.queryByRole("link", { name: "Cancel" })).toBeNull();
   });
 });

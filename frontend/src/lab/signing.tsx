@@ -1,8 +1,8 @@
 /** The password: typed again for an act that is signed, and changed by its owner. */
 
 import { useState } from "react";
-import { Navigate, useNavigate } from "react-router";
-import { useChangePassword, useConfirmPassword } from "@/api/commands";
+import { Link, Navigate, useNavigate } from "react-router";
+import { useChangePassword, useConfirmPassword, useSignOut } from "@/api/commands";
 import { useSession } from "@/api/queries";
 import { useSigning } from "@/api/signing";
 import type { User } from "@/model/wire";
@@ -41,6 +41,7 @@ function SigningForm({ user, end }: { user: User; end: (isSigned: boolean) => vo
         value={password}
         onChange={setPassword}
         autoComplete="current-password"
+        autoFocus
         testId="signing-password"
       />
       <Refused error={confirm.error} />
@@ -72,6 +73,7 @@ export function PasswordPage() {
   const [fresh, setFresh] = useState("");
   const [again, setAgain] = useState("");
   const change = useChangePassword();
+  const signOut = useSignOut();
   if (session.data && !user) return <Navigate to="/login?next=/password" replace />;
   if (!user) return null;
   const isDue = user.password_from === "admin";
@@ -115,12 +117,23 @@ export function PasswordPage() {
           autoComplete="new-password"
           testId="password-again"
         />
-        <Refused error={change.error} />
+        <Refused error={change.error ?? signOut.error} />
         <div className="acts">
-          {!isDue && (
-            <Button onClick={() => void navigate("/")} large>
-              {words.password.cancel}
+          {isDue ? (
+            <Button
+              onClick={() =>
+                signOut.mutate(undefined, { onSuccess: () => void navigate("/login") })
+              }
+              large
+              disabled={signOut.isPending}
+              testId="password-sign-out"
+            >
+              {words.password.signOut}
             </Button>
+          ) : (
+            <Link className="btn lg" to="/">
+              {words.password.cancel}
+            </Link>
           )}
           <Button
             type="submit"

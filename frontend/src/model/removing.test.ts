@@ -37,7 +37,9 @@ const ORDER = (source: string, target: string): string => `${source}.done>${targ
 test("deleting a middle step keeps the order of the steps around it", () => {
   const chain = flow("abc", "a>b", "b>c");
   expect(edgesOf(after(chain, "b"))).toEqual([ORDER("a", "c")]);
-  expect(removedText(chain, ["b"])).toBe("Step 2 was deleted; step 1 now leads to step 3.");
+  expect(removedText(chain, ["b"])).toBe(
+    "Step 2 was deleted; step 1 now leads to the former step 3.",
+  );
 });
 
 test("undo brings the step and its own connections back, and takes the new one away", () => {
@@ -52,7 +54,9 @@ test("deleting several steps at once keeps the order across all of them", () => 
   expect(edgesOf(after(chain, "b", "c"))).toEqual([ORDER("a", "d"), ORDER("d", "e")]);
   expect(edgesOf(after(chain, "d", "b"))).toEqual([ORDER("a", "c"), ORDER("c", "e")]);
   expect(edgesOf(after(chain, "a", "e"))).toEqual([ORDER("b", "c"), ORDER("c", "d")]);
-  expect(removedText(chain, ["b", "c"])).toBe("2 steps were deleted; step 1 now leads to step 4.");
+  expect(removedText(chain, ["b", "c"])).toBe(
+    "2 steps were deleted; step 1 now leads to the former step 4.",
+  );
   expect(removedText(chain, ["e"])).toBe("Step 5 was deleted.");
 });
 
@@ -75,7 +79,7 @@ test("a vessel that a deleted step named itself stays with the step that had it 
   expect(steps[1]?.params).toEqual({ vessel: "@reactor" });
   expect(edges).toMatchObject([{ source: "a", target: "c", target_port: "start" }]);
   expect(removedText({ ...chain, steps: named }, ["b"])).toBe(
-    "Step 2 was deleted; step 1 now leads to step 3 and step 3 keeps its vessel.",
+    "Step 2 was deleted; step 1 now leads to the former step 3 and the former step 3 keeps its vessel.",
   );
 });
 

@@ -78,10 +78,16 @@ export function removedText(document: WorkflowDocument, ids: readonly string[]):
       ? `Step ${numbers[0]} was deleted`
       : `${numbers.length} steps were deleted`;
   const pairs = new Map(links.map((one) => [`${one.source} ${one.target}`, one]));
+  // The steps after it take other numbers at once, so the old number is named as such.
+  const first = Math.min(...numbers.map(Number));
+  const named = (id: string): string => {
+    const number = place.get(id) ?? 0;
+    return number > first ? `the former step ${number}` : `step ${number}`;
+  };
   const leads = [...pairs.values()].map(
-    (one) => `step ${place.get(one.source)} now leads to step ${place.get(one.target)}`,
+    (one) => `${named(one.source)} now leads to ${named(one.target)}`,
   );
-  const kept = [...vessels.keys()].map((id) => `step ${place.get(id)} keeps its vessel`);
+  const kept = [...vessels.keys()].map((id) => `${named(id)} keeps its vessel`);
   const told = [...leads, ...kept];
   if (told.length === 0) return `${what}.`;
   const more = told.length - 2;

@@ -61,9 +61,9 @@ def change_password(user: User, *, old: str, new: str) -> User:
     """
     row = User.objects.select_for_update(no_key=True).get(pk=user.pk)
     if not row.check_password(old):
-        raise ForbiddenError("the present password is wrong", code="session.wrong")
+        raise ForbiddenError("the current password is wrong", code="session.wrong")
     if old == new:
-        text = "this is the present password: choose another one"
+        text = "this is the current password: choose another one"
         raise DefinitionError(text, code="session.same_password")
     try:
         validate_password(new, row)
