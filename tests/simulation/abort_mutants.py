@@ -64,6 +64,11 @@ def nothing_stands(patch: Patch) -> None:
     patch.setattr("tests.simulation.aborting.AbortingServer._standing", lambda *_: [])
 
 
+def what_was_given_up_stands(patch: Patch) -> None:
+    """An abort halts nothing that an action may have set which a person has given up."""
+    patch.setattr(halting, "may_stand", lambda _: [])
+
+
 def run_ends_before_its_halts(patch: Patch) -> None:
     """A run that was aborted ends though nothing is known of its devices."""
     real = scheduler.run_state
@@ -85,6 +90,7 @@ OF_ABORTS: tuple[Mutant, ...] = (
     stop_of_a_device_spares_what_acts,
     what_waits_begins_after_a_stop,
     nothing_stands,
+    what_was_given_up_stands,
     run_ends_before_its_halts,
     run_never_ends,
 )

@@ -43,6 +43,8 @@ class AbortingServer(HaltingServer):
     given_up: set[int]
     wishes: list[Wish]
     ended: dict[int, RunState]
+    answers: dict[UUID, str]
+    """What people have answered of actions in doubt."""
 
     # --- people ---
 
@@ -60,6 +62,10 @@ class AbortingServer(HaltingServer):
         known = [one for one in self.wishes if one.run is None and one.device_id == device_id]
         if all(one.state not in OPEN_HALTS for one in known):
             self._ask(host, device_id, None, halting.DEVICE_STOPPED)
+
+    def resolve(self, made: Job, answer: str, moved_nl: int | None) -> None:
+        self.answers[made.actions[-1].id] = answer
+        super().resolve(made, answer, moved_nl)
 
     def resume(self, run: int) -> None:
         if run not in self.given_up:
@@ -93,7 +99,8 @@ class AbortingServer(HaltingServer):
             asked = {one.state for one in mine}
             standing = self._standing(device_id)
             other = halt_state.who_keeps(id_of(RUN, run + 1), standing)
-            is_ours = any(one.run_id == id_of(RUN, run + 1) for one in standing)
+            is_in_question = not asked and self._is_in_question(device_id, run)
+            is_ours = is_in_question or any(one.run_id == id_of(RUN, run + 1) for one in standing)
             acts = any(made.state in _ACTING for made in jobs)
             if (acts and not asked) or (is_ours and other is None and OPEN_HALTS.isdisjoint(asked)):
                 self._ask(jobs[0].host, device_id, run, halting.RUN_ABORTED)
@@ -113,6 +120,31 @@ class AbortingServer(HaltingServer):
             halt_state.Set(run_id=id_of(RUN, made.run + 1), is_live=self.is_live(made.run))
             for made in found
         ]
+
+    def _is_in_question(self, device_id: UUID, run: int) -> bool:
+        """Say whether a job that a person has given up may have left its device going."""
+        told = [
+            made
+            for made in self.jobs
+            if made.device_id == device_id
+            and made.actions
+            and (made.state is JobState.COMPLETE or (made.run == run and self._is_given_up(made)))
+        ]
+        told.sort(key=lambda made: made.actions[-1].dseq)
+        return bool(
+            halting.may_stand(
+                halting.Done(
+                    index=at,
+                    action=made.action,
+                    args={},
+                    is_known=made.state is JobState.COMPLETE,
+                )
+                for at, made in enumerate(told)
+            )
+        )
+
+    def _is_given_up(self, made: Job) -> bool:
+        return made.state is JobState.ABORTED and self.answers.get(made.actions[-1].id) == "discard"
 
     def is_live(self, run: int) -> bool:
         return run not in self.given_up and any(
@@ -211,6 +243,7 @@ class AbortingWorld(HaltingWorld):
     def make_server(self) -> SimServer:
         server = AbortingServer(self)
         server.given_up, server.wishes, server.ended = set(), [], {}
+        server.answers = {}
         return server
 
     def make_host(self, name: str, rng: Random) -> SimHost:

@@ -20,6 +20,7 @@ SEEDS: dict[Mutant, tuple[int, str]] = {
     rules.stop_of_a_device_spares_what_acts: (254, "H4"),
     rules.what_waits_begins_after_a_stop: (11, "H9"),
     rules.nothing_stands: (32, "H6"),
+    rules.what_was_given_up_stands: (921, "H6"),
     rules.run_ends_before_its_halts: (1, "H8"),
     rules.run_never_ends: (1, "H8"),
 }

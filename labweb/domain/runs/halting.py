@@ -130,6 +130,8 @@ class Done:
     index: int
     action: str
     args: Mapping[str, Any]
+    is_known: bool = True
+    """False: a person has given it up, and nobody knows what it did."""
 
 
 def still_standing(done: Iterable[Done]) -> list[int]:
@@ -137,17 +139,33 @@ def still_standing(done: Iterable[Done]) -> list[int]:
 
     Args:
         done: In the order in which they ended. Of each sort the last one counts, unless it
-            was ended since; of a foreign node, of each goal and service.
+            was ended since; of a foreign node, of each goal and service. What nobody knows of
+            takes no part.
     """
-    standing: dict[str, int] = {}
+    return [one.index for one in _last_of_each_sort(one for one in done if one.is_known)]
+
+
+def may_stand(done: Iterable[Done]) -> list[int]:
+    """Return which given-up actions of one device may have left something going.
+
+    Args:
+        done: In the order in which they were sent, what nobody knows of among them. What was
+            begun or ended since then says what the device is set to.
+    """
+    return [one.index for one in _last_of_each_sort(done) if not one.is_known]
+
+
+def _last_of_each_sort(done: Iterable[Done]) -> list[Done]:
+    standing: dict[str, Done] = {}
     for one in done:
         if one.action in _ENDS:
-            standing.pop(_ENDS[one.action], None)
+            if one.is_known:
+                standing.pop(_ENDS[one.action], None)
         elif one.action in _BEGINS and not _is_timed(one):
-            standing[_BEGINS[one.action]] = one.index
+            standing[_BEGINS[one.action]] = one
         elif one.action in FOREIGN:
-            standing[f"{one.action} {one.args.get(FOREIGN[one.action])}"] = one.index
-    return sorted(standing.values())
+            standing[f"{one.action} {one.args.get(FOREIGN[one.action])}"] = one
+    return sorted(standing.values(), key=lambda one: one.index)
 
 
 def sort_of(action: str) -> str | None:
@@ -185,7 +203,7 @@ def was_halted_since(told: Iterable[str]) -> bool:
 
 def _is_timed(one: Done) -> bool:
     """Say whether an action ended by itself what it began; heat is kept after a hold."""
-    return "duration_s" in one.args and one.action != "hold"
+    return one.is_known and "duration_s" in one.args and one.action != "hold"
 
 
 # --- the host's side ----------------------------------------------------------------

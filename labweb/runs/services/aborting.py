@@ -25,6 +25,7 @@ from labweb.domain.runs.halting import (
     RUN_ABORTED,
     Done,
     leaves_standing,
+    may_stand,
     still_standing,
 )
 from labweb.domain.runs.job import AT_EDGE, UNSTARTED, JobState, Mover, RunState
@@ -174,7 +175,8 @@ def halt_what_stands(run: Run, actor: User | None) -> None:
         asked = {halt.state for halt in run.halts.filter(device=device)}
         acts = any(job.state in _ACTING for job in jobs)
         standing = _standing(run, device)
-        is_ours = any(one.run_id == run.pk for one in standing)
+        is_in_question = not asked and _is_in_question(device, jobs)
+        is_ours = is_in_question or any(one.run_id == run.pk for one in standing)
         other = who_keeps(run.pk, standing)
         if acts and not asked:
             _ask(device, run, RUN_ABORTED, actor)
@@ -207,6 +209,34 @@ def _standing(run: Run, device: Device) -> list[Set]:
     acting = rows.filter(state__in=_AT_EDGE).exclude(run=run)
     found += [job for job in acting if leaves_standing(job.action, job.args)]
     return [Set(run_id=job.run_id, is_live=_is_live(job.run)) for job in found]
+
+
+def _is_in_question(device: Device, jobs: list[Job]) -> bool:
+    """Say whether a job of a run that was given up may have left its device going.
+
+    Args:
+        device: Which device.
+        jobs: Those of the run that were sent to it.
+    """
+    given_up = {job.pk for job in jobs if _is_given_up(job)}
+    if not given_up:
+        return False
+    sent = Attempt.objects.filter(job__device=device, host=device.host)
+    first = sent.filter(job__in=given_up).aggregate(first=Min("dseq"))["first"]
+    since = sent.filter(dseq__gte=first or 0).values("job_id")
+    is_told = Q(state=JobState.COMPLETE.value) | Q(pk__in=given_up)
+    rows = Job.objects.filter(is_told, pk__in=since).annotate(last=Max("attempts__dseq"))
+    told = [
+        Done(index=at, action=job.action, args=job.args, is_known=job.pk not in given_up)
+        for at, job in enumerate(rows.order_by("last", "pk"))
+    ]
+    return bool(may_stand(told))
+
+
+def _is_given_up(job: Job) -> bool:
+    """Say whether a person has answered that nobody knows what a job did."""
+    resolution = job.evidence.get("resolution") or {}
+    return job.state == JobState.ABORTED.value and resolution.get("answer") == "discard"
 
 
 def _is_live(run: Run) -> bool:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from typing import Any
 from uuid import UUID
 
@@ -13,6 +14,7 @@ from labweb.domain.runs.halting import (
     Done,
     is_halt_certain,
     is_moving,
+    may_stand,
     owe_halt,
     still_standing,
     tells_motion,
@@ -72,6 +74,26 @@ def test_of_each_sort_the_last_action_that_was_not_ended_since_has_left_somethin
     actions: list[Any], left: list[int]
 ) -> None:
     assert still_standing(done(*actions)) == left
+
+
+@pytest.mark.parametrize(
+    ("actions", "unknown", "left"),
+    [
+        (["stir"], {0}, [0]),
+        ([("stir", {"duration_s": 60.0})], {0}, [0]),
+        (["stir", "heat_to"], {0}, [0]),
+        (["stir", "stop_stirring"], {0}, []),
+        (["stir", "stop_stirring"], {0, 1}, [0]),
+        (["stir", "stir"], {0}, []),
+        (["stir", "stir"], {1}, [1]),
+        (["stop_stirring", "select_port"], {0, 1}, []),
+    ],
+)
+def test_what_was_given_up_may_stand_until_its_device_is_set_or_ended_again(
+    actions: list[Any], unknown: set[int], left: list[int]
+) -> None:
+    told = [replace(one, is_known=one.index not in unknown) for one in done(*actions)]
+    assert may_stand(told) == left
 
 
 @pytest.mark.parametrize(

@@ -127,5 +127,6 @@ def test_carrying_a_rack_and_stirring_a_tube_in_it_need_an_order(lab: Bench) -> 
 
 
 def test_a_carry_needs_no_order_with_what_else_stands_in_the_lab(lab: Bench) -> None:
+    lab.stand("reactor", "heater_1")
     stir = step("s", "stir", vessel="@reactor", stir_speed="300 rpm", duration="1 min")
     assert len(plan_of(lab, flow(carry("bench_9"), stir)).steps) == 2

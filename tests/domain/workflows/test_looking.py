@@ -36,8 +36,9 @@ WITNESSED = {**CARRY, "tag": "V-7", "guard_with": "@eye_1", "confirm_with": "@ey
 
 
 def a_cell() -> Bench:
-    """Draw a vial on a shelf, an arm, a camera above the shelf and one above a heater."""
+    """Draw a vial on a shelf, an arm, a camera above the shelf and one above a free heater."""
     bench = a_bench()
+    bench.stand("reactor", "lab")
     bench.add("shelf", "slot")
     bench.vessel("vial", on="shelf", kind="vial")
     bench.add("arm_1", "workstation")

@@ -309,6 +309,20 @@ def test_a_run_that_is_aborted_ends_though_one_of_its_actions_is_in_doubt(
     assert state(run) == "aborted"
 
 
+def test_a_device_that_an_action_given_up_may_have_set_is_halted(
+    bench: Bench, host: Host, run: Run
+) -> None:
+    row = until_acting(host, "heat_to")
+    host.end(row, Report(ok=False, effect=Effect.UNKNOWN, code="device.timeout"))
+    host.tell()
+    chemist, job = bench.people["chemist"], Job.objects.get(run=run, action="heat_to")
+    services.resolve_job(job.id, actor=chemist, answer="discard", moved_nl=None, note="dark")
+    host.take()
+    host.tell()
+    abort(bench, run)
+    assert halts(bench, run) == [("asked", "")]
+
+
 def test_halts_that_a_lost_journal_had_are_asked_for_again(
     bench: Bench, host: Host, run: Run
 ) -> None:
