@@ -93,43 +93,13 @@ export function PasswordPage() {
         </div>
         <p className="s">{isDue ? words.password.due : words.password.about}</p>
         <input type="text" autoComplete="username" value={user.username} readOnly hidden />
-        <TextField
-          label={words.password.old}
-          type="password"
-          value={old}
-          onChange={setOld}
-          autoComplete="current-password"
-          testId="password-old"
-        />
-        <TextField
-          label={words.password.fresh}
-          type="password"
-          value={fresh}
-          onChange={setFresh}
-          autoComplete="new-password"
-          testId="password-new"
-        />
-        <TextField
-          label={words.password.again}
-          type="password"
-          value={again}
-          onChange={setAgain}
-          autoComplete="new-password"
-          testId="password-again"
-        />
+        <Secret label={words.password.old} value={old} onChange={setOld} name="old" />
+        <Secret label={words.password.fresh} value={fresh} onChange={setFresh} name="new" />
+        <Secret label={words.password.again} value={again} onChange={setAgain} name="again" />
         <Refused error={change.error ?? signOut.error} />
         <div className="acts">
           {isDue ? (
-            <Button
-              onClick={() =>
-                signOut.mutate(undefined, { onSuccess: () => void navigate("/login") })
-              }
-              large
-              disabled={signOut.isPending}
-              testId="password-sign-out"
-            >
-              {words.password.signOut}
-            </Button>
+            <SignOut act={signOut} />
           ) : (
             <Link className="btn lg" to="/">
               {words.password.cancel}
@@ -148,5 +118,38 @@ export function PasswordPage() {
         </div>
       </form>
     </main>
+  );
+}
+
+/** One password of the form. */
+function Secret(props: {
+  label: string;
+  name: "old" | "new" | "again";
+  value: string;
+  onChange: (value: string) => void;
+}) {
+  return (
+    <TextField
+      label={props.label}
+      type="password"
+      value={props.value}
+      onChange={props.onChange}
+      autoComplete={props.name === "old" ? "current-password" : "new-password"}
+      testId={`password-${props.name}`}
+    />
+  );
+}
+
+function SignOut({ act }: { act: ReturnType<typeof useSignOut> }) {
+  const navigate = useNavigate();
+  return (
+    <Button
+      onClick={() => act.mutate(undefined, { onSuccess: () => void navigate("/login") })}
+      large
+      disabled={act.isPending}
+      testId="password-sign-out"
+    >
+      {words.password.signOut}
+    </Button>
   );
 }

@@ -27,9 +27,6 @@ from labweb.runs import selectors
 from labweb.runs.models import Job, Run
 from labweb.runs.selectors import holding as reads
 
-CODE = "run.held"
-"""Of the error that says for whom and for what a run waits."""
-
 _NOBODY = dict.fromkeys(("why", "run_id", "number", "resource_id", "resource", "until_step"))
 _ENDED = {RunState.COMPLETE.value, RunState.ABORTED.value}
 
@@ -146,7 +143,7 @@ def _waiting(refused: Refusal, ask: Ask, number: int) -> LockedError:
             why = f"which holds {name} until its step {until}"
     return LockedError(
         f"waits for run #{number}, {why}",
-        code=CODE,
+        code="run.held",
         context={
             "why": refused.why.value,
             "run_id": str(refused.run_id),

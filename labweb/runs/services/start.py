@@ -159,9 +159,9 @@ def start_run(
         Nothing moves before the dispatcher sends the first job.
     """
     scene = hold_scene(version.workflow.lab_id, actor)
-    lab, view = scene.lab, scene.view
+    lab, view, reach = scene.lab, scene.view, scene.reach
     _refuse_second(version, actor, is_asked=is_asked)
-    found = preview(lab, version.document, view=view, reach=scene.reach, rules=scene.rules)
+    found = preview(lab, version.document, view=view, reach=reach, rules=scene.rules)
     check_proved(version, view)
     crutd_services.refuse_reserved_by_others(
         _surely_touched(found.plan), actor_id=actor.pk, is_any=scene.is_any_reserved
@@ -184,7 +184,7 @@ def start_run(
         ask_host_id=None if wish is None else wish.host_id,
     )
     rows = [inserting([run]), *_inserting_jobs(run, found.plan, JobState(state.value))]
-    last: list[str] | None = None
+    last = None
     if policies:
         together(*rows)
         _ask(run, policies, actor)
