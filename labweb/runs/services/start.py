@@ -169,7 +169,6 @@ def start_run(
     plan_digest = plans.digest(found.plan)
     _check_seen(plan_digest, seen_digest)
     policies = found.policies if wish is None else (*found.policies, wish.rule)
-    state = RunState.AWAITING_APPROVAL if policies else RunState.QUEUED
     run = Run(
         lab=lab,
         number=scene.run_number,
@@ -177,13 +176,13 @@ def start_run(
         plan=msgspec.to_builtins(found.plan),
         plan_digest=plan_digest,
         claims=_claimed(found.plan, view),
-        state=state.value,
+        state=(RunState.AWAITING_APPROVAL if policies else RunState.QUEUED).value,
         created_by=actor,
         created_at=now(),
         ask_id=None if wish is None else wish.ask_id,
         ask_host_id=None if wish is None else wish.host_id,
     )
-    rows = [inserting([run]), *_inserting_jobs(run, found.plan, JobState(state.value))]
+    rows = [inserting([run]), *_inserting_jobs(run, found.plan, JobState(run.state))]
     last = None
     if policies:
         together(*rows)
