@@ -21,7 +21,7 @@ SEEDS: dict[Mutant, tuple[int, str]] = {
     rules.loss_is_told_again: (4, "V2"),
     rules.old_loss_counts: (9, "V2"),
     rules.loss_while_another_acts: (53, "V1"),
-    rules.watched_after_a_halt: (1, "V1"),
+    rules.watched_after_a_halt: (6, "V1"),
 }
 """Seed that kills a mutant, and the invariant that it violates."""
 

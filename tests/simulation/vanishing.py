@@ -7,6 +7,7 @@ when its turn comes.
 
 from __future__ import annotations
 
+from collections.abc import Generator
 from itertools import accumulate
 from random import Random
 from typing import cast
@@ -72,6 +73,19 @@ class VanishingHost(HaltingHost):
         super().new_journal()
         self.known: Known = {}
 
+    def _forget(self) -> None:
+        super()._forget()
+        self.is_sampling = False
+
+    def start(self, *, is_cold: bool) -> None:
+        self.is_sampling = False
+        super().start(is_cold=is_cold)
+
+    def _step(self) -> Generator[str, None, bool]:
+        """Take readings from here on, as a line does once it has halted what it was left with."""
+        self.is_sampling = True
+        return (yield from super()._step())
+
     def refresh(self) -> None:
         """Read in the journal what stands."""
         self.known = stands.read_stands(self.disk.meta)
@@ -79,6 +93,8 @@ class VanishingHost(HaltingHost):
     def look(self) -> None:
         """Compare what stands with what its devices are set to."""
         lab = cast("VanishingWorld", self.pumping)
+        if not self.is_sampling:
+            return
         for device_id, of_device in sorted(self.known.items()):
             for one in of_device.values():
                 asked, found = lab.asked_by(self, one), lab.set_to.get(device_id)

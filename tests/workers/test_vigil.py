@@ -11,6 +11,7 @@ import pytest
 from drivers.load import read_spec
 from labweb.domain.enrollment.kept import setting_actions
 from labweb.domain.messages import DeviceConfig, ResourceView
+from labweb.domain.runs.halting import RUN_ABORTED, owe_halt
 from labweb.domain.runs.journal import HeldResource
 from labweb.domain.runs.stands import Stands, put_stands, read_stands
 from tests.drivers.conformance.cases import HEATER_STIRRERS
@@ -163,3 +164,12 @@ def test_what_an_action_of_the_same_sort_does_meanwhile_is_no_loss(line: Watchin
     line.bench.inflict(PLATE, "knob", speed_rpm=200.0)
     assert line.sample_for(120.0) == []
     assert "stir" in setting_actions()
+
+
+def test_what_a_halt_takes_away_that_is_under_way_is_no_loss(line: Watching) -> None:
+    line.complete("stir", {"speed_rpm": 400.0})
+    assert line.sample_for(20.0) == []
+    with line.host.journal.write() as tx:
+        owe_halt(tx, line.device.id, RUN_ABORTED, None)
+    line.unit.stop()
+    assert line.sample_for(60.0) == []

@@ -57,13 +57,16 @@ def write_vanished(
     """Write down that what an action had set is gone; False: it is not that action's any more.
 
     Where another action of its sort acts, has not ended on disk yet, or is in doubt, nothing is
-    said: what is read may be of that one.
+    said: what is read may be of that one. Nor is anything while a halt of the device is owed: that
+    takes away what was set, and is told as what it is.
 
     Effect:
         On the record only: what was set is unknown. The device is not touched.
     """
     sort = sort_of(stands.action)
     if sort is None or read_stands(tx.meta()).get(device.id, {}).get(sort) != stands:
+        return False
+    if str(device.id) in tx.host_state("").owes_halt:
         return False
     acting = {ActionState.STARTED, ActionState.ACTUATED, ActionState.IN_DOUBT}
     if any(
