@@ -59,9 +59,11 @@ class DeviceDetail(Endpoint):
             raise NotFoundError(f"no device {device_id}", code="device.not_found")
         spec = enrollment_selectors.spec_of(row)
         names = resource_selectors.names(UUID(node) for node in row.nodes.values())
+        halt = run_selectors.last_halt(row.id)
         return Response(
             {
                 **device_rows([row])[0],
+                "halt": None if halt is None else render_halt(halt),
                 "driver": {
                     "class_name": spec.class_name,
                     "digest": row.driver.digest,

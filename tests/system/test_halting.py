@@ -33,7 +33,8 @@ def test_a_run_goes_on_after_a_stop_only_with_the_stirrer_turning_again(stack: S
         "vessel": stack.keys()["reactor_1"],
         "temperature": "60 °C",
         "stir_speed": "400 rpm",
-        "hold_for": "20 s",
+        # Ten seconds by the clock on the wall: the stop must arrive before the heater is off.
+        "hold_for": "10 min",
     }
     run = stack.client().start_step("heat_chill", params)
     path = f"approvals/{run['approval']['id']}/decision"

@@ -7,7 +7,9 @@ import { serve, show } from "@/testpage";
 import { StopDevice } from "./stop";
 
 const device = { id: "d", name: "Heater 1", state: "enrolled", halt: null } as unknown as Device;
-const owed = { state: "owed", message: "it does not answer" };
+const at = new Date().toISOString();
+const owed = { state: "owed", message: "it does not answer", at, ended_at: null };
+const halted = { state: "halted", message: "it stands", at, ended_at: at };
 
 function page(change: object, permissions: string[], answer: [number, unknown] = [200, {}]) {
   const session = { user: { id: "u", username: "li", permissions }, lab: null };
@@ -37,7 +39,14 @@ test("who may not stop it cannot", () => {
 
 test("a halt that could not be delivered stays visible with its reason", () => {
   page({ halt: owed }, ["stop"]);
-  expect(screen.getByTestId("halt")).toHaveTextContent("Not halted yet it does not answer");
+  expect(screen.getByTestId("halt")).toHaveTextContent(
+    /^Not halted yet \d\d:\d\d it does not answer$/,
+  );
+});
+
+test("a halt that was delivered is told with its time", () => {
+  page({ halt: halted }, ["stop"]);
+  expect(screen.getByTestId("halt")).toHaveTextContent(/^Halted \d\d:\d\d it stands$/);
 });
 
 test("a stop that was not confirmed says so", async () => {

@@ -8,6 +8,7 @@ import type { Device } from "@/model/wire";
 import { Card } from "@/ui/card";
 import { Button } from "@/ui/controls";
 import { StateChip } from "@/ui/state";
+import { At } from "@/ui/time";
 import { words } from "./words";
 
 const text = words.stop;
@@ -18,7 +19,7 @@ export function StopDevice({ device }: { device: Device }) {
   const stop = useStopDevice(device.id);
   const mayStop = session.data?.user?.permissions.includes("stop") ?? false;
   return (
-    <Card title={text.title} testId="stop-card">
+    <Card title={text.title} className="stopcard" testId="stop-card">
       <div className="showing">
         <p className="s">{text.about}</p>
         <Button
@@ -32,7 +33,8 @@ export function StopDevice({ device }: { device: Device }) {
         </Button>
         {device.halt && (
           <p className="s" role="status" data-testid="halt" data-state={device.halt.state}>
-            <StateChip state={haltState(device.halt)} /> {device.halt.message}
+            <StateChip state={haltState(device.halt)} />{" "}
+            <At at={device.halt.ended_at ?? device.halt.at} /> {device.halt.message}
           </p>
         )}
         {stop.isError && (

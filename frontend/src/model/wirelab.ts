@@ -266,7 +266,7 @@ export interface DeviceRow {
   link: "online" | "stale" | "offline" | "not_enrolled" | "quarantined";
   /** Nothing begins on it before its host has halted it. */
   is_halt_owed: boolean;
-  /** The halt that was asked for last and is not delivered; null: none is under way. */
+  /** The halt that was asked for last and is not delivered; of one device alone, however it ended. */
   halt: DeviceHalt | null;
   job: { id: Id; run_id: Id; run_number: number; sentence: string; state: JobState } | null;
   readings: Reading[];

@@ -77,6 +77,7 @@ from labweb.runs.selectors.scheduling import halts_of as halts_of
 from labweb.runs.selectors.scheduling import hold_run_of as hold_run_of
 from labweb.runs.selectors.scheduling import is_halting as is_halting
 from labweb.runs.selectors.scheduling import job_for_update as job_for_update
+from labweb.runs.selectors.scheduling import last_halt as last_halt
 from labweb.runs.selectors.scheduling import next_number as next_number
 from labweb.runs.selectors.scheduling import open_halts as open_halts
 from labweb.runs.selectors.scheduling import owed_halts as owed_halts

@@ -204,6 +204,11 @@ def open_halts(device_ids: Iterable[UUID]) -> dict[UUID, DeviceHalt]:
     return {row.device_id: row for row in rows.order_by("at")}
 
 
+def last_halt(device_id: UUID) -> DeviceHalt | None:
+    """Return the newest halt that was asked for of a device, however it ended."""
+    return _HALTS.filter(device_id=device_id).order_by("-at").first()
+
+
 def owed_halts(lab_id: UUID) -> list[DeviceHalt]:
     """Return of each device of a lab that could not be halted yet the newest halt it owes."""
     rows = _HALTS.filter(device__host__lab_id=lab_id, state=HaltState.OWED.value)

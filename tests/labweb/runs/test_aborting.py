@@ -181,7 +181,9 @@ def test_a_device_that_does_not_answer_owes_its_halt_and_the_run_ends(
     host.halt_owed()
     host.tell()
     assert halts(bench, run) == [("halted", STANDS)]
-    assert not client.get(f"/api/v1/devices/{heater.id}").json()["is_halt_owed"]
+    page = client.get(f"/api/v1/devices/{heater.id}").json()
+    assert not page["is_halt_owed"]
+    assert (page["halt"]["state"], page["halt"]["message"]) == ("halted", STANDS)
 
 
 def test_a_halt_is_carried_out_when_its_host_comes_back(bench: Bench, host: Host, run: Run) -> None:
