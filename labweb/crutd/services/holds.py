@@ -22,7 +22,7 @@ _TAKE = """
 INSERT INTO crutd_runhold
     (id, resource_id, run_id, run_number, holder_id, mode, until_step, taken_at)
 SELECT id, resource_id, %(run)s, %(number)s, %(holder)s, mode, until_step, %(at)s
-FROM unnest(%(ids)s::uuid[], %(resources)s::uuid[], %(modes)s::text[], %(untils)s::int[])
+FROM unnest(%(ids)s::uuid[], %(resources)s::uuid[], %(modes)s::text[], %(steps)s::int[])
     AS taken(id, resource_id, mode, until_step)
 ON CONFLICT (run_id, resource_id) WHERE released_at IS NULL
 DO UPDATE SET mode = EXCLUDED.mode, until_step = EXCLUDED.until_step
@@ -56,7 +56,7 @@ def taking(keeper: Keeper, modes: Mapping[UUID, tuple[Mode, int]]) -> Question[A
         "ids": [new_id() for _ in ids],
         "resources": ids,
         "modes": [modes[one][0].value for one in ids],
-        "untils": [modes[one][1] for one in ids],
+        "steps": [modes[one][1] for one in ids],
     }
     return Question(_TAKE, values, tuple)
 

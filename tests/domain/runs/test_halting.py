@@ -13,14 +13,13 @@ from labweb.domain.runs.edge import Candidate, HostState, decide_start
 from labweb.domain.runs.halting import (
     Done,
     is_halt_certain,
-    is_moving,
     may_stand,
     owe_halt,
     still_standing,
-    tells_motion,
     voided,
 )
 from labweb.domain.runs.job import JobState
+from labweb.domain.runs.motion import is_moving, tells_motion
 from labweb.domain.runs.recovery import Ended, choices_for
 from tests.simulation.memory import Disk, MemoryWrite
 
