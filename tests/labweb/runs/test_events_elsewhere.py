@@ -46,7 +46,7 @@ def a_doubtful_history(bench: Bench) -> None:
     edge.work_off(a_started_run(bench))
     pour(bench, "reactor_1", "flask_1", 1_000_000)
     a_jar(bench, "jar")
-    move(bench, "jar", "balance_1")
+    move(bench, "jar", "lab")
     edge.lose(to_transfer(a_started_run(bench), edge))
 
 

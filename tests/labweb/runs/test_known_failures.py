@@ -79,6 +79,9 @@ def test_cancel_of_a_running_job_does_not_harm_the_next(bench: Bench, host: Host
     with host.write() as tx:
         acting.write_end(tx, row, halted, [])
     host.tell()
+    host.take()
+    host.halt_owed()
+    host.tell()
     assert Run.objects.get(pk=run.pk).state == "aborted"
     following = a_started_run(bench)
     worked_off(following, host)

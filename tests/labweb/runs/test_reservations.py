@@ -181,6 +181,7 @@ def test_an_observer_reserves_nothing(bench: Bench) -> None:
 
 
 def test_what_is_in_the_archive_is_not_reserved(bench: Bench) -> None:
+    bench.unplug("flask_1")
     assert post(bench, archive(bench, "flask_1"))[0] == 201
     status, told = asked(bench, "water", "flask_1")
     assert (status, told["code"]) == (412, "crutd.archived")
