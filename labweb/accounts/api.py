@@ -19,7 +19,7 @@ from rest_framework.views import APIView
 
 from labweb.accounts import services
 from labweb.accounts.selectors import user_of
-from labweb.domain.errors import LabError
+from labweb.domain.errors import LabError, LockedError
 
 ACTING = frozenset({"post", "put", "patch", "delete"})
 HEADER = "Idempotency-Key"
@@ -96,6 +96,22 @@ class Endpoint(APIView):
         if handler is not None and acts(type(self), method):
             setattr(self, method, partial(self._once, handler))
 
+    def prepare(self, request: Request, *args: Any, **kwargs: Any) -> None:  # noqa: ANN401 - what the address names
+        """Do what takes long and changes nothing, before the act holds a transaction open.
+
+        What it finds is kept in the view, which serves this request alone. A refusal here is
+        the answer to the key, as one of the act is; but not that something is in use.
+        """
+
+    def _early(self, request: Request, *args: Any, **kwargs: Any) -> LabError | None:  # noqa: ANN401
+        try:
+            self.prepare(request, *args, **kwargs)
+        except LabError as error:
+            if error.code.startswith(_HTTP) or isinstance(error, LockedError):
+                raise  # perhaps by the first request with this key, which is being prepared
+            return error
+        return None
+
     def _once(
         self,
         handler: Callable[..., Response],
@@ -104,9 +120,13 @@ class Endpoint(APIView):
         **kwargs: Any,  # noqa: ANN401
     ) -> HttpResponse:
         first: list[Response] = []
+        key, digest = _key(request), digest_of(request)
+        refusal = self._early(request, *args, **kwargs)
 
         def act() -> services.Answer:
             try:
+                if refusal is not None:
+                    raise refusal
                 response = handler(request, *args, **kwargs)
             except LabError as error:
                 if error.code.startswith(_HTTP):
@@ -116,7 +136,6 @@ class Endpoint(APIView):
             content = b"" if response.data is None else JSONRenderer().render(response.data)
             return services.Answer(response.status_code, content, {})
 
-        key, digest = _key(request), digest_of(request)
         try:
             answer = services.carry_out_once(act, actor=user_of(request), key=key, digest=digest)
         except services.KeyReusedError as error:

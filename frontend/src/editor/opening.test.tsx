@@ -78,7 +78,7 @@ test(
     expect(CORPUS.documents.length).toBeGreaterThan(4);
     for (const draft of CORPUS.documents) {
       const close = await open(draft);
-      await screen.findByTestId("editor");
+      await screen.findByTestId("editor", {}, { timeout: 10_000 });
       const { history, select, set } = useEditor.getState();
       const wanted = (draft as WorkflowDocument).steps.map((step) => step.id);
       expect(history.document.steps.map((step) => step.id)).toEqual(wanted);

@@ -106,8 +106,8 @@ class KeepRecipe(Endpoint):
 
     bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": Kept}
 
-    def post(self, request: Request) -> Response:
-        """Keep a recipe as a workflow with version 1, or say what a workflow cannot say."""
+    def prepare(self, request: Request, *_args: object, **_kwargs: object) -> None:
+        """Read the recipe in its process, before a transaction is open."""
         told = body(request, Kept)
         asked = Asked(
             name=told.file,
@@ -122,8 +122,13 @@ class KeepRecipe(Endpoint):
             equiv_reference=told.equiv_reference,
             equiv_amount=told.equiv_amount,
         )
-        lab = resource_selectors.the_lab()
-        version = services.keep_recipe(lab, asked, name=told.name, actor=user_of(request))
+        lab, actor = resource_selectors.the_lab(), user_of(request)
+        self.read = services.read_recipe(lab, asked, name=told.name, actor=actor)
+
+    def post(self, request: Request) -> Response:
+        """Keep a recipe as a workflow with version 1, or say what a workflow cannot say."""
+        name, lab = body(request, Kept).name, resource_selectors.the_lab()
+        version = services.keep_recipe(lab, self.read, name=name, actor=user_of(request))
         answer = {"workflow_id": str(version.workflow_id), "version": render_version(version)}
         return Response(answer, status=201)
 

@@ -8,7 +8,7 @@ from labweb.workflows.services.drafts import (
     save_draft,
     save_version,
 )
-from labweb.workflows.services.recipes import advise_on, keep_recipe, open_recipe
+from labweb.workflows.services.recipes import advise_on, keep_recipe, open_recipe, read_recipe
 
 __all__ = [
     "advise_on",
@@ -16,6 +16,7 @@ __all__ = [
     "ensure_template",
     "keep_recipe",
     "open_recipe",
+    "read_recipe",
     "save_draft",
     "save_version",
 ]

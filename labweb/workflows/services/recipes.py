@@ -7,7 +7,7 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from threading import BoundedSemaphore, Condition
 from typing import Any
 
@@ -80,13 +80,21 @@ def advise_on(lab: Lab, asked: Asked, *, on_lab: bool, actor: User) -> dict[str,
     return _run("advise", _with_graph(lab, asked, on_lab=on_lab, actor=actor), actor)
 
 
-def keep_recipe(lab: Lab, asked: Asked, *, name: str, actor: User) -> WorkflowVersion:
-    """Keep a recipe as a workflow with its first version.
+@dataclass(frozen=True, slots=True)
+class ReadRecipe:
+    """A recipe that was read to be kept."""
+
+    document: dict[str, Any]
+    proved: dict[str, Any]
+    note: str
+
+
+def read_recipe(lab: Lab, asked: Asked, *, name: str, actor: User) -> ReadRecipe:
+    """Read a recipe as a workflow of the lab; it may take minutes, and stores nothing.
 
     Raises:
         ProtocolError: A workflow cannot say all of it, a vessel is bound to no resource of the
             lab, or `recipe.differs`: the run would not do what is proved; `findings` list what.
-            Nothing was stored.
         InfeasibleError: The lab as it is now cannot do it.
         DefinitionError: The name, or `recipe.too_much`.
         ForbiddenError: The actor may not draw here, or may not see the whole lab.
@@ -99,9 +107,19 @@ def keep_recipe(lab: Lab, asked: Asked, *, name: str, actor: User) -> WorkflowVe
     document = render_workflow(resolve_keys(template, lab_file.tree))
     proved = render_proved(found["proved"], lab_file)
     note = f"from {asked.name[:LONGEST_FILE]}, SHA-256 {digest(asked.recipe)}"
-    with atomic():  # not before: the recipe may have been minutes in its process
-        row = create_workflow(lab, name=name, document=document, actor=actor)
-        return save_version(row.id, note=note, actor=actor, proved=proved)
+    return ReadRecipe(document, proved, note)
+
+
+@atomic
+def keep_recipe(lab: Lab, read: ReadRecipe, *, name: str, actor: User) -> WorkflowVersion:
+    """Keep a recipe that was read as a workflow with its first version.
+
+    Raises:
+        DefinitionError: The name.
+        ForbiddenError: The actor may not draw here.
+    """
+    row = create_workflow(lab, name=name, document=read.document, actor=actor)
+    return save_version(row.id, note=read.note, actor=actor, proved=read.proved)
 
 
 def _may(lab: Lab, actor: User, permission: Permission) -> None:
