@@ -115,7 +115,7 @@ def running(
 def test_a_command_from_the_broker_is_carried_out_and_told(
     running: Running, pump: PumpProcess
 ) -> None:
-    until(running.is_online, within_s=20)
+    until(running.is_online, within_s=60)
     do = a_do(running.hub.server)
     running.post(do)
     until(lambda: "complete" in running.hub.kinds)
@@ -135,7 +135,7 @@ def test_nothing_is_lost_or_done_twice_when_processes_are_killed(
 ) -> None:
     """The uplink dies between sending and its acknowledgement; then all are killed at once."""
     hub = running.hub
-    until(running.is_online, within_s=20)
+    until(running.is_online, within_s=60)
     first = a_do(hub.server)
     running.post(first)
     running.post(first)
@@ -144,11 +144,11 @@ def test_nothing_is_lost_or_done_twice_when_processes_are_killed(
     assert count == 2
     for child in _children(running, "uplink", "accept", "line"):
         os.kill(child, signal.SIGKILL)
-    until(lambda: len(hub.hellos) == count + 1, within_s=20)
+    until(lambda: len(hub.hellos) == count + 1, within_s=60)
     second = msgspec.structs.replace(a_do(hub.server), resources=[])
     running.post(second)
     hub.nudge(hub.server.sign(second))
-    until(lambda: hub.kinds.count("complete") == 2, within_s=20)
+    until(lambda: hub.kinds.count("complete") == 2, within_s=60)
     assert pump.moves == ["A300", "A600"]
     assert hub.hellos[-1].seq_head >= hub.hellos[-1].acked_seq > 0
     assert hub.kinds.count("accepted") == 2
@@ -158,7 +158,7 @@ def test_stop_halts_a_running_action_at_once_and_only_a_reset_frees_the_lab(
     running: Running, pump: PumpProcess
 ) -> None:
     hub = running.hub
-    until(running.is_online, within_s=20)
+    until(running.is_online, within_s=60)
     pump.tell("slow 100")
     do = a_do(hub.server)
     running.post(do)
@@ -195,7 +195,7 @@ def test_a_host_starts_its_lines_with_the_server_away_and_runs_only_once(
     running: Running, pump: PumpProcess
 ) -> None:
     hub = running.hub
-    until(running.is_online, within_s=20)
+    until(running.is_online, within_s=60)
     second = subprocess.run(
         [sys.executable, "-m", "workers.host", "--config", str(running.file)],
         cwd=ROOT,
@@ -211,21 +211,21 @@ def test_a_host_starts_its_lines_with_the_server_away_and_runs_only_once(
     running.config = msgspec.structs.replace(running.config, server_url="ws://127.0.0.1:9")
     running.post(do)
     running.start()
-    until(lambda: pump.moves == ["A300"], within_s=20)
+    until(lambda: pump.moves == ["A300"], within_s=60)
 
 
 @pytest.mark.skipif(not confine.has_guards(), reason="this kernel asks no guard")
 def test_a_line_whose_guard_has_ended_starts_anew_and_reaches_its_device(
     running: Running, pump: PumpProcess
 ) -> None:
-    until(running.is_online, within_s=20)
+    until(running.is_online, within_s=60)
     line, guard = _line_and_guard(running)
     os.kill(guard, signal.SIGKILL)
     until(lambda: line not in _of_kinds(running, "line"), within_s=10)
-    until(lambda: len(_of_kinds(running, "line")) == 2, within_s=20)
+    until(lambda: len(_of_kinds(running, "line")) == 2, within_s=60)
     assert guard not in _line_and_guard(running)
     running.post(a_do(running.hub.server))
-    until(lambda: "complete" in running.hub.kinds, within_s=20)
+    until(lambda: "complete" in running.hub.kinds, within_s=60)
     assert pump.moves == ["A300"]
     assert len(_of_kinds(running, "accept", "uplink", "line")) == 4, "Celery has renamed one"
 
