@@ -109,11 +109,15 @@ def is_answered(run: dict[str, Any]) -> bool:
     return is_over(run) and all(job["state"] != "in_doubt" for job in run["jobs"])
 
 
+DID_NOT = {"answer": "did_not", "despite_reading": True, "note": "the plunger stands still"}
+"""How far it had come when its instrument fell silent differs from time to time."""
+
+
 def give_up(stack: Stack, run_id: str) -> None:
     """Say of what went wrong that it did not happen, and leave it out."""
     client = stack.client()
     for state, act, body in (
-        ("in_doubt", "resolve", {"answer": "did_not", "note": "the plunger stands still"}),
+        ("in_doubt", "resolve", DID_NOT),
         ("", "recover", {"choice": "skip", "note": "left out"}),
     ):
         rows = client.wait_for_run(run_id, is_over if state else is_answered)["jobs"]

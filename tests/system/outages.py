@@ -69,7 +69,8 @@ class Outage:
     def _answer(self, job: dict[str, Any]) -> None:
         """Say of a job in doubt what the instrument knows: each job is one motion, in order."""
         has_happened = len(self.strokes()) > job["index"]
-        body = {"answer": "happened" if has_happened else "did_not", "note": "read the scale"}
+        told = "happened" if has_happened else "did_not"
+        body = {"answer": told, "despite_reading": True, "note": "read the scale"}
         self.stack.client().call("POST", f"jobs/{job['id']}/resolve", body)
         self.stack.client().wait_for_run(
             self.id,

@@ -52,7 +52,7 @@ def test_a_run_goes_on_after_a_stop_only_with_the_stirrer_turning_again(stack: S
     assert heater(stack)["temperature_setpoint_c"] is None
     stack.client("admin").call("POST", "lab/reset", {"reason": "looked at the bench"})
     if seen["in_doubt_count"]:
-        body = {"answer": "did_not", "note": "it was cut short"}
+        body = {"answer": "did_not", "despite_reading": True, "note": "it was cut short"}
         stack.client().call("POST", f"jobs/{job_of(seen, 'hold')['id']}/resolve", body)
         stack.client().wait_for_run(run["id"], lambda found: not found["in_doubt_count"])
     recover(stack, seen, "hold", "retry")

@@ -62,7 +62,11 @@ def test_a_muted_pump_never_reads_as_done(stack: Stack) -> None:
     assert not any(job["state"] == "complete" for job in seen["jobs"])
     for job in seen["jobs"]:
         if job["state"] == "in_doubt":
-            body = {"answer": "did_not", "note": "the valve has not turned"}
+            body = {
+                "answer": "did_not",
+                "despite_reading": True,
+                "note": "the valve has not turned",
+            }
             stack.client().call("POST", f"jobs/{job['id']}/resolve", body)
     stack.client().wait_for_run(run["id"], lambda found: not found["in_doubt_count"])
     stack.client().call("POST", f"runs/{run['id']}/abort", {"reason": "end of the test"})
@@ -142,7 +146,7 @@ def answer(
     """Say what a person who looks at the plunger would say, and end the run where it stands."""
     assert job["question"]["text"].startswith("Was 1.00 mL moved")
     told = "happened" if has_happened else "did_not"
-    body = {"answer": told, "note": "looked at the plunger scale"}
+    body = {"answer": told, "despite_reading": True, "note": "looked at the plunger scale"}
     stack.client().call("POST", f"jobs/{job['id']}/resolve", body)
 
     def is_answered(found: dict[str, Any]) -> bool:

@@ -59,7 +59,11 @@ def resolve(stack: Stack, run: dict[str, Any]) -> dict[str, Any]:
     """Tell the truth about each action in doubt until the run is over."""
     while run["in_doubt_count"]:
         job = next(job for job in run["jobs"] if job["state"] == "in_doubt")
-        body = {"answer": "happened", "note": "the plunger stands at its mark"}
+        body = {
+            "answer": "happened",
+            "despite_reading": True,
+            "note": "the plunger stands at its mark",
+        }
         stack.client().call("POST", f"jobs/{job['id']}/resolve", body)
         run_id = run["id"]
         run = stack.client().wait_for_run(
@@ -119,7 +123,12 @@ def test_a_pump_that_stops_answering_is_in_doubt_and_a_person_says_how_far_it_ca
         "POST", f"jobs/{job['id']}/resolve", {"answer": "partly", "moved_ul": 9000, "note": "x"}
     )
     assert refused.status_code == 422
-    body = {"answer": "partly", "moved_ul": 2000, "note": "read the plunger scale"}
+    body = {
+        "answer": "partly",
+        "moved_ul": 2000,
+        "despite_reading": True,
+        "note": "read the plunger scale",
+    }
     stack.client().call("POST", f"jobs/{job['id']}/resolve", body)
     stack.client().wait_for_run(run["id"], lambda found: not found["in_doubt_count"])
     assert volume_nl(stack, "flask_2") - before == 2_000_000
