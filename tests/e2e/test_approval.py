@@ -33,7 +33,7 @@ def test_heating_waits_for_a_second_person_and_then_heats(visit: Visit, stack: S
     for opened in approver.at("decision").get_by_role("button", name="Open").all():
         approver.press(opened)
     approver.at("decision-comment").fill("the hood is on")
-    approver.press("approve")
+    approver.press_signed("approve", "decided")
     expect(approver.at("decided")).to_contain_text("Li Na")
     expect(approver.at("decided")).to_contain_text("the hood is on")
 

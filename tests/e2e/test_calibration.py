@@ -70,7 +70,7 @@ def test_a_pump_is_calibrated_on_its_page_and_a_second_person_accepts_it(
     expect(change).to_contain_text("Balance 1, D-K-15192-2026-11")
     expect(approver.at("residuals").locator(".dot")).to_have_count(9)
     approver.at("decision-comment").fill("residuals look at random")
-    approver.press("approve")
+    approver.press_signed("approve", "decided")
     expect(approver.at("decided")).to_contain_text("approves the calibration")
     approver.open(f"devices/{pump['id']}")
     newest = approver.at("calibration-newest")

@@ -36,6 +36,7 @@ class Visitor:
         self.context = context
         self.url = url
         self.page: Page = context.new_page()
+        self.password = ""
         self.presses = 0
         self.complaints: list[str] = []
         self.refusals: list[int] = []
@@ -72,6 +73,14 @@ class Visitor:
         (self.at(what) if isinstance(what, str) else what).click()
         self.presses += 1
 
+    def press_signed(self, what: str, seen: str) -> None:
+        """Press what is signed, and type the password where it is asked for; `seen` follows."""
+        self.press(what)
+        self.at("signing-form").or_(self.at(seen)).first.wait_for()
+        if self.at("signing-form").is_visible():
+            self.at("signing-password").fill(self.password)
+            self.press("signing-send")
+
     def key(self, name: str) -> None:
         """Press a key; only Enter and Space count, the others type or move."""
         self.page.keyboard.press(name)
@@ -87,7 +96,8 @@ class Visitor:
         self.press("username")
         self.page.keyboard.type(username)
         self.key("Tab")
-        self.page.keyboard.type(password_of(stack, username))
+        self.password = password_of(stack, username)
+        self.page.keyboard.type(self.password)
         self.key("Enter")
 
     def wait_for_state(self, state: str, within_s: float = 60.0) -> None:
