@@ -135,7 +135,7 @@ def _ids(stack: Stack) -> dict[str, str]:
 
 
 def _bring(client: Client, path: str, data: bytes, fields: dict[str, str]) -> dict[str, Any]:
-    headers = {"X-CSRFToken": client.http.cookies["csrftoken"], "Referer": client.url}
+    headers = client.headers()
     form = {"file": ("a.bin", data)}
     answer = client.http.post(path, data=fields, files=form, headers=headers)
     assert answer.is_success, answer.text
