@@ -60,7 +60,7 @@ def test_a_process_finds_its_addresses_in_its_environment(start_lab: StartLab) -
     environment = lab.get()["environment"]
     assert isinstance(environment, dict)
     sockets = environment["LABWEB_SOCKETS"]
-    assert environment["DATABASE_URL"] == f"postgresql://labweb@/labweb?host={sockets}"
+    assert environment["DATABASE_URL"] == f"postgresql://labweb_app@/labweb?host={sockets}"
     assert environment["REDIS_URL"] == f"unix://{sockets}/vk.sock?db=0"
     assert environment["LABWEB_BROKER_URL"] == f"redis+socket://{sockets}/vk.sock?virtual_host=1"
     assert environment["LABWEB_PORT"] == str(lab.port)

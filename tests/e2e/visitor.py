@@ -123,8 +123,10 @@ def password_of(stack: Stack, username: str) -> str:
 
 
 def cookies_of(stack: Stack, username: str) -> list[dict[str, str]]:
-    """Return the cookies of a session that is already open."""
-    jar = stack.client(username).http.cookies.jar
+    """Return the cookies of a session that is open, with a password that was just typed."""
+    client = stack.client(username)
+    client.confirm()
+    jar = client.http.cookies.jar
     return [{"name": c.name, "value": c.value or "", "url": stack.url} for c in jar]
 
 

@@ -48,10 +48,10 @@ execute.after_first_byte@3  in_doubt 1  in_doubt 1  in_doubt 1  in_doubt 1  in_d
 execute.mid_action@3        in_doubt 1  in_doubt 1  in_doubt 1  in_doubt 1  in_doubt 1  aborted 1
 execute.after_first_byte@4  in_doubt 1  in_doubt 1  in_doubt 1  in_doubt 1  in_doubt 1  aborted 1
 
-execute.before_actuated     in_doubt 1  in_doubt 1  in_doubt 1  in_doubt 1  complete 1  complete 1
-journal.before_commit@3     in_doubt 1  in_doubt 1  in_doubt 1  in_doubt 1  complete 1  complete 1
-journal.after_commit@3      complete 1  complete 1  complete 1  complete 1  complete 1  complete 1
-execute.after_actuated      complete 1  complete 1  complete 1  complete 1  complete 1  complete 1
+execute.before_actuated     in_doubt 1  in_doubt 1  in_doubt 1  in_doubt 1  in_doubt 1  complete 1
+journal.before_commit@3     in_doubt 1  in_doubt 1  in_doubt 1  in_doubt 1  in_doubt 1  complete 1
+journal.after_commit@3      complete 1  complete 1  complete 1  complete 1  in_doubt 1  complete 1
+execute.after_actuated      complete 1  complete 1  complete 1  complete 1  in_doubt 1  complete 1
 
 execute.before_done         complete 1  complete 1  complete 1  complete 1  complete 1  complete 1
 journal.before_commit@4     complete 1  complete 1  complete 1  complete 1  complete 1  complete 1

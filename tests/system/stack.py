@@ -41,6 +41,7 @@ class Client:
 
     def __init__(self, url: str, username: str, password: str) -> None:
         self.url = url
+        self.password = password
         self.http = httpx.Client(base_url=f"{url}api/v1/", timeout=30.0)
         self.http.get("session")
         self.call("POST", "session", {"username": username, "password": password})
@@ -52,8 +53,16 @@ class Client:
         return response.json() if response.content else None
 
     def raw(self, method: str, path: str, body: dict[str, Any] | None = None) -> httpx.Response:
-        """Send a request and return the answer as it is."""
+        """Send a request; where the password is asked for again, type it and send once more."""
+        answer = self.http.request(method, path, json=body, headers=self.headers())
+        if answer.status_code != 403 or answer.json()["code"] != "session.confirm":
+            return answer
+        self.confirm()
         return self.http.request(method, path, json=body, headers=self.headers())
+
+    def confirm(self) -> None:
+        """Type the password again: for five minutes, signed acts do not ask for it."""
+        self.call("POST", "session/confirm", {"password": self.password})
 
     def headers(self) -> dict[str, str]:
         """Return what goes with each request: the session's token, and the key of a new wish."""
