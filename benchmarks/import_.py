@@ -16,6 +16,7 @@ from typing import Any
 import psycopg
 from django.core.management import call_command
 from django.db import connection
+from django.db.transaction import atomic
 
 from benchmarks.figures import Figure, Options, timed
 
@@ -73,8 +74,9 @@ def _imported(path: Path) -> float:
 
 
 def _forget() -> None:
-    """Make room for the next: a server holds one lab."""
-    with connection.cursor() as cursor:
+    """Make room for the next, past the guards of the record: a server holds one lab."""
+    with atomic(), connection.cursor() as cursor:
+        cursor.execute("SET LOCAL session_replication_role = replica")
         cursor.execute("TRUNCATE resources_lab CASCADE")
 
 

@@ -40,6 +40,7 @@ def a_lab(*, wells: int) -> Lab:
     resources: list[dict[str, Any]] = [
         {"key": "lab", "name": "Lab", "kind": "lab", "parent": None},
         {"key": "table", "name": "Table", "kind": "bench", "parent": "lab"},
+        {"key": "shelf", "name": "Shelf", "kind": "bench", "parent": "lab"},
         {"key": "rack", "name": "Rack", "kind": "carrier", "parent": "table"},
         {"key": "plate", "name": "Plate", "kind": "plate", "parent": "rack"},
     ]

@@ -83,10 +83,10 @@ def _some(lab: Lab, kind: str, choice: random.Random) -> list[UUID]:
 
 
 def _a_plate(lab: Lab, wells: int) -> UUID:
-    rack = Resource.objects.get(lab=lab, key="rack")
+    table = Resource.objects.get(lab=lab, key="table")
     made = uuid4()
     with connection.cursor() as cursor:
-        cursor.execute(_PLATE, {"lab": lab.id, "plate": made, "rack": rack.id, "wells": wells})
+        cursor.execute(_PLATE, {"lab": lab.id, "plate": made, "table": table.id, "wells": wells})
     return made
 
 
@@ -94,7 +94,7 @@ _PLATE = """
 INSERT INTO resources_resource (id, lab_id, parent_id, key, name, kind, nature, config, data,
     extra, rev, is_archived, position)
 SELECT CASE n WHEN 0 THEN %(plate)s ELSE gen_random_uuid() END, %(lab)s,
-    CASE n WHEN 0 THEN %(rack)s ELSE %(plate)s END, %(plate)s::text || '/' || n, 'plate',
+    CASE n WHEN 0 THEN %(table)s ELSE %(plate)s END, %(plate)s::text || '/' || n, 'plate',
     CASE n WHEN 0 THEN 'plate' ELSE 'well' END, 'resource', '{}', '{}', '{}', 1, false, n
 FROM generate_series(0, %(wells)s) AS n
 """
@@ -141,13 +141,13 @@ def _moved(lab: Lab, plate: UUID) -> dict[str, tuple[int, int]]:
 
 
 def _mover(lab: Lab, plate: UUID) -> Callable[[], object]:
-    """Return what carries a plate from the rack to the table, or back."""
-    ends = {key: Resource.objects.get(lab=lab, key=key).id for key in ("rack", "table")}
+    """Return what carries a plate from the table to the shelf, or back."""
+    ends = {key: Resource.objects.get(lab=lab, key=key).id for key in ("shelf", "table")}
     person = User.objects.get_or_create(username="hand")[0].pk
 
     def act() -> None:
         here = Resource.objects.values_list("parent_id", flat=True).get(pk=plate)
-        there = ends["table"] if here == ends["rack"] else ends["rack"]
+        there = ends["table"] if here == ends["shelf"] else ends["shelf"]
         operation = TransferResource(resource_id=plate, from_id=here, to_id=there)
         services.carry_out(operation, lab=lab, actor_id=person)
 

@@ -18,7 +18,7 @@ from rest_framework.response import Response
 from rest_framework.views import APIView
 
 from labweb.accounts import services
-from labweb.accounts.selectors import user_of
+from labweb.accounts.selectors import User, user_of
 from labweb.domain.errors import LabError, LockedError
 
 ACTING = frozenset({"post", "put", "patch", "delete"})
@@ -103,6 +103,12 @@ class Endpoint(APIView):
         the answer to the key, as one of the act is; but not that something is in use.
         """
 
+    def _answer_before(self, actor: User, key: str, digest: str) -> services.Answer | None:
+        """Spare a repetition the preparation, where there is one."""
+        if type(self).prepare is Endpoint.prepare:
+            return None
+        return services.find_answer(actor=actor, key=key, digest=digest)
+
     def _early(self, request: Request, *args: Any, **kwargs: Any) -> LabError | None:  # noqa: ANN401
         try:
             self.prepare(request, *args, **kwargs)
@@ -120,8 +126,7 @@ class Endpoint(APIView):
         **kwargs: Any,  # noqa: ANN401
     ) -> HttpResponse:
         first: list[Response] = []
-        key, digest = _key(request), digest_of(request)
-        refusal = self._early(request, *args, **kwargs)
+        actor, key, digest = user_of(request), _key(request), digest_of(request)
 
         def act() -> services.Answer:
             try:
@@ -137,16 +142,21 @@ class Endpoint(APIView):
             return services.Answer(response.status_code, content, {})
 
         try:
-            answer = services.carry_out_once(act, actor=user_of(request), key=key, digest=digest)
+            answer = self._answer_before(actor, key, digest)
+            if answer is None:
+                refusal = self._early(request, *args, **kwargs)
+                answer = services.carry_out_once(act, actor=actor, key=key, digest=digest)
         except services.KeyReusedError as error:
             raise KeyReusedError from error
         except services.InProgressError as error:
             raise InProgressError from error
-        if not answer.is_replayed:
-            return first[0]
-        replayed = HttpResponse(answer.content, status=answer.status, content_type=_JSON)
-        replayed[REPLAYED] = "true"
-        return replayed
+        return _replayed(answer) if answer.is_replayed else first[0]
+
+
+def _replayed(answer: services.Answer) -> HttpResponse:
+    replayed = HttpResponse(answer.content, status=answer.status, content_type=_JSON)
+    replayed[REPLAYED] = "true"
+    return replayed
 
 
 def acts(view: type[APIView], method: str) -> bool:

@@ -29,15 +29,18 @@ export function layoutBoxes(
     marginy: 24,
   });
   graph.setDefaultEdgeLabel(() => ({}));
-  const known = new Set(boxes.map((box) => box.id));
-  for (const box of boxes) graph.setNode(box.id, { width: box.width, height: box.height });
+  // Ids are anybody's text, and dagre keeps nodes in plain objects: "constructor" would break it.
+  const names = new Map(boxes.map((box, place) => [box.id, `n${place}`]));
+  const nameOf = (id: string) => names.get(id) ?? "";
+  for (const { id, width, height } of boxes) graph.setNode(nameOf(id), { width, height });
   for (const link of links) {
-    if (known.has(link.source) && known.has(link.target)) graph.setEdge(link.source, link.target);
+    const [source, target] = [nameOf(link.source), nameOf(link.target)];
+    if (source && target) graph.setEdge(source, target);
   }
   dagre.layout(graph);
   return new Map(
     boxes.map((box) => {
-      const at = graph.node(box.id) as { x: number; y: number };
+      const at = graph.node(nameOf(box.id)) as { x: number; y: number };
       return [
         box.id,
         { x: Math.round(at.x - box.width / 2), y: Math.round(at.y - box.height / 2) },

@@ -156,6 +156,18 @@ test("the automatic layout puts what comes later to the right", () => {
   expect(places.get("b")?.x).toBe((places.get("a")?.x ?? 0) + 150);
 });
 
+test.each(["constructor", "__proto__", "toString", "_root"])("a step may have the id %s", (id) => {
+  const boxes = [id, "b", "c"].map((one) => ({ id: one, width: 100, height: 40 }));
+  const links = [
+    { source: id, target: "b" },
+    { source: "b", target: "c" },
+    { source: "c", target: id },
+    { source: id, target: id },
+  ];
+  const places = layoutBoxes(boxes, links, { rank: 50, node: 10 });
+  expect([...places.keys()]).toEqual([id, "b", "c"]);
+});
+
 test("on a narrow screen it puts what comes later below", () => {
   const boxes = ["a", "b"].map((id) => ({ id, width: 100, height: 40 }));
   const links = [{ source: "a", target: "b" }];

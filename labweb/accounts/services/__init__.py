@@ -15,6 +15,7 @@ from labweb.accounts.services.once import (
     InProgressError,
     KeyReusedError,
     carry_out_once,
+    find_answer,
     forget_answers,
 )
 from labweb.accounts.services.people import (
@@ -34,6 +35,7 @@ __all__ = [
     "change_password",
     "end_of_audit",
     "ensure_user",
+    "find_answer",
     "forget_answers",
     "note_foreign_password",
     "sign_chain",

@@ -69,11 +69,10 @@ def carry_out_once(act: Callable[[], Answer], *, actor: User, key: str, digest: 
         That of `act`, or none.
     """
     with atomic():
-        kept = _kept(actor, key)
-        if kept is not None and kept.request_digest != digest:
-            raise KeyReusedError
-        if kept is not None:
-            return replace(_opened(kept, key), is_replayed=True)
+        _take_turn(actor, key)
+        first = find_answer(actor=actor, key=key, digest=digest)
+        if first is not None:
+            return first
         answer = act()
         if connection.needs_rollback:
             return answer
@@ -87,8 +86,27 @@ def carry_out_once(act: Callable[[], Answer], *, actor: User, key: str, digest: 
     return answer
 
 
-def _kept(actor: User, key: str) -> KeptAnswer | None:
-    """Wait for the turn of the key, which this transaction then has, and find its answer."""
+def find_answer(*, actor: User, key: str, digest: str) -> Answer | None:
+    """Return what the request was answered before; None: this is the first with its key.
+
+    Args:
+        actor: In whose name.
+        key: What the sender named its wish with.
+        digest: SHA-256 of the request, hex.
+
+    Raises:
+        KeyReusedError: The key belongs to another request.
+    """
+    kept = KeptAnswer.objects.filter(user=actor, key_digest=_key_digest(key)).first()
+    if kept is None:
+        return None
+    if kept.request_digest != digest:
+        raise KeyReusedError
+    return replace(_opened(kept, key), is_replayed=True)
+
+
+def _take_turn(actor: User, key: str) -> None:
+    """Wait for the turn of the key, which this transaction then has."""
     turn = hashlib.sha256(f"{actor.pk} {key}".encode()).digest()
     try:
         with connection.cursor() as cursor:
@@ -97,7 +115,6 @@ def _kept(actor: User, key: str) -> KeptAnswer | None:
         if isinstance(error.__cause__, LockNotAvailable):
             raise InProgressError from error
         raise
-    return KeptAnswer.objects.filter(user=actor, key_digest=_key_digest(key)).first()
 
 
 def _key_digest(key: str) -> str:
