@@ -14,7 +14,14 @@ from labweb.crutd.models import RunHold
 from labweb.crutd.selectors.holds import HeldAt, holds_on
 from labweb.domain.crutd import operations
 from labweb.domain.errors import Finding, LockedError
-from labweb.domain.runs.holding import Above, Mode, excludes, modes_of, with_above
+from labweb.domain.runs.holding import (
+    Above,
+    Mode,
+    excludes,
+    may_use_by_hand,
+    modes_of,
+    with_above,
+)
 from labweb.resources import selectors as resource_selectors
 from labweb.resources.selectors import Resource
 
@@ -122,7 +129,7 @@ def findings_of_holds(
     asker: Asker,
 ) -> list[Finding]:
     """List the holds of others that an operation is not allowed to break into."""
-    foreign = [one for one in holds if not _may_use(operation, rows, one, asker)]
+    foreign = [one for one in holds if not _is_open_to(asker, operation, rows, one)]
     if not foreign:
         return []
     kinds = {row.id: row.kind for row in rows.values()}
@@ -136,22 +143,16 @@ def findings_of_holds(
     return [_finding(one, rows, names) for one in broken.values()]
 
 
-def _may_use(
-    operation: operations.Operation, rows: Mapping[UUID, Resource], one: HeldAt, asker: Asker
+def _is_open_to(
+    asker: Asker, operation: operations.Operation, rows: Mapping[UUID, Resource], one: HeldAt
 ) -> bool:
-    """Say whether a hold is the asker's own, or does not stand against this.
-
-    Who has started a run does by hand what it asks of a person, but takes nothing out of service
-    under it. Taking stock of what is quarantined is what everybody waits for.
-    """
     if asker.run_id is not None:
         return asker.run_id == one.run_id
-    if isinstance(operation, operations.Correct):
-        row = rows.get(operation.resource_id)
-        if row is not None and row.quarantined_by is not None:
-            return True
-    is_final = isinstance(operation, operations.Delete | operations.Disconnect)
-    return asker.actor_id == one.holder_id and not is_final
+    targets = (operation.resource_id,) if isinstance(operation, operations.Correct) else ()
+    is_quarantined = any(rows[node].quarantined_by is not None for node in targets if node in rows)
+    return may_use_by_hand(
+        operation, is_holder=asker.actor_id == one.holder_id, is_quarantined=is_quarantined
+    )
 
 
 def _finding(one: HeldAt, rows: Mapping[UUID, Resource], names: Mapping[str, str]) -> Finding:

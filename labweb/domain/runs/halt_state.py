@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 from enum import StrEnum
 from uuid import UUID
@@ -55,3 +55,36 @@ def who_keeps(run_id: UUID, standing: Iterable[Set]) -> UUID | None:
     """
     others = (one for one in standing if one.is_live and one.run_id != run_id)
     return next((one.run_id for one in others), None)
+
+
+def halt_wish(
+    run_id: UUID,
+    asked: Collection[HaltState],
+    standing: Collection[Set],
+    *,
+    acts: bool,
+    may_stand: bool,
+) -> HaltState | None:
+    """Say what an aborted run wants of one of its devices.
+
+    What acts for the run is halted whoever else works there. What the run has only left going
+    is halted unless another live run works with the device; that it was left is written down
+    once. Nothing is asked for twice while it is open.
+
+    Args:
+        run_id: The run that is aborted.
+        asked: How far each halt has come that was asked for in its name already.
+        standing: All that goes on at the device by now.
+        acts: A job of the run acts at the device, or nobody knows whether it does.
+        may_stand: A job of the run that was given up may have left the device going.
+
+    Returns:
+        `ASKED`: halt it. `KEPT`: note that it is left alone. None: neither.
+    """
+    if acts and not asked:
+        return HaltState.ASKED
+    if not may_stand and all(one.run_id != run_id for one in standing):
+        return None
+    if who_keeps(run_id, standing) is not None:
+        return None if HaltState.KEPT in asked else HaltState.KEPT
+    return HaltState.ASKED if OPEN_HALTS.isdisjoint(asked) else None

@@ -139,6 +139,22 @@ def excludes(one: Mode, other: Mode) -> bool:
     return (one, other) not in _SHARED
 
 
+def may_use_by_hand(operation: ops.Operation, *, is_holder: bool, is_quarantined: bool) -> bool:
+    """Say whether a person may do by hand what a run holds something against.
+
+    Who has started a run does by hand what it asks of a person, but takes nothing out of service
+    under it. Taking stock of what is quarantined is what everybody waits for.
+
+    Args:
+        operation: What the person wants to do.
+        is_holder: The person has started the run that holds it.
+        is_quarantined: What the operation corrects is quarantined.
+    """
+    if isinstance(operation, ops.Correct) and is_quarantined:
+        return True
+    return is_holder and not isinstance(operation, ops.Delete | ops.Disconnect)
+
+
 def with_above(modes: Modes, above: Above) -> dict[UUID, set[Mode]]:
     """Return how things are used, and that something in what they stand in is."""
     found: dict[UUID, set[Mode]] = {}

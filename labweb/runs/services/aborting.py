@@ -19,7 +19,14 @@ from labweb.common.wake import wake_dispatcher
 from labweb.domain.approvals.roles import Permission
 from labweb.domain.errors import DefinitionError, StateError
 from labweb.domain.messages import EdgeEvent, Halt
-from labweb.domain.runs.halt_state import OPEN_HALTS, UNDECIDED, HaltState, Set, who_keeps
+from labweb.domain.runs.halt_state import (
+    OPEN_HALTS,
+    UNDECIDED,
+    HaltState,
+    Set,
+    halt_wish,
+    who_keeps,
+)
 from labweb.domain.runs.halting import (
     DEVICE_STOPPED,
     RUN_ABORTED,
@@ -172,19 +179,17 @@ def halt_what_stands(run: Run, actor: User | None) -> None:
     One that another live run works with is left alone, which is written down.
     """
     for device, jobs in _devices_of(run).items():
-        asked = {halt.state for halt in run.halts.filter(device=device)}
+        asked = {HaltState(halt.state) for halt in run.halts.filter(device=device)}
         acts = any(job.state in _ACTING for job in jobs)
         standing = _standing(run, device)
-        is_in_question = not asked and _is_in_question(device, jobs)
-        is_ours = is_in_question or any(one.run_id == run.pk for one in standing)
-        other = who_keeps(run.pk, standing)
-        if acts and not asked:
+        is_given_up = not asked and _is_in_question(device, jobs)
+        wish = halt_wish(run.pk, asked, standing, acts=acts, may_stand=is_given_up)
+        if wish is HaltState.ASKED:
             _ask(device, run, RUN_ABORTED, actor)
-        elif is_ours and other is not None and HaltState.KEPT not in asked:
-            text = f"run #{selectors.find_run(other).number} works with it"
+        elif wish is HaltState.KEPT:
+            other = selectors.find_run(who_keeps(run.pk, standing) or run.pk)
+            text = f"run #{other.number} works with it"
             _note(device, run, RUN_ABORTED, actor, HaltState.KEPT, text)
-        elif is_ours and other is None and OPEN_HALTS.isdisjoint(asked):
-            _ask(device, run, RUN_ABORTED, actor)
 
 
 def _devices_of(run: Run) -> dict[Device, list[Job]]:

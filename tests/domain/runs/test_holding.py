@@ -8,8 +8,11 @@ from uuid import UUID
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from labweb.domain.crutd.ledger import Account
 from labweb.domain.crutd.operations import (
+    Correct,
     Create,
+    Delete,
     Read,
     TransferLiquid,
     TransferResource,
@@ -26,6 +29,7 @@ from labweb.domain.runs.holding import (
     Scene,
     Why,
     clash,
+    may_use_by_hand,
     modes_of,
     refusal,
 )
@@ -310,3 +314,15 @@ def test_a_run_that_waits_is_not_overtaken_for_ever_by_those_that_come_later(cou
         assert refusal(late, ask(late, alone(FLASK), since=1 + number), scene) is not None
     free = Scene(parties=[patient], waiting=waiting)
     assert refusal(patient, waiting[0], free) is None
+
+
+def test_by_hand_the_holder_does_all_but_end_a_thing_and_anybody_takes_stock() -> None:
+    move = TransferLiquid(source_id=UUID(int=1), target_id=UUID(int=2), amount_nl=1)
+    end = Delete(resource_id=UUID(int=1), archive_id=UUID(int=9))
+    account = next(iter(Account))
+    stock = Correct(resource_id=UUID(int=1), account=account, reason="weighed")
+    for is_holder in (False, True):
+        assert may_use_by_hand(move, is_holder=is_holder, is_quarantined=True) is is_holder
+        assert may_use_by_hand(stock, is_holder=is_holder, is_quarantined=False) is is_holder
+        assert may_use_by_hand(stock, is_holder=is_holder, is_quarantined=True)
+        assert not may_use_by_hand(end, is_holder=is_holder, is_quarantined=True)
