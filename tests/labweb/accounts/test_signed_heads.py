@@ -157,7 +157,7 @@ def test_a_removed_entry_of_the_audit_trail_is_named(recorded: Bench) -> None:
     with keys_to_the_database():
         AuditEntry.objects.filter(pk=row.pk).delete()
     code, text = run("verify_audit", "--json")
-    assert (code, json.loads(text)["audit"]["code"]) == (1, "audit.reordered")
+    assert (code, json.loads(text)["chains"]["audit trail"]["code"]) == (1, "audit.reordered")
 
 
 def test_an_edited_decision_is_named(recorded: Bench) -> None:
