@@ -205,7 +205,7 @@ def drain(world: World) -> None:
     for _ in range(DRAIN_ROUNDS):
         if _is_over(world):
             break
-        _round(world)
+        calm_round(world)
     checks.check_quiet(world)
 
 
@@ -227,7 +227,8 @@ def _is_at_rest(known: Host, host: SimHost) -> bool:
     )
 
 
-def _round(world: World) -> None:
+def calm_round(world: World) -> None:
+    """Let each part do what is open once, with nothing that disturbs it."""
     world.pass_time(2.1)
     world.server.tick()
     for host in world.hosts.values():

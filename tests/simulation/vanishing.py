@@ -34,7 +34,7 @@ from tests.simulation.halting import (
 )
 from tests.simulation.host import SimHost
 from tests.simulation.rows import Host
-from tests.simulation.schedule import Step, drain
+from tests.simulation.schedule import Step, calm_round, drain
 from tests.simulation.server import SimServer
 from tests.simulation.world import STEPS, World
 
@@ -221,5 +221,6 @@ def run(seed: int, *, trace: list[str] | None = None, steps: int = STEPS) -> Wor
         world.now_s += 0.05
         step(world, hosts[world.rng.getrandbits(1)])
     drain(world)
+    calm_round(world)  # a line that came up in the last round looks now
     world.check_lost()
     return world
