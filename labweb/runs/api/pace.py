@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from labweb.common.clock import now
+from labweb.domain.runs.duration import Part, span_s
 from labweb.runs.models import Job
 
 
@@ -14,10 +15,32 @@ def estimate_s(job: Job) -> float:
     return job.estimate_s / job.device.host.pace
 
 
+def whole_s(jobs: Iterable[Job]) -> float:
+    """Return how long jobs take together from the first to the last, real time."""
+    return span_s(_part(job, estimate_s(job)) for job in jobs)
+
+
 def left_s(jobs: Iterable[Job]) -> float:
-    """Return how long jobs that have not ended still take one after the other, real time."""
-    at = now()
-    return sum(max(estimate_s(job) - _spent_s(job, at.timestamp()), 0.0) for job in jobs)
+    """Return how long it is until the last of some jobs that have not ended does, real time."""
+    at_s = now().timestamp()
+    return span_s(_part(job, max(estimate_s(job) - _spent_s(job, at_s), 0.0)) for job in jobs)
+
+
+def _part(job: Job, takes_s: float) -> Part:
+    return Part(index=job.index, after=job.after, device=job.device_id, takes_s=takes_s)
+
+
+def planned_s(jobs: Iterable[Mapping[str, Any]]) -> float:
+    """Return how long the jobs of a rendered plan take together."""
+    return span_s(
+        Part(
+            index=one["index"],
+            after=one["after"],
+            device=one["device"]["id"],
+            takes_s=one["estimate_s"],
+        )
+        for one in jobs
+    )
 
 
 def _spent_s(job: Job, at_s: float) -> float:
@@ -33,7 +56,7 @@ def on_the_wall(plan: Mapping[str, Any], jobs: Sequence[Job]) -> dict[str, Any]:
         **plan,
         "steps": [_at(one, by_step.get(one["step_id"], 1.0)) for one in plan["steps"]],
         "jobs": parts,
-        "estimate_s": sum(one["estimate_s"] for one in parts),
+        "estimate_s": planned_s(parts),
     }
 
 

@@ -29,7 +29,7 @@ from labweb.resources.selectors import Lab
 from labweb.runs import selectors
 from labweb.runs.api.halts import render_halts
 from labweb.runs.api.holds import render_holds, render_wait
-from labweb.runs.api.pace import estimate_s, left_s, on_the_wall
+from labweb.runs.api.pace import estimate_s, left_s, on_the_wall, planned_s, whole_s
 from labweb.runs.api.question import render_question
 from labweb.runs.models import Attempt, Job, Run
 from labweb.telemetry import selectors as telemetry_selectors
@@ -79,7 +79,7 @@ def _row(run: Run, jobs: list[Job], holds: list[dict[str, Any]]) -> dict[str, An
         "steps_done": len(done),
         "step_now": None if current is None else current.sentence,
         "in_doubt_count": sum(job.state == JobState.IN_DOUBT.value for job in jobs),
-        "estimate_s": sum(estimate_s(job) for job in jobs),
+        "estimate_s": whole_s(jobs),
         "left_s": None if ended else left_s(left),
         "pause_reasons": run.pause_reasons,
         "waits_for": render_wait(run),
@@ -98,27 +98,28 @@ def render_plan(run: Run, jobs: Iterable[Job]) -> dict[str, Any]:
 
 def plan_json(plan: Mapping[str, Any], digest: str, names: Mapping[str, str]) -> dict[str, Any]:
     """Render a plan with the names of its devices."""
+    jobs = [
+        {
+            "index": job["index"],
+            "step_id": job["step_id"],
+            "sentence": job["sentence"],
+            "device": {
+                "id": str(job["device_id"]),
+                "name": names.get(str(job["device_id"]), ""),
+            },
+            "choices_count": len(job.get("choices") or ()),
+            "action": job["action"],
+            "args": job["args"],
+            "after": job["after"],
+            "estimate_s": job["estimate_s"],
+        }
+        for job in plan["jobs"]
+    ]
     return {
         "digest": digest,
-        "estimate_s": sum(job["estimate_s"] for job in plan["jobs"]),
+        "estimate_s": planned_s(jobs),
         "steps": plan["steps"],
-        "jobs": [
-            {
-                "index": job["index"],
-                "step_id": job["step_id"],
-                "sentence": job["sentence"],
-                "device": {
-                    "id": str(job["device_id"]),
-                    "name": names.get(str(job["device_id"]), ""),
-                },
-                "choices_count": len(job.get("choices") or ()),
-                "action": job["action"],
-                "args": job["args"],
-                "after": job["after"],
-                "estimate_s": job["estimate_s"],
-            }
-            for job in plan["jobs"]
-        ],
+        "jobs": jobs,
         "notes": plan["notes"],
     }
 

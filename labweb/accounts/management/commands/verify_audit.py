@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from labweb.accounts.selectors import chain
 from labweb.accounts.management.verifying import VerifyCommand
+from labweb.accounts.selectors import chain
 from labweb.domain.errors import Finding
 from labweb.domain.messages import Countersigned
 
