@@ -35,6 +35,9 @@ class Run(Base):
     is_given_up = models.BooleanField(default=False)
     """A person gave it up: it ends as soon as nothing of it is under way."""
 
+    given_up = models.JSONField(null=True)
+    """Who gave it up, when and why: `{"by", "by_id", "at", "reason"}`; None: nobody has."""
+
     recoveries = models.JSONField(default=list)
     """What people did about jobs that ended undone: `{"choice", "job_id", "by", "by_id", "at",
     "note"}`, what else the choice says, and of a recipe `departs`: how it leaves what was

@@ -119,7 +119,14 @@ export type Problem =
 export const isTakenAway = (job: Pick<Job, "state" | "halted_by">): boolean =>
   job.state === "complete" && job.halted_by !== null && job.halted_by !== "let_go";
 
-/** What needs a person, most urgent first. */
+/** Of a run that was aborted: what never began. */
+export const neverBegan = (run: Run): Job[] =>
+  run.is_given_up ? run.jobs.filter((job) => job.state === "stopped" && !job.passed_by) : [];
+
+/**
+ * What needs a person, most urgent first. What an abort itself keeps from beginning, or takes
+ * away of what was set, is no problem: the card of the abort says it.
+ */
 export function findProblems(run: Run): Problem[] {
   const problems: Problem[] = [];
   for (const job of run.jobs) {
@@ -140,8 +147,9 @@ export function findProblems(run: Run): Problem[] {
     }
   }
   for (const job of run.jobs) {
+    const isWanted = run.is_given_up && (job.state === "stopped" || isTakenAway(job));
     const isUndone = ["aborted", "rejected", "stopped"].includes(job.state) && !job.passed_by;
-    if (isUndone || isTakenAway(job)) problems.push({ kind: "failed", job });
+    if (!isWanted && (isUndone || isTakenAway(job))) problems.push({ kind: "failed", job });
   }
   const isPausing = run.state === "paused" || run.state === "pausing";
   if (isPausing && (run.pause_reasons.length > 0 || problems.length === 0)) {

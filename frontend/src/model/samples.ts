@@ -183,6 +183,7 @@ export function aRun(jobs: Job[], change: Partial<Run> = {}): Run {
     files: [],
     recoveries: [],
     is_given_up: false,
+    given_up: null,
     halts: [],
     execution: null,
     hosts_away: [],

@@ -356,6 +356,8 @@ export interface Run extends RunRow {
   document: WorkflowDocument;
   plan: Plan;
   jobs: Job[];
+  /** Who aborted it, when and why; null: nobody has, or it was before this was written down. */
+  given_up: { by: string; at: Iso; reason: string } | null;
   /** Of an aborted run: its devices that had to be halted, and what came of it. */
   halts: DeviceHalt[];
   files: RunFile[];

@@ -7,6 +7,7 @@ import type { DeviceHalt } from "@/model/wire";
 import { serve, show } from "@/testpage";
 import { Halts } from "./halts";
 import { RunHead } from "./head";
+import { Problems } from "./problem";
 import { words } from "./words";
 
 const can = { pause: false, resume: false, abort: true, resolve: true, recover: false };
@@ -28,6 +29,35 @@ test("an aborted run shows which device is being halted, which stands and which 
     "Heater takenBeing halted",
     "Heater owedNot halted yetit does not answer",
     "Heater haltedHaltedit stands",
+  ]);
+});
+
+test("an aborted run says who aborted it and why, and lists once what never began", () => {
+  serve(() => [200, { devices: [] }]);
+  const run = aRun(
+    [
+      aJob(0, "a", "complete", { halted_by: "edge.run_aborted" }),
+      aJob(1, "a", "aborted"),
+      aJob(2, "b", "stopped"),
+      aJob(3, "c", "stopped"),
+    ],
+    {
+      is_given_up: true,
+      state: "aborted",
+      given_up: { by: "Li Na", at: iso(1), reason: "it smells" },
+    },
+  );
+  show(
+    <>
+      <Halts run={run} />
+      <Problems run={run} job={null} />
+    </>,
+  );
+  expect(screen.getByTestId("halts")).toHaveTextContent("Aborted by Li Na");
+  expect(screen.getByText("it smells")).toBeInTheDocument();
+  expect(screen.getByTestId("never-began")).toHaveTextContent("2 actions never began");
+  expect(screen.getAllByTestId("problem-card").map((card) => card.dataset.job)).toEqual([
+    run.jobs[1]?.id,
   ]);
 });
 

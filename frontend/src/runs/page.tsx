@@ -83,7 +83,7 @@ function Body({ run }: { run: Run }) {
   const { tab, job, pick, link } = useSelection();
   const steps = useMemo(() => stepProgress(run), [run]);
   const events = useRunEvents(run.id);
-  const isUrgent = findProblems(run).some((one) => one.kind !== "paused");
+  const isUrgent = run.is_given_up || findProblems(run).some((one) => one.kind !== "paused");
   return (
     <div className="run" data-testid="run" data-state={run.state} data-mode={run.mode}>
       <header className="head" data-mode={run.mode}>
@@ -124,8 +124,8 @@ function Body({ run }: { run: Run }) {
           >
             <TwinFrame title={`Twin of run ${run.number}`} />
           </Card>
-          <Halts run={run} />
           <div className="col problems">
+            <Halts run={run} />
             <Problems run={run} job={job} />
           </div>
           {job && <JobCard run={run} job={job} />}

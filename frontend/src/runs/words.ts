@@ -62,7 +62,13 @@ export const words = {
     promises.abort.liquid,
   ].join(" "),
   aborting: "This run is being aborted: it ends once its devices stand.",
-  halts: { title: "Devices of this run", none: "No device of this run had to be halted." },
+  halts: {
+    title: "Aborted",
+    by: (name: string) => `Aborted by ${name}`,
+    none: "No device of this run had to be halted.",
+    neverBegan: (count: number) =>
+      count === 1 ? "1 action never began" : `${count} actions never began`,
+  },
   halted:
     "It was halted in the middle, and its device is in its safe state. Below is how far it came.",
   givenUp:

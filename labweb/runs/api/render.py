@@ -153,6 +153,7 @@ def render_run(run: Run, user: User) -> dict[str, Any]:
             }
             for job in jobs
         ],
+        "given_up": _given_up(run),
         "halts": render_halts(run),
         "files": _files(jobs),
         "proof": _proof(run),
@@ -175,6 +176,12 @@ def render_run(run: Run, user: User) -> dict[str, Any]:
             "resolve": Permission.RESOLVE in allowed,
         },
     }
+
+
+def _given_up(run: Run) -> dict[str, Any] | None:
+    if run.given_up is None:
+        return None
+    return {name: run.given_up[name] for name in ("by", "at", "reason")}
 
 
 def _proof(run: Run) -> dict[str, Any] | None:

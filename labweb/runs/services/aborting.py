@@ -15,6 +15,7 @@ from labweb.accounts.selectors import User
 from labweb.approvals import services as approval_services
 from labweb.common import feed
 from labweb.common.clock import new_id, now
+from labweb.common.render import iso
 from labweb.common.wake import wake_dispatcher
 from labweb.domain.approvals.roles import Permission
 from labweb.domain.errors import DefinitionError, StateError
@@ -94,7 +95,13 @@ def abort_run(run_id: UUID, *, actor: User, reason: str) -> Run:
         if run.state == RunState.AWAITING_APPROVAL.value:
             run.state, run.ended_at = RunState.ABORTED.value, now()
         run.pause_reasons, run.is_given_up = [], True
-        run.save(update_fields=["state", "ended_at", "pause_reasons", "is_given_up"])
+        run.given_up = {
+            "by": actor.printed_name,
+            "by_id": str(actor.pk),
+            "at": iso(now()),
+            "reason": reason,
+        }
+        run.save(update_fields=["state", "ended_at", "pause_reasons", "is_given_up", "given_up"])
         account_services.write_audit("run.abort", str(run.id), actor=actor, reason=reason)
     stop_unstarted(run, reason)
     for job in Job.objects.filter(run=run, state__in=_AT_EDGE).select_for_update(no_key=True):
