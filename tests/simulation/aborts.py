@@ -58,7 +58,7 @@ def run(seed: int, *, trace: list[str] | None = None, steps: int = STEPS) -> Wor
         step(world, hosts[world.rng.getrandbits(1)])
     drain(world)
     for _ in range(4):  # what was taken last is delivered, and told
-        schedule._round(world)
+        schedule.calm_round(world)
     world.check_set()
     world.check_aborted()
     return world

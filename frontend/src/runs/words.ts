@@ -5,9 +5,9 @@ import { capitalise } from "@/model/states";
 
 const HALTS: Record<string, string> = {
   "edge.stopped": " with the whole lab",
-  "edge.halted": " with another action",
+  "edge.halted": " because another action on it was cut off",
   "edge.interrupted": ", since the process of its line had died",
-  "edge.run_aborted": " with a run that was aborted",
+  "edge.run_aborted": " because a run was aborted",
   "edge.device_stopped": " by a person",
 };
 

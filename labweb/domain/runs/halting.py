@@ -278,12 +278,16 @@ def write_halts(tx: JournalWrite, code: str) -> None:
 def write_halt(tx: JournalWrite, row: ActionRow, code: str) -> None:
     """Write down that a device was halted with one of its actions.
 
+    Where a halt of the device is owed, that is why the action was cut off, and is told so.
+
     Effect:
         On the record only: set-points of its resources are unknown.
     """
+    due = _owed(tx).get(str(row.device_id))
+    cause = code if due is None else due.code
     for device in _devices(tx):
         if device.id == row.device_id:
-            _write_halt(tx, device, code, row.action_id)
+            _write_halt(tx, device, cause, row.action_id)
 
 
 def halt_with_action(tx: JournalWrite, row: ActionRow, *, is_owed: bool) -> None:

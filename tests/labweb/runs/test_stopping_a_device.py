@@ -56,6 +56,8 @@ def test_a_device_is_stopped_in_the_middle_of_an_action_and_its_run_asks_what_to
     assert [one["kind"] for one in found["pause_reasons"]] == ["device_stopped", "halted"]
     assert not found["can"]["resume"], "its hold was cut off, and its stirrer stands"
     assert DeviceHalt.objects.get().state == "halted"
+    stirring = next(job for job in found["jobs"] if job["action"] == "stir")
+    assert stirring["halted_by"] == "edge.device_stopped", "and not with another action"
 
 
 @keeps(
