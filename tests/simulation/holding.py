@@ -16,7 +16,6 @@ from labweb.domain.runs import claims
 from labweb.domain.runs.claims import Claims, Stand, Use, Way
 from labweb.domain.runs.holding import Ask, Mode, Party, Scene
 from labweb.domain.runs.job import FINAL, JobState, Mover
-from labweb.domain.runs.session import SessionState
 from tests.simulation import schedule
 from tests.simulation.checks import SENT, require
 from tests.simulation.halting import SETPOINT, HaltingServer, HaltingWorld
@@ -88,15 +87,6 @@ class HoldingServer(HaltingServer):
         for run in runs:
             self.held[run] = {}
 
-    def tick(self) -> None:
-        """Note who asks, as an onlooker sees it, and have a turn."""
-        online = {host.name for host in self.hosts.values() if host.state is SessionState.ONLINE}
-        for run in self.held:
-            first = next(one for one in self.jobs if one.run == run)
-            if first.state is JobState.QUEUED and first.host in online and not first.actions:
-                self.asked_at.setdefault(run, (self.watch.now_s, run))
-        super().tick()
-
     def stands(self, run: int) -> list[Stand]:
         """Return where the jobs of a run stand."""
         return [
@@ -108,6 +98,7 @@ class HoldingServer(HaltingServer):
     def may_hold(self, members: list[Job]) -> bool:
         """Give a run what it has to hold for these jobs; False: it waits."""
         run = members[0].run
+        self.asked_at.setdefault(run, (self.watch.now_s, run))  # as an onlooker sees it
         held, stands, declared = self.held[run], self.stands(run), self.declared[run]
         used = frozenset().union(*(one.targets for one in members))
         sent = [one.index for one in members]
@@ -199,19 +190,23 @@ class HoldingWorld(HaltingWorld):
             is_first = run != fresh.run and asked_at < turn
             first = next(one for one in self.server.jobs if one.run == run)
             if is_first and first.state is JobState.QUEUED and not first.actions:
-                both = KEPT.get(run, frozenset()) & KEPT.get(fresh.run, frozenset())
+                both = self._needed_by(run) & self._needed_by(fresh.run)
                 require(not both, "W2", f"run {fresh.run} overtakes run {run}")
+
+    def _needed_by(self, run: int) -> set[UUID]:
+        """What jobs of a run that have not ended use of what it keeps."""
+        return {
+            node
+            for node in KEPT.get(run, ())
+            for one in self.server.jobs
+            if one.run == run and node in touched_ids(one.operation) and one.state not in FINAL
+        }
 
     def _kept_by(self, run: int) -> set[UUID]:
         own = [one for one in self.server.jobs if one.run == run]
         if not any(one.actions for one in own) or all(one.state in FINAL for one in own):
             return set()
-        kept = {
-            node
-            for node in KEPT.get(run, ())
-            for one in own
-            if node in touched_ids(one.operation) and one.state not in FINAL
-        }
+        kept = self._needed_by(run)
         for one in own:
             is_on = one.state in SENT or one.state is JobState.COMPLETE
             if one.action == "start_flow" and is_on and not one.halted_by:
