@@ -1,0 +1,86 @@
+"""How much room the disk under a data directory has, and what is said about it.
+
+The same levels as the page shows, by the same variables; `labweb.domain.disk` has the rule for
+the server and its hosts.
+"""
+
+from __future__ import annotations
+
+import errno
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+WARN_MB, WARN_PERCENT, FLOOR_MB = (
+    "LABWEB_DISK_WARN_MB",
+    "LABWEB_DISK_WARN_PERCENT",
+    "LABWEB_DISK_FLOOR_MB",
+)
+DEFAULTS = {WARN_MB: 1024.0, WARN_PERCENT: 5.0, FLOOR_MB: 200.0}
+MOST_WARN_MB = 10_240.0
+"""However large the disk, with so much left nobody is warned."""
+
+RESTART_BYTES = 32 * 2**20
+"""With less, PostgreSQL cannot begin the next part of its log, and ends again at once."""
+
+SHORTAGES = (errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EMFILE, errno.ENFILE)
+"""What a process cannot mend, and a person can while it goes on."""
+
+_MB = 2**20
+_GB = 1e9
+
+
+@dataclass(frozen=True, slots=True)
+class Room:
+    """What a disk has left."""
+
+    free_bytes: int
+    total_bytes: int
+    is_read_only: bool = False
+
+    @property
+    def takes_restarts(self) -> bool:
+        """Say whether a server that ended for want of room can start again."""
+        return not self.is_read_only and self.free_bytes >= RESTART_BYTES
+
+
+def look(folder: Path) -> Room | None:
+    """Ask the kernel; None: it does not say."""
+    try:
+        found = os.statvfs(folder)
+    except OSError:
+        return None
+    return Room(
+        found.f_bavail * found.f_frsize,
+        found.f_blocks * found.f_frsize,
+        bool(found.f_flag & os.ST_RDONLY),
+    )
+
+
+def warning(folder: Path, room: Room, environment: Mapping[str, str] = os.environ) -> str:
+    """Say what a person has to know of a disk; empty: it has room enough."""
+    if room.is_read_only:
+        return (
+            f"The disk of {folder} can only be read: nothing is written and no run is started. "
+            "Find out why the system has made it so, and let it be written again."
+        )
+    warn_mb, percent, floor_mb = (_number(environment, name) for name in DEFAULTS)
+    share_mb = min(room.total_bytes / _MB * percent / 100, MOST_WARN_MB)
+    if room.free_bytes >= max(warn_mb, share_mb, floor_mb) * _MB:
+        return ""
+    left = f"The disk of {folder} has {room.free_bytes / _GB:.1f} GB left; "
+    floor = f"{floor_mb * _MB / _GB:.1f} GB"
+    what = (
+        "runs are not started below"
+        if room.free_bytes >= floor_mb * _MB
+        else "no run is started below"
+    )
+    return f"{left}{what} {floor}. Free some space on it: old files, exports and backups."
+
+
+def _number(environment: Mapping[str, str], name: str) -> float:
+    try:
+        return float(environment[name])
+    except (KeyError, ValueError):
+        return DEFAULTS[name]
