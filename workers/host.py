@@ -123,7 +123,7 @@ class Supervisor:
     def _do(self, task: object) -> None:
         try:
             task()  # type: ignore[operator]
-        except (LabError, RedisError) as error:
+        except (LabError, RedisError, OSError) as error:
             log.error("%s", error)
 
     def _keep(self, *children: Child) -> None:
