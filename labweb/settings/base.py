@@ -262,6 +262,6 @@ LOGGING = {
     "version": 1,
     "disable_existing_loggers": False,
     "formatters": {"line": {"format": "%(asctime)s %(levelname)s %(name)s %(message)s"}},
-    "handlers": {"stderr": {"class": "logging.StreamHandler", "formatter": "line"}},
+    "handlers": {"stderr": {"class": "labweb.common.logs.LossyStream", "formatter": "line"}},
     "root": {"handlers": ["stderr"], "level": "INFO"},
 }
