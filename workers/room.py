@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 from pathlib import Path
 from typing import TypedDict
@@ -28,8 +29,19 @@ def told_of(folder: Path) -> Told:
     return Told(
         disk_free_bytes=found.f_bavail * found.f_frsize,
         disk_total_bytes=found.f_blocks * found.f_frsize,
-        is_disk_read_only=bool(found.f_flag & os.ST_RDONLY),
+        is_disk_read_only=_is_read_only(folder, found.f_flag),
     )
+
+
+def _is_read_only(folder: Path, flags: int) -> bool:
+    """Say whether nothing can be written: one that failed may say so to writes alone."""
+    if flags & os.ST_RDONLY:
+        return True
+    try:
+        os.utime(folder)
+    except OSError as error:
+        return error.errno == errno.EROFS
+    return False
 
 
 def is_short(folder: Path) -> bool:

@@ -28,7 +28,6 @@ SHORTAGES = (errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EMFILE, errno.ENFILE
 """What a process cannot mend, and a person can while it goes on."""
 
 _MB = 2**20
-_GB = 1e9
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,8 +53,19 @@ def look(folder: Path) -> Room | None:
     return Room(
         found.f_bavail * found.f_frsize,
         found.f_blocks * found.f_frsize,
-        bool(found.f_flag & os.ST_RDONLY),
+        _is_read_only(folder, found.f_flag),
     )
+
+
+def _is_read_only(folder: Path, flags: int) -> bool:
+    """Say whether nothing can be written; a file system that failed may say so to writes alone."""
+    if flags & os.ST_RDONLY:
+        return True
+    try:
+        os.utime(folder)
+    except OSError as error:
+        return error.errno == errno.EROFS
+    return False
 
 
 def warning(folder: Path, room: Room, environment: Mapping[str, str] = os.environ) -> str:
@@ -69,14 +79,17 @@ def warning(folder: Path, room: Room, environment: Mapping[str, str] = os.enviro
     share_mb = min(room.total_bytes / _MB * percent / 100, MOST_WARN_MB)
     if room.free_bytes >= max(warn_mb, share_mb, floor_mb) * _MB:
         return ""
-    left = f"The disk of {folder} has {room.free_bytes / _GB:.1f} GB left; "
-    floor = f"{floor_mb * _MB / _GB:.1f} GB"
-    what = (
-        "runs are not started below"
-        if room.free_bytes >= floor_mb * _MB
-        else "no run is started below"
+    floor_bytes = floor_mb * _MB
+    is_full = room.free_bytes < floor_bytes
+    return (
+        f"The disk of {folder} has {_size(room.free_bytes)} left; "
+        f"{'no run is' if is_full else 'runs are not'} started below {_size(floor_bytes)}. "
+        "Free some space on it: old files, exports and backups."
     )
-    return f"{left}{what} {floor}. Free some space on it: old files, exports and backups."
+
+
+def _size(size_bytes: float) -> str:
+    return f"{size_bytes / 1e9:.1f} GB" if size_bytes >= 1e8 else f"{size_bytes / 1e6:.0f} MB"
 
 
 def _number(environment: Mapping[str, str], name: str) -> float:

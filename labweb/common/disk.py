@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import errno
 import os
+import time
+from functools import lru_cache
+from pathlib import Path
 
 from django.conf import settings
 from redis.exceptions import ResponseError
@@ -19,17 +22,33 @@ _DISK_FULL_STATE = "53100"
 
 
 def server_disk() -> Disk | None:
-    """Ask the system; None: it does not say."""
+    """Ask the system, at most once a second; None: it does not say."""
+    return _asked(Path(settings.DATA_DIR), int(time.monotonic()))
+
+
+@lru_cache(maxsize=1)
+def _asked(folder: Path, _second: int) -> Disk | None:
     try:
-        found = os.statvfs(settings.DATA_DIR)
+        found = os.statvfs(folder)
     except OSError:
         return None
     return Disk(
         name=SERVER,
         free_bytes=found.f_bavail * found.f_frsize,
         total_bytes=found.f_blocks * found.f_frsize,
-        is_read_only=bool(found.f_flag & os.ST_RDONLY),
+        is_read_only=_is_read_only(folder, found.f_flag),
     )
+
+
+def _is_read_only(folder: Path, flags: int) -> bool:
+    """Say whether nothing can be written: one that failed may say so to writes alone."""
+    if flags & os.ST_RDONLY:
+        return True
+    try:
+        os.utime(folder)
+    except OSError as error:
+        return error.errno == errno.EROFS
+    return False
 
 
 def floors() -> Floors:

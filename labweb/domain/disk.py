@@ -9,7 +9,6 @@ from enum import StrEnum
 from labweb.domain.errors import Finding
 
 _GIB = 2**30
-_GB = 1e9
 
 MOST_WARN_BYTES = 10 * _GIB
 """However large the disk, with so much left nobody is warned."""
@@ -64,7 +63,7 @@ class Disk:
         """Say in a few words what is the matter with it."""
         if self.is_read_only:
             return f"The disk of {self.name} can only be read"
-        return f"The disk of {self.name} has {_gb(self.free_bytes)} left"
+        return f"The disk of {self.name} has {_size(self.free_bytes)} left"
 
     def consequence(self, floors: Floors) -> str:
         """Say what follows, and what to do."""
@@ -75,7 +74,7 @@ class Disk:
             )
         is_full = self.level(floors) is Level.FULL
         what = "No run is started" if is_full else "Runs are not started"
-        return f"{what} below {_gb(floors.floor_bytes)}. {ADVICE}"
+        return f"{what} below {_size(floors.floor_bytes)}. {ADVICE}"
 
 
 def check_room(disks: Iterable[Disk], floors: Floors) -> list[Finding]:
@@ -91,5 +90,5 @@ def _lowered(text: str) -> str:
     return text[:1].lower() + text[1:]
 
 
-def _gb(size_bytes: float) -> str:
-    return f"{size_bytes / _GB:.1f} GB"
+def _size(size_bytes: float) -> str:
+    return f"{size_bytes / 1e9:.1f} GB" if size_bytes >= 1e8 else f"{size_bytes / 1e6:.0f} MB"
