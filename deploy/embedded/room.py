@@ -11,6 +11,9 @@ import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from time import monotonic
+
+from deploy.embedded.console import Console
 
 WARN_MB, WARN_PERCENT, FLOOR_MB = (
     "LABWEB_DISK_WARN_MB",
@@ -27,6 +30,10 @@ RESTART_BYTES = 32 * 2**20
 SHORTAGES = (errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EMFILE, errno.ENFILE)
 """What a process cannot mend, and a person can while it goes on."""
 
+LOOK_S = 5.0
+"""How often the disk is looked at, and while it is short of room:"""
+
+SHORT_LOOK_S = 1.0
 _MB = 2**20
 
 
@@ -97,3 +104,42 @@ def _number(environment: Mapping[str, str], name: str) -> float:
         return float(environment[name])
     except (KeyError, ValueError):
         return DEFAULTS[name]
+
+
+class Disk:
+    """The disk under the data directory, looked at now and then."""
+
+    def __init__(self, folder: Path, console: Console) -> None:
+        self._folder = folder
+        self._console = console
+        self._said = ""
+        self._had_room = True
+        self.look_at_s = 0.0
+        """When it is looked at next, on the monotonic clock."""
+
+        self.was_looked_at = False
+        """At the last turn."""
+
+    def takes_restarts(self) -> bool:
+        """Say whether a process that ends now can start again; so it counts if nobody can tell."""
+        found = look(self._folder)
+        if found is not None and not found.takes_restarts:
+            self._had_room = False
+            self.look_at_s = min(self.look_at_s, monotonic() + SHORT_LOOK_S)
+        return found is None or found.takes_restarts
+
+    def look(self) -> bool:
+        """Look if it is time, say what has changed, and tell whether there is room again."""
+        self.was_looked_at = monotonic() >= self.look_at_s
+        if not self.was_looked_at:
+            return False
+        found = look(self._folder)
+        text = "" if found is None else warning(self._folder, found)
+        kind = text.partition(";")[2] or text  # how much is left changes all the time
+        if kind != self._said:
+            self._console.line(text or f"The disk of {self._folder} has room enough again")
+        self._said = kind
+        has_room = found is None or found.takes_restarts
+        is_back, self._had_room = has_room and not self._had_room, has_room
+        self.look_at_s = monotonic() + (LOOK_S if has_room and not text else SHORT_LOOK_S)
+        return is_back

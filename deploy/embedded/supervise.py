@@ -33,10 +33,6 @@ HURRIED_PACE = 0.3
 _SERVER_LAST_WORD_S = 0.3
 _ORPHANS_WITHIN_S = 1.0
 _ROTATE_EVERY_S = 60.0
-LOOK_S = 5.0
-"""How often the disk is looked at, and while it is short of room:"""
-
-SHORT_LOOK_S = 1.0
 
 
 class StopRequestError(Exception):
@@ -57,45 +53,6 @@ class _Child:
     """That it cannot run for want of room; it is said once."""
 
 
-class Disk:
-    """The disk under the data directory, looked at now and then."""
-
-    def __init__(self, folder: Path, console: Console) -> None:
-        self._folder = folder
-        self._console = console
-        self._said = ""
-        self._had_room = True
-        self.look_at_s = 0.0
-        """When it is looked at next, on the monotonic clock."""
-
-        self.was_looked_at = False
-        """At the last turn."""
-
-    def takes_restarts(self) -> bool:
-        """Say whether a process that ends now can start again; so it counts if nobody can tell."""
-        found = room.look(self._folder)
-        if found is not None and not found.takes_restarts:
-            self._had_room = False
-            self.look_at_s = min(self.look_at_s, monotonic() + SHORT_LOOK_S)
-        return found is None or found.takes_restarts
-
-    def look(self) -> bool:
-        """Look if it is time, say what has changed, and tell whether there is room again."""
-        self.was_looked_at = monotonic() >= self.look_at_s
-        if not self.was_looked_at:
-            return False
-        found = room.look(self._folder)
-        text = "" if found is None else room.warning(self._folder, found)
-        kind = text.partition(";")[2] or text  # how much is left changes all the time
-        if kind != self._said:
-            self._console.line(text or f"The disk of {self._folder} has room enough again")
-        self._said = kind
-        has_room = found is None or found.takes_restarts
-        is_back, self._had_room = has_room and not self._had_room, has_room
-        self.look_at_s = monotonic() + (LOOK_S if has_room and not text else SHORT_LOOK_S)
-        return is_back
-
-
 class Supervisor:
     """Parent of every process of a lab, and of every orphan among them."""
 
@@ -114,7 +71,7 @@ class Supervisor:
         signal.set_wakeup_fd(self._wake_write, warn_on_full_buffer=False)
         signal.signal(signal.SIGCHLD, _wake_only)
         on_stop_signals(self._on_stop_signal)
-        self._disk = Disk(layout.data, console)
+        self._disk = room.Disk(layout.data, console)
         self._is_unrecorded = False
         self._save_record()
 

@@ -156,24 +156,22 @@ def start_run(
         RevisionError: The plan is not the one the actor saw; nothing was written.
         ProtocolError, PlanningError: As `preview`; nothing was written.
         ForbiddenError: The actor may not run things on some resource of the plan.
-        PreconditionError: The lab is stopped, a disk has too little room (`run.disk_full`), or a
-            vessel holds what nobody proved the recipe with.
+        PreconditionError: The lab is stopped, a disk is full, or a vessel has not what was proved.
         LockedError: Somebody else has reserved a resource of the plan.
 
     Effect:
         Nothing moves before the dispatcher sends the first job.
     """
     scene = hold_scene(version.workflow.lab_id, actor)
-    lab, view, reach = scene.lab, scene.view, scene.reach
+    lab, view = scene.lab, scene.view
     _refuse_second(version, actor, is_asked=is_asked)
-    found = preview(lab, version.document, view=view, reach=reach, rules=scene.rules)
+    found = preview(lab, version.document, view=view, reach=scene.reach, rules=scene.rules)
     _check_room(found.plan, scene.hosts)
     check_proved(version, view)
     crutd_services.refuse_reserved_by_others(
         _surely_touched(found.plan), actor_id=actor.pk, is_any=scene.is_any_reserved
     )
-    plan_digest = plans.digest(found.plan)
-    _check_seen(plan_digest, seen_digest)
+    plan_digest = _seen_digest(found.plan, seen_digest)
     policies = found.policies if wish is None else (*found.policies, wish.rule)
     run = Run(
         lab=lab,
@@ -272,13 +270,16 @@ def _check_room(plan: Plan, hosts: Mapping[UUID, EdgeHost]) -> None:
         raise PreconditionError(findings[0].message, code=findings[0].code, findings=findings)
 
 
-def _check_seen(plan_digest: str, seen_digest: str | None) -> None:
+def _seen_digest(plan: Plan, seen_digest: str | None) -> str:
+    """Return the digest of a plan, which has to be the one that was seen; None: any is."""
+    plan_digest = plans.digest(plan)
     if seen_digest is not None and seen_digest != plan_digest:
         raise RevisionError(
             "the plan is not the one that was seen: the workflow or the lab has changed since",
             code="run.plan_changed",
             context={"plan_digest": plan_digest},
         )
+    return plan_digest
 
 
 def _refuse_second(version: WorkflowVersion, actor: User, *, is_asked: bool) -> None:
