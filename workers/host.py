@@ -19,6 +19,7 @@ from redis.exceptions import RedisError
 
 from labweb.domain.errors import DefinitionError, LabError, StateError
 from labweb.domain.runs.edge import ActionState
+from workers import logs
 from workers.app import make_host_app, wake
 from workers.bell import PlainBell, ring
 from workers.bounds import marks_of
@@ -123,7 +124,7 @@ class Supervisor:
     def _do(self, task: object) -> None:
         try:
             task()  # type: ignore[operator]
-        except (LabError, RedisError) as error:
+        except (LabError, RedisError, OSError) as error:
             log.error("%s", error)
 
     def _keep(self, *children: Child) -> None:
@@ -364,9 +365,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         config = load_config(arguments.config)
         if arguments.command == "reset-journal":
             return _say(f"the old journal lies in {reset_journal(config)}")
-        logging.basicConfig(
-            level=config.log_level, format="%(asctime)s %(levelname)s %(name)s %(message)s"
-        )
+        logs.set_up(config.log_level)
         Supervisor(config, arguments.config.resolve()).run()
     except LabError as error:
         sys.stderr.write(f"{error.code}: {error.message}\n")

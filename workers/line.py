@@ -197,20 +197,32 @@ class StopWatch:
         self._thread.join(timeout=2.0)
 
     def _run(self) -> None:
-        journal = Journal(self._config.journal_path)
         store = Store(self._config.valkey_url)
+        journal: Journal | None = None
         try:
             while not self._ending.is_set():
+                journal = journal or self._open()
                 self._look(journal)
                 if store.wait_for_stop(self._line, wait_s=WATCH_S):
                     self._believe_until_s = time.monotonic() + BELIEVE_S
         finally:
             store.close()
-            journal.close()
+            if journal is not None:
+                journal.close()
 
-    def _look(self, journal: Journal) -> None:
+    def _open(self) -> Journal | None:
+        """Open the journal; None: it cannot be now, without a file left for it, say."""
+        try:
+            return Journal(self._config.journal_path)
+        except JournalError:
+            log.exception("the stop latch cannot be looked at")
+            return None
+
+    def _look(self, journal: Journal | None) -> None:
         owed: frozenset[str] = frozenset()
         try:
+            if journal is None:
+                raise JournalError("the journal is not open")
             host = journal.host_state()
             is_latched, owed = host.stop_latched, host.owes_halt
         except JournalError:
@@ -220,7 +232,7 @@ class StopWatch:
         if is_latched and not self._is_halted:
             self._is_halted = True
             _halt_all(self._units)
-        elif self._is_halted and not is_latched and not self._closing.is_set():
+        elif journal and self._is_halted and not is_latched and not self._closing.is_set():
             self._release(journal)
         try:
             self._late.look(owed)

@@ -16,13 +16,15 @@ from labweb.domain.runs.edge import Report
 from labweb.domain.runs.journal import ActionRow, JournalError
 from workers import faults
 from workers.journal import Journal
+from workers.room import is_short
 
 T = TypeVar("T")
 
 log = logging.getLogger(__name__)
 
 LAST_WRITE_TRIES = 60
-"""How often the outcome of an action is written again while the disk refuses it."""
+"""How often the outcome of an action is written again while the disk refuses it; the tries on a
+disk without room are not counted."""
 
 LAST_WRITE_PAUSE_S = 0.5
 
@@ -42,7 +44,8 @@ class Outcomes:
     """Writes answers and ends to the journal.
 
     Every method raises JournalError when the disk has refused to the last, or when another
-    process was faster. The action is then found in doubt at the next start.
+    process was faster; a disk that is full is waited for. The action is then found
+    in doubt at the next start.
     """
 
     def __init__(self, journal: Journal, clock: Clock) -> None:
@@ -113,13 +116,15 @@ class Outcomes:
             return found if isinstance(found, Started) else None
 
     def _persist(self, write: Callable[[], T], again: Callable[[], T] | None = None) -> T:
-        for _ in range(LAST_WRITE_TRIES - 1):
+        tries_count = 0
+        while True:
             try:
                 return write()
             except JournalError as error:
-                if error.code == "journal.lost_claim":
+                # Without room it waits with what it alone knows: of a doubt a person is asked.
+                tries_count += not is_short(self._journal.path.parent)
+                if error.code == "journal.lost_claim" or tries_count >= LAST_WRITE_TRIES:
                     raise
                 log.error("outcome is not on disk yet: %s", error)
                 self._clock.wait(LAST_WRITE_PAUSE_S)
                 write = again or write
-        return write()

@@ -18,7 +18,7 @@ from celery import Celery
 from celery.signals import worker_ready, worker_shutting_down
 
 from labweb.domain.messages import Signed
-from workers import guard
+from workers import guard, logs
 from workers.accept import accept
 from workers.app import WORKER_OPTIONS, make_accept_app, make_host_app
 from workers.bell import hang
@@ -44,9 +44,7 @@ def main(argv: Sequence[str]) -> None:
     """Run one child process until it is told to end."""
     kind, *rest = argv
     config = load_config(Path(rest[0]))
-    logging.basicConfig(
-        level=config.log_level, format="%(asctime)s %(levelname)s %(name)s %(message)s"
-    )
+    logs.set_up(config.log_level)
     if kind == "accept":
         run_accept(config)
     elif kind == "uplink":
@@ -177,6 +175,7 @@ def _keep_heap(**_: object) -> None:
 
 def _work(app: Celery, queue: str, node: str) -> None:
     worker_ready.connect(_keep_heap, weak=False)
+    logs.hush_celery()
     level = logging.getLevelName(logging.getLogger().level)
     app.worker_main(
         [

@@ -17,6 +17,7 @@ from labweb.domain.messages import (
 )
 from labweb.domain.runs import standing
 from labweb.domain.runs.countersigning import write_head
+from labweb.domain.runs.journal import JournalError
 from labweb.domain.runs.moment import Moment
 from workers.journal import Journal
 from workers.keys import HostKey, is_signature
@@ -71,9 +72,15 @@ def take_devices(journal: Journal, told: Devices) -> None:
 
 
 def record_ack(journal: Journal, seq: int) -> None:
-    """Remember how far the server has committed; the server tells it again in each session."""
-    with journal.write(is_durable=False) as tx:
-        standing.write_ack(tx, seq)
+    """Remember how far the server has committed; the server tells it again in each session.
+
+    So a disk that refuses it ends no connection: the server goes on hearing what is the matter.
+    """
+    try:
+        with journal.write(is_durable=False) as tx:
+            standing.write_ack(tx, seq)
+    except JournalError as error:
+        log.warning("how far the server is cannot be written now: %s", error)
 
 
 def arm(journal: Journal) -> bool:

@@ -13,6 +13,9 @@ from redis import Redis
 from redis.client import PubSub
 from redis.exceptions import RedisError
 
+AWAY = (RedisError, OSError)
+"""What a server raises that is away, and a process that may open no more files for a connection."""
+
 STREAM = "edge:samples"
 LONGEST_STREAM_COUNT = 10_000
 """Batches kept for an uplink that is away; older ones are dropped and counted."""
@@ -107,7 +110,7 @@ class Store:
                 }
                 pipe.xadd(STREAM, cast("Any", entry), maxlen=LONGEST_STREAM_COUNT, approximate=True)
             pipe.execute()
-        except RedisError:
+        except AWAY:
             return False
         return True
 
@@ -115,7 +118,7 @@ class Store:
         """Return the last value of a status, or None."""
         try:
             found = self._redis.hget(_latest(str(device_id)), status)
-        except RedisError:
+        except AWAY:
             return None
         return None if found is None else msgspec.json.decode(cast("bytes", found), type=Sample)
 
@@ -126,7 +129,7 @@ class Store:
             pipe.hvals(_latest(str(device_id)))
         try:
             found = cast("list[list[bytes]]", pipe.execute())
-        except RedisError:
+        except AWAY:
             return []
         return [msgspec.json.decode(raw, type=Sample) for values in found for raw in values]
 
@@ -134,14 +137,14 @@ class Store:
         """Share a picture with the other lines while a reading of it counts."""
         try:
             return bool(self._redis.set(f"edge:picture:{sha256}", data, ex=PICTURE_S))
-        except RedisError:
+        except AWAY:
             return False
 
     def picture(self, sha256: str) -> bytes | None:
         """Return a picture that another line's camera took just now, or None."""
         try:
             return cast("bytes | None", self._redis.get(f"edge:picture:{sha256}"))
-        except RedisError:
+        except AWAY:
             return None
 
     def batches(self, after: str, *, wait_s: float) -> list[Batch]:
@@ -176,14 +179,14 @@ class Store:
         """Say that a line's loop has come round."""
         try:
             self._redis.hset("edge:alive", line, mono_s)
-        except RedisError:
+        except AWAY:
             return
 
     def alive(self) -> dict[str, float]:
         """Return when each line's loop last came round, on the monotonic clock."""
         try:
             found = cast("dict[bytes, bytes]", self._redis.hgetall("edge:alive"))
-        except RedisError:
+        except AWAY:
             return {}
         return {line.decode(): float(mono) for line, mono in found.items()}
 
@@ -191,14 +194,14 @@ class Store:
         """Forget a line that is no more."""
         try:
             self._redis.hdel("edge:alive", line)
-        except RedisError:
+        except AWAY:
             return
 
     def announce_stop(self, line: str) -> bool:
         """Tell one line to halt; True: its executor is listening."""
         try:
             return bool(self._redis.publish(f"{STOP_CHANNEL}:{line}", b"stop"))
-        except RedisError:
+        except AWAY:
             return False
 
     def wait_for_stop(self, line: str, *, wait_s: float) -> bool:
@@ -208,7 +211,7 @@ class Store:
                 self._heard = self._redis.pubsub(ignore_subscribe_messages=True)  # type: ignore[no-untyped-call]
                 self._heard.subscribe(f"{STOP_CHANNEL}:{line}")
             return self._heard.get_message(timeout=wait_s) is not None
-        except RedisError:
+        except AWAY:
             self._heard = None
             threading.Event().wait(wait_s)
             return False
@@ -220,14 +223,14 @@ class Store:
             pipe.rpush(SIGHTINGS, text)
             pipe.ltrim(SIGHTINGS, -MOST_SIGHTINGS, -1)
             pipe.execute()
-        except RedisError:
+        except AWAY:
             return
 
     def take_sightings(self, most_count: int) -> list[bytes]:
         """Take the oldest sightings out."""
         try:
             return cast("list[bytes] | None", self._redis.lpop(SIGHTINGS, most_count)) or []
-        except RedisError:
+        except AWAY:
             return []
 
     def put_word(self, queue: str, text: bytes) -> bool:
@@ -237,7 +240,7 @@ class Store:
             pipe.rpush(queue, text)
             pipe.ltrim(queue, -MOST_ASKS, -1)
             pipe.execute()
-        except RedisError:
+        except AWAY:
             return False
         return True
 
@@ -245,21 +248,21 @@ class Store:
         """Take the words out that wait."""
         try:
             return cast("list[bytes] | None", self._redis.lpop(queue, MOST_ASKS)) or []
-        except RedisError:
+        except AWAY:
             return []
 
     def offer_tryouts(self, text: bytes) -> None:
         """Say what can be simulated here; empty: nothing any more."""
         try:
             self._redis.set(TRYOUT_OFFER, text)
-        except RedisError:
+        except AWAY:
             return
 
     def tryout_offer(self) -> bytes:
         """Return what can be simulated here; empty: nothing."""
         try:
             return cast("bytes | None", self._redis.get(TRYOUT_OFFER)) or b""
-        except RedisError:
+        except AWAY:
             return b""
 
     def queue_length(self, queue: str) -> int:
@@ -270,7 +273,7 @@ class Store:
         """Say whether the server answers."""
         try:
             return bool(self._redis.ping())
-        except RedisError:
+        except AWAY:
             return False
 
 

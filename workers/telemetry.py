@@ -82,7 +82,10 @@ class Sampler:
 
     def _run(self) -> None:
         while not self._ending.is_set():
-            self.sample_once()
+            try:
+                self.sample_once()
+            except OSError as error:  # no file is left for a connection, say: the next turn may go
+                log.error("line %s cannot be sampled now: %s", self._line, error)
             self._clock.wait(TICK_S)
         if self._vigil is not None:
             self._vigil.close()

@@ -9,7 +9,6 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import logging
-import shutil
 import signal
 import time
 from collections.abc import Callable
@@ -69,6 +68,7 @@ from workers.identity import (
 from workers.journal import Journal
 from workers.looking import Looker
 from workers.patience import Patience, RefusedError
+from workers.room import told_of
 from workers.samples import SampleTeller
 from workers.session import (
     arm,
@@ -369,7 +369,7 @@ class Uplink:
             mono_s=now_s,
             seq_head=self._journal.head()[0],
             stop_latched=host.stop_latched,
-            disk_free_bytes=shutil.disk_usage(self._config.folder).free,
+            **told_of(self._config.folder),
             lines={line: now_s - at_s for line, at_s in self._store.alive().items()},
             wall_s=time.time(),
             open_count=self._journal.open_count(),

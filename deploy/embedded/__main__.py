@@ -11,7 +11,7 @@ import threading
 from pathlib import Path
 from types import FrameType
 
-from deploy.embedded import external, procfs, record
+from deploy.embedded import external, procfs, record, room
 from deploy.embedded.errors import EmbeddedError
 from deploy.embedded.guard import guarded
 from deploy.embedded.layout import DEFAULT_LAB, Layout, data_directory_of
@@ -66,6 +66,11 @@ def main(
     except EmbeddedError as error:
         sys.stderr.write(f"labweb: {error}\n")
         return FAILED
+    except OSError as error:
+        if error.errno not in room.SHORTAGES:
+            raise
+        sys.stderr.write(f"labweb: {error}. Free some space, or let the disk be written, first.\n")
+        return FAILED
 
 
 def _run(options: Options, guard: int, process_table: ProcessTable, stage_table: StageTable) -> int:
@@ -110,6 +115,9 @@ def _status(data: Path) -> int:
         sys.stdout.write(f"Nothing runs on {data}\n")
         return NOT_RUNNING
     sys.stdout.write(f"{last.url or 'services alone'}  process {last.supervisor.pid}\n")
+    found = room.look(data)
+    if found is not None and (text := room.warning(data, found)):
+        sys.stdout.write(f"  {text}\n")
     for name, entry in last.processes.items():
         state = "running" if procfs.is_alive(entry.process) else "ended"
         sys.stdout.write(f"  {name:<14} {entry.process.pid:>7}  {state}\n")

@@ -7,6 +7,7 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from enum import IntEnum
 from pathlib import Path
@@ -75,6 +76,9 @@ def spawn(
 
     Call it from the main thread: the kernel takes the end of the calling thread for the
     end of the parent.
+
+    Raises:
+        OSError: Its log cannot be opened, or the system gives no process or no file.
     """
     rotate(log)
     with open_log(log) as stream:
@@ -122,11 +126,18 @@ def rotate(log: Path) -> None:
     """Keep one older part of a log that has grown past its bound.
 
     The file is copied and emptied and not renamed, because a running process goes on
-    writing to the file that it has open; it appends, so it goes on at the new end.
+    writing to the file that it has open; it appends, so it goes on at the new end. A disk
+    without room for the copy leaves the log as it is.
     """
-    if log.exists() and log.stat().st_size > LONGEST_LOG_BYTES:
-        shutil.copyfile(log, log.with_name(f"{log.name}.1"))
+    if not log.exists() or log.stat().st_size <= LONGEST_LOG_BYTES:
+        return
+    older = log.with_name(f"{log.name}.1")
+    try:
+        shutil.copyfile(log, older)
         os.truncate(log, 0)
+    except OSError:
+        with suppress(OSError):
+            older.unlink(missing_ok=True)
 
 
 def last_lines(log: Path, count: int = 1) -> list[str]:

@@ -176,7 +176,7 @@ def open_sockets(layout: Layout) -> Path:
 def close_sockets(layout: Layout) -> None:
     """Remove the socket folder of the last run, wherever it was; another may do so as well."""
     record = layout.run / "sockets"
-    with suppress(FileNotFoundError):
+    with suppress(OSError):
         folder = Path(record.read_text(encoding="utf-8").strip())
         if folder.name.startswith("labweb-") and _is_private_folder(folder):
             shutil.rmtree(folder, ignore_errors=True)
@@ -207,12 +207,21 @@ def ensure_secret_key(layout: Layout) -> None:
 
 
 def write_private(path: Path, text: str) -> None:
-    """Replace a file in one step, readable by its owner alone."""
+    """Replace a file in one step, readable by its owner alone.
+
+    Raises:
+        OSError: The disk refuses. The file is as it was, and no half of the new one is left.
+    """
     fresh = path.with_name(f".{path.name}.{os.getpid()}")
-    descriptor = os.open(fresh, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600)
-    with os.fdopen(descriptor, "w", encoding="utf-8") as stream:
-        stream.write(text)
-    fresh.replace(path)
+    try:
+        descriptor = os.open(fresh, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600)
+        with os.fdopen(descriptor, "w", encoding="utf-8") as stream:
+            stream.write(text)
+        fresh.replace(path)
+    except OSError:
+        with suppress(OSError):
+            fresh.unlink(missing_ok=True)
+        raise
 
 
 def read_json(path: Path) -> object:

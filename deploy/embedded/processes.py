@@ -16,6 +16,9 @@ from deploy.embedded.stack import clean_environment
 HOST = "127.0.0.1"
 SETTINGS = "labweb.settings.local"
 
+JOBS_QUIET = ("--quiet",)
+"""Its banner goes past the log, and a full disk would end the worker at its start."""
+
 JOBS = ("--pool=solo", "--without-gossip", "--without-mingle", "--without-heartbeat")
 """How the worker runs that touches no device: one task at a time."""
 
@@ -70,7 +73,7 @@ def table(site: Site) -> list[Process]:
             speed,
         ),
         Process("dispatcher", (sys.executable, "manage.py", "dispatcher")),
-        _module("jobs", "celery", "-A", "labweb", "worker", "-Q", "server", *JOBS),
+        _module("jobs", "celery", "-A", "labweb", *JOBS_QUIET, "worker", "-Q", "server", *JOBS),
         Process(
             "edge-host",
             (sys.executable, "-m", "workers.host", "--config", str(data / "host" / "host.json")),

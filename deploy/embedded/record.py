@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import secrets
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from signal import Signals
@@ -38,7 +39,12 @@ class Record:
     processes: dict[str, Entry] = field(default_factory=dict)
 
     def save(self, layout: Layout) -> None:
-        """Write it down in one step."""
+        """Write it down in one step.
+
+        Raises:
+            OSError: The disk refuses; what was written before stands. The mark of its processes
+                is in it, by which the next start finds them all the same.
+        """
         write_private(_path(layout), json.dumps(self._to_json(), indent=1) + "\n")
 
     def is_running(self) -> bool:
@@ -88,8 +94,9 @@ def load(layout: Layout) -> Record | None:
 
 
 def forget(layout: Layout) -> None:
-    """Remove the record after a clean stop."""
-    _path(layout).unlink(missing_ok=True)
+    """Remove the record after a clean stop; one that stays names processes that are gone."""
+    with suppress(OSError):
+        _path(layout).unlink(missing_ok=True)
 
 
 def _path(layout: Layout) -> Path:

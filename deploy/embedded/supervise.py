@@ -13,7 +13,7 @@ from pathlib import Path
 from time import monotonic
 from types import FrameType
 
-from deploy.embedded import children, procfs
+from deploy.embedded import children, procfs, room
 from deploy.embedded.children import Process, StopOrder
 from deploy.embedded.console import BROWSER_MARK, Console
 from deploy.embedded.guard import on_stop_signals
@@ -49,6 +49,8 @@ class _Child:
     is_once: bool = False
     backoff_s: float = 0.0
     restart_at_s: float | None = None
+    is_told: bool = False
+    """That it cannot run for want of room; it is said once."""
 
 
 class Supervisor:
@@ -69,7 +71,9 @@ class Supervisor:
         signal.set_wakeup_fd(self._wake_write, warn_on_full_buffer=False)
         signal.signal(signal.SIGCHLD, _wake_only)
         on_stop_signals(self._on_stop_signal)
-        record.save(layout)
+        self._disk = room.Disk(layout.data, console)
+        self._is_unrecorded = False
+        self._save_record()
 
     def start(self, process: Process, environment: Mapping[str, str]) -> None:
         """Start a process and keep it running."""
@@ -113,8 +117,12 @@ class Supervisor:
         if self._stop_asked and not self._is_stopping:
             raise StopRequestError
         self._reap()
+        if self._disk.look():
+            self._hurry()
         self._restart_due()
         self._rotate_due()
+        if self._is_unrecorded and self._disk.was_looked_at:
+            self._save_record()
 
     def wake(self) -> None:
         """End a pause early, from any thread."""
@@ -149,9 +157,19 @@ class Supervisor:
         signal.set_wakeup_fd(-1)
 
     def _spawn(self, child: _Child) -> None:
+        try:
+            popen = self._launch(child.process)
+        except OSError as error:
+            child.restart_at_s = monotonic() + LONGEST_BACKOFF_S
+            if not child.is_told:
+                child.is_told = True
+                self._console.line(
+                    f"{child.process.name} cannot be started: {error}; "
+                    f"it is tried again every {LONGEST_BACKOFF_S:g} s, and when there is room"
+                )
+            return
         child.restart_at_s = None
-        child.started_s = monotonic()
-        child.popen = self._launch(child.process)
+        child.started_s, child.popen = monotonic(), popen
         self._write_record()
 
     def _launch(self, process: Process) -> subprocess.Popen[bytes]:
@@ -163,7 +181,20 @@ class Supervisor:
         for name, child in self._children.items():
             if identity := children.identity_of(child.popen):
                 self._record.processes[name] = Entry(identity, child.process.orphan_signal)
-        self._record.save(self._layout)
+        self._save_record()
+
+    def _save_record(self) -> None:
+        """Write the record; what the disk refuses is written later, and ends no lab."""
+        try:
+            self._record.save(self._layout)
+        except OSError as error:
+            if not self._is_unrecorded:
+                self._console.line(f"The list of processes cannot be written now: {error}")
+            self._is_unrecorded = True
+        else:
+            if self._is_unrecorded:
+                self._console.line("The list of processes is written again")
+            self._is_unrecorded = False
 
     def _on_stop_signal(self, number: int, frame: FrameType | None) -> None:
         del number, frame
@@ -192,17 +223,39 @@ class Supervisor:
     def _after_end(self, child: _Child, code: int) -> None:
         if child.is_once or self._is_stopping:
             return
-        self._send_orphans(signal.SIGTERM)
         lasted_s = monotonic() - child.started_s
         fresh = lasted_s >= SETTLED_S or child.backoff_s == 0
         child.backoff_s = FIRST_BACKOFF_S if fresh else min(LONGEST_BACKOFF_S, 2 * child.backoff_s)
+        has_room = self._disk.takes_restarts()
+        if not has_room:
+            child.backoff_s = LONGEST_BACKOFF_S
         child.restart_at_s = monotonic() + child.backoff_s
+        with suppress(OSError):  # whoever cannot be found now is ended before the next start
+            self._send_orphans(signal.SIGTERM)
+        if not child.is_told:
+            self._tell_end(child, code, lasted_s, has_room=has_room)
+        child.is_told = not has_room
+
+    def _tell_end(self, child: _Child, code: int, lasted_s: float, *, has_room: bool) -> None:
         log = self.log_of(child.process.name)
         said = children.last_lines(log) or ["(empty)"]
+        when = f"starting it again in {child.backoff_s:g} s"
+        if not has_room:
+            when = (
+                "it starts by itself once the disk has room, which is tried every "
+                f"{child.backoff_s:g} s"
+            )
         self._console.line(
             f"{child.process.name} ended with {children.describe_exit(code)} after "
-            f"{lasted_s:.1f} s; starting it again in {child.backoff_s:g} s. {log}: {said[0]}"
+            f"{lasted_s:.1f} s; {when}. {log}: {said[0]}"
         )
+
+    def _hurry(self) -> None:
+        """Start at once what ended for want of room."""
+        for child in self._children.values():
+            child.is_told = False
+            if child.restart_at_s is not None:
+                child.restart_at_s, child.backoff_s = monotonic(), 0.0
 
     def _restart_due(self) -> None:
         due = [
@@ -210,9 +263,16 @@ class Supervisor:
             for child in self._children.values()
             if child.restart_at_s is not None and child.restart_at_s <= monotonic()
         ]
-        if due:
+        if not due:
+            return
+        try:
             # What the ended process left must not act beside the one that replaces it.
             self._end_orphans(0.0)
+        except OSError as error:  # no file is left to look with: nothing is started blindly
+            for child in due:
+                child.restart_at_s = monotonic() + FIRST_BACKOFF_S
+            self._console.line(f"Nothing can be started now: {error}")
+            return
         for child in due:
             self._spawn(child)
 
@@ -224,7 +284,8 @@ class Supervisor:
 
     def _next_deadline_s(self) -> float:
         restarts = (child.restart_at_s for child in self._children.values())
-        return min([self._rotate_at_s, *(at_s for at_s in restarts if at_s is not None)])
+        fixed = (self._rotate_at_s, self._disk.look_at_s)
+        return min([*fixed, *(at_s for at_s in restarts if at_s is not None)])
 
     def _child_with(self, pid: int) -> _Child | None:
         return next((child for child in self._children.values() if child.popen.pid == pid), None)

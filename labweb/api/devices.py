@@ -13,10 +13,12 @@ from rest_framework.response import Response
 from labweb.accounts.api import Endpoint
 from labweb.accounts.selectors import User, user_of
 from labweb.api.driver_use import driver_of
+from labweb.common import disk
 from labweb.common.clock import now
 from labweb.common.render import iso
 from labweb.common.requests import body
 from labweb.domain.approvals.roles import Permission
+from labweb.domain.disk import Level
 from labweb.domain.enrollment.admission import shows_itself
 from labweb.domain.enrollment.spec import UNITS, DriverSpec, StatusSpec
 from labweb.domain.errors import NotFoundError
@@ -206,6 +208,17 @@ def _link(row: Device, latest: dict[str, tuple[float, Any]]) -> str:
     return "stale" if age > _STALE_AFTER_S and row.driver.role != "timer" else "online"
 
 
+def _disk(row: EdgeHost) -> dict[str, Any] | None:
+    """Render what a host said last of its disk, and what follows from it."""
+    found = enrollment_selectors.disk_of(row.name, row.heartbeat)
+    if found is None:
+        return None
+    floors = disk.floors()
+    level = found.level(floors)
+    told = "" if level is Level.OK else f"{found.headline()}. {found.consequence(floors)}"
+    return {"free_bytes": found.free_bytes, "level": level.value, "text": told}
+
+
 def host_rows(hosts: Iterable[EdgeHost]) -> list[dict[str, Any]]:
     """Render hosts."""
     return [
@@ -223,6 +236,7 @@ def host_rows(hosts: Iterable[EdgeHost]) -> list[dict[str, Any]]:
             "away_since_at": iso(row.away_since_at),
             "clock_skew_s": row.clock_skew_s,
             "heartbeat": row.heartbeat,
+            "disk": _disk(row),
         }
         for row in hosts
     ]

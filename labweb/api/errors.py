@@ -20,7 +20,9 @@ from rest_framework.response import Response
 
 from labweb.accounts import services as account_services
 from labweb.accounts.selectors import User
+from labweb.common import disk
 from labweb.domain import errors
+from labweb.domain.disk import ADVICE, Level
 
 logger = logging.getLogger(__name__)
 
@@ -97,6 +99,9 @@ def no_such(request: HttpRequest) -> JsonResponse:
 def server_error(request: HttpRequest) -> HttpResponse:
     """Answer for what failed outside of a view; below `/api/` in the one shape."""
     if not request.path.startswith("/api/"):
+        if is_short_of_room(sys.exception()):
+            logger.error("%s failed for want of room on a disk", request.path)
+            return HttpResponse(f"{_full_disk()}.\n", status=503, content_type="text/plain")
         return defaults.server_error(request)
     body, status = _failed(sys.exception(), request.method or "", request.path)
     return JsonResponse(body, status=status)
@@ -120,11 +125,28 @@ def _failed(error: BaseException | None, method: str, path: str) -> tuple[dict[s
     is_safe = method in {"GET", "HEAD", "OPTIONS"}
     effect = errors.Effect.NONE if is_safe else errors.Effect.UNKNOWN
     hint = "" if is_safe else "; send it again with the same key: it is carried out once"
-    if isinstance(error, AWAY):
+    if is_short_of_room(error):
+        return _body("http.disk_full", f"{_full_disk()}{hint}", effect=effect), 503
+    if isinstance(error, AWAY) or disk.is_out_of_handles(error):
         message = f"the database or the broker does not answer{hint}"
+        if disk.is_out_of_handles(error):
+            message = f"the server may open no more files: close tabs, or try again later{hint}"
         return _body("http.unavailable", message, effect=effect), 503
     message = f"the server failed at this request; its log says why{hint}"
     return _body("http.internal", message, effect=effect), 500
+
+
+def is_short_of_room(error: BaseException | None) -> bool:
+    """Tell whether a failure comes of a full disk: it says so, or what is away lies on one."""
+    return disk.is_about_disk(error) or (isinstance(error, AWAY) and disk.level() is Level.FULL)
+
+
+def _full_disk() -> str:
+    """Say which disk it is, as far as anybody knows here, and what to do."""
+    here = disk.server_disk()
+    if here is not None and here.level(disk.floors()) is Level.FULL:
+        return f"{here.headline()}. {ADVICE} The server then goes on by itself"
+    return "the disk of the database or the broker is full: free some space there"
 
 
 def refusal(

@@ -14,14 +14,16 @@ from labweb.accounts.api import Endpoint
 from labweb.accounts.selectors import User, permissions_of, user_of
 from labweb.api.devices import device_rows, host_rows, visible_hosts
 from labweb.approvals import selectors as approval_selectors
+from labweb.common import disk
 from labweb.common.reading import one_moment
 from labweb.common.render import iso
 from labweb.crutd import selectors as crutd_selectors
 from labweb.domain.approvals.roles import Permission
+from labweb.domain.disk import Level
 from labweb.domain.resources.kinds import is_vessel
 from labweb.domain.units import render_volume
 from labweb.enrollment import selectors as enrollment_selectors
-from labweb.enrollment.selectors import Device
+from labweb.enrollment.selectors import Device, EdgeHost
 from labweb.resources import selectors as resource_selectors
 from labweb.resources.selectors import Lab
 from labweb.runs import selectors as run_selectors
@@ -50,11 +52,14 @@ def _home(user: User) -> dict[str, Any]:
     runs = run_selectors.visible_runs(lab, seen)
     devices = enrollment_selectors.visible_devices(lab, seen)
     candidates = [row for row in devices if row.state == Device.State.CANDIDATE]
+    hosts = list(visible_hosts(lab, user))
     may_admit = Permission.ADMIT in permissions_of(user)
     return {
         "needs_you": [
+            *_short_disks(hosts, Level.FULL),
             *_needs(lab, runs, candidates if may_admit else [], seen),
             *(_newcomers(lab) if may_admit else ()),
+            *_short_disks(hosts, Level.LOW),
         ],
         "running": render_rows(
             runs.filter(state__in=[*run_selectors.LIVE, "awaiting_approval"])[:20]
@@ -64,7 +69,7 @@ def _home(user: User) -> dict[str, Any]:
         ),
         "workflows": workflow_rows(lab, seen)[:_MOST],
         "devices": device_rows(devices),
-        "hosts": host_rows(visible_hosts(lab, user)),
+        "hosts": host_rows(hosts),
     }
 
 
@@ -117,6 +122,17 @@ def _needs(
             "It may do nothing until an admin has reviewed it", iso(device.discovered_at),
             f"/admin/enrollment/device/{device.id}/review/", "Review",
         )  # fmt: skip
+
+
+def _short_disks(hosts: Iterable[EdgeHost], level: Level) -> Iterator[dict[str, Any]]:
+    """Disks of the server and of hosts that stand so, before anything fails for want of room."""
+    floors, server = disk.floors(), disk.server_disk()
+    told = enrollment_selectors.disks_of(hosts)
+    found = [("", server), *((f"/hosts/{host.pk}", one) for host, one in told)]
+    for url, one in found:
+        if one is not None and one.level(floors) is level:
+            verb = "Open host" if url else ""
+            yield _need("disk", one.headline(), one.consequence(floors), None, url, verb)
 
 
 def _newcomers(lab: Lab) -> Iterator[dict[str, Any]]:

@@ -13,18 +13,25 @@ from django.http import HttpRequest, HttpResponse, JsonResponse
 from django.shortcuts import render
 from django.views.decorators.csrf import ensure_csrf_cookie
 
+from labweb.common import disk
+
 BUILD = Path(settings.ROOT) / "labweb" / "static" / "web"
 ENTRY = "index.html"
 
 
 def health(_request: HttpRequest) -> HttpResponse:
-    """Answer 200 once the database answers, and 503 while it does not."""
+    """Answer 200 once the database answers, and 503 while it does not.
+
+    Both say how the server's disk stands: `ok`, `low` when a person should make room, `full`
+    when no run is started.
+    """
+    found = disk.level().value
     try:
         with connection.cursor() as cursor:
             cursor.execute("SELECT 1")
     except (OperationalError, InterfaceError):
-        return JsonResponse({"ok": False}, status=503)
-    return JsonResponse({"ok": True})
+        return JsonResponse({"ok": False, "disk": found}, status=503)
+    return JsonResponse({"ok": True, "disk": found})
 
 
 @lru_cache(maxsize=1)

@@ -159,6 +159,17 @@ CACHES = {
     }
 }
 
+_MIB = 2**20
+
+DISK_WARN_BYTES = float(os.environ.get("LABWEB_DISK_WARN_MB", "1024")) * _MIB
+"""With less left on a disk of the server or of a host, a person is warned."""
+
+DISK_WARN_RATIO = float(os.environ.get("LABWEB_DISK_WARN_PERCENT", "5")) / 100
+"""Or with less than this part of it, which counts up to 10 GiB."""
+
+DISK_FLOOR_BYTES = float(os.environ.get("LABWEB_DISK_FLOOR_MB", "200")) * _MIB
+"""With less left, no run is started."""
+
 HEADS_EVERY_S = float(os.environ.get("LABWEB_HEADS_EVERY_S", "600"))
 """How often the ends of the audit trail, the decisions and the events are signed."""
 
@@ -251,6 +262,6 @@ LOGGING = {
     "version": 1,
     "disable_existing_loggers": False,
     "formatters": {"line": {"format": "%(asctime)s %(levelname)s %(name)s %(message)s"}},
-    "handlers": {"stderr": {"class": "logging.StreamHandler", "formatter": "line"}},
+    "handlers": {"stderr": {"class": "labweb.common.logs.LossyStream", "formatter": "line"}},
     "root": {"handlers": ["stderr"], "level": "INFO"},
 }

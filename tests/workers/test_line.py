@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import resource
 import signal
 import threading
 from pathlib import Path
+from uuid import uuid4
 
+from labweb.domain.messages import StopLab
 from tests.workers.bench import HOST_ID, Host, PumpProcess, a_do, until
 from workers.config import HostConfig, ValkeyConfig
-from workers.line import Line
+from workers.line import Line, StopWatch
+from workers.session import latch_stop
 
 EVERY_S = 0.01
 
@@ -73,3 +77,26 @@ def test_a_line_that_makes_room_halts_what_acts_once_its_host_is_told_to_end(
     line.release()
     assert host.kinds(do.action_id)[-1] == "aborted"
     assert host.last(do.action_id)["code"] == "device.stopped"
+
+
+def test_the_stop_latch_is_looked_at_again_once_a_file_can_be_opened(
+    host: Host, pump: PumpProcess, valkey_socket: Path
+) -> None:
+    """A process that begins while it may open no more files halts its devices and goes on."""
+    line = a_line(host, valkey_socket)
+    (unit,) = line.units.values()
+    line._watch.stop()
+    late = line._watch._late
+    watch = StopWatch(line._config, line.name, line.units, line._closing, late)
+    before = resource.getrlimit(resource.RLIMIT_NOFILE)
+    resource.setrlimit(resource.RLIMIT_NOFILE, (3, before[1]))  # 0 to 2 are taken
+    try:
+        watch.start()
+        until(lambda: unit.driver.is_stopped)
+    finally:
+        resource.setrlimit(resource.RLIMIT_NOFILE, before)
+    until(lambda: not unit.driver.is_stopped)
+    latch_stop(host.journal, StopLab(stop_id=uuid4(), issued_by="ada"))
+    until(lambda: unit.driver.is_stopped)
+    watch.stop()
+    line.release()

@@ -47,3 +47,18 @@ test("the question of a revocation stays with the host that it was asked of", as
   await userEvent.click(screen.getByTestId("act-revoke"));
   expect(await screen.findByTestId("host-reason")).toHaveValue("");
 });
+
+test("a host whose disk is short of room says how much is left and what follows", async () => {
+  const text =
+    "The disk of bench-1 has 0.6 GB left. Runs are not started below 0.2 GB. Free some space on it.";
+  const disk = { free_bytes: 6e8, level: "low", text };
+  serve((path) => [200, { ...host(path.replace("/hosts/", "")), disk }]);
+  show(
+    <Routes>
+      <Route path="/hosts/:id" element={<HostPage />} />
+    </Routes>,
+    "/hosts/bench-1",
+  );
+  expect(await screen.findByTestId("host-disk")).toHaveTextContent("0.6 GB");
+  expect(screen.getByTestId("host-disk-text")).toHaveTextContent(text);
+});

@@ -64,8 +64,6 @@ export function HostPage() {
 
 function Session({ host }: { host: Host }) {
   const skew = skewText(host.clock_skew_s);
-  const beat = host.heartbeat ?? {};
-  const free = typeof beat.disk_free_bytes === "number" ? beat.disk_free_bytes : null;
   return (
     <Card title={words.host.session}>
       <dl className="kv inset">
@@ -93,13 +91,20 @@ function Session({ host }: { host: Host }) {
           {skew.text}
         </dd>
         <dt>Disk free</dt>
-        <dd className="num">{free === null ? "–" : `${(free / 1e9).toFixed(1)} GB`}</dd>
+        <dd className={host.disk?.text ? "help bad" : "num"} data-testid="host-disk">
+          {host.disk ? `${(host.disk.free_bytes / 1e9).toFixed(1)} GB` : "–"}
+        </dd>
         <dt>Journal</dt>
         <dd className="mono" title={host.journal_id ?? ""}>
           {host.journal_id?.slice(0, 8) ?? "–"}
         </dd>
       </dl>
       {skew.isFar && <p className="help note">{words.host.skew}</p>}
+      {host.disk?.text && (
+        <p className="help note" data-testid="host-disk-text">
+          {host.disk.text}
+        </p>
+      )}
     </Card>
   );
 }

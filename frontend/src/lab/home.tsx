@@ -140,25 +140,35 @@ function NeedRow({ need, isFirst, act }: { need: Need; isFirst: boolean; act: ()
         <Glyph look={state.look} />
       </span>
       <div className="tx">
-        <Link className="t14 b" to={need.url} reloadDocument={need.url.startsWith("/admin/")}>
-          {need.title}
-        </Link>
+        {need.url ? (
+          <Link className="t14 b" to={need.url} reloadDocument={need.url.startsWith("/admin/")}>
+            {need.title}
+          </Link>
+        ) : (
+          <span className="t14 b">{need.title}</span>
+        )}
         <p className="t12 s">
           {need.detail.startsWith(state.word) ? "" : `${state.word} · `}
           {lineWords(need.detail)}
         </p>
       </div>
       <div className="when">
-        <b>
-          <Since at={need.since_at} />
-        </b>
-        <span className="t12 m">
-          since <At at={need.since_at} />
-        </span>
+        {need.since_at && (
+          <>
+            <b>
+              <Since at={need.since_at} />
+            </b>
+            <span className="t12 m">
+              since <At at={need.since_at} />
+            </span>
+          </>
+        )}
       </div>
-      <Button look={isFirst ? "pri" : ""} onClick={act}>
-        {need.verb}
-      </Button>
+      {need.verb && (
+        <Button look={isFirst ? "pri" : ""} onClick={act}>
+          {need.verb}
+        </Button>
+      )}
     </li>
   );
 }

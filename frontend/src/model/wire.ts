@@ -81,7 +81,8 @@ export interface Need {
     | "ticket"
     | "stopped"
     | "candidate"
-    | "halt_owed";
+    | "halt_owed"
+    | "disk";
   title: string;
   detail: string;
   since_at: Iso | null;

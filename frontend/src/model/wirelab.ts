@@ -306,6 +306,8 @@ export interface HostRow {
   /** Host's wall clock less the server's, seconds; shown, never decided by. */
   clock_skew_s: number | null;
   heartbeat: Record<string, unknown> | null;
+  /** The disk with its journal, as it said last; null: it has not said. The text warns. */
+  disk: { free_bytes: number; level: "ok" | "low" | "full"; text: string } | null;
 }
 
 export interface HostJob {

@@ -183,6 +183,12 @@ class Heartbeat(msgspec.Struct, frozen=True, tag="heartbeat", tag_field="t", kw_
     seq_head: int
     stop_latched: bool
     disk_free_bytes: int
+    """Of the disk on which the journal lies."""
+
+    disk_total_bytes: int = 0
+    """0: the host does not say."""
+
+    is_disk_read_only: bool = False
     lines: dict[str, float] = msgspec.field(default_factory=dict)
     """Age in seconds of each line's loop."""
 

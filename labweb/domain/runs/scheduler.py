@@ -6,7 +6,7 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from uuid import UUID
 
-from labweb.domain.runs.job import AT_EDGE, FINAL, JobState, RunState
+from labweb.domain.runs.job import AT_EDGE, FINAL, UNSTARTED, JobState, RunState
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -87,6 +87,19 @@ def ready(jobs: Sequence[JobView], online_hosts: Collection[UUID]) -> list[JobVi
         and not job.host_ids.isdisjoint(online_hosts)
         and done.issuperset(job.after)
     ]
+
+
+def may_begin(
+    jobs: Sequence[JobView], short_of_room: Collection[UUID], *, is_server_full: bool
+) -> bool:
+    """Say whether a run may have jobs dispatched where disks are short of room.
+
+    One that has begun goes on to its end; one that has not waits for room on the server and on
+    every host that one of its jobs may need.
+    """
+    if any(job.state not in UNSTARTED or job.is_passed for job in jobs):
+        return True
+    return not is_server_full and all(job.host_ids.isdisjoint(short_of_room) for job in jobs)
 
 
 _SETTLED = FINAL | {JobState.IN_DOUBT}

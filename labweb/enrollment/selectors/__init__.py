@@ -31,6 +31,8 @@ from labweb.enrollment.models import HostCertificate as HostCertificate
 from labweb.enrollment.models import JoinRequest as JoinRequest
 from labweb.enrollment.models import JoinToken as JoinToken
 from labweb.enrollment.models import Look as Look
+from labweb.enrollment.selectors.disks import disk_of as disk_of
+from labweb.enrollment.selectors.disks import disks_of as disks_of
 from labweb.enrollment.selectors.joining import code_of_request as code_of_request
 from labweb.enrollment.selectors.joining import find_request as find_request
 from labweb.enrollment.selectors.joining import is_key_known as is_key_known
@@ -142,8 +144,8 @@ def hosts_ready() -> QuerySet[EdgeHost]:
     return hosts_online().filter(suspended_at__isnull=True)
 
 
-READY = Prepared(lambda: hosts_ready().values_list("pk"))
-"""The ids of the hosts that may get new work."""
+READY = Prepared(lambda: hosts_ready().values_list("pk", "name", "heartbeat"))
+"""The hosts that may get new work: id, name, and what they said last."""
 
 
 def devices_of(lab: Lab) -> QuerySet[Device]:
@@ -159,11 +161,12 @@ def enrolled_devices(lab: Lab) -> QuerySet[Device]:
 TO_PLAN = Prepared(
     lambda: (
         Device.objects.filter(lab_id=Given("lab", UUIDField()), state=Device.State.ENROLLED)
-        .select_related("driver")
+        .select_related("driver", "host")
         .defer("driver__spec", "driver__sources")
     )
 )
-"""The devices of a lab that were admitted, without what their drivers say of themselves."""
+"""The devices of a lab that were admitted, with their hosts, and without what their drivers say of
+themselves."""
 
 
 def find_device(device_id: UUID) -> Device:

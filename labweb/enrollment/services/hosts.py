@@ -12,10 +12,11 @@ from django.db.transaction import atomic, on_commit
 
 from labweb.accounts import services as account_services
 from labweb.accounts.selectors import User
-from labweb.common import feed, signing
+from labweb.common import disk, feed, signing
 from labweb.common.clock import new_id, now, tick
 from labweb.common.wake import wake_dispatcher
 from labweb.domain.approvals.roles import Permission
+from labweb.domain.disk import Level
 from labweb.domain.enrollment.wording import refuse_no_reason
 from labweb.domain.errors import EnrollmentError, StateError
 from labweb.domain.messages import (
@@ -289,12 +290,19 @@ def beat(
     if "heartbeat" in changes:
         for device_id in sorted(_halts_owed(row.heartbeat) ^ _halts_owed(heartbeat)):
             feed.publish("devices", {"device_id": device_id})
+        if _disk_level(row.heartbeat) is not _disk_level(heartbeat):
+            feed.publish("hosts", {"host_id": str(host_id)})
     state = state_by_beat(SessionState(row.state), is_resumed=is_resumed)
     if state.value != row.state and rows.filter(state=row.state).update(
         state=state.value, state_at=now(), away_since_at=None
     ):
         feed.publish("hosts", {"host_id": str(host_id)})
     return True
+
+
+def _disk_level(heartbeat: Mapping[str, Any]) -> Level | None:
+    found = selectors.disk_of("", heartbeat)
+    return None if found is None else found.level(disk.floors())
 
 
 def _halts_owed(heartbeat: Mapping[str, Any]) -> set[str]:

@@ -11,9 +11,11 @@ from django.db.models import Q, QuerySet, UUIDField
 
 from labweb.accounts import selectors as account_selectors
 from labweb.approvals import selectors as approval_selectors
+from labweb.common import disk
 from labweb.common.prepared import Given, Prepared
 from labweb.common.render import iso
 from labweb.crutd import selectors as crutd_selectors
+from labweb.domain.disk import Level
 from labweb.domain.errors import NotFoundError
 from labweb.domain.runs.job import AT_EDGE, JobState, RunState
 from labweb.domain.runs.recovery import Wait
@@ -288,9 +290,21 @@ def lab_summary(lab: Lab) -> dict[str, Any]:
             "runs_live": live.count(),
             "approvals_open": waiting,
             "drivers_open": brought,
-            "needs_you": doubts + alone + waiting + brought + unknown + tickets + lab.is_stopped,
+            "needs_you": doubts
+            + alone
+            + waiting
+            + brought
+            + unknown
+            + tickets
+            + lab.is_stopped
+            + _short_disks_count(known),
         },
     }
+
+
+def _short_disks_count(known: list[EdgeHost]) -> int:
+    told = [disk.server_disk(), *(one for _, one in enrollment_selectors.disks_of(known))]
+    return sum(one is not None and one.level(disk.floors()) is not Level.OK for one in told)
 
 
 def _stop(lab: Lab, known: list[EdgeHost]) -> dict[str, Any]:

@@ -11,7 +11,9 @@ from uuid import UUID
 import msgspec
 from django.db.models import DateTimeField, Q, QuerySet, UUIDField
 
+from labweb.common import disk
 from labweb.common.prepared import Given, Prepared, Question, together
+from labweb.domain.disk import Disk, Level
 from labweb.domain.errors import LabError, NotFoundError
 from labweb.domain.runs.halt_state import UNDECIDED, HaltState
 from labweb.domain.runs.job import UNSTARTED, JobState, RunState
@@ -134,6 +136,9 @@ class ToSchedule:
     online: set[UUID]
     """Hosts that may get new work."""
 
+    short_of_room: set[UUID]
+    """Those of them whose disk has too little room for a run to be begun there."""
+
     runs: list[tuple[UUID, Execution | None, list[JobView]]]
     """Runs with work left, oldest first, none of a stopped lab; with each what its workflow
     declares for the time its hosts cannot hear the server, and its jobs."""
@@ -150,7 +155,9 @@ def to_schedule() -> ToSchedule:
     known: dict[UUID, list[tuple[Any, ...]]] = {}
     for run_id, *columns in jobs:
         known.setdefault(run_id, []).append(tuple(columns))
-    found = ToSchedule(online={host_id for (host_id,) in hosts}, runs=[], senseless={})
+    disks = {host_id: enrollment_selectors.disk_of(name, beat) for host_id, name, beat in hosts}
+    short = {host_id for host_id, one in disks.items() if one and _is_full(one)}
+    found = ToSchedule(online=set(disks), short_of_room=short, runs=[], senseless={})
     for run_id, declared in runs:
         try:
             execution = None if declared is None else msgspec.convert(declared, Execution)
@@ -158,6 +165,10 @@ def to_schedule() -> ToSchedule:
         except (LabError, ValueError, KeyError, TypeError, AttributeError) as error:
             found.senseless[run_id] = error
     return found
+
+
+def _is_full(one: Disk) -> bool:
+    return one.level(disk.floors()) is Level.FULL
 
 
 _WITH_WORK = {

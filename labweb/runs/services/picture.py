@@ -17,7 +17,7 @@ from labweb.domain.crutd.decide import ResourceState
 from labweb.domain.resources.contents import LotId
 from labweb.domain.workflows.compile import LabView
 from labweb.enrollment import selectors as enrollment_selectors
-from labweb.enrollment.selectors import Device
+from labweb.enrollment.selectors import Device, EdgeHost
 from labweb.resources import selectors as resource_selectors
 from labweb.resources.selectors import Lab
 from labweb.runs import selectors
@@ -41,6 +41,12 @@ def asking_view(lab_id: UUID) -> tuple[Question[Any], ...]:
         crutd_selectors.asking_amounts(lab_id),
         telemetry_selectors.asking_latest_in(lab_id, "is_initialized"),
     )
+
+
+def hosts_in(answers: Sequence[list[Any]]) -> dict[UUID, EdgeHost]:
+    """Return the host of each device from what `asking_view` was answered."""
+    devices: list[Device] = answers[1]
+    return {device.id: device.host for device in devices}
 
 
 def view_of(lab: Lab, answers: Sequence[list[Any]]) -> LabView:

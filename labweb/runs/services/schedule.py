@@ -6,8 +6,10 @@ import logging
 from collections.abc import Collection, Mapping, Sequence
 from uuid import UUID
 
+from labweb.common import disk
+from labweb.domain.disk import Level
 from labweb.domain.runs.batch import find_batches
-from labweb.domain.runs.scheduler import JobView, ready
+from labweb.domain.runs.scheduler import JobView, may_begin, ready
 from labweb.domain.workflows.plan import Execution
 from labweb.runs import selectors
 from labweb.runs.services.batches import dispatch_batch
@@ -22,8 +24,9 @@ logger = logging.getLogger(__name__)
 def dispatch_ready() -> int:
     """Dispatch every job that may go now, each alone or each batch in a transaction.
 
-    A run that fails in a way that nobody foresaw is paused, and keeps no other from its turn. One
-    that was in somebody's way has its next turn.
+    A run that has not begun waits while the server's disk, or that of one of its hosts, has too
+    little room; one that has begun goes on. A run that fails in a way that nobody foresaw is
+    paused, and keeps no other from its turn. One that was in somebody's way has its next turn.
 
     Returns:
         How many jobs were dispatched.
@@ -34,7 +37,10 @@ def dispatch_ready() -> int:
     """
     found = selectors.to_schedule()
     failed, count = dict(found.senseless), 0
+    is_full = disk.level() is Level.FULL
     for run_id, execution, views in found.runs:
+        if not may_begin(views, found.short_of_room, is_server_full=is_full):
+            continue
         try:
             count += _dispatch_run(run_id, execution, views, found.online)
         except Exception as error:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import timedelta
 from functools import partial
@@ -17,6 +17,7 @@ from labweb.accounts.selectors import User
 from labweb.approvals import selectors as approval_selectors
 from labweb.approvals import services as approval_services
 from labweb.approvals.selectors import ApprovalRequest
+from labweb.common import disk
 from labweb.common.clock import now
 from labweb.common.prepared import Question, inserting, together
 from labweb.common.wake import waking
@@ -24,18 +25,21 @@ from labweb.crutd import services as crutd_services
 from labweb.crutd.selectors import reserved as reservations
 from labweb.domain.approvals.roles import Permission
 from labweb.domain.crutd import operations
+from labweb.domain.disk import check_room
 from labweb.domain.errors import Finding, PreconditionError, RevisionError, StateError
 from labweb.domain.runs.job import JobState, Mover, RunState
 from labweb.domain.workflows import plan as plans
 from labweb.domain.workflows.compile import LabView, compile_workflow
 from labweb.domain.workflows.plan import Choice, Plan, PlannedJob
 from labweb.domain.workflows.protocol import parse_workflow
+from labweb.enrollment import selectors as enrollment_selectors
+from labweb.enrollment.selectors import EdgeHost
 from labweb.resources import selectors as resource_selectors
 from labweb.resources.selectors import Lab
 from labweb.runs import selectors
 from labweb.runs.models import Job, Run
 from labweb.runs.selectors.holding import claims_of_plan
-from labweb.runs.services.picture import asking_view, lab_view, view_of
+from labweb.runs.services.picture import asking_view, hosts_in, lab_view, view_of
 from labweb.runs.services.proof import check_proved
 from labweb.runs.services.state import announce, move_job, refresh_run
 from labweb.workflows.selectors import WorkflowVersion
@@ -152,22 +156,22 @@ def start_run(
         RevisionError: The plan is not the one the actor saw; nothing was written.
         ProtocolError, PlanningError: As `preview`; nothing was written.
         ForbiddenError: The actor may not run things on some resource of the plan.
-        PreconditionError: The lab is stopped, or a vessel holds what nobody proved the recipe with.
+        PreconditionError: The lab is stopped, a disk is full, or a vessel has not what was proved.
         LockedError: Somebody else has reserved a resource of the plan.
 
     Effect:
         Nothing moves before the dispatcher sends the first job.
     """
     scene = hold_scene(version.workflow.lab_id, actor)
-    lab, view, reach = scene.lab, scene.view, scene.reach
+    lab, view = scene.lab, scene.view
     _refuse_second(version, actor, is_asked=is_asked)
-    found = preview(lab, version.document, view=view, reach=reach, rules=scene.rules)
+    found = preview(lab, version.document, view=view, reach=scene.reach, rules=scene.rules)
+    _check_room(found.plan, scene.hosts)
     check_proved(version, view)
     crutd_services.refuse_reserved_by_others(
         _surely_touched(found.plan), actor_id=actor.pk, is_any=scene.is_any_reserved
     )
-    plan_digest = plans.digest(found.plan)
-    _check_seen(plan_digest, seen_digest)
+    plan_digest = _seen_digest(found.plan, seen_digest)
     policies = found.policies if wish is None else (*found.policies, wish.rule)
     run = Run(
         lab=lab,
@@ -215,6 +219,8 @@ class Scene:
 
     run_number: int
     view: LabView
+    hosts: dict[UUID, EdgeHost]
+    """By each device that was admitted."""
 
 
 def hold_scene(lab_id: UUID, actor: User) -> Scene:
@@ -245,16 +251,35 @@ def hold_scene(lab_id: UUID, actor: User) -> Scene:
         is_any_reserved=bool(reserved),
         run_number=numbers[0],
         view=view_of(lab, answers),
+        hosts=hosts_in(answers),
     )
 
 
-def _check_seen(plan_digest: str, seen_digest: str | None) -> None:
+def _check_room(plan: Plan, hosts: Mapping[UUID, EdgeHost]) -> None:
+    """Refuse a start for which the server, or a host that will act, has too little room."""
+    used = {
+        host.pk: host
+        for job in plan.jobs
+        for way in job.ways()
+        if (host := hosts.get(way.device_id)) is not None
+    }
+    server = disk.server_disk()
+    told = [one for _, one in enrollment_selectors.disks_of(used.values())]
+    findings = check_room([*([] if server is None else [server]), *told], disk.floors())
+    if findings:
+        raise PreconditionError(findings[0].message, code=findings[0].code, findings=findings)
+
+
+def _seen_digest(plan: Plan, seen_digest: str | None) -> str:
+    """Return the digest of a plan, which has to be the one that was seen; None: any is."""
+    plan_digest = plans.digest(plan)
     if seen_digest is not None and seen_digest != plan_digest:
         raise RevisionError(
             "the plan is not the one that was seen: the workflow or the lab has changed since",
             code="run.plan_changed",
             context={"plan_digest": plan_digest},
         )
+    return plan_digest
 
 
 def _refuse_second(version: WorkflowVersion, actor: User, *, is_asked: bool) -> None:
