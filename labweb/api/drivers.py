@@ -24,6 +24,7 @@ from labweb.approvals import selectors as approval_selectors
 from labweb.approvals import services as approval_services
 from labweb.approvals.selectors import ApprovalRequest
 from labweb.common.clock import now
+from labweb.common.lists import STANDING
 from labweb.common.render import iso
 from labweb.common.requests import body
 from labweb.domain.approvals.roles import Permission
@@ -99,6 +100,7 @@ class Drivers(Endpoint):
     """Versions of drivers."""
 
     bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": Submission}
+    queries = STANDING.parameters
 
     def get(self, request: Request) -> Response:
         """List every version by module, the newest first, with the devices that use it."""
@@ -106,7 +108,13 @@ class Drivers(Endpoint):
         users = users_of(user)
         allowed = resource_selectors.permissions_on_all(user)
         rows = visible_drivers(user, users)
-        return Response({"drivers": [_render(row, user, users, allowed) for row in rows]})
+        found, following = STANDING.of_rows(request, rows, "module", "-read_at", "-id")
+        return Response(
+            {
+                "drivers": [_render(row, user, users, allowed) for row in found],
+                "next": following,
+            }
+        )
 
     def post(self, request: Request) -> Response:
         """Read driver source and propose it; a second person approves it."""

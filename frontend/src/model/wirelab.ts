@@ -122,6 +122,7 @@ export interface Resource extends ResourceRow {
     may_disconnect: boolean;
   }[];
   events: LabEvent[];
+  events_next: string | null;
 }
 
 /** Which edge host writes a vessel's facts, and the move it is on. */
