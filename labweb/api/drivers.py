@@ -116,12 +116,17 @@ class Drivers(Endpoint):
             }
         )
 
-    def post(self, request: Request) -> Response:
-        """Read driver source and propose it; a second person approves it."""
-        user, wanted = user_of(request), body(request, Submission)
-        row = approval_services.submit_driver(
-            wanted.module, wanted.source, note=wanted.note, actor=user
+    def prepare(self, request: Request, *_args: object, **_kwargs: object) -> None:
+        """Read the source in its process, before a transaction is open."""
+        wanted = body(request, Submission)
+        self.found, _ = enrollment_services.read_driver(
+            wanted.module, wanted.source, actor=user_of(request)
         )
+
+    def post(self, request: Request) -> Response:
+        """Propose driver source that was read; a second person approves it."""
+        user, wanted = user_of(request), body(request, Submission)
+        row = approval_services.submit_read(self.found, wanted.module, note=wanted.note, actor=user)
         return Response(_render(row, user, {}), status=201)
 
 
