@@ -8,6 +8,8 @@ export interface Choice {
   value: string;
   label: string;
   note?: string;
+  /** Why it cannot be picked; given, it is shown and cannot be. */
+  why?: string | null;
 }
 
 export function Picker(props: {
@@ -64,9 +66,10 @@ export function Picker(props: {
             onKeyDown={(event) => {
               // Who types fast presses Enter before the list has drawn what it marks.
               const isMarked = combobox.getSelectedOptionIndex() >= 0;
-              if (event.key !== "Enter" || query === null || isMarked || !shown[0]) return;
+              const first = shown.find((choice) => !choice.why);
+              if (event.key !== "Enter" || query === null || isMarked || !first) return;
               event.preventDefault();
-              submit(shown[0].value);
+              submit(first.value);
             }}
             onFocus={(event) => event.target.select()}
             onClick={() => combobox.openDropdown()}
@@ -102,10 +105,11 @@ function Options({ shown }: { shown: readonly Choice[] }) {
   return (
     <Combobox.Options mah={280} className="options">
       {shown.map((choice) => (
-        <Combobox.Option key={choice.value} value={choice.value}>
+        <Combobox.Option key={choice.value} value={choice.value} disabled={Boolean(choice.why)}>
           <span className="b cut">{choice.label}</span>
           <i className="sp" />
           <span className="t12 m num cut">{choice.note}</span>
+          {choice.why && <span className="t12 whynot">{choice.why}</span>}
         </Combobox.Option>
       ))}
       {shown.length === 0 && <Combobox.Empty>Nothing fits.</Combobox.Empty>}
