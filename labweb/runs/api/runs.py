@@ -234,21 +234,37 @@ def _end_of(kind: str, end: Resolved | None) -> dict[str, Any] | None:
     return end.to_json() if end is not None and kind == "in_doubt" else None
 
 
-class RunAct(Endpoint):
-    """Pause, resume or abort."""
-
-    act = ""
+class PauseRun(Endpoint):
+    """A pause."""
 
     def post(self, request: Request, run_id: UUID) -> Response:
-        """Carry out the act and return the run."""
+        """Let nothing more of the run begin, and return it."""
         user = user_of(request)
-        if self.act == "pause":
-            services.pause_run(run_id, actor=user)
-        elif self.act == "resume":
-            seen = body(request, Resume)
-            services.resume_run(run_id, actor=user, departures=seen.departures, pauses=seen.pauses)
-        else:
-            services.abort_run(run_id, actor=user, reason=body(request, Reason).reason)
+        services.pause_run(run_id, actor=user)
+        return Response(render.render_run(selectors.find_run(run_id), user))
+
+
+class ResumeRun(Endpoint):
+    """The end of a pause."""
+
+    bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": Resume}
+
+    def post(self, request: Request, run_id: UUID) -> Response:
+        """Let the run go on, and return it."""
+        user, seen = user_of(request), body(request, Resume)
+        services.resume_run(run_id, actor=user, departures=seen.departures, pauses=seen.pauses)
+        return Response(render.render_run(selectors.find_run(run_id), user))
+
+
+class AbortRun(Endpoint):
+    """The end of a run before its time."""
+
+    bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": Reason}
+
+    def post(self, request: Request, run_id: UUID) -> Response:
+        """Have the run end, and return it."""
+        user, reason = user_of(request), body(request, Reason).reason
+        services.abort_run(run_id, actor=user, reason=reason)
         return Response(render.render_run(selectors.find_run(run_id), user))
 
 
