@@ -34,8 +34,8 @@ export function Picker(props: {
     onDropdownOpen: () => combobox.selectFirstOption(),
   });
   const chosen = props.choices.find((choice) => choice.value === props.value);
-  const wanted = (query ?? "").trim().toLowerCase();
-  const shown = fitting(props.choices, wanted);
+  const shown = fitting(props.choices, (query ?? "").trim().toLowerCase());
+  const first = shown.find((choice) => !choice.why);
   useEffect(() => {
     if (query !== null) combobox.selectFirstOption();
     // The store is made anew at each drawing; only what is typed counts.
@@ -66,7 +66,6 @@ export function Picker(props: {
             onKeyDown={(event) => {
               // Who types fast presses Enter before the list has drawn what it marks.
               const isMarked = combobox.getSelectedOptionIndex() >= 0;
-              const first = shown.find((choice) => !choice.why);
               if (event.key !== "Enter" || query === null || isMarked || !first) return;
               event.preventDefault();
               submit(first.value);
