@@ -2,6 +2,7 @@
 import { fileURLToPath } from "node:url";
 import react from "@vitejs/plugin-react";
 import { defineConfig } from "vite";
+import { compressed } from "./compress";
 
 const server = process.env.LABWEB_URL ?? "http://127.0.0.1:8400";
 const proxied = ["/api", "/admin", "/twin/view", "/static/admin"];
@@ -14,7 +15,7 @@ const proxy = {
 
 export default defineConfig(({ command }) => ({
   base: command === "build" ? "/static/web/" : "/",
-  plugins: [react()],
+  plugins: [react(), compressed()],
   resolve: { alias: { "@": fileURLToPath(new URL("./src", import.meta.url)) } },
   build: {
     outDir: fileURLToPath(new URL("../labweb/static/web", import.meta.url)),

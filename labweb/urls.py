@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from django.contrib import admin
 from django.urls import include, path, re_path
-from drf_spectacular.views import SpectacularAPIView
 
 from labweb.api import errors, pages, twin_proxy
+from labweb.api.schema_view import Schema
 
 admin.autodiscover()
 
 urlpatterns = [
     path("healthz", pages.health),
-    path("api/schema/", SpectacularAPIView.as_view(), name="schema"),
+    path("api/schema/", Schema.as_view(), name="schema"),
     path("api/v1/", include("labweb.api.urls")),
     re_path(r"^api/", errors.no_such),
     path("admin/", admin.site.urls),

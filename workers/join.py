@@ -50,6 +50,8 @@ from workers.keys import HostKey, create_key, load_key, write_private
 PATH = "/ws/edge/v1/join"
 PATIENCE_S = 10.0
 RETRY_S = 2.0
+TOO_FAST = "feed.too_fast"
+_MOST_TOLD = 200
 MACHINE_ID = Path("/etc/machine-id")
 
 
@@ -144,6 +146,7 @@ async def fetch_authority(server: str, token: Token, say: Callable[[str], None])
             offer = await _receive(line)
     except (OSError, WebSocketException, EOFError) as error:
         raise UnreachableError(f"no labweb door answers at {server}: {error}") from error
+    _heed(offer)
     try:
         found = key_hash(offer.ca) if isinstance(offer, Offer) else ""
     except ValueError:
@@ -152,6 +155,23 @@ async def fetch_authority(server: str, token: Token, say: Callable[[str], None])
         raise _impostor(f"its authority is {found[:16] or 'none'}…, not {token.ca_hash[:16]}…")
     say(f"the server is the lab's own: its authority is {found[:16]}…")
     return offer.ca if isinstance(offer, Offer) else ""
+
+
+def _heed(frame: JoinFrame) -> None:
+    """Stop where the door says that this machine asks too often; it has told nothing else.
+
+    Raises:
+        EnrollmentError: It says so. Whoever is there has not proved who it is yet, so that only
+            plain letters of what it says are shown.
+    """
+    if not isinstance(frame, Refuse) or frame.code != TOO_FAST:
+        return
+    told = "".join(letter for letter in frame.message if letter.isprintable())[:_MOST_TOLD]
+    text = (
+        f"the door does not listen yet: {told}. Then run the same command again without a token; "
+        "nothing was told to it, and the token is not used up"
+    )
+    raise EnrollmentError(text, code=TOO_FAST)
 
 
 def _impostor(detail: str) -> EnrollmentError:
@@ -205,7 +225,7 @@ class Screen:
 
 
 async def _ask(line: ClientConnection, key: HostKey, token: Token, begun: Begun) -> None:
-    await _receive(line)
+    _heed(await _receive(line))
     ask = Ask(
         token_id=token.token_id,
         secret=token.secret,

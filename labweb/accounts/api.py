@@ -19,6 +19,7 @@ from rest_framework.views import APIView
 
 from labweb.accounts import services
 from labweb.accounts.selectors import User, user_of
+from labweb.common.requests import Parameter, check_query
 from labweb.domain.errors import LabError, LockedError
 
 ACTING = frozenset({"post", "put", "patch", "delete"})
@@ -88,10 +89,14 @@ class Endpoint(APIView):
     harmless: ClassVar[Mapping[str, str]] = {}
     """Method that needs no key, in small letters → why."""
 
+    queries: ClassVar[Mapping[str, Parameter]] = {}
+    """What GET takes in the address; what is not declared here is refused, to any method."""
+
     def initial(self, request: Request, *args: Any, **kwargs: Any) -> None:  # noqa: ANN401 - DRF's shape
-        """Let who may call at all come in; then guard what acts."""
+        """Let who may call at all come in, with what is read; then guard what acts."""
         super().initial(request, *args, **kwargs)
         method = str(request.method).lower()
+        check_query(request, self.queries if method in {"get", "head"} else {})
         handler = getattr(self, method, None)
         if handler is not None and acts(type(self), method):
             setattr(self, method, partial(self._once, handler))

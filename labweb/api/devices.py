@@ -15,6 +15,7 @@ from labweb.accounts.selectors import User, user_of
 from labweb.api.driver_use import driver_of
 from labweb.common import disk
 from labweb.common.clock import now
+from labweb.common.lists import STANDING
 from labweb.common.render import iso
 from labweb.common.requests import body
 from labweb.domain.approvals.roles import Permission
@@ -42,12 +43,15 @@ _STALE_AFTER_S = 5.0
 class Devices(Endpoint):
     """Devices of the lab."""
 
+    queries = STANDING.parameters
+
     def get(self, request: Request) -> Response:
         """List devices with their latest readings."""
         seen = resource_selectors.allowed_ids(user_of(request), Permission.VIEW)
         lab = resource_selectors.the_lab()
         rows = enrollment_selectors.visible_present(lab, seen)
-        return Response({"devices": device_rows(rows)})
+        found, following = STANDING.of_list(request, rows, lambda row: [row.key, row.pk.hex])
+        return Response({"devices": device_rows(found), "next": following})
 
 
 class DeviceDetail(Endpoint):
@@ -119,10 +123,14 @@ class StopDevice(Endpoint):
 class Hosts(Endpoint):
     """Edge hosts of the lab."""
 
+    queries = STANDING.parameters
+
     def get(self, request: Request) -> Response:
         """List the hosts of devices that the caller may see, with their journals' lag."""
         lab = resource_selectors.the_lab()
-        return Response({"hosts": host_rows(visible_hosts(lab, user_of(request)))})
+        rows = visible_hosts(lab, user_of(request))
+        found, following = STANDING.of_list(request, rows, lambda row: [row.key, row.pk.hex])
+        return Response({"hosts": host_rows(found), "next": following})
 
 
 def visible_hosts(lab: Lab, user: User) -> list[EdgeHost]:

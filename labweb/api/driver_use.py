@@ -6,6 +6,8 @@ from collections.abc import Mapping
 from typing import Any
 from uuid import UUID
 
+from django.db.models import QuerySet
+
 from labweb.accounts.selectors import User
 from labweb.domain.approvals.roles import Permission
 from labweb.domain.errors import NotFoundError
@@ -58,10 +60,10 @@ def _reads_all(user: User) -> bool:
     return root.id in resource_selectors.allowed_ids(user, Permission.VIEW)
 
 
-def visible_drivers(user: User, users: Mapping[UUID, object]) -> list[DriverVersion]:
+def visible_drivers(user: User, users: Mapping[UUID, object]) -> QuerySet[DriverVersion]:
     """Return the versions that a person may see: all, or those of the devices in `users`."""
     rows = selectors.drivers().defer("sources")
-    return list(rows if _reads_all(user) else rows.filter(pk__in=list(users)))
+    return rows if _reads_all(user) else rows.filter(pk__in=list(users))
 
 
 def visible_driver(version_id: UUID, user: User) -> DriverVersion:

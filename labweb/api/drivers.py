@@ -24,6 +24,7 @@ from labweb.approvals import selectors as approval_selectors
 from labweb.approvals import services as approval_services
 from labweb.approvals.selectors import ApprovalRequest
 from labweb.common.clock import now
+from labweb.common.lists import STANDING
 from labweb.common.render import iso
 from labweb.common.requests import body
 from labweb.domain.approvals.roles import Permission
@@ -99,6 +100,7 @@ class Drivers(Endpoint):
     """Versions of drivers."""
 
     bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": Submission}
+    queries = STANDING.parameters
 
     def get(self, request: Request) -> Response:
         """List every version by module, the newest first, with the devices that use it."""
@@ -106,14 +108,25 @@ class Drivers(Endpoint):
         users = users_of(user)
         allowed = resource_selectors.permissions_on_all(user)
         rows = visible_drivers(user, users)
-        return Response({"drivers": [_render(row, user, users, allowed) for row in rows]})
+        found, following = STANDING.of_rows(request, rows, "module", "-read_at", "-id")
+        return Response(
+            {
+                "drivers": [_render(row, user, users, allowed) for row in found],
+                "next": following,
+            }
+        )
+
+    def prepare(self, request: Request, *_args: object, **_kwargs: object) -> None:
+        """Read the source in its process, before a transaction is open."""
+        wanted = body(request, Submission)
+        self.found, _ = enrollment_services.read_driver(
+            wanted.module, wanted.source, actor=user_of(request)
+        )
 
     def post(self, request: Request) -> Response:
-        """Read driver source and propose it; a second person approves it."""
+        """Propose driver source that was read; a second person approves it."""
         user, wanted = user_of(request), body(request, Submission)
-        row = approval_services.submit_driver(
-            wanted.module, wanted.source, note=wanted.note, actor=user
-        )
+        row = approval_services.submit_read(self.found, wanted.module, note=wanted.note, actor=user)
         return Response(_render(row, user, {}), status=201)
 
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
-from typing import Any
+from collections.abc import Iterable, Iterator, Mapping
+from typing import Any, ClassVar
 from uuid import UUID
 
 from django.db.models import Q, QuerySet
@@ -17,6 +17,7 @@ from labweb.approvals import selectors as approval_selectors
 from labweb.common import disk
 from labweb.common.reading import one_moment
 from labweb.common.render import iso
+from labweb.common.requests import Parameter
 from labweb.crutd import selectors as crutd_selectors
 from labweb.domain.approvals.roles import Permission
 from labweb.domain.disk import Level
@@ -33,6 +34,7 @@ from labweb.runs.selectors import Job, Run
 
 _MOST = 8
 _SHORTEST_QUERY = 2
+_MOST_FOUND = 40
 _MOST_SINGLE = 3
 """Finds that are shown one by one; more are one line."""
 
@@ -229,6 +231,10 @@ def _where(job: Job, names: dict[str, str]) -> str:
 class Search(Endpoint):
     """Find anything by name."""
 
+    queries: ClassVar[Mapping[str, Parameter]] = {
+        "q": Parameter({"type": "string"}, "Part of a name, at least two letters.")
+    }
+
     def get(self, request: Request) -> Response:
         """Return resources, devices, runs, workflows and lots whose name has the text."""
         seen = resource_selectors.allowed_ids(user_of(request), Permission.VIEW)
@@ -237,7 +243,7 @@ class Search(Endpoint):
             return Response({"results": []})
         lab = resource_selectors.the_lab()
         found = [*_places(lab, text, seen), *_work(lab, text, seen)]
-        return Response({"results": found[:40]})
+        return Response({"results": found[:_MOST_FOUND]})
 
 
 def _places(lab: Lab, text: str, seen: set[UUID]) -> Iterator[dict[str, Any]]:
@@ -258,10 +264,9 @@ def _work(lab: Lab, text: str, seen: set[UUID]) -> Iterator[dict[str, Any]]:
         if text in row["name"].lower():
             url = f"/workflows/{row['id']}/edit"
             yield _result("workflow", row["id"], row["name"], "workflow", url)
-    for run in run_selectors.visible_runs(lab, seen)[:200]:
+    for run in run_selectors.runs_named(run_selectors.visible_runs(lab, seen), text)[:_MOST_FOUND]:
         name = f"Run #{run.number} {run.version.workflow.name}"
-        if text in name.lower():
-            yield _result("run", run.id, name, run.state, f"/runs/{run.id}")
+        yield _result("run", run.id, name, run.state, f"/runs/{run.id}")
 
 
 def _result(kind: str, ident: object, name: str, detail: str, url: str) -> dict[str, Any]:

@@ -39,7 +39,18 @@ class LabSchema(AutoSchema):
         return f"{self.method.lower()}_{path.replace('/', '_').replace('-', '_')}"
 
     def get_override_parameters(self) -> list[Any]:
-        """Return the key that every method takes that acts."""
+        """Return the parameters of the address, and the key that every method takes that acts."""
+        if self.method == "GET":
+            return [
+                OpenApiParameter(
+                    name,
+                    dict(one.schema),
+                    OpenApiParameter.QUERY,
+                    required=one.is_required,
+                    description=one.description,
+                )
+                for name, one in getattr(self.view, "queries", {}).items()
+            ]
         if not acts(type(self.view), self.method.lower()):
             return []
         name = "Names the wish: a new one for each, the same one each time that it is repeated."

@@ -18,6 +18,7 @@ from hashlib import sha256
 from django.conf import settings
 from django.core import signing
 from django.core.cache import cache
+from django.http import HttpRequest
 from rest_framework.request import Request
 from rest_framework.response import Response
 
@@ -44,7 +45,7 @@ class Place:
     """Counter in the cache → how many failures close it; the first is of name and place."""
 
     @classmethod
-    def of(cls, request: Request, username: str) -> Place:
+    def of(cls, request: Request | HttpRequest, username: str) -> Place:
         """Return the place of a request."""
         known = _known_browser(request, username)
         if known:
@@ -82,7 +83,7 @@ def remember(answer: Response, request: Request, username: str) -> None:
     )
 
 
-def _known_browser(request: Request, username: str) -> str:
+def _known_browser(request: Request | HttpRequest, username: str) -> str:
     """Return the number of a browser in which this name has signed in; empty: it has not."""
     told = request.COOKIES.get(_cookie(username), "")
     if not told or len(told) > _LONGEST_COOKIE:

@@ -15,6 +15,7 @@ from labweb.api.driver_use import visible_driver
 from labweb.approvals import selectors as tryouts
 from labweb.approvals import services
 from labweb.approvals.selectors import Tryout, TryoutAct
+from labweb.common.lists import HISTORY
 from labweb.common.render import iso
 from labweb.common.requests import body
 from labweb.domain.enrollment.tryout import FASTEST, labelled
@@ -25,10 +26,13 @@ class DriverTryouts(Endpoint):
     """Tryouts of one version."""
 
     bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": services.TryoutWanted}
+    queries = HISTORY.parameters
 
     def get(self, request: Request, driver_id: UUID) -> Response:
         """Say where a version can be tried, on which models, and what was tried of it."""
         version = visible_driver(driver_id, user_of(request))
+        rows = tryouts.tryouts_of(version)
+        found, following = HISTORY.of_rows(request, rows, "-begun_at", "-id")
         return Response(
             {
                 "hosts": [
@@ -50,7 +54,8 @@ class DriverTryouts(Endpoint):
                 ],
                 "fastest": FASTEST,
                 "tried": tried_of(version),
-                "tryouts": [_row(one) for one in tryouts.tryouts_of(version)],
+                "tryouts": [_row(one) for one in found],
+                "next": following,
             }
         )
 

@@ -166,9 +166,6 @@ OF_RUN = Prepared(
 MOST_ACTS_SHOWN = 100
 """Wishes of one tryout that are shown."""
 
-MOST_SHOWN = 20
-"""Tryouts of one version that are listed."""
-
 
 def offers() -> list[SimulatorOffer]:
     """Return what the hosts that are here and now connected can simulate."""
@@ -198,7 +195,7 @@ def models_for(row: SimulatorOffer, version: DriverVersion) -> list[SimulatedMod
 def tryouts_of(version: DriverVersion) -> QuerySet[Tryout]:
     """Tryouts of a version, the newest first."""
     rows = Tryout.objects.filter(version=version).select_related("host", "begun_by")
-    return rows.defer("wire")[:MOST_SHOWN]
+    return rows.defer("wire")
 
 
 def find_tryout(tryout_id: UUID) -> Tryout:

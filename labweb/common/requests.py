@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from functools import cache
-from typing import TypeVar
+from typing import Any, TypeVar
+from uuid import UUID
 
 import msgspec
 from msgspec import inspect
+from rest_framework.exceptions import APIException
 from rest_framework.request import Request
 
 from labweb.domain.errors import DefinitionError, Finding
@@ -20,6 +23,55 @@ _LONGEST_PATH = 200
 
 _MOST_DIGITS = 18
 """Python reads no number of thousands of digits, and fails on it."""
+
+
+class UnknownParameterError(APIException):
+    """An address has a parameter that nobody reads; whoever wrote it means something by it."""
+
+    status_code = 400
+    default_code = "http.unknown_parameter"
+
+
+@dataclass(frozen=True, slots=True)
+class Parameter:
+    """What an endpoint takes in its address, `?name=value`."""
+
+    schema: Mapping[str, Any]
+    """JSON Schema; of `array` it may stand several times."""
+
+    description: str = ""
+    is_required: bool = False
+
+
+def one_of(names: Iterable[str], description: str = "") -> Parameter:
+    """Return a parameter that takes one of these words."""
+    return Parameter({"type": "string", "enum": list(names)}, description)
+
+
+def id_of(what: str) -> Parameter:
+    """Return a parameter that takes an id."""
+    return Parameter({"type": "string", "format": "uuid"}, f"Id of {what}.")
+
+
+def check_query(request: Request, known: Mapping[str, Parameter]) -> None:
+    """Refuse parameters that the endpoint does not have, that stand twice, or hold no text.
+
+    Raises:
+        UnknownParameterError: One is unknown; the message names those that exist.
+        DefinitionError: One stands twice, or its value cannot be stored anywhere.
+    """
+    for name, values in request.query_params.lists():
+        if name not in known:
+            there = f"this address takes {', '.join(known)}" if known else "this address takes none"
+            raise UnknownParameterError(f"unknown parameter `{name[:_LONGEST_PATH]}`: {there}")
+        if len(values) > 1 and known[name].schema.get("type") != "array":
+            raise DefinitionError(f"{name} stands {len(values)} times: once", code="http.query")
+        if any("\x00" in value or (not value.isascii() and _is_torn(value)) for value in values):
+            raise DefinitionError(f"{name} holds a character that is none", code="http.query")
+
+
+def _is_torn(text: str) -> bool:
+    return any("\ud800" <= letter <= "\udfff" for letter in text)
 
 
 def body(request: Request, shape: type[T]) -> T:
@@ -114,6 +166,34 @@ def whole_number(request: Request, name: str, *, default: int, low: int, high: i
     if not is_number or not low <= int(text) <= high:
         raise DefinitionError(f"{name} must be {low} to {high}", code="http.query")
     return int(text)
+
+
+def word(request: Request, name: str, known: Sequence[str]) -> str:
+    """Read one of the words that a parameter offers; the first is what goes without saying.
+
+    Raises:
+        DefinitionError: It is none of them.
+    """
+    text = request.query_params.get(name, known[0])
+    if text not in known:
+        raise DefinitionError(f"{name} is {_either(known)}", code="http.query")
+    return str(text)
+
+
+def _either(words: Sequence[str]) -> str:
+    return " or ".join([", ".join(words[:-1]), words[-1]] if len(words) > 1 else words)
+
+
+def identity(request: Request, name: str) -> UUID:
+    """Read an id from the query.
+
+    Raises:
+        DefinitionError: It is none, or left out.
+    """
+    try:
+        return UUID(request.query_params.get(name, ""))
+    except ValueError as error:
+        raise DefinitionError(f"{name} must be an id", code="http.query") from error
 
 
 def seconds(request: Request, name: str, default: float) -> float:

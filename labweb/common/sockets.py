@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import json
 import logging
+import math
 import time
 from collections import Counter
 from collections.abc import Callable
@@ -78,7 +79,8 @@ class BoundedConsumer(AsyncWebsocketConsumer):
             wait_s = buckets.take(str(client[0]))
         if wait_s:
             await self.accept()
-            await self.refuse("feed.too_fast", "this address connects too often: wait a minute")
+            text = f"this address connects too often: wait {math.ceil(wait_s)} s"
+            await self.refuse("feed.too_fast", text)
             return
         self._is_opened = True
         await super().websocket_connect(message)

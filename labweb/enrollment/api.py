@@ -12,6 +12,7 @@ from rest_framework.response import Response
 
 from labweb.accounts.api import Endpoint
 from labweb.accounts.selectors import user_of
+from labweb.common.lists import HISTORY
 from labweb.common.render import iso
 from labweb.common.requests import body
 from labweb.domain.enrollment.join import USUAL_TOKEN_S
@@ -44,12 +45,15 @@ class JoinTokens(Endpoint):
     """Join tokens of the lab."""
 
     bodies = {"post": TokenWish}
+    queries = HISTORY.parameters
 
     def get(self, request: Request) -> Response:
         """List the tokens, without their secrets, which nobody has."""
         lab = resource_selectors.the_lab()
         services.require_admission(user_of(request), lab)
-        return Response({"tokens": [_token(row) for row in selectors.tokens_of(lab)[:100]]})
+        rows = selectors.tokens_of(lab)
+        found, following = HISTORY.of_rows(request, rows, "-created_at", "-id")
+        return Response({"tokens": [_token(row) for row in found], "next": following})
 
     def post(self, request: Request) -> Response:
         """Make a token; this answer alone holds it."""
@@ -76,13 +80,20 @@ class JoinTokenDetail(Endpoint):
 class JoinRequests(Endpoint):
     """Machines that asked."""
 
+    queries = HISTORY.parameters
+
     def get(self, request: Request) -> Response:
         """List the machines that asked, the newest first; not their codes, which they show."""
         lab = resource_selectors.the_lab()
         services.require_admission(user_of(request), lab)
-        rows = selectors.requests_of(lab)[:100]
+        rows = selectors.requests_of(lab)
+        found, following = HISTORY.of_rows(request, rows, "-asked_at", "-id")
         return Response(
-            {"requests": [_request(row) for row in rows], "door": settings.EDGE_ADDRESS}
+            {
+                "requests": [_request(row) for row in found],
+                "door": settings.EDGE_ADDRESS,
+                "next": following,
+            }
         )
 
 

@@ -9,6 +9,7 @@ from rest_framework.response import Response
 
 from labweb.accounts.api import Endpoint
 from labweb.accounts.selectors import user_of
+from labweb.common.lists import STANDING
 from labweb.domain.approvals.roles import Permission
 from labweb.resources import selectors
 from labweb.resources.models import Connection, Resource
@@ -17,12 +18,17 @@ from labweb.resources.models import Connection, Resource
 class Connections(Endpoint):
     """What can flow or be carried where."""
 
+    queries = STANDING.parameters
+
     def get(self, request: Request) -> Response:
         """List the connections between resources the caller may see."""
         seen = selectors.allowed_ids(user_of(request), Permission.VIEW)
         rows = selectors.connections_of(selectors.the_lab()).select_related("source", "target")
-        shown = [r for r in rows if r.source_id in seen and r.target_id in seen]
-        return Response({"connections": [render_connection(row) for row in shown]})
+        rows = rows.filter(source_id__in=list(seen), target_id__in=list(seen))
+        found, following = STANDING.of_rows(request, rows, "position", "key", "id")
+        return Response(
+            {"connections": [render_connection(row) for row in found], "next": following}
+        )
 
 
 def render_connection(row: Connection) -> dict[str, Any]:

@@ -182,6 +182,8 @@ STATIC_URL = "/static/"
 STATIC_ROOT = DATA_DIR / "static"
 STATICFILES_DIRS = [ROOT / "labweb" / "static"]
 WHITENOISE_USE_FINDERS = True
+# Vite puts a hash of their content into the names of what it builds.
+WHITENOISE_IMMUTABLE_FILE_TEST = r"^/static/web/assets/.+-[\w-]{8}\.\w+$"
 
 SESSION_ENGINE = "labweb.common.sessions"
 SESSION_COOKIE_HTTPONLY = True

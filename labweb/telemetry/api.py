@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Mapping
 from typing import Any, ClassVar
 from uuid import UUID
 
 from django.http import HttpRequest, StreamingHttpResponse
-from drf_spectacular.utils import OpenApiParameter, extend_schema
 from rest_framework.parsers import MultiPartParser
 from rest_framework.request import Request
 from rest_framework.response import Response
@@ -16,7 +16,7 @@ from labweb.accounts.api import Endpoint
 from labweb.accounts.selectors import user_of
 from labweb.common.download import Blocks, sent
 from labweb.common.render import iso
-from labweb.common.requests import seconds, whole_number
+from labweb.common.requests import Parameter, one_of, seconds, whole_number, word
 from labweb.common.uploads import Bounded, one_file
 from labweb.domain.approvals.roles import Permission
 from labweb.domain.enrollment.spec import UNITS, StatusSpec
@@ -34,17 +34,20 @@ _POINTS = 1000
 _FEWEST_POINTS = 10
 FORMS = ("csv", "parquet")
 
-_RANGE = [
-    OpenApiParameter("since_s", float, description="Begin, seconds since the Unix epoch."),
-    OpenApiParameter("until_s", float, description="End; without it, now."),
-]
-_STATUS = OpenApiParameter("status", str, many=True, description="Which; without it, all.")
+_RANGE = {
+    "since_s": Parameter({"type": "number"}, "Begin, seconds since the Unix epoch."),
+    "until_s": Parameter({"type": "number"}, "End; without it, now."),
+}
+_STATUS = Parameter(
+    {"type": "array", "items": {"type": "string"}}, "Which, each once; without it, all."
+)
 
 
 class Telemetry(Endpoint):
     """What a device told."""
 
-    @extend_schema(parameters=_RANGE)
+    queries = _RANGE
+
     def get(self, request: Request, device_id: UUID) -> Response:
         """Return the series of each status between `since_s` and `until_s`."""
         device = _device(request, device_id)
@@ -56,13 +59,15 @@ class Telemetry(Endpoint):
 class Curves(Endpoint):
     """What a device told, as finely as a plot can show it."""
 
-    @extend_schema(
-        parameters=[
-            *_RANGE,
-            _STATUS,
-            OpenApiParameter("points", int, description="How many a curve may have, 10 to 2000."),
-        ]
-    )
+    queries: ClassVar[Mapping[str, Parameter]] = {
+        **_RANGE,
+        "status": _STATUS,
+        "points": Parameter(
+            {"type": "integer", "minimum": _FEWEST_POINTS, "maximum": MOST_POINTS},
+            "How many a curve may have.",
+        ),
+    }
+
     def get(self, request: Request, device_id: UUID) -> Response:
         """Return each status as samples or as buckets, with its level, and the recorded gaps."""
         device = _device(request, device_id)
@@ -97,24 +102,19 @@ class Export(Endpoint):
 
     answer_type = "text/csv"
 
-    @extend_schema(
-        parameters=[
-            *_RANGE,
-            _STATUS,
-            OpenApiParameter("form", enum=FORMS),
-            OpenApiParameter("level", enum=tuple(NAMES)),
-        ]
-    )
+    queries: ClassVar[Mapping[str, Parameter]] = {
+        **_RANGE,
+        "status": _STATUS,
+        "form": one_of(FORMS),
+        "level": one_of(NAMES),
+    }
+
     def get(self, request: Request, device_id: UUID) -> StreamingHttpResponse:
         """Return samples, or buckets of a `level`, as CSV or with `form=parquet` as Parquet."""
         device = _device(request, device_id)
         since, until = _range(request)
-        form = request.query_params.get("form", FORMS[0])
-        level = request.query_params.get("level", "raw")
-        if form not in FORMS:
-            raise DefinitionError(f"form is {' or '.join(FORMS)}", code="http.query")
-        if level not in NAMES:
-            raise DefinitionError(f"level is one of {', '.join(NAMES)}", code="http.query")
+        form = word(request, "form", FORMS)
+        level = word(request, "level", tuple(NAMES))
         specs = {status.name: status for status in enrollment_selectors.spec_of(device).statuses}
         asked = _statuses(request, device, specs)
         wanted = services.Wanted(
@@ -144,6 +144,10 @@ class Photo(Endpoint):
             "additionalProperties": False,
             "properties": {"file": {"type": "string", "format": "binary"}},
         }
+    }
+
+    queries: ClassVar[Mapping[str, Parameter]] = {
+        "of": Parameter({"type": "string"}, "Names the bytes, so that a browser may keep them.")
     }
 
     def initialize_request(

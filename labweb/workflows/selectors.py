@@ -33,6 +33,11 @@ def workflows_of(lab: Lab) -> QuerySet[Workflow]:
     )
 
 
+def versions_of(workflow: Workflow) -> QuerySet[WorkflowVersion]:
+    """Versions of a workflow without their documents, the newest first."""
+    return workflow.versions.select_related("author").defer("document").order_by("-number")
+
+
 def find_workflow(workflow_id: UUID) -> Workflow:
     """Return a workflow.
 

@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+import asyncio
+import ssl
 from pathlib import Path
-from uuid import UUID
+from uuid import UUID, uuid4
 
 import msgspec
 import pytest
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
+from sila2.server.encryption import generate_self_signed_certificate
+from websockets.asyncio.server import ServerConnection, serve
 
-from labweb.domain.enrollment.join import Token, render_token
+from labweb.domain.enrollment.join import Token, parse_token, render_token
 from labweb.domain.errors import EnrollmentError
+from labweb.domain.messages import Refuse
 from workers import join
 from workers.identity import check_certificate, next_key, signing_request
 from workers.keys import HostKey, create_key
@@ -38,6 +43,36 @@ def test_a_door_that_does_not_answer_is_named_and_the_next_call_goes_on(
     assert join.main(folder) == 1
     assert "no labweb door answers" in capsys.readouterr().err
     assert (tmp_path / "host.key.asking").read_bytes() == key, "it is the same request"
+
+
+async def _refusing(frame: Refuse, certificate: Path) -> str:
+    """Ask a door that refuses at once; return what the machine then says."""
+
+    async def refuse(line: ServerConnection) -> None:
+        await line.send(msgspec.json.encode(frame).decode())
+        await line.close(4429)
+
+    context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
+    context.load_cert_chain(certificate)
+    async with serve(refuse, "127.0.0.1", 0, ssl=context) as door:
+        port = next(iter(door.sockets)).getsockname()[1]
+        with pytest.raises(EnrollmentError) as caught:
+            await join.fetch_authority(f"127.0.0.1:{port}", parse_token(TOKEN), lambda _: None)
+    return f"{caught.value.code}: {caught.value.message}"
+
+
+def test_a_machine_that_asks_too_often_is_told_how_long_to_wait(tmp_path: Path) -> None:
+    key, chain = generate_self_signed_certificate(uuid4(), "127.0.0.1")
+    certificate = tmp_path / "door.pem"
+    certificate.write_bytes(key + chain)
+    told = "this address connects too often: wait 7 s\x1b[2J"
+    said = asyncio.run(_refusing(Refuse(code="feed.too_fast", message=told), certificate))
+    assert said.startswith("feed.too_fast: ")
+    assert "wait 7 s" in said
+    assert "in between" not in said
+    assert "\x1b" not in said, "who it is has not been proved"
+    other = asyncio.run(_refusing(Refuse(code="else", message="go away"), certificate))
+    assert other.startswith("join.wrong_authority: ")
 
 
 def test_another_token_is_another_request_with_another_key(tmp_path: Path) -> None:

@@ -12,26 +12,31 @@ import { useAct } from "./act";
 import { call } from "./client";
 import { keys } from "./keys";
 import { client } from "./live";
+import { every } from "./pages";
 
 function refresh(): void {
   void client.invalidateQueries({ queryKey: keys.devices });
   void client.invalidateQueries({ queryKey: keys.runs });
 }
 
+/** Each page of the answer has every quantity, with its part of the history. */
+function together(pages: CalibratedQuantity[]): CalibratedQuantity[] {
+  const found = new Map<string, CalibratedQuantity>();
+  for (const one of pages) {
+    const before = found.get(one.quantity)?.history ?? [];
+    found.set(one.quantity, { ...one, history: [...before, ...one.history] });
+  }
+  return [...found.values()];
+}
+
 /** By quantity; asked for again each few seconds while one is being measured. */
 export function useCalibrations(deviceId: string): UseQueryResult<CalibratedQuantity[]> {
   return useQuery({
     queryKey: keys.calibrations(deviceId),
-    queryFn: ({ signal }) =>
-      call<{ quantities: CalibratedQuantity[] }>(
-        "GET",
-        `/devices/${deviceId}/calibrations`,
-        undefined,
-        signal,
-      ),
-    select: (answer: { quantities: CalibratedQuantity[] }) => answer.quantities,
+    queryFn: every<CalibratedQuantity>(`/devices/${deviceId}/calibrations`, "quantities"),
+    select: together,
     refetchInterval: ({ state }) =>
-      state.data?.quantities.some((one) => one.history.some((row) => row.state === "measuring"))
+      state.data?.some((one) => one.history.some((row) => row.state === "measuring"))
         ? 3000
         : 60_000,
   });

@@ -21,6 +21,7 @@ import { useAct } from "./act";
 import { call } from "./client";
 import { keys } from "./keys";
 import { client } from "./live";
+import { every } from "./pages";
 
 function refreshDrivers(): void {
   void client.invalidateQueries({ queryKey: keys.drivers });
@@ -32,8 +33,7 @@ function refreshDrivers(): void {
 export function useDrivers(): UseQueryResult<DriverRow[]> {
   return useQuery({
     queryKey: keys.driverList,
-    queryFn: ({ signal }) => call<{ drivers: DriverRow[] }>("GET", "/drivers", undefined, signal),
-    select: (answer: { drivers: DriverRow[] }) => answer.drivers,
+    queryFn: every<DriverRow>("/drivers", "drivers"),
     refetchInterval: 30_000,
   });
 }

@@ -1,9 +1,10 @@
 /** What pages read of kept files. */
 
-import { keepPreviousData, useQuery, type UseQueryResult } from "@tanstack/react-query";
+import { useQuery, type UseQueryResult } from "@tanstack/react-query";
 import type { Drawn, FileDetail, FileRow, IncomingFile } from "@/model/wirefiles";
 import { call } from "./client";
 import { keys } from "./keys";
+import { useListed, type Listed } from "./pages";
 
 export interface About {
   resource: string | null;
@@ -11,35 +12,25 @@ export interface About {
   job: string | null;
 }
 
-function queryOf(about: About, limit: number): string {
+function queryOf(about: About): string {
   const told = Object.entries(about).flatMap(([name, id]) => (id ? [[name, id as string]] : []));
-  const all = [...(told as [string, string][]), ["limit", String(limit)]];
-  return new URLSearchParams(all).toString();
+  return told.length ? `?${new URLSearchParams(told as [string, string][]).toString()}` : "";
 }
 
-export function useFiles(about: About): UseQueryResult<FileRow[]> {
-  const query = queryOf(about, 200);
-  return useQuery({
-    queryKey: keys.fileList(query),
-    queryFn: ({ signal }) =>
-      call<{ files: FileRow[] }>("GET", `/files?${query}`, undefined, signal),
-    select: (answer: { files: FileRow[] }) => answer.files,
-    placeholderData: keepPreviousData,
-  });
+export function useFiles(about: About): Listed<FileRow> {
+  const query = queryOf(about);
+  return useListed({ queryKey: keys.fileList(query), path: `/files${query}`, name: "files" });
 }
 
 /** What waits to be read or was refused; asked for again while something waits. */
-export function useIncoming(about: About): UseQueryResult<IncomingFile[]> {
-  const query = queryOf(about, 20);
-  return useQuery({
+export function useIncoming(about: About): Listed<IncomingFile> {
+  const query = queryOf(about);
+  return useListed<IncomingFile>({
     queryKey: keys.incoming(query),
-    queryFn: ({ signal }) =>
-      call<{ incoming: IncomingFile[] }>("GET", `/files/incoming?${query}`, undefined, signal),
-    select: (answer: { incoming: IncomingFile[] }) => answer.incoming,
-    refetchInterval: ({ state }) =>
-      state.data?.incoming.some((row) => row.state === "pending" || row.state === "awaited")
-        ? 1000
-        : false,
+    path: `/files/incoming${query}`,
+    name: "incoming",
+    refetchInterval: (rows) =>
+      rows.some((row) => row.state === "pending" || row.state === "awaited") ? 1000 : false,
   });
 }
 

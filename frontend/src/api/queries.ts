@@ -33,6 +33,7 @@ import type {
 import { call } from "./client";
 import { useConnection } from "./connection";
 import { keys } from "./keys";
+import { every, useListed, type Listed } from "./pages";
 import { fetchVersion, fetchWorkflow } from "./workflows";
 
 const get =
@@ -65,8 +66,7 @@ export function useSteps(): UseQueryResult<Steps> {
 export function useWorkflows(): UseQueryResult<WorkflowRow[]> {
   return useQuery({
     queryKey: keys.workflows,
-    queryFn: get<{ workflows: WorkflowRow[] }>("/workflows"),
-    select: (answer: { workflows: WorkflowRow[] }) => answer.workflows,
+    queryFn: every<WorkflowRow>("/workflows", "workflows"),
   });
 }
 
@@ -87,15 +87,10 @@ export function useVersion(id: string, number: number | null): UseQueryResult<Ve
   });
 }
 
-export function useRuns(state: string): UseQueryResult<RunRow[]> {
+export function useRuns(state: string): Listed<RunRow> {
   const refetchInterval = usePolling(5);
-  return useQuery({
-    queryKey: keys.runList(state),
-    queryFn: get<{ runs: RunRow[] }>(`/runs?state=${encodeURIComponent(state)}&limit=200`),
-    select: (answer: { runs: RunRow[] }) => answer.runs,
-    placeholderData: keepPreviousData,
-    refetchInterval,
-  });
+  const path = state ? `/runs?state=${encodeURIComponent(state)}` : "/runs";
+  return useListed({ queryKey: keys.runList(state), path, name: "runs", refetchInterval });
 }
 
 export function useRun(id: string): UseQueryResult<Run> {
@@ -103,14 +98,16 @@ export function useRun(id: string): UseQueryResult<Run> {
   return useQuery({ queryKey: keys.run(id), queryFn: get<Run>(`/runs/${id}`), refetchInterval });
 }
 
-export function useRunEvents(id: string): UseQueryResult<LabEvent[]> {
+export function useRunEvents(id: string): Listed<LabEvent> {
   const refetchInterval = usePolling(5);
-  return useQuery({
-    queryKey: [...keys.run(id), "events"],
-    queryFn: get<{ events: LabEvent[] }>(`/runs/${id}/events`),
-    select: (answer: { events: LabEvent[] }) => answer.events,
-    refetchInterval,
-  });
+  const queryKey = [...keys.run(id), "events"];
+  return useListed({ queryKey, path: `/runs/${id}/events`, name: "events", refetchInterval });
+}
+
+/** All that happened to a resource; the resource itself comes with the newest of it. */
+export function useResourceEvents(id: string, enabled: boolean): Listed<LabEvent> {
+  const queryKey = [...keys.resource(id), "events"];
+  return useListed({ queryKey, path: `/resources/${id}/events`, name: "events", enabled });
 }
 
 /** Asked for again while the run goes on: what stands where changes with each action. */
@@ -127,21 +124,15 @@ export function useRunLog(id: string): UseQueryResult<LogLine[]> {
   const refetchInterval = usePolling(5);
   return useQuery({
     queryKey: [...keys.run(id), "log"],
-    queryFn: get<{ lines: LogLine[] }>(`/runs/${id}/log`),
-    select: (answer: { lines: LogLine[] }) => answer.lines,
+    queryFn: every<LogLine>(`/runs/${id}/log`, "lines"),
     refetchInterval,
   });
 }
 
-export function useApprovals(state: "open" | "all"): UseQueryResult<ApprovalRequest[]> {
+export function useApprovals(state: "open" | "all"): Listed<ApprovalRequest> {
   const refetchInterval = usePolling(5);
-  return useQuery({
-    queryKey: keys.approvalList(state),
-    queryFn: get<{ requests: ApprovalRequest[] }>(`/approvals?state=${state}`),
-    select: (answer: { requests: ApprovalRequest[] }) => answer.requests,
-    placeholderData: keepPreviousData,
-    refetchInterval,
-  });
+  const path = `/approvals?state=${state}`;
+  return useListed({ queryKey: keys.approvalList(state), path, name: "requests", refetchInterval });
 }
 
 export function useApproval(id: string | null): UseQueryResult<ApprovalDetail> {
@@ -155,8 +146,7 @@ export function useApproval(id: string | null): UseQueryResult<ApprovalDetail> {
 export function useResources(): UseQueryResult<ResourceRow[]> {
   return useQuery({
     queryKey: keys.resources,
-    queryFn: get<{ resources: ResourceRow[] }>("/resources"),
-    select: (answer: { resources: ResourceRow[] }) => answer.resources,
+    queryFn: every<ResourceRow>("/resources", "resources"),
   });
 }
 
@@ -164,8 +154,7 @@ export function useResources(): UseQueryResult<ResourceRow[]> {
 export function usePast(at: string): UseQueryResult<ResourceRow[]> {
   return useQuery({
     queryKey: keys.past(at),
-    queryFn: get<{ resources: ResourceRow[] }>(`/resources?at=${encodeURIComponent(at)}`),
-    select: (answer: { resources: ResourceRow[] }) => answer.resources,
+    queryFn: every<ResourceRow>(`/resources?at=${encodeURIComponent(at)}`, "resources"),
     staleTime: Infinity,
     retry: false,
   });
@@ -225,8 +214,7 @@ export function useDevices(): UseQueryResult<DeviceRow[]> {
   const refetchInterval = usePolling(5);
   return useQuery({
     queryKey: keys.devices,
-    queryFn: get<{ devices: DeviceRow[] }>("/devices"),
-    select: (answer: { devices: DeviceRow[] }) => answer.devices,
+    queryFn: every<DeviceRow>("/devices", "devices"),
     refetchInterval,
   });
 }
@@ -244,8 +232,7 @@ export function useHosts(): UseQueryResult<HostRow[]> {
   const refetchInterval = usePolling(5);
   return useQuery({
     queryKey: keys.hosts,
-    queryFn: get<{ hosts: HostRow[] }>("/hosts"),
-    select: (answer: { hosts: HostRow[] }) => answer.hosts,
+    queryFn: every<HostRow>("/hosts", "hosts"),
     refetchInterval,
   });
 }

@@ -12,6 +12,7 @@ import { Empty, Loaded } from "@/ui/card";
 import { PartState } from "@/ui/pagestate";
 import { Segments } from "@/ui/controls";
 import { Icon } from "@/ui/icons";
+import { countOf, More } from "@/ui/more";
 import { StateChip } from "@/ui/state";
 import { At, useNow } from "@/ui/time";
 import { CalibrationReview } from "./calibration";
@@ -40,7 +41,7 @@ export function ApprovalsPage() {
       <aside className="que" aria-label="Queue">
         <div className="qh">
           <h1>{words.title}</h1>
-          <span className="m num">{requests.data?.length ?? ""}</span>
+          <span className="m num">{countOf(requests)}</span>
         </div>
         <div className="qf">
           <Segments
@@ -53,16 +54,19 @@ export function ApprovalsPage() {
         <Loaded source={requests} what="requests">
           {(rows) =>
             rows.length ? (
-              <ol>
-                {rows.map((row) => (
-                  <QueueItem
-                    key={row.id}
-                    row={row}
-                    to={linkTo(row.id)}
-                    isChosen={row.id === chosen}
-                  />
-                ))}
-              </ol>
+              <>
+                <ol>
+                  {rows.map((row) => (
+                    <QueueItem
+                      key={row.id}
+                      row={row}
+                      to={linkTo(row.id)}
+                      isChosen={row.id === chosen}
+                    />
+                  ))}
+                </ol>
+                <More list={requests} what="requests" />
+              </>
             ) : (
               <Empty>{words.none}</Empty>
             )

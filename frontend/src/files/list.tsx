@@ -4,10 +4,12 @@ import "./files.css";
 import { useState } from "react";
 import { Link, useSearchParams } from "react-router";
 import { useFiles, useIncoming, type About } from "@/api/files";
+import type { Listed } from "@/api/pages";
 import { formatBytes, formatLabel } from "@/model/files";
 import type { FileRow, IncomingFile } from "@/model/wirefiles";
 import { Card, Empty, Loaded } from "@/ui/card";
 import { Button } from "@/ui/controls";
+import { countOf, More } from "@/ui/more";
 import { At } from "@/ui/time";
 import { BringDialog } from "./bring";
 import { words } from "./words";
@@ -40,12 +42,15 @@ export function FilesPage() {
         <i className="sp" />
         {bring}
       </div>
-      {incoming.data && incoming.data.length > 0 && <Incoming rows={incoming.data} />}
-      <Card title={words.title} note={files.data ? String(files.data.length) : null}>
+      {incoming.data && incoming.data.length > 0 && <Incoming list={incoming} />}
+      <Card title={words.title} note={countOf(files)}>
         <Loaded source={files} what="files">
           {(rows) =>
             rows.length ? (
-              <Table rows={rows} />
+              <>
+                <Table rows={rows} />
+                <More list={files} what="files" />
+              </>
             ) : (
               <Empty>{isNarrowed ? words.noneHere : words.none}</Empty>
             )
@@ -60,9 +65,10 @@ export function FilesPage() {
 const MOST_REASONS = 5;
 
 /** What has not become a file: it waits for its reader, or was refused. */
-function Incoming({ rows }: { rows: IncomingFile[] }) {
+function Incoming({ list }: { list: Listed<IncomingFile> }) {
+  const rows = list.data ?? [];
   return (
-    <Card title={words.incoming.title} note={String(rows.length)} testId="incoming">
+    <Card title={words.incoming.title} note={countOf(list)} testId="incoming">
       <table className="runs filerows incoming">
         <tbody>
           {rows.map((row) => (
@@ -99,6 +105,7 @@ function Incoming({ rows }: { rows: IncomingFile[] }) {
           ))}
         </tbody>
       </table>
+      <More list={list} what="files" />
     </Card>
   );
 }

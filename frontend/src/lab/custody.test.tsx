@@ -15,10 +15,12 @@ const flask: Resource = {
   size_mm: null,
   ports: [],
   events: [],
+  events_next: null,
 };
 const rows = [
   aRow("bench_1", null, { name: "Bench 1", kind: "bench" }),
   aRow("bench_9", null, { name: "Bench 9", kind: "bench" }),
+  aRow("balance_1", null, { name: "Balance 1", kind: "balance" }),
   flask,
 ];
 const still: Custody = {
@@ -26,7 +28,11 @@ const still: Custody = {
   move: null,
   connections: [],
   is_allowed: true,
-  place_kinds: ["bench"],
+  places: [
+    { id: "bench_1", why_not: null },
+    { id: "bench_9", why_not: null },
+    { id: "balance_1", why_not: "it takes one thing at a time, and Vial 7 stands there" },
+  ],
 };
 const leaving: NonNullable<Custody["move"]> = {
   id: "m",
@@ -124,6 +130,19 @@ test("a vessel is carried to a place of the lab, with a reason", async () => {
     },
   });
   await waitFor(() => expect(screen.queryByTestId("carry-form")).toBeNull());
+});
+
+test("a place without room is shown with the reason, and cannot be chosen", async () => {
+  lab(still);
+  await waitFor(() => expect(screen.getByTestId("carry")).toBeEnabled());
+  await userEvent.click(screen.getByTestId("carry"));
+  await userEvent.type(await screen.findByTestId("carry-place"), "Bal");
+  const option = await screen.findByRole("option", { name: /Balance 1/ });
+  expect(option).toHaveTextContent("It takes one thing at a time, and Vial 7 stands there");
+  await userEvent.type(screen.getByTestId("carry-place"), "{Enter}");
+  await userEvent.click(option);
+  await userEvent.type(screen.getByTestId("carry-reason"), "to weigh it");
+  expect(screen.getByTestId("carry-send")).toBeDisabled();
 });
 
 test("a vessel with tubes on it is not offered to be carried, and says what holds it", async () => {

@@ -4,6 +4,7 @@ import { useId, useState } from "react";
 import { useArrival, useCarry } from "@/api/commands";
 import { useTopics } from "@/api/live";
 import { useCustody, useResources } from "@/api/queries";
+import { sentence } from "@/model/format";
 import { connectedText, placesFor, stepOf, whereText } from "@/model/custody";
 import type { Custody, Resource } from "@/model/wire";
 import { Failed } from "@/ui/card";
@@ -105,10 +106,11 @@ function whyNot(custody: Custody | undefined): string | null {
 function useChoices(resource: Resource, custody: Custody): Choice[] {
   const { data: rows = [] } = useResources();
   const names = new Map(rows.map((row) => [row.id, row.name]));
-  return placesFor(resource, rows, custody.place_kinds).map((row) => ({
+  return placesFor(resource, rows, custody.places).map(({ row, whyNot }) => ({
     value: row.id,
     label: row.name,
     note: names.get(row.parent_id ?? "") ?? "",
+    why: whyNot === null ? null : sentence(whyNot),
   }));
 }
 

@@ -24,6 +24,7 @@ const flask: Resource = {
   size_mm: null,
   ports: [],
   events: [],
+  events_next: null,
 };
 const ticket: Ticket = {
   id: "t",

@@ -36,6 +36,7 @@ function lab(fields: Partial<Resource["ports"][number]>, post: [number, unknown]
       },
     ],
     events: [],
+    events_next: null,
   };
   const sent = serve((path, method) => {
     if (method === "POST") return post;

@@ -1,7 +1,8 @@
 /** A resource: what it holds, where it stands, what it is wired to, what happened to it. */
 
+import { useState } from "react";
 import { Link } from "react-router";
-import { useResource, useResources } from "@/api/queries";
+import { useResource, useResourceEvents, useResources } from "@/api/queries";
 import { formatFact, formatNumber, formatVolume, plain } from "@/model/format";
 import { fillShare } from "@/model/tree";
 import { wellMap } from "@/model/wells";
@@ -9,6 +10,7 @@ import type { Resource, ResourceRow } from "@/model/wire";
 import { Empty } from "@/ui/card";
 import { PartState } from "@/ui/pagestate";
 import { EventTable } from "@/ui/events";
+import { More, MoreOf } from "@/ui/more";
 import { Glyph } from "@/ui/glyph";
 import { Amount, FillBar } from "@/ui/number";
 import { Carry, OnItsWay } from "./custody";
@@ -85,14 +87,33 @@ function Details(props: { resource: Resource; isShort: boolean; ask: StockAsked 
       {!isShort && (
         <>
           <h3 className="sub">Events</h3>
-          {resource.events.length ? (
-            <EventTable events={resource.events.slice(0, 50)} withRun />
-          ) : (
-            <p className="help">Nothing has happened to it yet.</p>
-          )}
+          <Events key={`events ${resource.id}`} resource={resource} />
         </>
       )}
     </div>
+  );
+}
+
+/** What happened to it: the newest, and on request all of it. */
+function Events({ resource }: { resource: Resource }) {
+  const [isAll, setAll] = useState(false);
+  const all = useResourceEvents(resource.id, isAll);
+  const events = all.data ?? resource.events;
+  if (!events.length) return <p className="help">Nothing has happened to it yet.</p>;
+  return (
+    <>
+      <EventTable events={events} withRun />
+      {resource.events_next !== null && !all.data && (
+        <MoreOf
+          count={events.length}
+          what="events"
+          isBusy={isAll && all.isPending}
+          error={all.error}
+          onMore={() => setAll(true)}
+        />
+      )}
+      <More list={all} what="events" />
+    </>
   );
 }
 

@@ -15,6 +15,7 @@ const flask: Resource = {
   size_mm: null,
   ports: [],
   events: [],
+  events_next: null,
 };
 const rows = [aRow("bench_1", null, { name: "Bench 1", kind: "bench" }), flask];
 const adas: Reservation = {

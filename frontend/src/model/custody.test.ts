@@ -34,11 +34,20 @@ test("a vessel goes to places, and neither into itself nor to where it stands", 
     aRow("lab", null, { kind: "lab" }),
     bench,
     aRow("shelf", "lab", { kind: "bench" }),
-    aRow("old", "lab", { kind: "bench", is_archived: true }),
+    aRow("balance", "lab", { kind: "balance" }),
+    aRow("free", "lab", { kind: "bench" }),
     aRow("rack", "bench", { kind: "bench" }),
     aRow("tube", "rack", { kind: "bench" }),
     aRow("flask", "bench", { kind: "flask" }),
   ];
   const rack = { id: "rack", parent_id: "bench" };
-  expect(placesFor(rack, rows, ["bench"]).map((row) => row.id)).toEqual(["shelf"]);
+  const places = ["bench", "balance", "shelf", "free", "rack", "tube"].map((id) => ({
+    id,
+    why_not: id === "balance" ? "Vial 7 stands there" : null,
+  }));
+  expect(placesFor(rack, rows, places).map(({ row, whyNot }) => [row.id, whyNot])).toEqual([
+    ["shelf", null],
+    ["free", null],
+    ["balance", "Vial 7 stands there"],
+  ]);
 });

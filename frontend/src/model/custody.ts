@@ -33,12 +33,16 @@ export function connectedText(connections: Custody["connections"]): string {
   return `It is connected to ${named.join(", ")}, and cannot be carried.`;
 }
 
-/** Places to which a vessel may be carried: no part of itself, and not where it stands. */
+/**
+ * Places of a kind that takes a vessel: no part of itself, and not where it stands. Those that have
+ * room come first, the others with the reason why not.
+ */
 export function placesFor(
   resource: Pick<ResourceRow, "id" | "parent_id">,
   rows: readonly ResourceRow[],
-  kinds: readonly string[],
-): ResourceRow[] {
+  places: Custody["places"],
+): { row: ResourceRow; whyNot: string | null }[] {
+  const known = new Map(places.map((place) => [place.id, place.why_not]));
   const parents = new Map(rows.map((row) => [row.id, row.parent_id]));
   const isInside = (id: string): boolean => {
     for (let at: string | null = id; at !== null; at = parents.get(at) ?? null) {
@@ -46,11 +50,8 @@ export function placesFor(
     }
     return false;
   };
-  return rows.filter(
-    (row) =>
-      kinds.includes(row.kind) &&
-      !row.is_archived &&
-      row.id !== resource.parent_id &&
-      !isInside(row.id),
-  );
+  return rows
+    .filter((row) => known.has(row.id) && row.id !== resource.parent_id && !isInside(row.id))
+    .map((row) => ({ row, whyNot: known.get(row.id) ?? null }))
+    .sort((a, b) => Number(a.whyNot !== null) - Number(b.whyNot !== null));
 }

@@ -122,6 +122,7 @@ export interface Resource extends ResourceRow {
     may_disconnect: boolean;
   }[];
   events: LabEvent[];
+  events_next: string | null;
 }
 
 /** Which edge host writes a vessel's facts, and the move it is on. */
@@ -142,7 +143,8 @@ export interface Custody {
   connections: { key: string; medium: string; to: string }[];
   is_allowed: boolean;
   /** Kinds of resource that carry others. */
-  place_kinds: string[];
+  /** Of a kind that takes it; each with why there is no room for it now. */
+  places: { id: Id; why_not: string | null }[];
 }
 
 /** Exclusive use of a resource in the near future; the time ends it. */

@@ -5,6 +5,7 @@ import { useTopics } from "@/api/live";
 import { useRuns } from "@/api/queries";
 import { Card, Empty, Loaded } from "@/ui/card";
 import { Button, Segments } from "@/ui/controls";
+import { countOf, More } from "@/ui/more";
 import { RunTable } from "@/ui/runtable";
 import { words } from "./words";
 
@@ -30,11 +31,14 @@ export function RunsPage() {
         <i className="sp" />
         <Segments label="Show" value={state} options={FILTERS} onChange={choose} />
       </div>
-      <Card title={words.title} note={runs.data ? String(runs.data.length) : null}>
+      <Card title={words.title} note={countOf(runs)}>
         <Loaded source={runs} what="runs">
           {(rows) =>
             rows.length ? (
-              <RunTable runs={rows} isHistory />
+              <>
+                <RunTable runs={rows} isHistory />
+                <More list={runs} what="runs" />
+              </>
             ) : (
               <Empty>
                 {state ? words.none : words.noneYet}

@@ -9,6 +9,7 @@ import { findProblems, isTakenAway, stepProgress, type StepProgress } from "@/mo
 import type { Job, Run } from "@/model/wire";
 import { AsOf, Card, Empty, Loaded } from "@/ui/card";
 import { EventTable } from "@/ui/events";
+import { countOf, More } from "@/ui/more";
 import { TwinChip, TwinFrame } from "@/twin/frame";
 import { Icon } from "@/ui/icons";
 import { PageState } from "@/ui/pagestate";
@@ -100,9 +101,7 @@ function Body({ run }: { run: Run }) {
               data-testid={`tab-${name}`}
             >
               {words.tabs[name]}
-              {name === "events" && events.data && (
-                <span className="m num">{events.data.length}</span>
-              )}
+              {name === "events" && events.data && <span className="m num">{countOf(events)}</span>}
             </Link>
           ))}
         </nav>
@@ -190,7 +189,7 @@ function Events(props: { run: Run; most: number | null; link: (tab: Tab) => stri
       actions={
         props.most !== null && count > props.most ? (
           <Link className="t12 s" to={props.link("events")} replace>
-            All {count}
+            All {countOf(events)}
           </Link>
         ) : null
       }
@@ -198,7 +197,10 @@ function Events(props: { run: Run; most: number | null; link: (tab: Tab) => stri
       <Loaded source={events} what="events">
         {(rows) =>
           rows.length ? (
-            <EventTable events={rows.slice(0, props.most ?? rows.length)} />
+            <>
+              <EventTable events={rows.slice(0, props.most ?? rows.length)} />
+              {props.most === null && <More list={events} what="events" />}
+            </>
           ) : (
             <Empty>{words.noEvents}</Empty>
           )

@@ -8,6 +8,8 @@ export interface Choice {
   value: string;
   label: string;
   note?: string;
+  /** Why it cannot be picked; given, it is shown and cannot be. */
+  why?: string | null;
 }
 
 export function Picker(props: {
@@ -32,8 +34,8 @@ export function Picker(props: {
     onDropdownOpen: () => combobox.selectFirstOption(),
   });
   const chosen = props.choices.find((choice) => choice.value === props.value);
-  const wanted = (query ?? "").trim().toLowerCase();
-  const shown = fitting(props.choices, wanted);
+  const shown = fitting(props.choices, (query ?? "").trim().toLowerCase());
+  const first = shown.find((choice) => !choice.why);
   useEffect(() => {
     if (query !== null) combobox.selectFirstOption();
     // The store is made anew at each drawing; only what is typed counts.
@@ -64,9 +66,9 @@ export function Picker(props: {
             onKeyDown={(event) => {
               // Who types fast presses Enter before the list has drawn what it marks.
               const isMarked = combobox.getSelectedOptionIndex() >= 0;
-              if (event.key !== "Enter" || query === null || isMarked || !shown[0]) return;
+              if (event.key !== "Enter" || query === null || isMarked || !first) return;
               event.preventDefault();
-              submit(shown[0].value);
+              submit(first.value);
             }}
             onFocus={(event) => event.target.select()}
             onClick={() => combobox.openDropdown()}
@@ -102,10 +104,11 @@ function Options({ shown }: { shown: readonly Choice[] }) {
   return (
     <Combobox.Options mah={280} className="options">
       {shown.map((choice) => (
-        <Combobox.Option key={choice.value} value={choice.value}>
+        <Combobox.Option key={choice.value} value={choice.value} disabled={Boolean(choice.why)}>
           <span className="b cut">{choice.label}</span>
           <i className="sp" />
           <span className="t12 m num cut">{choice.note}</span>
+          {choice.why && <span className="t12 whynot">{choice.why}</span>}
         </Combobox.Option>
       ))}
       {shown.length === 0 && <Combobox.Empty>Nothing fits.</Combobox.Empty>}

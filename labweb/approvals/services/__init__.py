@@ -166,11 +166,24 @@ def submit_driver(module: str, text: str, *, note: str, actor: User) -> DriverVe
         StateError: This very source is known already.
     """
     found, _ = enrollment_services.read_driver(module, text, actor=actor)
-    return _submit(found, module, note=note, actor=actor)
+    return submit_read(found, module, note=note, actor=actor)
 
 
 @atomic
-def _submit(found: CatalogDriver, module: str, *, note: str, actor: User) -> DriverVersion:
+def submit_read(found: CatalogDriver, module: str, *, note: str, actor: User) -> DriverVersion:
+    """Keep driver source that was read for the actor, and ask a second person about it.
+
+    Args:
+        found: What `enrollment.services.read_driver` returned for the actor. Another process
+            takes seconds to read it, and no transaction is to be open meanwhile.
+        module: Where the driver is to stand.
+        note: What the actor says of it.
+        actor: Who brings it.
+
+    Raises:
+        DefinitionError: With what it shares it is too large.
+        StateError: This very source is known already.
+    """
     row = enrollment_services.propose_driver(found, module, note=note, actor=actor)
     _close_requests(row, ApprovalRequest.State.EXPIRED)
     request = ApprovalRequest.objects.create(

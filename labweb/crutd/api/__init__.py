@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping
+from dataclasses import replace
 from typing import Annotated, Any, ClassVar
 from uuid import UUID
 
 import msgspec
-from drf_spectacular.utils import OpenApiParameter, extend_schema
 from rest_framework.request import Request
 from rest_framework.response import Response
 
 from labweb.accounts.api import Endpoint
 from labweb.accounts.selectors import User, user_of
 from labweb.common.clock import now
+from labweb.common.lists import HISTORY, STANDING
 from labweb.common.render import iso
-from labweb.common.requests import body, moment, whole_number
+from labweb.common.requests import Parameter, body, moment, one_of, whole_number, word
 from labweb.crutd import selectors, services
 from labweb.crutd.api.events import render_events as render_events
 from labweb.crutd.api.holds import render_keepers
@@ -28,19 +29,17 @@ from labweb.domain.crutd.ledger import Amount
 from labweb.domain.errors import DefinitionError, Finding, NotFoundError
 from labweb.domain.resources.contents import LotId
 from labweb.domain.resources.kinds import KINDS, is_vessel
-from labweb.domain.resources.tree import in_tree_order
 from labweb.enrollment import selectors as enrollment_selectors
 from labweb.resources import selectors as resource_selectors
 from labweb.resources.api import render_end
 from labweb.resources.selectors import Lab, Lot, Resource
 
-AT = OpenApiParameter(
-    "at",
+AT = Parameter(
     {"type": "string", "format": "date-time"},
-    description="Show the lab as it was at this time, ISO 8601 with its zone. A time to come is "
+    "Show the lab as it was at this time, ISO 8601 with its zone. A time to come is "
     "refused with `time.future`, one before the import with `time.before_lab`.",
 )
-_MOST_EVENTS = 500
+_DIRECTIONS = ("both", "up", "down")
 _ELSEWHERE = "elsewhere"
 """Stands for the name of what the caller may not know of."""
 
@@ -60,18 +59,36 @@ def visible(request: Request, resource_id: UUID) -> Resource:
 class Resources(Endpoint):
     """The tree."""
 
-    @extend_schema(parameters=[AT])
+    queries: ClassVar[Mapping[str, Parameter]] = {"at": AT, **STANDING.parameters}
+
     def get(self, request: Request) -> Response:
-        """List every resource the caller may see, in tree order; `at` shows them as they were."""
+        """List the resources the caller may see, in tree order; `at` shows them as they were."""
         lab = resource_selectors.the_lab()
         seen = resource_selectors.allowed_ids(user_of(request), Permission.VIEW)
         at = moment(request, "at")
         if at is not None:
             past = as_it_was(lab, at, now=now())
-            return Response({"at": iso(at), "resources": render_past(lab, past, seen)})
+            shown, following = _page(request, [row for row in past.rows if row.id in seen])
+            told = render_past(lab, replace(past, rows=shown), seen)
+            return Response({"at": iso(at), "resources": told, "next": following})
         rows = [row for row in resource_selectors.resources_of(lab) if row.id in seen]
-        rows = in_tree_order(rows, lambda row: (row.id, row.parent_id))
-        return Response({"resources": render_rows(lab, rows)})
+        shown, following = _page(request, rows)
+        return Response({"resources": render_rows(lab, shown), "next": following})
+
+
+def _page(request: Request, rows: Collection[Resource]) -> tuple[list[Resource], str | None]:
+    """Cut a page out of a tree, in tree order: each row stands behind all of its path."""
+    by_id = {row.id: row for row in rows}
+    paths: dict[UUID, list[Any]] = {}
+
+    def path(row: Resource) -> list[Any]:
+        if row.id not in paths:
+            above = by_id.get(row.parent_id) if row.parent_id else None
+            here = [row.position, row.key, row.id.hex]
+            paths[row.id] = here if above is None else [*path(above), *here]
+        return paths[row.id]
+
+    return STANDING.of_list(request, rows, path)
 
 
 class ResourceDetail(Endpoint):
@@ -105,7 +122,8 @@ class ResourceDetail(Endpoint):
             for edge in ends
             if {edge.source_id, edge.target_id} <= seen
         ]
-        events = selectors.events_of(lab, resource_id=row.id)[:_MOST_EVENTS]
+        rows = selectors.events_of(lab, resource_id=row.id)
+        events, following = HISTORY.of_rows(request, rows, "-seq")
         return Response(
             {
                 **render_rows(lab, [row])[0],
@@ -114,9 +132,24 @@ class ResourceDetail(Endpoint):
                 "extra": row.extra,
                 "size_mm": row.size_mm,
                 "ports": ports,
-                "events": render_events(list(events), seen),
+                "events": render_events(events, seen),
+                "events_next": following,
             }
         )
+
+
+class ResourceEvents(Endpoint):
+    """What happened to one resource."""
+
+    queries = HISTORY.parameters
+
+    def get(self, request: Request, resource_id: UUID) -> Response:
+        """List its events, newest first; the `events_next` of the resource goes on here."""
+        row = visible(request, resource_id)
+        seen = resource_selectors.allowed_ids(user_of(request), Permission.VIEW)
+        rows = selectors.events_of(resource_selectors.the_lab(), resource_id=row.id)
+        events, following = HISTORY.of_rows(request, rows, "-seq")
+        return Response({"events": render_events(events, seen), "next": following})
 
 
 class Act(msgspec.Struct, forbid_unknown_fields=True):
@@ -189,13 +222,16 @@ def require_act(user: User, operation: operations.Operation) -> None:
 class Lineage(Endpoint):
     """Where what is in a vessel came from, and where it went."""
 
+    queries: ClassVar[Mapping[str, Parameter]] = {
+        "direction": one_of(_DIRECTIONS),
+        "depth": Parameter({"type": "integer", "minimum": 1, "maximum": lineage.DEEPEST}),
+    }
+
     def get(self, request: Request, resource_id: UUID) -> Response:
         """Return the graph around a vessel, `direction` up, down or both, to `depth`."""
         row = visible(request, resource_id)
-        direction = request.query_params.get("direction", "both")
+        direction = word(request, "direction", _DIRECTIONS)
         depth = whole_number(request, "depth", default=3, low=1, high=lineage.DEEPEST)
-        if direction not in {"up", "down", "both"}:
-            raise DefinitionError("direction is up, down or both", code="http.query")
         graph = lineage.lineage(row, direction=direction, depth=depth)
         seen = resource_selectors.allowed_ids(user_of(request), Permission.VIEW)
         for node in graph["nodes"]:

@@ -6,24 +6,22 @@ import csv
 import io
 import json
 from collections.abc import Iterable, Mapping
-from typing import Any
+from typing import Any, ClassVar
 
 from django.http import HttpResponse
 from django.utils.http import content_disposition_header
-from drf_spectacular.utils import OpenApiParameter, extend_schema
 from rest_framework.request import Request
 
 from labweb.accounts.api import Endpoint
 from labweb.accounts.selectors import user_of
 from labweb.common.clock import now
-from labweb.common.requests import moment
+from labweb.common.requests import Parameter, moment, one_of, word
 from labweb.crutd.api import AT, render_past, render_rows
 from labweb.crutd.selectors.deliveries import deliveries_of
 from labweb.crutd.selectors.exporting import lab_file_of
 from labweb.crutd.selectors.past import as_it_was
 from labweb.domain.approvals.roles import Permission
 from labweb.domain.crutd.deliveries import render_deliveries
-from labweb.domain.errors import DefinitionError
 from labweb.domain.graph.lab_file.render import render_lab
 from labweb.domain.graph.lab_file.uni_lab_os.export import export_uni_lab_os
 from labweb.resources import selectors as resource_selectors
@@ -48,12 +46,11 @@ class LabExport(Endpoint):
 
     answer_type = "application/json"
 
-    @extend_schema(parameters=[OpenApiParameter("form", enum=FORMS)])
+    queries: ClassVar[Mapping[str, Parameter]] = {"form": one_of(FORMS)}
+
     def get(self, request: Request) -> HttpResponse:
         """Return lab.json, or with `form=uni-lab-os` a graph of Uni-Lab-OS."""
-        form = request.query_params.get("form", FORMS[0])
-        if form not in FORMS:
-            raise DefinitionError(f"form is {' or '.join(FORMS)}", code="http.query")
+        form = word(request, "form", FORMS)
         lab = _whole_lab(request)
         if form == FORMS[0]:
             return _file(render_lab(lab_file_of(lab)), self.answer_type, f"{lab.key}.lab.json")
@@ -79,7 +76,8 @@ class ContentsExport(Endpoint):
 
     answer_type = "text/csv"
 
-    @extend_schema(parameters=[AT])
+    queries: ClassVar[Mapping[str, Parameter]] = {"at": AT}
+
     def get(self, request: Request) -> HttpResponse:
         """Return a row for each lot in each vessel that the caller may see, now or `at` a time."""
         lab = resource_selectors.the_lab()

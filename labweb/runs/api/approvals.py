@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, ClassVar
 from uuid import UUID
 
@@ -15,15 +15,17 @@ from labweb.accounts.api import Endpoint
 from labweb.accounts.selectors import user_of
 from labweb.approvals import selectors as approval_selectors
 from labweb.approvals.selectors import ApprovalRequest
-from labweb.common.requests import body
+from labweb.common.lists import HISTORY
+from labweb.common.requests import Parameter, body, one_of, word
 from labweb.crutd import selectors as crutd_selectors
-from labweb.domain.errors import DefinitionError
 from labweb.resources import selectors as resource_selectors
 from labweb.runs import selectors, services
 from labweb.runs.api import render
 from labweb.runs.api.calibrations import result_of
 from labweb.runs.api.runs import visible, visible_runs
 from labweb.runs.models import Run
+
+_STATES = ("open", "all")
 
 
 class Verdict(msgspec.Struct, forbid_unknown_fields=True):
@@ -36,6 +38,11 @@ class Verdict(msgspec.Struct, forbid_unknown_fields=True):
 class Requests(Endpoint):
     """Approval requests."""
 
+    queries: ClassVar[Mapping[str, Parameter]] = {
+        "state": one_of(_STATES, "Those that wait, or all."),
+        **HISTORY.parameters,
+    }
+
     def get(self, request: Request) -> Response:
         """List requests, open ones by default."""
         user = user_of(request)
@@ -44,12 +51,9 @@ class Requests(Endpoint):
         measured = selectors.measured_in(shown).values("pk")
         about = Q(run_id__in=shown) | Q(calibration_id__in=measured)
         rows = approval_selectors.requests_of(lab).filter(about)
-        state = request.query_params.get("state", "open")
-        if state not in {"open", "all"}:
-            raise DefinitionError("state is open or all", code="http.query")
-        if state == "open":
+        if word(request, "state", _STATES) == "open":
             rows = rows.filter(state="open")
-        found = list(rows[:200])
+        found, following = HISTORY.of_rows(request, rows, "-asked_at", "-id")
         behind = _runs_behind(found)
         runs = selectors.runs_by_id(list(behind.values()))
         allowed = resource_selectors.permissions_of(user)
@@ -57,7 +61,8 @@ class Requests(Endpoint):
             {
                 "requests": [
                     render.render_request(row, runs[behind[row.pk]], user, allowed) for row in found
-                ]
+                ],
+                "next": following,
             }
         )
 

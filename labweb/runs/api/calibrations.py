@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import Annotated, Any, ClassVar
 from uuid import UUID
 
@@ -14,6 +14,7 @@ from labweb.accounts.api import Endpoint
 from labweb.accounts.selectors import User, user_of
 from labweb.approvals import selectors as approval_selectors
 from labweb.common.clock import now
+from labweb.common.lists import HISTORY
 from labweb.common.render import iso
 from labweb.common.requests import body
 from labweb.domain.approvals.roles import Permission
@@ -26,8 +27,6 @@ from labweb.enrollment.selectors import Device
 from labweb.resources import selectors as resource_selectors
 from labweb.runs import selectors, services
 from labweb.runs.models import Calibration
-
-MOST_SHOWN = 50
 
 _MEASURED = (Quantity.VOLUME, Quantity.PH, Quantity.TEMPERATURE)
 """Quantities that a workflow measures."""
@@ -50,12 +49,15 @@ class DeviceCalibrations(Endpoint):
     """Calibrations of one device."""
 
     bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": VolumeOrder}
+    queries = HISTORY.parameters
 
     def get(self, request: Request, calibrated_id: UUID) -> Response:
-        """List what can be calibrated of it, what is in force, and every version before."""
+        """List what can be calibrated of it, what is in force, and every version, newest first."""
         user = user_of(request)
         device = _visible(calibrated_id, user)
-        return Response({"quantities": _quantities(device, user)})
+        rows = selectors.history_of(device)
+        page, following = HISTORY.of_rows(request, rows, "-made_at", "-id")
+        return Response({"quantities": _quantities(device, page, user), "next": following})
 
     def post(self, request: Request, calibrated_id: UUID) -> Response:
         """Start the run that calibrates it (412 with everything that speaks against it)."""
@@ -168,9 +170,9 @@ def result_of(row: Calibration, user: User) -> dict[str, Any]:
     }
 
 
-def _quantities(device: Device, user: User) -> list[dict[str, Any]]:
+def _quantities(device: Device, history: Iterable[Calibration], user: User) -> list[dict[str, Any]]:
     rows: dict[str, list[Calibration]] = {}
-    for row in selectors.history_of(device)[:MOST_SHOWN]:
+    for row in history:
         row.device = device
         rows.setdefault(row.quantity, []).append(row)
     counted = {row.quantity: row for row in selectors.accepted_of([device]).get(device.id, [])}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from typing import Any, ClassVar
 from uuid import UUID
 
@@ -18,15 +19,15 @@ from labweb.crutd.selectors import Transaction
 from labweb.domain.approvals.roles import Permission
 from labweb.domain.crutd.operations import Disconnect, TransferResource
 from labweb.domain.errors import Finding
-from labweb.domain.resources.kinds import KINDS
+from labweb.domain.resources.places import PLACES, Place, check_standing
 from labweb.domain.runs.custody import CustodyState
 from labweb.enrollment.selectors import EdgeHost
 from labweb.resources import selectors as resource_selectors
+from labweb.resources.selectors import Resource
+from labweb.resources.selectors.standing import places_of_kinds
 from labweb.runs import selectors, services
 from labweb.runs.selectors import Custody
 from labweb.runs.services.disconnecting import check_disconnect, disconnect
-
-_PLACES = sorted(name for name, kind in KINDS.items() if kind.is_place and name != "archive")
 
 
 class HandOver(msgspec.Struct, forbid_unknown_fields=True):
@@ -87,9 +88,32 @@ class InWhoseHands(Endpoint):
                 "move": None if move is None else _move(move, request),
                 "connections": _connections(row.id, request),
                 "is_allowed": row.id in resource_selectors.allowed_ids(user, Permission.RUN),
-                "place_kinds": _PLACES,
+                "places": _places(row, request),
             }
         )
+
+
+def _places(row: Resource, request: Request) -> list[dict[str, Any]]:
+    """Render the places of a kind that takes the resource, each with why there is no room.
+
+    What stands there already is named only where the caller may see it.
+    """
+    kinds = [name for name, room in PLACES.items() if row.kind in room.takes and name != "archive"]
+    seen = resource_selectors.allowed_ids(user_of(request), Permission.VIEW)
+    found = places_of_kinds(row.lab, kinds)
+    return [
+        {"id": str(place.thing.id), "why_not": _why_not(row, place, seen)}
+        for place in found
+        if place.thing.id in seen and place.thing.id != row.id
+    ]
+
+
+def _why_not(row: Resource, place: Place, seen: Collection[UUID]) -> str | None:
+    there = [one for one in place.there if one.id != row.id]
+    if not (findings := check_standing(row, place.thing, there, place.sites_count)):
+        return None
+    is_hidden = any(one.id not in seen for one in there)
+    return f"there is no room in {place.thing.name}" if is_hidden else findings[0].message
 
 
 def _connections(resource_id: UUID, request: Request) -> list[dict[str, str]]:

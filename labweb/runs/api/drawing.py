@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from typing import Any, ClassVar
 from uuid import UUID
 
@@ -12,6 +12,7 @@ from rest_framework.response import Response
 
 from labweb.accounts.api import Endpoint
 from labweb.accounts.selectors import User, user_of
+from labweb.common.lists import STANDING
 from labweb.common.render import iso
 from labweb.common.requests import body
 from labweb.domain.approvals.roles import Permission
@@ -101,11 +102,15 @@ class Workflows(Endpoint):
     """Workflows with their last runs."""
 
     bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": workflow_api.NewWorkflow}
+    queries = STANDING.parameters
 
     def get(self, request: Request) -> Response:
-        """List workflows, templates first."""
+        """List workflows, templates first, then the newest."""
+        lab = resource_selectors.the_lab()
         seen = resource_selectors.allowed_ids(user_of(request), Permission.VIEW)
-        return Response({"workflows": workflow_rows(resource_selectors.the_lab(), seen)})
+        rows = workflow_selectors.visible_workflows(lab, seen)
+        found, following = STANDING.of_list(request, rows, _place)
+        return Response({"workflows": _rendered(lab, found), "next": following})
 
     def post(self, request: Request) -> Response:
         """Create a workflow."""
@@ -123,11 +128,18 @@ class WorkflowDetail(Endpoint):
 
 def workflow_rows(lab: Lab, seen: Collection[UUID]) -> list[dict[str, Any]]:
     """Render workflows with the last run of each; a fixed number of queries."""
+    return _rendered(lab, workflow_selectors.visible_workflows(lab, seen))
+
+
+def _rendered(lab: Lab, rows: Iterable[Workflow]) -> list[dict[str, Any]]:
     last = selectors.last_runs(lab)
     return [
-        {**workflow_api.render_row(row), "last_run": _last_run(last.get(row.id))}
-        for row in workflow_selectors.visible_workflows(lab, seen)
+        {**workflow_api.render_row(row), "last_run": _last_run(last.get(row.id))} for row in rows
     ]
+
+
+def _place(row: Workflow) -> list[Any]:
+    return [not row.is_template, -row.updated_at.timestamp(), str(row.pk)]
 
 
 def _last_run(last: selectors.LastRun | None) -> dict[str, Any] | None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, ClassVar
 from uuid import UUID
 
@@ -15,8 +15,9 @@ from rest_framework.response import Response
 from labweb.accounts.api import Endpoint
 from labweb.accounts.selectors import User, user_of
 from labweb.common.download import Blocks
+from labweb.common.lists import HISTORY
 from labweb.common.render import iso
-from labweb.common.requests import whole_number
+from labweb.common.requests import Parameter, id_of, identity, whole_number
 from labweb.common.uploads import Bounded, one_file
 from labweb.crutd import api as crutd_api
 from labweb.domain.approvals.roles import Permission
@@ -37,6 +38,7 @@ from labweb.telemetry.services.files import MOST_BYTES, digest_header, opened
 _MOST_ROWS = 500
 _MOST_POINTS = 10_000
 _FIELDS = {"format", "resource", "device", "job"}
+_ABOUT = {name: id_of(f"the {name}") for name in ("resource", "device", "job")}
 
 _UPLOAD: dict[str, Any] = {
     "type": "object",
@@ -66,13 +68,18 @@ class Files(Endpoint):
         request.upload_handlers = [Bounded(request, MOST_BYTES)]
         return super().initialize_request(request, *args, **kwargs)
 
+    queries: ClassVar[Mapping[str, Parameter]] = {
+        **_ABOUT,
+        "sha256": Parameter({"type": "string"}, "Of the bytes, in hexadecimal digits."),
+        **HISTORY.parameters,
+    }
+
     def get(self, request: Request) -> Response:
         """List files, newest first; `resource`, `device`, `job` and `sha256` narrow it."""
         rows = telemetry_selectors.visible_files(resource_selectors.the_lab(), _seen(request))
         rows = rows.filter(made_from__isnull=True, **_narrowed(request))
-        limit = whole_number(request, "limit", default=100, low=1, high=_MOST_ROWS)
-        found = list(rows[:limit])
-        return Response({"files": rendered(found, user_of(request))})
+        found, following = HISTORY.of_rows(request, rows, "-id")
+        return Response({"files": rendered(found, user_of(request)), "next": following})
 
     def post(self, request: Request) -> Response:
         """Take a file in: a form with `file`, `format` and `resource`, `device` or `job`.
@@ -105,12 +112,14 @@ class Files(Endpoint):
 class IncomingFiles(Endpoint):
     """Files that were brought to be read."""
 
+    queries: ClassVar[Mapping[str, Parameter]] = {**_ABOUT, **HISTORY.parameters}
+
     def get(self, request: Request) -> Response:
         """List those that wait, were refused or are lost, newest first; `resource`… narrow it."""
         rows = telemetry_selectors.visible_incoming(resource_selectors.the_lab(), _seen(request))
         rows = rows.exclude(state=Incoming.State.PARSED).filter(**_narrowed(request))
-        limit = whole_number(request, "limit", default=50, low=1, high=_MOST_ROWS)
-        return Response({"incoming": [_render_incoming(row) for row in rows[:limit]]})
+        found, following = HISTORY.of_rows(request, rows, "-id")
+        return Response({"incoming": [_render_incoming(row) for row in found], "next": following})
 
 
 class IncomingFile(Endpoint):
@@ -153,6 +162,13 @@ class FileContent(Endpoint):
 class ReadingPoints(Endpoint):
     """The points of a series, for a plot."""
 
+    queries: ClassVar[Mapping[str, Parameter]] = {
+        "points": Parameter(
+            {"type": "integer", "minimum": 2, "maximum": _MOST_POINTS}, "How many at most."
+        ),
+        "scan": Parameter({"type": "integer", "minimum": 0}, "Which of several spectra."),
+    }
+
     def get(self, request: Request, reading_id: UUID) -> Response:
         """Return at most `points` points; `scan` says which of several spectra."""
         lab = resource_selectors.the_lab()
@@ -166,12 +182,18 @@ class ReadingPoints(Endpoint):
 class Readings(Endpoint):
     """What was measured."""
 
+    queries: ClassVar[Mapping[str, Parameter]] = {
+        **_ABOUT,
+        "file": id_of("the file that they were read from"),
+        **HISTORY.parameters,
+    }
+
     def get(self, request: Request) -> Response:
         """List readings, newest file first; `resource`, `device`, `job` and `file` narrow it."""
         rows = telemetry_selectors.visible_readings(resource_selectors.the_lab(), _seen(request))
-        rows = rows.filter(**_narrowed(request)).order_by("-file_id", "index")
-        limit = whole_number(request, "limit", default=100, low=1, high=_MOST_ROWS)
-        return Response({"readings": [render_reading(row) for row in rows[:limit]]})
+        rows = rows.filter(**_narrowed(request))
+        found, following = HISTORY.of_rows(request, rows, "-file_id", "index")
+        return Response({"readings": [render_reading(row) for row in found], "next": following})
 
 
 def _seen(request: Request) -> set[UUID]:
@@ -187,7 +209,7 @@ def _narrowed(request: Request) -> dict[str, Any]:
     found: dict[str, Any] = {}
     for name in ("resource", "device", "job", "file"):
         if name in request.query_params:
-            found[f"{name}_id"] = _uuid(request.query_params, name)
+            found[f"{name}_id"] = identity(request, name)
     if "sha256" in request.query_params:
         found["sha256"] = request.query_params["sha256"]
     return found

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from datetime import UTC, datetime
-from typing import Any
+from typing import Any, ClassVar
 from uuid import UUID
 
 from rest_framework.request import Request
@@ -12,14 +13,14 @@ from rest_framework.response import Response
 from labweb.accounts.api import Endpoint
 from labweb.accounts.selectors import user_of
 from labweb.common.clock import now
-from labweb.common.requests import seconds, whole_number
+from labweb.common.requests import Parameter, identity, one_of, seconds, whole_number, word
 from labweb.crutd import selectors as crutd_selectors
 from labweb.crutd.api import visible as visible_resource
 from labweb.crutd.selectors.lineage import DEEPEST
 from labweb.domain.approvals.roles import Permission
 from labweb.domain.crutd.provenance.prov_json import render_prov
 from labweb.domain.crutd.provenance.views import to_json
-from labweb.domain.errors import DefinitionError, NotFoundError
+from labweb.domain.errors import NotFoundError
 from labweb.enrollment import selectors as enrollment_selectors
 from labweb.resources import selectors as resource_selectors
 from labweb.resources.selectors import Lab
@@ -31,6 +32,11 @@ from labweb.telemetry import selectors as telemetry_selectors
 
 _FORMS = ("json", "prov")
 _DEPTH = 10
+_GRAPH: Mapping[str, Parameter] = {
+    "direction": one_of(provenance.DIRECTIONS),
+    "depth": Parameter({"type": "integer", "minimum": 1, "maximum": DEEPEST}),
+    "form": one_of(_FORMS),
+}
 
 
 def _asked(request: Request) -> dict[str, Any]:
@@ -39,11 +45,8 @@ def _asked(request: Request) -> dict[str, Any]:
     Raises:
         DefinitionError: One of them is none that is offered.
     """
-    direction = request.query_params.get("direction", "both")
-    if direction not in provenance.DIRECTIONS:
-        raise DefinitionError("direction is up, down or both", code="http.query")
-    if request.query_params.get("form", "json") not in _FORMS:
-        raise DefinitionError("form is json or prov", code="http.query")
+    direction = word(request, "direction", provenance.DIRECTIONS)
+    word(request, "form", _FORMS)
     depth = whole_number(request, "depth", default=_DEPTH, low=1, high=DEEPEST)
     return {"direction": direction, "depth": depth}
 
@@ -59,6 +62,8 @@ def _told(request: Request, found: Provenance) -> Response:
 class ResourceProvenance(Endpoint):
     """What led to a resource, and what it touched."""
 
+    queries = _GRAPH
+
     def get(self, request: Request, resource_id: UUID) -> Response:
         """Return the graph: `direction` up, down or both; `depth`; `form` json or prov."""
         row = visible_resource(request, resource_id)
@@ -67,6 +72,8 @@ class ResourceProvenance(Endpoint):
 
 class LotProvenance(Endpoint):
     """What was made from a lot."""
+
+    queries = _GRAPH
 
     def get(self, request: Request, lot_id: UUID) -> Response:
         """Return the graph: `direction` up, down or both; `depth`; `form` json or prov."""
@@ -81,6 +88,8 @@ class LotProvenance(Endpoint):
 class RunProvenance(Endpoint):
     """What a run used and made."""
 
+    queries = _GRAPH
+
     def get(self, request: Request, run_id: UUID) -> Response:
         """Return the graph: `direction` up, down or both; `depth`; `form` json or prov."""
         run = visible_run(run_id, user_of(request))
@@ -90,6 +99,8 @@ class RunProvenance(Endpoint):
 class FileProvenance(Endpoint):
     """What a kept file is of."""
 
+    queries = _GRAPH
+
     def get(self, request: Request, file_id: UUID) -> Response:
         """Return the graph: `direction` up, down or both; `depth`; `form` json or prov."""
         row = telemetry_selectors.find_file(*_place(file_id, request))
@@ -98,6 +109,8 @@ class FileProvenance(Endpoint):
 
 class ReadingProvenance(Endpoint):
     """Where a reading comes from."""
+
+    queries = _GRAPH
 
     def get(self, request: Request, reading_id: UUID) -> Response:
         """Return the graph: `direction` up, down or both; `depth`; `form` json or prov."""
@@ -113,10 +126,16 @@ def _place(row_id: UUID, request: Request) -> tuple[Lab, UUID, set[UUID]]:
 class Conditions(Endpoint):
     """What a device told while a resource was in it."""
 
+    queries: ClassVar[Mapping[str, Parameter]] = {
+        "device": Parameter({"type": "string", "format": "uuid"}, "Which.", is_required=True),
+        "since_s": Parameter({"type": "number"}, "Begin, seconds since the Unix epoch."),
+        "until_s": Parameter({"type": "number"}, "End; without it, now."),
+    }
+
     def get(self, request: Request, resource_id: UUID) -> Response:
         """Return each stay in the device `device` from `since_s` to `until_s`."""
         row = visible_resource(request, resource_id)
-        device = enrollment_selectors.find_device(_uuid(request, "device"))
+        device = enrollment_selectors.find_device(identity(request, "device"))
         seen = resource_selectors.allowed_ids(user_of(request), Permission.VIEW)
         if not enrollment_selectors.is_seen(device, seen):
             raise NotFoundError(f"no device {device.id}", code="device.not_found")
@@ -164,11 +183,3 @@ def _hide_files(lab: Lab, seen: set[UUID], found: dict[str, Any]) -> None:
         shown_ids = {str(pk) for pk in rows.values_list("pk", flat=True)}
         for stay in found["stays"]:
             stay["files"] = [file for file in stay["files"] if file["file_id"] in shown_ids]
-
-
-def _uuid(request: Request, name: str) -> UUID:
-    text = request.query_params.get(name, "")
-    try:
-        return UUID(text)
-    except ValueError as error:
-        raise DefinitionError(f"{name} must be an id", code="http.query") from error

@@ -12,6 +12,7 @@ from rest_framework.response import Response
 
 from labweb.accounts.api import Endpoint
 from labweb.accounts.selectors import User, user_of
+from labweb.common.lists import HISTORY
 from labweb.common.render import iso
 from labweb.common.requests import body
 from labweb.crutd.api import visible
@@ -43,12 +44,15 @@ class Reservations(Endpoint):
 
     bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": Wanted}
 
+    queries = HISTORY.parameters
+
     def get(self, request: Request) -> Response:
-        """List the reservations that hold now, of resources the caller may see."""
+        """List the reservations that hold now, of resources the caller may see, oldest first."""
         user = user_of(request)
         seen = resource_selectors.allowed_ids(user, Permission.VIEW)
         rows = reserved.reservations_on(resource_selectors.the_lab(), seen)
-        return Response({"reservations": [_render(row, user) for row in rows]})
+        found, following = HISTORY.of_rows(request, rows, "made_at", "id")
+        return Response({"reservations": [_render(row, user) for row in found], "next": following})
 
     def post(self, request: Request) -> Response:
         """Reserve all of the resources for the caller, or none (423 with each reason)."""
@@ -65,6 +69,8 @@ class Reservations(Endpoint):
 class ResourceReservations(Endpoint):
     """What is reserved of one resource."""
 
+    queries = HISTORY.parameters
+
     def get(self, request: Request, resource_id: UUID) -> Response:
         """List the reservations of it and of what it stands in; may the caller reserve it?"""
         row = visible(request, resource_id)
@@ -72,10 +78,12 @@ class ResourceReservations(Endpoint):
         above = resource_selectors.ancestors([row.id])[row.id]
         seen = resource_selectors.allowed_ids(user, Permission.VIEW)
         rows = reserved.reservations_on(row.lab, {row.id, *above} & seen)
+        found, following = HISTORY.of_rows(request, rows, "made_at", "id")
         return Response(
             {
                 "is_allowed": row.id in resource_selectors.allowed_ids(user, Permission.RUN),
-                "reservations": [_render(one, user) for one in rows],
+                "reservations": [_render(one, user) for one in found],
+                "next": following,
             }
         )
 

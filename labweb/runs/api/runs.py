@@ -14,9 +14,10 @@ from rest_framework.response import Response
 
 from labweb.accounts.api import Endpoint
 from labweb.accounts.selectors import User, user_of
+from labweb.common.lists import HISTORY, STANDING
 from labweb.common.reading import one_moment
 from labweb.common.render import iso
-from labweb.common.requests import body, whole_number
+from labweb.common.requests import Parameter, body
 from labweb.crutd import api as crutd_api
 from labweb.crutd import selectors as crutd_selectors
 from labweb.crutd.selectors.resolving import Resolved, resolved_of
@@ -29,7 +30,7 @@ from labweb.resources import selectors as resource_selectors
 from labweb.resources.selectors import Lab
 from labweb.runs import selectors, services
 from labweb.runs.api import render
-from labweb.runs.models import Run
+from labweb.runs.models import HostEvent, Job, Run
 from labweb.workflows import selectors as workflow_selectors
 
 MOST_UL = 1e9
@@ -105,6 +106,10 @@ class Runs(Endpoint):
     """Runs of the lab."""
 
     bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": StartRun}
+    queries: ClassVar[Mapping[str, Parameter]] = {
+        "state": Parameter({"type": "string"}, "States of runs, with commas between."),
+        **HISTORY.parameters,
+    }
 
     def get(self, request: Request) -> Response:
         """List runs, newest first."""
@@ -114,9 +119,9 @@ class Runs(Endpoint):
             raise DefinitionError("state lists states of runs", code="http.query")
         if states:
             rows = rows.filter(state__in=states)
-        limit = whole_number(request, "limit", default=100, low=1, high=500)
         with one_moment():
-            return Response({"runs": render.render_rows(rows[:limit])})
+            found, following = HISTORY.of_rows(request, rows, "-number")
+            return Response({"runs": render.render_rows(found), "next": following})
 
     def post(self, request: Request) -> Response:
         """Start a version, or ask for approval where a policy wants it."""
@@ -145,19 +150,24 @@ class RunDetail(Endpoint):
 class RunEvents(Endpoint):
     """CRUTD events of one run."""
 
+    queries = HISTORY.parameters
+
     def get(self, request: Request, run_id: UUID) -> Response:
         """List what the run's transactions did, newest first."""
         run = visible(run_id, user_of(request))
         ids = run.jobs.values_list("id", flat=True)
-        events = list(crutd_selectors.events_of(run.lab, job_ids=ids)[:1000])
+        rows = crutd_selectors.events_of(run.lab, job_ids=ids)
+        events, following = HISTORY.of_rows(request, rows, "-seq")
         rendered = crutd_api.render_events(events)
         for event in rendered:
             event["run"] = {"id": str(run.id), "number": run.number}
-        return Response({"events": rendered})
+        return Response({"events": rendered, "next": following})
 
 
 class RunLog(Endpoint):
     """What hosts reported of one run."""
+
+    queries = STANDING.parameters
 
     def get(self, request: Request, run_id: UUID) -> Response:
         """List host events of the run's actions, oldest first."""
@@ -168,33 +178,44 @@ class RunLog(Endpoint):
             for attempt in job.attempts.all()
         ]
         jobs = {attempt.id: job for attempt, job in tries}
+        told: list[HostEvent | dict[str, Any]] = [
+            *selectors.host_events(list(jobs)),
+            *render.render_hand_overs(run),
+        ]
+        page, following = STANDING.of_list(request, told, _place)
         by_transaction = resolved_of(attempt.transaction_id for attempt, _ in tries)
         ends = {one.id: by_transaction.get(one.transaction_id) for one, _ in tries}
         root = resource_selectors.root_of(run.lab).id
         is_all_seen = root in resource_selectors.allowed_ids(user_of(request), Permission.VIEW)
-        lines = [
-            {
-                "at": iso(event.received_at),
-                "job_id": str(jobs[event.action_id].id),
-                "job_index": jobs[event.action_id].index,
-                "kind": event.kind,
-                "text": _line(
-                    event.kind, event.body, jobs[event.action_id].sentence, ends[event.action_id]
-                ),
-                "resolved": _end_of(event.kind, ends[event.action_id]),
-                "body": event.body if is_all_seen else without_surroundings(event.body),
-            }
-            for event in selectors.host_events(list(jobs))
-            if event.action_id is not None
-        ]
-        handed = render.render_hand_overs(run)
-        if handed:
-            lines = sorted([*lines, *handed], key=_moment_of)
-        return Response({"lines": lines})
+        lines = [line if isinstance(line, dict) else _reported(line, jobs, ends) for line in page]
+        if not is_all_seen:
+            lines = [{**line, "body": without_surroundings(line["body"])} for line in lines]
+        return Response({"lines": lines, "next": following})
 
 
-def _moment_of(line: Mapping[str, Any]) -> datetime:
-    return datetime.fromisoformat(line["at"])
+def _reported(
+    event: HostEvent, jobs: Mapping[UUID, Job], ends: Mapping[UUID, Resolved | None]
+) -> dict[str, Any]:
+    if event.action_id is None:
+        raise ValueError(event)  # they were found by the actions
+    job, end = jobs[event.action_id], ends[event.action_id]
+    return {
+        "at": iso(event.received_at),
+        "job_id": str(job.id),
+        "job_index": job.index,
+        "kind": event.kind,
+        "text": _line(event.kind, event.body, job.sentence, end),
+        "resolved": _end_of(event.kind, end),
+        "body": event.body,
+    }
+
+
+def _place(line: HostEvent | dict[str, Any]) -> list[Any]:
+    """Order lines by time; what a host reported stands before how things went on from it."""
+    if isinstance(line, HostEvent):
+        return [line.received_at.timestamp(), line.pk, ""]
+    at = datetime.fromisoformat(line["at"]).timestamp()
+    return [at, 2**62, f"{line['kind']} {line['text']}"]
 
 
 def _line(kind: str, report: dict[str, Any], sentence_text: str, end: Resolved | None) -> str:
@@ -213,21 +234,37 @@ def _end_of(kind: str, end: Resolved | None) -> dict[str, Any] | None:
     return end.to_json() if end is not None and kind == "in_doubt" else None
 
 
-class RunAct(Endpoint):
-    """Pause, resume or abort."""
-
-    act = ""
+class PauseRun(Endpoint):
+    """A pause."""
 
     def post(self, request: Request, run_id: UUID) -> Response:
-        """Carry out the act and return the run."""
+        """Let nothing more of the run begin, and return it."""
         user = user_of(request)
-        if self.act == "pause":
-            services.pause_run(run_id, actor=user)
-        elif self.act == "resume":
-            seen = body(request, Resume)
-            services.resume_run(run_id, actor=user, departures=seen.departures, pauses=seen.pauses)
-        else:
-            services.abort_run(run_id, actor=user, reason=body(request, Reason).reason)
+        services.pause_run(run_id, actor=user)
+        return Response(render.render_run(selectors.find_run(run_id), user))
+
+
+class ResumeRun(Endpoint):
+    """The end of a pause."""
+
+    bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": Resume}
+
+    def post(self, request: Request, run_id: UUID) -> Response:
+        """Let the run go on, and return it."""
+        user, seen = user_of(request), body(request, Resume)
+        services.resume_run(run_id, actor=user, departures=seen.departures, pauses=seen.pauses)
+        return Response(render.render_run(selectors.find_run(run_id), user))
+
+
+class AbortRun(Endpoint):
+    """The end of a run before its time."""
+
+    bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": Reason}
+
+    def post(self, request: Request, run_id: UUID) -> Response:
+        """Have the run end, and return it."""
+        user, reason = user_of(request), body(request, Reason).reason
+        services.abort_run(run_id, actor=user, reason=reason)
         return Response(render.render_run(selectors.find_run(run_id), user))
 
 

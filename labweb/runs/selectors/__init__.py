@@ -7,7 +7,8 @@ from datetime import datetime
 from typing import Any, NamedTuple
 from uuid import UUID
 
-from django.db.models import Q, QuerySet, UUIDField
+from django.db.models import CharField, Q, QuerySet, UUIDField, Value
+from django.db.models.functions import Cast, Concat
 
 from labweb.accounts import selectors as account_selectors
 from labweb.approvals import selectors as approval_selectors
@@ -100,6 +101,13 @@ def visible_runs(lab: Lab, seen: Collection[UUID]) -> QuerySet[Run]:
     shown = [str(node) for node in seen]
     hidden = Job.objects.filter(run__lab=lab).exclude(locks__contained_by=shown)
     return runs_of(lab).exclude(pk__in=hidden.values("run_id"))
+
+
+def runs_named(rows: QuerySet[Run], text: str) -> QuerySet[Run]:
+    """Return those of the runs whose name has a text, `Run #12 Move water`; in any case."""
+    number = Cast("number", CharField())
+    name = Concat(Value("Run #"), number, Value(" "), "version__workflow__name")
+    return rows.alias(called=name).filter(called__icontains=text)
 
 
 def waiting_runs(version_id: UUID) -> list[Run]:

@@ -30,7 +30,7 @@ from labweb.runs.selectors import governed, measured
 from labweb.runs.selectors.measured import Measured
 from labweb.telemetry.selectors import File, Reading
 
-DIRECTIONS = ("up", "down", "both")
+DIRECTIONS = ("both", "up", "down")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -11,6 +11,7 @@ from rest_framework.response import Response
 
 from labweb.accounts.api import Endpoint
 from labweb.accounts.selectors import user_of
+from labweb.common.lists import HISTORY
 from labweb.common.render import iso
 from labweb.common.requests import body
 from labweb.domain.approvals.roles import Permission
@@ -117,6 +118,13 @@ class Versions(Endpoint):
     """Versions of one workflow."""
 
     bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": NewVersion}
+    queries = HISTORY.parameters
+
+    def get(self, request: Request, workflow_id: UUID) -> Response:
+        """List versions without their documents, the newest first."""
+        rows = selectors.versions_of(selectors.find_visible(workflow_id, user_of(request)))
+        found, following = HISTORY.of_rows(request, rows, "-number")
+        return Response({"versions": [render_version(row) for row in found], "next": following})
 
     def post(self, request: Request, workflow_id: UUID) -> Response:
         """Freeze the draft as a version."""

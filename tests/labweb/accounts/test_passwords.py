@@ -12,6 +12,7 @@ from django.test import Client
 from pytest_django import Settings
 
 from labweb.accounts.models import AuditEntry, Grant, User
+from labweb.api.sign_in import MOST_FAILURES
 from labweb.common import sessions
 from labweb.runs.models import Run
 from tests.builders import HEAT, PASSWORD, Bench, a_started_run
@@ -183,6 +184,24 @@ def test_a_change_on_the_admin_pages_is_signed_and_keeps_what_was_filled_in(benc
     done = client.post("/admin/accounts/user/add/", {**sent, "confirm_password": PASSWORD})
     assert done.status_code == 302
     assert User.objects.get(username="new").password_from == "admin"
+
+
+def test_a_wrong_password_on_the_admin_pages_counts_as_one_of_a_sign_in(bench: Bench) -> None:
+    admin = with_password(bench.people["admin"])
+    client = grown_stale(signed_in(admin))
+    sent = {"username": "new", "password1": NEW, "password2": NEW, "usable_password": "true"}
+    for _ in range(MOST_FAILURES):
+        wrong = client.post("/admin/accounts/user/add/", {**sent, "confirm_password": "wrong"})
+        assert (wrong.status_code, b"The password is wrong" in wrong.content) == (403, True)
+    right = client.post("/admin/accounts/user/add/", {**sent, "confirm_password": PASSWORD})
+    assert (right.status_code, right["Retry-After"]) == (429, "300")
+    assert b"Wait 5 minutes" in right.content
+    assert b"The password is wrong" not in right.content
+    assert not User.objects.filter(username="new").exists()
+    again = call(client, "POST", "/api/v1/session/confirm", {"password": PASSWORD})
+    assert again.status_code == 429, "the two ways are counted together"
+    failed = AuditEntry.objects.filter(action="session.refuse", subject=str(admin.pk))
+    assert failed.count() == MOST_FAILURES
 
 
 # --- a session that nobody uses ---

@@ -29,6 +29,22 @@ from tests.labweb.enrollment.driver_texts import TIMER, approved, proposed, time
 from tests.labweb.web import call, code_of, read, signed_in
 
 
+def test_source_is_read_before_a_transaction_is_open(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    client, read_it, open_blocks = signed_in(bench.people["admin"]), drivers.inspect_text, []
+
+    def noting(module: str, text: str) -> drivers.CatalogDriver:
+        open_blocks.append(len(connection.atomic_blocks))
+        return read_it(module, text)
+
+    monkeypatch.setattr(drivers, "inspect_text", noting)
+    outside = len(connection.atomic_blocks)
+    told = {"module": TIMER, "source": timer(), "note": "better"}
+    assert call(client, "POST", "/api/v1/drivers", told).status_code == 201
+    assert open_blocks == [outside]
+
+
 def test_a_driver_is_proposed_by_one_person_and_approved_by_another(bench: Bench) -> None:
     version = proposed(bench, timer())
     assert (version.state, version.origin, version.approval) == ("proposed", "upload", {})

@@ -20,7 +20,7 @@ from labweb.runs import services
 from labweb.runs.models import Custody, Outbox
 from tests.builders import Bench, Edge, host_key, public_half
 from tests.labweb.crutd.hand import a_jar, node, post, refused
-from tests.labweb.web import call, signed_in
+from tests.labweb.web import call, code_of, signed_in
 
 
 class Second(Edge):
@@ -220,12 +220,23 @@ def hands(bench: Bench, flask: Resource, who: str = "chemist") -> dict[str, Any]
     return found
 
 
+def test_a_place_without_room_says_what_stands_there(bench: Bench, flask: Resource) -> None:
+    balance, loose = bench.node("balance_1"), bench.unplug("flask_2")
+    room = {one["id"]: one["why_not"] for one in hands(bench, loose)["places"]}
+    assert "it takes one thing at a time, and Flask 1 stands there" in room[str(balance.id)]
+    assert str(bench.node("pump_1").id) not in room, "a pump carries nothing"
+    answer = carried(bench, loose, balance)
+    assert code_of(answer) == "place.occupied", "what is offered is what is taken"
+    own = {one["id"]: one["why_not"] for one in hands(bench, flask)["places"]}
+    assert own[str(balance.id)] is None, "nothing is in its own way"
+
+
 def test_a_transfer_between_two_hosts_goes_through_the_hands_of_nobody(
     bench: Bench, flask: Resource, place: Resource, hosts: tuple[Edge, Edge]
 ) -> None:
     before = hands(bench, flask)
     assert (before["host"]["name"], before["move"]) == ("Host 1", None)
-    assert "bench" in before["place_kinds"]
+    assert {"id": str(place.id), "why_not": None} in before["places"]
     answer = carried(bench, flask, place)
     assert answer.status_code == 202, answer.content
     assert json.loads(answer.content)["handover"]["state"] == "leaving"

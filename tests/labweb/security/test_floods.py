@@ -184,10 +184,12 @@ class TestOfOneLab:
             shared.take("192.0.2.1")
             monkeypatch.setattr(sockets, "_buckets", lambda *_, shared=shared: shared)
             await socket.connect()
-            frame = await socket.frame()
+            frame, told = await socket.frame(), ""
             while frame["type"] == "websocket.send":
+                told = frame.get("text") or told
                 frame = await socket.frame()
             assert frame["code"] == CLOSE_TOO_FAST, path
+            assert "wait 1000 s" in told or path == "/twin/view/", path
             await socket.leave()
 
     async def test_a_host_is_heard_while_observers_keep_their_lane_busy(
