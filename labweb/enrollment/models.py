@@ -38,6 +38,10 @@ class EdgeHost(Base):
     journal_id = models.UUIDField(null=True)
     acked_seq = models.BigIntegerField(default=0)
     hash_at_acked = models.CharField(max_length=64, blank=True)
+    acked_happened_s = models.FloatField(null=True)
+    """When the event `acked_seq` happened, by the server's clock: none of the host is before it."""
+
+    acked_uncertainty_s = models.FloatField(default=0)
     epoch = models.BigIntegerField(default=0)
     floor = models.BigIntegerField(default=0)
     last_dseq = models.BigIntegerField(default=0)

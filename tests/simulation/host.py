@@ -115,7 +115,7 @@ class SimHost:
             if has_appended and (is_sealed or write.is_binding):
                 self._sealed()
 
-        write = MemoryWrite(self.disk, self.lab.now_s, on_commit)
+        write = MemoryWrite(self.disk, self.moment(), on_commit)
         return write
 
     def _sealed(self) -> None:

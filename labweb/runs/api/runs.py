@@ -174,7 +174,10 @@ class RunLog(Endpoint):
         is_all_seen = root in resource_selectors.allowed_ids(user_of(request), Permission.VIEW)
         lines = [
             {
-                "at": iso(event.received_at),
+                "at": iso(event.happened_at or event.received_at),
+                "received_at": iso(event.received_at),
+                "uncertainty_s": event.uncertainty_s,
+                "is_bounded": event.is_bounded,
                 "job_id": str(jobs[event.action_id].id),
                 "job_index": jobs[event.action_id].index,
                 "kind": event.kind,
