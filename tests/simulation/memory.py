@@ -20,6 +20,9 @@ from labweb.domain.runs.standing import state_of
 
 _MISSING = object()
 
+BEGINNING = Moment(boot_id="boot", mono_s=0.0, wall_s=0.0)
+"""A moment for writes whose time nobody asks for."""
+
 
 class Disk:
     """The journal's tables."""

@@ -12,6 +12,7 @@ from uuid import UUID
 import msgspec
 from django.db.models import Max, Sum
 
+from labweb.common.clock import now
 from labweb.crutd.models import Entry, Event, Holding, LabBase, Transaction
 from labweb.crutd.selectors.chain import events_in_order
 from labweb.domain.crutd.ledger import Account, Amount
@@ -73,6 +74,12 @@ def base_of(lab: Lab) -> LabFile:
 
 def _unreadable(lab: Lab, error: Exception) -> ReconcileError:
     return ReconcileError(f"the import of {lab.name} cannot be read: {error}", code="rebuild.base")
+
+
+def begun_at(lab: Lab) -> datetime:
+    """Return when a lab was made here: nothing of it happened before."""
+    found = Event.objects.filter(lab=lab).order_by("seq").values_list("at", flat=True).first()
+    return now() if found is None else found
 
 
 def _happening(event: Event) -> Happening:

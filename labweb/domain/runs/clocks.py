@@ -21,6 +21,9 @@ from labweb.domain.runs.moment import Moment
 DRIFT_RATIO = 1e-4
 """How far two clocks run apart at most, per second; quartz does so by half of it."""
 
+READS_TO_S = 1e-6
+"""What a number of seconds since 1970 tells at best: a double of that size has steps of 0.24 µs."""
+
 MOST_ANCHORS = 48
 """Measures that a host keeps: enough for a night without the server, and the time after it."""
 
@@ -84,7 +87,7 @@ def anchor_of(exchange: Exchange) -> Anchor | None:
     """Return what an exchange measures; None: a clock was set meanwhile, so it measures nothing."""
     there_s = exchange.told_at_s - exchange.heard_at_s
     round_s = exchange.got_mono_s - exchange.asked.mono_s - there_s
-    if there_s < 0 or round_s < 0:
+    if there_s < 0 or round_s < -DRIFT_RATIO * there_s - READS_TO_S:
         return None
     half_s = (exchange.got_mono_s - exchange.asked.mono_s) / 2
     return Anchor(
@@ -92,7 +95,7 @@ def anchor_of(exchange: Exchange) -> Anchor | None:
         mono_s=exchange.asked.mono_s + half_s,
         wall_s=exchange.asked.wall_s + half_s,
         server_at_s=(exchange.heard_at_s + exchange.told_at_s) / 2,
-        error_s=round_s / 2,
+        error_s=max(round_s, 0.0) / 2 + DRIFT_RATIO * half_s + READS_TO_S,
     )
 
 
@@ -172,30 +175,44 @@ def told_moment(event: EdgeEvent) -> Estimate:
     return Estimate(event.happened_s, event.uncertainty_s)
 
 
-def happened(told: Estimate, causes: Sequence[Cause], received_at_s: float) -> Happened:
+def latest(events: Sequence[EdgeEvent], received_at_s: float) -> list[float]:
+    """Return by when each event had happened: when it was heard of, or a later one had at most.
+
+    Args:
+        events: What a host tells, in the order in which it happened there.
+        received_at_s: When the server heard of them.
+    """
+    found, by_s = [], received_at_s
+    for event in reversed(events):
+        told = told_moment(event)
+        if told.uncertainty_s is not None:
+            by_s = min(by_s, told.at_s + told.uncertainty_s)
+        found.append(by_s)
+    return found[::-1]
+
+
+def happened(told: Estimate, causes: Sequence[Cause], by_s: float) -> Happened:
     """Return when something happened: not before its causes, and not after it was heard of.
 
     Args:
         told: What the host's clock says.
-        causes: What it came from: each had happened before it, without any clock.
-        received_at_s: When the server heard of it.
+        causes: What it came from, one at least: each had happened before it, without any clock.
+        by_s: By when it had happened, as `latest` finds.
 
     Returns:
         A time whose uncertainty covers every moment that clock, causes and reception leave.
         Where the clock contradicts the others, or was never measured, it covers all between
         them, and says that it does.
     """
-    floor_s = max((one.at_s for one in causes), default=float("-inf"))
-    first_s = max((one.at_s - one.uncertainty_s for one in causes), default=float("-inf"))
-    if told.uncertainty_s is None:
-        low_s, high_s, is_bounded = first_s, received_at_s, True
-    else:
+    floor_s = max(one.at_s for one in causes)
+    first_s = max(one.at_s - one.uncertainty_s for one in causes)
+    low_s, high_s, is_bounded = first_s, by_s, told.uncertainty_s is None
+    if told.uncertainty_s is not None:
         low_s = max(first_s, told.at_s - told.uncertainty_s)
-        high_s = min(received_at_s, told.at_s + told.uncertainty_s)
+        high_s = min(by_s, told.at_s + told.uncertainty_s)
         is_bounded = low_s > high_s
     if is_bounded:
-        low_s, high_s = first_s, received_at_s
+        low_s, high_s = first_s, by_s
     # Causes last: where the server's own clock was set back, the order still stands.
-    at_s = max(min(told.at_s, received_at_s), floor_s)
-    low_s = min(low_s, at_s) if low_s > float("-inf") else at_s - (told.uncertainty_s or 0.0)
-    return Happened(at_s, max(at_s - low_s, abs(high_s - at_s)), is_bounded)
+    at_s = max(min(told.at_s, by_s), floor_s)
+    return Happened(at_s, max(at_s - low_s, high_s - at_s, at_s - high_s), is_bounded)

@@ -17,6 +17,7 @@ from labweb.common.clock import happened_at, moment_of, now, telling
 from labweb.common.render import iso
 from labweb.crutd import selectors as crutd_selectors
 from labweb.crutd import services as crutd_services
+from labweb.crutd.selectors.past import begun_at
 from labweb.crutd.services import Settlement
 from labweb.domain.calibration.model import Correction
 from labweb.domain.calibration.reading import corrected
@@ -24,7 +25,7 @@ from labweb.domain.canonical import without_null
 from labweb.domain.crutd.decide import Outcome, OutcomeKind
 from labweb.domain.errors import LabError, StateError
 from labweb.domain.messages import EdgeEvent
-from labweb.domain.runs.clocks import Cause, Happened, happened, told_moment
+from labweb.domain.runs.clocks import Cause, Happened, happened, latest, told_moment
 from labweb.domain.runs.context import read_context
 from labweb.domain.runs.halting import IS_HALTED
 from labweb.domain.runs.intake import Meaning, read_event
@@ -72,10 +73,11 @@ def ingest_events(host_id: UUID, epoch: int, events: Sequence[EdgeEvent]) -> int
     if intake.code:
         quarantine(host, intake.code, intake.message)
         return None
+    at_s = now().timestamp()
     try:
         with atomic():
-            for event in intake.fresh:
-                _date(host, event)
+            for event, by_s in zip(intake.fresh, latest(intake.fresh, at_s), strict=True):
+                _date(host, event, by_s)
             drivers.switch_idle(host)
     except _SENSELESS as error:
         quarantine(host, "host.bad_event", f"an event makes no sense: {error}")
@@ -93,18 +95,19 @@ def ingest_events(host_id: UUID, epoch: int, events: Sequence[EdgeEvent]) -> int
     return host.acked_seq
 
 
-def _date(host: EdgeHost, event: EdgeEvent) -> None:
+def _date(host: EdgeHost, event: EdgeEvent, by_s: float) -> None:
     """Take an event in as of when it happened: after what the host told before, and its dispatch."""
-    causes = []
-    if host.acked_happened_s is not None:
-        causes.append(Cause(host.acked_happened_s, host.acked_uncertainty_s))
+    if host.acked_happened_s is None:
+        causes = [Cause(begun_at(host.lab).timestamp())]
+    else:
+        causes = [Cause(host.acked_happened_s, host.acked_uncertainty_s)]
     attempt = None
     if event.action_id is not None:
         selectors.hold_run_of(event.action_id)
         attempt = selectors.attempt_for_update(event.action_id)
     if attempt is not None and attempt.host_id == host.id:
         causes.append(Cause(attempt.at.timestamp()))
-    found = happened(told_moment(event), causes, now().timestamp())
+    found = happened(told_moment(event), causes, by_s)
     host.acked_happened_s, host.acked_uncertainty_s = found.at_s, found.uncertainty_s
     with telling(found):
         _take(host, event, attempt, found)
