@@ -99,4 +99,3 @@ def read_anchors(journal: Journal) -> tuple[Anchor, ...]:
     """Return the measures that a journal remembers."""
     text = journal.meta(ANCHORS)
     return () if text is None else msgspec.json.decode(text, type=tuple[Anchor, ...])
-

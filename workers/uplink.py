@@ -237,6 +237,8 @@ class Uplink:
             match frame:
                 case Ack():
                     self._take_ack(frame)
+                case Pulse():
+                    self._clock.hear(frame)
                 case Resume():
                     self._take_resume(frame)
                 case StopLab():
@@ -270,8 +272,6 @@ class Uplink:
                 countersign(self._journal, self._identity.key, frame)
             case TryoutPart() | TryoutAsk():
                 hand_on(self._store, frame)
-            case Pulse():
-                self._clock.hear(frame)
             case AskTold():
                 self._store.put_word(ASKS_TOLD, msgspec.json.encode(frame))
 

@@ -181,9 +181,7 @@ class EdgeConsumer(BoundedConsumer):
             enrollment_services.host_group(hello.host_id), self.channel_name
         )
         at_s = now().timestamp()
-        await self._send(
-            msgspec.structs.replace(welcome, heard_at_s=heard_at_s, server_at_s=at_s)
-        )
+        await self._send(msgspec.structs.replace(welcome, heard_at_s=heard_at_s, server_at_s=at_s))
         if welcome.mode == "normal":
             await self._maybe_resume(welcome.acked_seq)
         else:

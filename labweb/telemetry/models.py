@@ -29,7 +29,7 @@ class Sample(models.Model):
     """Seconds since the Unix epoch, by the server's clock as the host had measured it."""
 
     uncertainty_s = models.FloatField(null=True)
-    """At most so far is `at` wrong; null: the host had not measured, and `at` is by its own clock."""
+    """At most so far is `at` wrong; null: `at` is by the host's own clock, nobody had measured."""
 
     received_at = models.FloatField(null=True)
     """When the server heard of it; null: from before that was kept."""

@@ -1,4 +1,4 @@
-"""Schedules of hosts whose clocks are a day apart, run at different rates, and are set meanwhile."""
+"""Schedules of hosts whose clocks are a day apart, run at other rates, and are set meanwhile."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Hosts whose clocks are set: no event before its cause, none after its reception, all as sure as said."""
+"""Clocks that are set: each event after its cause, before its reception, as sure as said."""
 
 from __future__ import annotations
 

@@ -83,11 +83,6 @@ async def until(condition: Callable[[], object], within_s: float = 8.0) -> None:
             await asyncio.sleep(0.01)
 
 
-def _undated(event: EdgeEvent) -> EdgeEvent:
-    """Return an event as the journal keeps it: its time by the server's clock is told with it."""
-    return msgspec.structs.replace(event, happened_s=None, uncertainty_s=None)
-
-
 async def test_every_event_goes_up_once_and_in_order_over_a_broken_line(
     host: Host, hub: Hub, key: HostKey, store: Store
 ) -> None:
@@ -103,8 +98,7 @@ async def test_every_event_goes_up_once_and_in_order_over_a_broken_line(
         await until(lambda: host.journal.acked_seq() == host.journal.head()[0])
     told = [kind for kind in hub.kinds if kind != "link_lost"]
     assert told == ["armed", "accepted", "accepted"]
-    told_events = [hub.events[seq] for seq in sorted(hub.events)]
-    assert [_undated(one) for one in told_events] == host.events()
+    assert [hub.events[seq].hash for seq in sorted(hub.events)] == [e.hash for e in host.events()]
 
 
 async def test_epoch_floor_devices_and_keys_are_on_disk_before_anything_is_sent(

@@ -4,25 +4,24 @@ from django.db import migrations, models
 
 
 class Migration(migrations.Migration):
-
     dependencies = [
-        ('crutd', '0010_no_truncate'),
+        ("crutd", "0010_no_truncate"),
     ]
 
     operations = [
         migrations.AddField(
-            model_name='event',
-            name='is_bounded',
+            model_name="event",
+            name="is_bounded",
             field=models.BooleanField(default=False),
         ),
         migrations.AddField(
-            model_name='event',
-            name='received_at',
+            model_name="event",
+            name="received_at",
             field=models.DateTimeField(null=True),
         ),
         migrations.AddField(
-            model_name='event',
-            name='uncertainty_s',
+            model_name="event",
+            name="uncertainty_s",
             field=models.FloatField(null=True),
         ),
     ]

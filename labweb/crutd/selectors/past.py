@@ -15,8 +15,8 @@ from django.db.models import Max, Sum
 from labweb.common.clock import now
 from labweb.crutd.models import Entry, Event, Holding, LabBase, Transaction
 from labweb.crutd.selectors.chain import events_in_order
-from labweb.domain.crutd.ledger import Account, Amount
 from labweb.domain.crutd import operations
+from labweb.domain.crutd.ledger import Account, Amount
 from labweb.domain.crutd.replay import (
     Dated,
     Happening,

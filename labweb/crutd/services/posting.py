@@ -13,7 +13,7 @@ from typing import Any
 
 from django.db import connection
 
-from labweb.common.clock import happened_at, new_id, now
+from labweb.common.clock import happened_at, new_id
 from labweb.common.prepared import Question, together
 from labweb.crutd.models import Entry, Transaction
 from labweb.domain.crutd.ledger import Posting

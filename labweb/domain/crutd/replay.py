@@ -92,7 +92,7 @@ def as_of(events: Iterable[Dated], at: datetime, seq: int | None = None) -> Iter
     """
     to_come: set[UUID | str] = set()
     for one in events:
-        about = {*one.subjects, one.event.transaction_id}
+        about: set[UUID | str] = {*one.subjects, one.event.transaction_id}
         is_later = one.at > at or (one.at == at and seq is not None and one.event.seq > seq)
         if is_later or not to_come.isdisjoint(about):
             to_come |= about

@@ -4,20 +4,19 @@ from django.db import migrations, models
 
 
 class Migration(migrations.Migration):
-
     dependencies = [
-        ('enrollment', '0015_edgehost_pace'),
+        ("enrollment", "0015_edgehost_pace"),
     ]
 
     operations = [
         migrations.AddField(
-            model_name='edgehost',
-            name='acked_happened_s',
+            model_name="edgehost",
+            name="acked_happened_s",
             field=models.FloatField(null=True),
         ),
         migrations.AddField(
-            model_name='edgehost',
-            name='acked_uncertainty_s',
+            model_name="edgehost",
+            name="acked_uncertainty_s",
             field=models.FloatField(default=0),
         ),
     ]

@@ -4,45 +4,44 @@ from django.db import migrations, models
 
 
 class Migration(migrations.Migration):
-
     dependencies = [
-        ('runs', '0017_no_truncate'),
+        ("runs", "0017_no_truncate"),
     ]
 
     operations = [
         migrations.AddField(
-            model_name='hostevent',
-            name='boot_id',
+            model_name="hostevent",
+            name="boot_id",
             field=models.CharField(blank=True, max_length=64),
         ),
         migrations.AddField(
-            model_name='hostevent',
-            name='happened_at',
+            model_name="hostevent",
+            name="happened_at",
             field=models.DateTimeField(null=True),
         ),
         migrations.AddField(
-            model_name='hostevent',
-            name='is_bounded',
+            model_name="hostevent",
+            name="is_bounded",
             field=models.BooleanField(default=False),
         ),
         migrations.AddField(
-            model_name='hostevent',
-            name='mono_s',
+            model_name="hostevent",
+            name="mono_s",
             field=models.FloatField(null=True),
         ),
         migrations.AddField(
-            model_name='hostevent',
-            name='uncertainty_s',
+            model_name="hostevent",
+            name="uncertainty_s",
             field=models.FloatField(null=True),
         ),
         migrations.AddField(
-            model_name='job',
-            name='is_bounded',
+            model_name="job",
+            name="is_bounded",
             field=models.BooleanField(default=False),
         ),
         migrations.AddField(
-            model_name='job',
-            name='uncertainty_s',
+            model_name="job",
+            name="uncertainty_s",
             field=models.FloatField(null=True),
         ),
     ]

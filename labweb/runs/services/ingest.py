@@ -96,7 +96,7 @@ def ingest_events(host_id: UUID, epoch: int, events: Sequence[EdgeEvent]) -> int
 
 
 def _date(host: EdgeHost, event: EdgeEvent, by_s: float) -> None:
-    """Take an event in as of when it happened: after what the host told before, and its dispatch."""
+    """Take an event in as of when it happened: after its dispatch and what was told before."""
     if host.acked_happened_s is None:
         causes = [Cause(begun_at(host.lab).timestamp())]
     else:

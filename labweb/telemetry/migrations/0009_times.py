@@ -4,20 +4,19 @@ from django.db import migrations, models
 
 
 class Migration(migrations.Migration):
-
     dependencies = [
-        ('telemetry', '0008_shares_of_yes'),
+        ("telemetry", "0008_shares_of_yes"),
     ]
 
     operations = [
         migrations.AddField(
-            model_name='sample',
-            name='received_at',
+            model_name="sample",
+            name="received_at",
             field=models.FloatField(null=True),
         ),
         migrations.AddField(
-            model_name='sample',
-            name='uncertainty_s',
+            model_name="sample",
+            name="uncertainty_s",
             field=models.FloatField(null=True),
         ),
     ]

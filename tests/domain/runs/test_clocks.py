@@ -70,7 +70,9 @@ ways = st.tuples(st.floats(0, 5), st.floats(0, 2), st.floats(0, 5))
 times = st.floats(0, NIGHT_S)
 
 
-@given(machines, st.lists(st.tuples(times, ways), min_size=1, max_size=6), times, st.floats(-9e4, 9e4))
+@given(
+    machines, st.lists(st.tuples(times, ways), min_size=1, max_size=6), times, st.floats(-9e4, 9e4)
+)
 def test_what_really_was_lies_within_the_stated_uncertainty(
     machine: Machine,
     measured: list[tuple[float, tuple[float, float, float]]],
@@ -203,7 +205,8 @@ def test_an_event_of_an_older_program_is_bound_as_it_was_and_a_new_one_with_its_
         "a7565905582a33f515df7df062492b94eafd1916943e30ada2a8650e30b40657"
     )
     new = an_event(mono_s=3.0, boot_id="boot")
-    assert len({event_hash(journal, "", one) for one in (old, new, an_event(mono_s=4.0, boot_id="boot"))}) == 3
+    later = an_event(mono_s=4.0, boot_id="boot")
+    assert len({event_hash(journal, "", one) for one in (old, new, later)}) == 3
     # What the host knows of the server's clock when it tells is no part of what it wrote.
     told = dated(new, [Machine(0.0, 1.0).measures(0.0, 0.1, 0.0, 0.1)])
     assert told.happened_s is not None
