@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cache
@@ -245,6 +246,8 @@ class Edge:
             action_id=action_id,
             at_s=1.0,
             body=body,
+            happened_s=time.time(),
+            uncertainty_s=0.001,
         )
         digest = event_hash(self.journal_id, self.head, bare)
         made = msgspec.structs.replace(bare, hash=digest)

@@ -225,7 +225,7 @@ class Journal:
             size += len(row["body"]) + 512  # 512: the fields beside the body, generously
             if found and size > MAX_FRAME_BYTES:
                 break
-            found.append(to_event(row))
+            found.append(schema.to_event(row))
         return found
 
     # --- what is written ---
@@ -264,7 +264,7 @@ class Journal:
                 self._connection,
                 journal_id=self.journal_id,
                 head=self.head(),
-                wall_s=self.wall_s,
+                moment=self.moment,
             )
             yield transaction
             faults.point("journal.before_commit")
@@ -338,19 +338,6 @@ class Journal:
         if value is None:
             raise JournalError(f"{self.path} is no journal: it has no {key}")
         return value
-
-
-def to_event(row: sqlite3.Row) -> EdgeEvent:
-    """Read one row of the table `event`."""
-    return EdgeEvent(
-        seq=row["seq"],
-        prev_hash=row["prev_hash"],
-        hash=row["hash"],
-        kind=row["kind"],
-        action_id=None if row["action_id"] is None else UUID(row["action_id"]),
-        at_s=row["at_s"],
-        body=msgspec.json.decode(row["body"]),
-    )
 
 
 def create_journal(path: Path, host_id: UUID) -> UUID:

@@ -6,6 +6,9 @@ import sqlite3
 from dataclasses import fields
 from uuid import UUID
 
+import msgspec
+
+from labweb.domain.messages import EdgeEvent
 from labweb.domain.runs.edge import FINAL, ActionState
 from labweb.domain.runs.journal import ActionRow as ActionRow
 from labweb.domain.runs.journal import JournalError as JournalError
@@ -53,7 +56,12 @@ CREATE TABLE refusal (subject TEXT PRIMARY KEY);
 CREATE TABLE device_fence (device_id TEXT PRIMARY KEY, max_dseq INTEGER NOT NULL);
 """
 
-MIGRATIONS = (VERSION_1,)
+VERSION_2 = """
+ALTER TABLE event ADD COLUMN mono_s REAL;
+ALTER TABLE event ADD COLUMN boot_id TEXT NOT NULL DEFAULT ''
+"""
+
+MIGRATIONS = (VERSION_1, VERSION_2)
 """Script by version; forward only, one entry per released version."""
 
 
@@ -98,6 +106,21 @@ def to_action(row: sqlite3.Row) -> ActionRow:
     values["st"] = ActionState(values["st"])
     values["is_cancel_wanted"] = bool(values["is_cancel_wanted"])
     return ActionRow(**values)
+
+
+def to_event(row: sqlite3.Row) -> EdgeEvent:
+    """Read one row of the table `event`."""
+    return EdgeEvent(
+        seq=row["seq"],
+        prev_hash=row["prev_hash"],
+        hash=row["hash"],
+        kind=row["kind"],
+        action_id=None if row["action_id"] is None else UUID(row["action_id"]),
+        at_s=row["at_s"],
+        body=msgspec.json.decode(row["body"]),
+        mono_s=row["mono_s"],
+        boot_id=row["boot_id"],
+    )
 
 
 def migrate(connection: sqlite3.Connection) -> None:

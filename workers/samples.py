@@ -163,15 +163,11 @@ def make_frame(told: Told, batches: list[Batch], epoch: int) -> tuple[Told, Tele
         before = lines.get(batch.line)
         lines[batch.line] = after = _line_after(before, batch)
         gaps += find_gaps(before, after, batch)
-    samples = [
-        (one.device_id, one.status, one.at_s, one.value)
-        for batch in batches
-        if not is_too_large(batch)
-        for one in batch.samples
-    ]
+    kept = [one for batch in batches if not is_too_large(batch) for one in batch.samples]
     frame = Telemetry(
         epoch=epoch,
-        samples=samples,
+        samples=[(one.device_id, one.status, one.at_s, one.value) for one in kept],
+        uncertainties_s=[one.uncertainty_s for one in kept],
         lost_count=sum(gap.lost_count or 0 for gap in gaps),
         gaps=gaps,
         key=batches[-1].key,

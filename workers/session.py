@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 import logging
+import time
+from collections.abc import Mapping
 from importlib.metadata import version
+from pathlib import Path
+from uuid import UUID
 
 import msgspec
 
 from labweb.domain.messages import (
     Devices,
     Heads,
+    Heartbeat,
     Hello,
     StopLab,
     Welcome,
@@ -19,8 +24,11 @@ from labweb.domain.runs import standing
 from labweb.domain.runs.countersigning import write_head
 from labweb.domain.runs.journal import JournalError
 from labweb.domain.runs.moment import Moment
+from workers import faults
+from workers.confine import describe
 from workers.journal import Journal
 from workers.keys import HostKey, is_signature
+from workers.room import told_of
 
 log = logging.getLogger(__name__)
 
@@ -63,6 +71,43 @@ def open_session(journal: Journal, welcome: Welcome, asked_at: Moment | None = N
         standing.write_welcome(tx, welcome)
         if asked_at is not None:
             standing.write_server_clock(tx, welcome.tick, asked_at)
+
+
+def make_heartbeat(
+    journal: Journal,
+    folder: Path,
+    alive: Mapping[str, float],
+    *,
+    epoch: int,
+    asked_s: float | None = None,
+    serving: dict[str, str] | None = None,
+) -> Heartbeat:
+    """Say that this host lives, and how it stands.
+
+    Args:
+        journal: The host's.
+        folder: Its data directory, whose disk may fill up.
+        alive: When each line was seen alive last, on the clock of `time.monotonic`.
+        epoch: Session in which it is sent.
+        asked_s: What the server is to say back, so that its clock is measured.
+        serving: Digests of the versions that serve, where they changed.
+    """
+    now_s = time.monotonic()
+    host = journal.host_state()
+    return Heartbeat(
+        epoch=epoch,
+        mono_s=now_s,
+        seq_head=journal.head()[0],
+        stop_latched=host.stop_latched,
+        **told_of(folder),
+        lines={line: now_s - at_s for line, at_s in alive.items()},
+        wall_s=time.time(),
+        asked_s=asked_s,
+        open_count=journal.open_count(),
+        confinement="unconfined: faults are armed" if faults.are_armed() else describe(),
+        serving=serving,
+        halts_owed=frozenset(map(UUID, host.owes_halt)),
+    )
 
 
 def take_devices(journal: Journal, told: Devices) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Iterable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any, cast
 from uuid import UUID
@@ -41,6 +42,9 @@ TRYOUT_WORDS, TRYOUT_TOLD, TRYOUT_OFFER = (
 )
 """What is asked of drivers that are tried, what is told of them, and what can be simulated."""
 
+ANCHOR = "edge:anchor"
+"""The measure of the server's clock that says most about the present."""
+
 STOP_CHANNEL = "edge:stop"
 TIMEOUT_S = 0.5
 PICTURE_S = 20
@@ -55,6 +59,8 @@ class Sample(msgspec.Struct, frozen=True, array_like=True):
     at_s: float
     mono_s: float
     value: Any
+    uncertainty_s: float | None = None
+    """At most so far is `at_s` wrong, by the server's clock; None: the host had not measured."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -132,6 +138,18 @@ class Store:
         except AWAY:
             return []
         return [msgspec.json.decode(raw, type=Sample) for values in found for raw in values]
+
+    def put_anchor(self, text: bytes) -> None:
+        """Keep what was measured of the server's clock, for the lines."""
+        with suppress(RedisError):
+            self._redis.set(ANCHOR, text)
+
+    def anchor(self) -> bytes | None:
+        """Return it; None: there is none, or the store does not answer."""
+        try:
+            return cast("bytes | None", self._redis.get(ANCHOR))
+        except RedisError:
+            return None
 
     def put_picture(self, sha256: str, data: bytes) -> bool:
         """Share a picture with the other lines while a reading of it counts."""

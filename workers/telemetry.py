@@ -7,10 +7,15 @@ import threading
 from collections.abc import Mapping, Sequence
 from uuid import UUID
 
+import msgspec
+
 from labweb.domain.errors import DeviceError, LabError
 from labweb.domain.ports import Clock
 from labweb.domain.runs.bodies import plain
+from labweb.domain.runs.clocks import Anchor, Estimate, estimate
+from labweb.domain.runs.moment import Moment
 from workers.files import share_picture
+from workers.journal import boot_id, since_boot_s
 from workers.store import Sample, Store
 from workers.unit import Unit
 from workers.vigil import Vigil
@@ -45,7 +50,10 @@ class Sampler:
         self._due_s: dict[tuple[UUID, str], float] = {}
         self._failures: dict[UUID, int] = {}
         self._taken_count = 0
-        self._began_s = clock.now_s()
+        self._boot_id = boot_id()
+        self._anchors: list[Anchor] = []
+        self._looked_s = float("-inf")
+        self._began_s = self._now().at_s
         self._alive_s = float("-inf")
         self._ending = threading.Event()
         self._thread = threading.Thread(target=self._run, name="sampler", daemon=True)
@@ -120,16 +128,28 @@ class Sampler:
                 share_picture(self._store, unit, value)
             if value is None:  # the device cannot tell: a gap stays a gap
                 continue
+            at = self._now()
             samples.append(
                 Sample(
                     device_id=str(unit.config.id),
                     status=status,
-                    at_s=self._clock.now_s(),
+                    at_s=at.at_s,
                     mono_s=asked_s,
                     value=value,
+                    uncertainty_s=at.uncertainty_s,
                 )
             )
         return samples
+
+    def _now(self) -> Estimate:
+        """Return this moment by the server's clock, as it was measured last."""
+        now_s = self._clock.monotonic_s()
+        if self._store is not None and now_s - self._looked_s >= ALIVE_EVERY_S:
+            self._looked_s = now_s
+            text = self._store.anchor()
+            self._anchors = [] if text is None else [msgspec.json.decode(text, type=Anchor)]
+        at = Moment(boot_id=self._boot_id, mono_s=since_boot_s(), wall_s=self._clock.now_s())
+        return estimate(self._anchors, at)
 
     def _note_failure(self, unit: Unit, error: DeviceError) -> None:
         count = self._failures.get(unit.config.id, 0) + 1

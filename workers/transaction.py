@@ -13,6 +13,7 @@ from labweb.domain.canonical import without_null
 from labweb.domain.messages import EdgeEvent, ResourceView, canonical, event_hash
 from labweb.domain.runs.edge import ActionState, HostState
 from labweb.domain.runs.journal import ActionRow, HeldResource, JournalError
+from labweb.domain.runs.moment import Moment
 from labweb.domain.runs.standing import state_of
 from workers.journal_schema import SELECT_ACTION, SELECT_STATE, SELECT_UNFINISHED, to_action
 
@@ -31,14 +32,14 @@ class Transaction:
         *,
         journal_id: UUID,
         head: tuple[int, str],
-        wall_s: Callable[[], float],
+        moment: Callable[[], Moment],
     ) -> None:
         self._connection = connection
         self._journal_id = journal_id
         self.first = head
         """The last event before this write."""
 
-        self._wall_s = wall_s
+        self._moment = moment
         self.head = head
         # What was read or written here stays as it is: nobody else writes meanwhile.
         self._host: dict[str, HostState] = {}
@@ -64,18 +65,22 @@ class Transaction:
         if b"\\u0000" in text:  # what a device said, perhaps: the server could not keep it
             body = without_null(body)
             text = canonical(body)
+        at = self._moment()
         event = EdgeEvent(
             seq=seq + 1,
             prev_hash=prev,
             hash="",
             kind=kind,
             action_id=action_id,
-            at_s=self._wall_s(),
+            at_s=at.wall_s,
             body=body,
+            mono_s=at.mono_s,
+            boot_id=at.boot_id,
         )
         digest = event_hash(self._journal_id, prev, event, text)
-        row = (event.seq, prev, digest, kind, _text(action_id), event.at_s, text.decode())
-        self._run("INSERT INTO event VALUES (?, ?, ?, ?, ?, ?, ?)", row)
+        told = (_text(action_id), event.at_s, text.decode(), at.mono_s, at.boot_id)
+        row = (event.seq, prev, digest, kind, *told)
+        self._run("INSERT INTO event VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)", row)
         self.head = (event.seq, digest)
         self.is_urgent = self.is_urgent or kind not in PROGRESS
         self.is_binding = self.is_binding or kind == "started"

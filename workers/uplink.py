@@ -13,7 +13,7 @@ import signal
 import time
 from collections.abc import Callable
 from pathlib import Path
-from uuid import UUID, uuid4
+from uuid import uuid4
 
 import msgspec
 from websockets.asyncio.client import ClientConnection, connect
@@ -30,9 +30,9 @@ from labweb.domain.messages import (
     DriverPart,
     Events,
     Heads,
-    Heartbeat,
     LookPart,
     Nudge,
+    Pulse,
     Refuse,
     Renew,
     Renewed,
@@ -51,8 +51,8 @@ from workers import faults
 from workers.accept import accept
 from workers.app import make_host_app
 from workers.bell import Bell, ring
+from workers.clocks import ServerClock
 from workers.config import HostConfig
-from workers.confine import describe
 from workers.devices import lines_of
 from workers.drivers import DriverStore, Fetching, Serving
 from workers.files import WaitingFiles
@@ -68,13 +68,13 @@ from workers.identity import (
 from workers.journal import Journal
 from workers.looking import Looker
 from workers.patience import Patience, RefusedError
-from workers.room import told_of
 from workers.samples import SampleTeller
 from workers.session import (
     arm,
     countersign,
     latch_stop,
     lose_link,
+    make_heartbeat,
     make_hello,
     open_session,
     record_ack,
@@ -137,6 +137,7 @@ class Uplink:
             lambda: self._journal.head()[0] <= self._acked_seq,
         )
         self._samples = SampleTeller(store)
+        self._clock = ServerClock(journal, store)
         self._looker = Looker(journal)
         self._serving = Serving(journal)
         self._fetching = Fetching(journal, DriverStore(config.drivers_folder))
@@ -194,6 +195,7 @@ class Uplink:
             raise RefusedError(text, code=answer.code)
         if not isinstance(answer, Welcome):
             raise RefusedError(f"the server answered with {type(answer).__name__}")
+        self._clock.open(asked_at, answer)
         open_session(self._journal, answer, asked_at)
         record_ack(self._journal, answer.acked_seq)
         faults.point("uplink.after_welcome")
@@ -235,6 +237,8 @@ class Uplink:
             match frame:
                 case Ack():
                     self._take_ack(frame)
+                case Pulse():
+                    self._clock.hear(frame)
                 case Resume():
                     self._take_resume(frame)
                 case StopLab():
@@ -351,32 +355,21 @@ class Uplink:
         faults.point("uplink.before_send")
         self._acked.clear()
         self._sent_seq, self._sent_s = events[-1].seq, time.monotonic()
-        await send(socket, Events(epoch=self._epoch, events=events))
+        await send(socket, Events(epoch=self._epoch, events=self._clock.dated(events)))
         faults.point("uplink.after_send")
         async with asyncio.timeout(ACK_TIMEOUT_S):
             await self._acked.wait()
 
     async def _tell_life(self, socket: ClientConnection) -> None:
         while True:
-            await send(socket, self._heartbeat())
+            alive, serving = self._store.alive(), self._serving.news(self._epoch)
+            journal, folder = self._journal, self._config.folder
+            at_s = self._clock.ask()
+            frame = make_heartbeat(
+                journal, folder, alive, epoch=self._epoch, asked_s=at_s, serving=serving
+            )
+            await send(socket, frame)
             await asyncio.sleep(HEARTBEAT_S)
-
-    def _heartbeat(self) -> Heartbeat:
-        now_s = time.monotonic()
-        host = self._journal.host_state()
-        return Heartbeat(
-            epoch=self._epoch,
-            mono_s=now_s,
-            seq_head=self._journal.head()[0],
-            stop_latched=host.stop_latched,
-            **told_of(self._config.folder),
-            lines={line: now_s - at_s for line, at_s in self._store.alive().items()},
-            wall_s=time.time(),
-            open_count=self._journal.open_count(),
-            confinement="unconfined: faults are armed" if faults.are_armed() else describe(),
-            serving=self._serving.news(self._epoch),
-            halts_owed=frozenset(map(UUID, host.owes_halt)),
-        )
 
 
 def run_uplink(config: HostConfig) -> None:

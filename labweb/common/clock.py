@@ -5,12 +5,18 @@ from __future__ import annotations
 import os
 import threading
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
 from datetime import UTC, datetime
 from functools import cache
 from pathlib import Path
 from uuid import UUID
 
 from labweb.domain.messages import Tick
+from labweb.domain.runs.clocks import Happened
+
+_told: ContextVar[Happened | None] = ContextVar("told", default=None)
 
 
 class SystemClock:
@@ -46,6 +52,32 @@ def _boot_id() -> str:
 def now() -> datetime:
     """Return the time for a record, UTC-aware."""
     return datetime.fromtimestamp(time.time(), tz=UTC)
+
+
+@contextmanager
+def telling(told: Happened) -> Iterator[None]:
+    """Let what is written in this block be of the moment that a host tells of, not of now."""
+    token = _told.set(told)
+    try:
+        yield
+    finally:
+        _told.reset(token)
+
+
+def told() -> Happened | None:
+    """Return the moment that a host tells of; None: what is written is the server's own act."""
+    return _told.get()
+
+
+def happened_at() -> datetime:
+    """Return when that which is written happened: at the host that tells of it, or now."""
+    found = _told.get()
+    return now() if found is None else moment_of(found)
+
+
+def moment_of(happened: Happened) -> datetime:
+    """Return a time that a host told, for a record, UTC-aware."""
+    return datetime.fromtimestamp(happened.at_s, tz=UTC)
 
 
 def new_id() -> UUID:

@@ -56,6 +56,17 @@ class Event(models.Model):
     """Gap-free per lab."""
 
     at = models.DateTimeField()
+    """When it happened, by the server's clock."""
+
+    received_at = models.DateTimeField(null=True)
+    """When the server heard of it from a host; null: it is the server's own act."""
+
+    uncertainty_s = models.FloatField(null=True)
+    """At most so far is `at` wrong; null: the server timed it itself."""
+
+    is_bounded = models.BooleanField(default=False)
+    """No clock told it: it lies between its cause and its reception."""
+
     transaction = models.ForeignKey(Transaction, on_delete=models.PROTECT, related_name="events")
     name = models.CharField(max_length=10, choices=enum_choices(OperationName))
     state = models.CharField(max_length=20, choices=enum_choices(TransactionState))

@@ -38,6 +38,8 @@ class EdgeHost(Base):
     journal_id = models.UUIDField(null=True)
     acked_seq = models.BigIntegerField(default=0)
     hash_at_acked = models.CharField(max_length=64, blank=True)
+    acked_happened_s = models.FloatField(null=True)  # by the server's clock; none is before it
+    acked_uncertainty_s = models.FloatField(default=0)
     epoch = models.BigIntegerField(default=0)
     floor = models.BigIntegerField(default=0)
     last_dseq = models.BigIntegerField(default=0)
@@ -58,9 +60,7 @@ class EdgeHost(Base):
     """When it was heard last before it was isolated: it works alone since."""
 
     last_seen_at = models.DateTimeField(null=True)
-    session_id = models.UUIDField(null=True)
-    """Live connection; a second one is refused."""
-
+    session_id = models.UUIDField(null=True)  # live connection; a second one is refused
     stop_acknowledged = models.UUIDField(null=True)
     """Last software stop this host confirmed."""
 

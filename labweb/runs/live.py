@@ -33,6 +33,7 @@ from labweb.domain.messages import (
     Hello,
     LookTold,
     Nudge,
+    Pulse,
     Refuse,
     Renew,
     Renewed,
@@ -134,6 +135,7 @@ class EdgeConsumer(BoundedConsumer):
 
     async def receive(self, text_data: str | None = None, bytes_data: bytes | None = None) -> None:
         """Take one frame; anything that is no frame ends the connection."""
+        heard_at_s = now().timestamp()
         raw = (text_data or "").encode() if bytes_data is None else bytes_data
         try:
             frame = _decoder.decode(raw)
@@ -141,9 +143,11 @@ class EdgeConsumer(BoundedConsumer):
             await self._not_known(raw)
             return
         if isinstance(frame, Hello) and self.host_id is None:
-            await self._hello(frame)
+            await self._hello(frame, heard_at_s)
         elif self.host_id is None:
             await self.close(code=CLOSE_BAD_FRAME)
+        elif isinstance(frame, Heartbeat):
+            await self._beat(self.host_id, frame, heard_at_s)
         else:
             await self._take(self.host_id, frame)
 
@@ -154,7 +158,7 @@ class EdgeConsumer(BoundedConsumer):
             await self.ask(services.note_version, self.host_id, NOT_KNOWN + why)
         await self.close(code=CLOSE_BAD_FRAME, reason=why)
 
-    async def _hello(self, hello: Hello) -> None:
+    async def _hello(self, hello: Hello, heard_at_s: float) -> None:
         try:
             welcome = await on_lane("joining", enrollment_services.open_session)(
                 hello, self.nonce, cast("bytes | None", self.scope.get("certificate"))
@@ -176,7 +180,8 @@ class EdgeConsumer(BoundedConsumer):
         await self.channel_layer.group_add(
             enrollment_services.host_group(hello.host_id), self.channel_name
         )
-        await self._send(welcome)
+        at_s = now().timestamp()
+        await self._send(msgspec.structs.replace(welcome, heard_at_s=heard_at_s, server_at_s=at_s))
         if welcome.mode == "normal":
             await self._maybe_resume(welcome.acked_seq)
         else:
@@ -202,8 +207,6 @@ class EdgeConsumer(BoundedConsumer):
         match frame:
             case Events():
                 await self._events(host_id, frame)
-            case Heartbeat():
-                await self._beat(host_id, frame)
             case Telemetry():
                 await self._samples(frame)
             case StopAcknowledged():
@@ -261,7 +264,10 @@ class EdgeConsumer(BoundedConsumer):
                 if told.is_final:
                     del self.asked[told.ask_id]
 
-    async def _beat(self, host_id: UUID, frame: Heartbeat) -> None:
+    async def _beat(self, host_id: UUID, frame: Heartbeat, heard_at_s: float) -> None:
+        if frame.asked_s is not None:
+            at_s = now().timestamp()
+            await self._send(Pulse(asked_s=frame.asked_s, heard_at_s=heard_at_s, told_at_s=at_s))
         told = msgspec.to_builtins(msgspec.structs.replace(frame, serving=None))
         alive = await on_lane("beat", enrollment_services.beat)(
             host_id, self.epoch, told, is_resumed=self.is_online
@@ -276,7 +282,9 @@ class EdgeConsumer(BoundedConsumer):
 
     async def _samples(self, frame: Telemetry) -> None:
         """Store a frame, and tell a host that waits for it that it is stored."""
-        await self.ask(telemetry_services.take_in, set(self.devices), frame.samples, frame.gaps)
+        known = set(self.devices)
+        parts = (frame.samples, frame.gaps, frame.uncertainties_s)
+        await self.ask(telemetry_services.take_in, known, *parts)
         if frame.key:
             await self._send(TelemetryTaken(key=frame.key))
 

@@ -94,8 +94,19 @@ class Job(Base):
     estimate_s = models.FloatField(default=0)
     state = models.CharField(max_length=20, choices=enum_choices(JobState))
     state_at = models.DateTimeField()
+    """When the server moved it there: of what a host tells, when it was received."""
+
     started_at = models.DateTimeField(null=True)
     ended_at = models.DateTimeField(null=True)
+    """Both when it happened, by the server's clock."""
+
+    uncertainty_s = models.FloatField(null=True)
+    """At most so far are they wrong; null: the server timed them itself, or they are from before
+    that was measured."""
+
+    is_bounded = models.BooleanField(default=False)
+    """No clock told one of them: it lies between its cause and its reception."""
+
     verification = models.CharField(max_length=12, blank=True)
     code = models.CharField(max_length=100, blank=True)
     message = models.TextField(blank=True)
@@ -209,6 +220,21 @@ class HostEvent(models.Model):
     kind = models.CharField(max_length=20)
     action_id = models.UUIDField(null=True, db_index=True)
     at_s = models.FloatField()
+    """What the host's clock showed that people and programs set."""
+
+    mono_s = models.FloatField(null=True)
+    """What its clock showed that only runs, since the start of the machine `boot_id`."""
+
+    boot_id = models.CharField(max_length=64, blank=True)
+    happened_at = models.DateTimeField(null=True)
+    """By the server's clock; null: from before that was measured."""
+
+    uncertainty_s = models.FloatField(null=True)
+    """At most so far is `happened_at` wrong."""
+
+    is_bounded = models.BooleanField(default=False)
+    """No clock told it: it lies between its cause and its reception."""
+
     received_at = models.DateTimeField()
     body = models.JSONField()
 

@@ -26,7 +26,13 @@ class Sample(models.Model):
     )
     status = models.CharField(max_length=64)
     at = models.FloatField()
-    """Seconds since the Unix epoch on the host's clock."""
+    """Seconds since the Unix epoch, by the server's clock as the host had measured it."""
+
+    uncertainty_s = models.FloatField(null=True)
+    """At most so far is `at` wrong; null: `at` is by the host's own clock, nobody had measured."""
+
+    received_at = models.FloatField(null=True)
+    """When the server heard of it; null: from before that was kept."""
 
     value = models.JSONField()
 

@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from multiprocessing import Pool
 
-from tests.simulation import aborts, batches, halts, holding, schedule, vanishing
+from tests.simulation import aborts, batches, clocks, halts, holding, schedule, vanishing
 from tests.simulation.checks import ViolationError
 
 BLOCK = 500
@@ -70,6 +70,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("--aborts", action="store_true", help="runs aborted, devices stopped")
     parser.add_argument("--holds", action="store_true", help="runs that keep what they use")
     parser.add_argument("--lost", action="store_true", help="devices that lose what was set")
+    parser.add_argument("--clocks", action="store_true", help="hosts whose clocks are set")
     arguments = parser.parse_args(argv)
     wanted = (
         (arguments.batches, batches.run),
@@ -77,6 +78,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         (arguments.aborts, aborts.run),
         (arguments.holds, holding.run),
         (arguments.lost, vanishing.run),
+        (arguments.clocks, clocks.run),
     )
     run: Run = next((play_one for is_asked, play_one in wanted if is_asked), schedule.run)
     first, _, last = arguments.seeds.partition("..")

@@ -115,8 +115,12 @@ class SimHost:
             if has_appended and (is_sealed or write.is_binding):
                 self._sealed()
 
-        write = MemoryWrite(self.disk, self.lab.now_s, on_commit)
+        write = self.new_write(on_commit)
         return write
+
+    def new_write(self, on_commit: Callable[[bool], None]) -> MemoryWrite:
+        """Begin a write, which says after it whether it has appended anything."""
+        return MemoryWrite(self.disk, self.moment(), on_commit)
 
     def _sealed(self) -> None:
         if self.dies_before_seal:

@@ -15,9 +15,13 @@ from uuid import UUID
 from labweb.domain.messages import EdgeEvent, canonical, event_hash
 from labweb.domain.runs.edge import OPEN, ActionState, HostState
 from labweb.domain.runs.journal import ActionRow, HeldResource, JournalError
+from labweb.domain.runs.moment import Moment
 from labweb.domain.runs.standing import state_of
 
 _MISSING = object()
+
+BEGINNING = Moment(boot_id="boot", mono_s=0.0, wall_s=0.0)
+"""A moment for writes whose time nobody asks for."""
 
 
 class Disk:
@@ -92,9 +96,9 @@ class Disk:
 class MemoryWrite:
     """One atomic write: `labweb.domain.runs.journal.JournalWrite` in memory."""
 
-    def __init__(self, disk: Disk, wall_s: float, on_commit: Callable[[bool], None]) -> None:
+    def __init__(self, disk: Disk, at: Moment, on_commit: Callable[[bool], None]) -> None:
         self._disk = disk
-        self._wall_s = wall_s
+        self._at = at
         self._on_commit = on_commit
         self._undo: list[tuple[dict[Any, Any], Any, Any]] = []
         self._event_count = len(disk.events)
@@ -129,7 +133,7 @@ class MemoryWrite:
 
     def append(self, kind: str, action_id: UUID | None, body: dict[str, Any]) -> None:
         seq, prev = self._disk.head
-        fields = (seq + 1, prev, kind, action_id, self._wall_s, body)
+        fields = (seq + 1, prev, kind, action_id, self._at, body)
         bare = _event(fields, "")
         made = _event(fields, event_hash(self._disk.journal_id, prev, bare))
         self._disk.events.append(made)
@@ -222,9 +226,10 @@ class MemoryWrite:
 
 
 def _event(
-    fields: tuple[int, str, str, UUID | None, float, dict[str, Any]], digest: str
+    fields: tuple[int, str, str, UUID | None, Moment, dict[str, Any]], digest: str
 ) -> EdgeEvent:
-    seq, prev, kind, action_id, at_s, body = fields
+    seq, prev, kind, action_id, at, body = fields
     return EdgeEvent(
-        seq=seq, prev_hash=prev, hash=digest, kind=kind, action_id=action_id, at_s=at_s, body=body
-    )
+        seq=seq, prev_hash=prev, hash=digest, kind=kind, action_id=action_id, body=body,
+        at_s=at.wall_s, mono_s=at.mono_s, boot_id=at.boot_id,
+    )  # fmt: skip

@@ -17,7 +17,7 @@ from labweb.domain.runs.custody import Custody, CustodyState
 from labweb.domain.runs.journal import HeldResource
 from tests.simulation.checks import require
 from tests.simulation.lab import id_of
-from tests.simulation.memory import Disk, MemoryWrite
+from tests.simulation.memory import BEGINNING, Disk, MemoryWrite
 
 HOSTS = tuple(id_of(20, number) for number in (1, 2, 3))
 VIALS = tuple(id_of(21, number) for number in (1, 2, 3, 4))
@@ -109,7 +109,7 @@ class Moving:
         disk = self.disks[command.host_id]
         dies = self.rng.random() < 0.1
         try:
-            with MemoryWrite(disk, 0.0, lambda has_appended: None) as tx:
+            with MemoryWrite(disk, BEGINNING, lambda has_appended: None) as tx:
                 if isinstance(command, Release):
                     custody.take_release(tx, command, in_use=self.used)
                 else:

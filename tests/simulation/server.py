@@ -171,6 +171,7 @@ class SimServer(Dispatching):
                 acked_seq=host.record.acked_seq,
                 floor=host.record.floor,
                 server_at_s=self.watch.now_s,
+                heard_at_s=self.watch.now_s,
                 mode=opening.mode,
                 devices=self.devices_of(host),
             )

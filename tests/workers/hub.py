@@ -26,6 +26,7 @@ from labweb.domain.messages import (
     Heartbeat,
     Hello,
     Nudge,
+    Pulse,
     Refuse,
     Resume,
     ServerFrame,
@@ -57,6 +58,12 @@ class Hub:
         self.knows: Callable[[EdgeFrame], bool] = lambda _frame: True
         """Whether this server knows a frame; else it closes as one of an earlier release does."""
 
+        self.ahead_s = 0.0
+        """How far the server's clock is before the one of this machine."""
+
+        self.way_s = 0.0
+        """How long a HELLO is on its way."""
+
         self.mode = "normal"
         self.will_resume = True
         self.socket: ServerConnection | None = None
@@ -73,6 +80,10 @@ class Hub:
     @property
     def acked(self) -> int:
         return max(self.events, default=0)
+
+    @property
+    def now_s(self) -> float:
+        return time.time() + self.ahead_s
 
     @property
     def kinds(self) -> list[str]:
@@ -138,17 +149,27 @@ class Hub:
             socket.send(msgspec.json.encode(refuse).decode())
             return
         self.server.epoch = hello.epoch_last + 1
-        welcome = self.server.welcome(*self.devices, acked_seq=self.acked, mode=self.mode)
+        time.sleep(self.way_s)
+        heard_at_s = self.now_s
+        changes = {"heard_at_s": heard_at_s, "server_at_s": self.now_s, "mode": self.mode}
+        welcome = self.server.welcome(*self.devices, acked_seq=self.acked, **changes)
         socket.send(msgspec.json.encode(welcome).decode())
         if self.will_resume:
             resume = Resume(epoch=self.server.epoch)
             socket.send(msgspec.json.encode(resume).decode())
+
+    def _say_time(self, socket: ServerConnection, frame: EdgeFrame) -> None:
+        if isinstance(frame, Heartbeat) and frame.asked_s is not None:
+            at_s = self.now_s
+            pulse = Pulse(asked_s=frame.asked_s, heard_at_s=at_s, told_at_s=at_s)
+            socket.send(msgspec.json.encode(pulse).decode())
 
     def _take(self, socket: ServerConnection, frame: EdgeFrame) -> None:
         self.frames.append(frame)
         if not self.knows(frame):
             socket.close(CLOSE_BAD_FRAME, "frame heartbeat")
             return
+        self._say_time(socket, frame)
         if isinstance(frame, Events):
             for event in frame.events:
                 if event.seq > self.acked:

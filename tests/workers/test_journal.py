@@ -308,7 +308,7 @@ def test_tables_do_not_change_while_an_action_is_open(
 ) -> None:
     do = a_do(host.server)
     host.take(do)
-    changed = (journal_schema.VERSION_1, "ALTER TABLE meta ADD COLUMN note TEXT")
+    changed = (*journal_schema.MIGRATIONS, "ALTER TABLE meta ADD COLUMN note TEXT")
     monkeypatch.setattr(journal_schema, "MIGRATIONS", changed)
     with pytest.raises(JournalError, match="1 actions are open"):
         Journal(host.path)

@@ -49,6 +49,9 @@ def _event(event: Event, subjects: list[EventSubject]) -> dict[str, Any]:
     return {
         "seq": event.seq,
         "at": iso(event.at),
+        "received_at": iso(event.received_at or event.at),
+        "uncertainty_s": event.uncertainty_s,
+        "is_bounded": event.is_bounded,
         "operation": event.name,
         "state": event.state,
         "verification": event.body.get("verification", ""),

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import zlib
 from collections.abc import Iterator, Mapping, Sequence
+from datetime import datetime
 from typing import Any
 
 import msgspec
@@ -23,6 +24,17 @@ def event_hash(prev: str, seq: int, at: str, transaction_id: str, body: Mapping[
     """Return the SHA-256 that binds an event to all before it in its lab."""
     fields = {"prev": prev, "seq": seq, "at": at, "transaction": transaction_id, "body": body}
     return hashlib.sha256(canonical(fields)).hexdigest()
+
+
+def told_columns(body: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the columns of an event that its body tells: when it was heard of, and how sure."""
+    told = body.get("told") or {}
+    at = told.get("received_at")
+    return {
+        "received_at": None if at is None else datetime.fromisoformat(at),
+        "uncertainty_s": told.get("uncertainty_s"),
+        "is_bounded": told.get("is_bounded", False),
+    }
 
 
 def first_broken_event(lab: Lab) -> Finding | None:
@@ -126,7 +138,10 @@ def _columns_fit(event: Event, subjects: set[tuple[str, str]]) -> bool:
     try:
         operation = operations.from_json(event.body["operation"])
         state = event.body["change"]["state"]
-    except (KeyError, TypeError, msgspec.ValidationError):
+        told = told_columns(event.body)
+    except (KeyError, TypeError, ValueError, AttributeError, msgspec.ValidationError):
+        return False
+    if any(getattr(event, column) != value for column, value in told.items()):
         return False
     wanted = {(str(resource_id), role) for resource_id, role in operations.subjects_of(operation)}
     name = operations.name_of(operation).value

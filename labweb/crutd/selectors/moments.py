@@ -10,7 +10,7 @@ from uuid import UUID
 
 from labweb.crutd.models import Event
 from labweb.crutd.selectors import lineage
-from labweb.crutd.selectors.past import replayed
+from labweb.crutd.selectors.past import replayed_to
 from labweb.domain.crutd.ledger import Amount
 from labweb.domain.crutd.provenance.flows import is_nominal
 from labweb.domain.crutd.provenance.lineage import Limits, Page, trace_up
@@ -72,7 +72,8 @@ def moment_after(lab: Lab, transaction_id: UUID) -> Moment | None:
     event = Event.objects.filter(transaction_id=transaction_id).order_by("-seq").first()
     if event is None:
         return None
-    return Moment(lab, event.at, replayed(lab, up_to=event.seq))
+    replay = replayed_to(lab, event.at, event.seq)
+    return None if replay is None else Moment(lab, event.at, replay)
 
 
 def lots_told(moment: Moment, vessels: Collection[UUID], lots: dict[str, Any]) -> Iterator[Any]:

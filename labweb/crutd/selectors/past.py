@@ -12,10 +12,22 @@ from uuid import UUID
 import msgspec
 from django.db.models import Max, Sum
 
+from labweb.common.clock import now
 from labweb.crutd.models import Entry, Event, Holding, LabBase, Transaction
 from labweb.crutd.selectors.chain import events_in_order
+from labweb.domain.crutd import operations
 from labweb.domain.crutd.ledger import Account, Amount
-from labweb.domain.crutd.replay import Happening, Node, Replay, begin, differences, fold, link
+from labweb.domain.crutd.replay import (
+    Dated,
+    Happening,
+    Node,
+    Replay,
+    as_of,
+    begin,
+    differences,
+    fold,
+    link,
+)
 from labweb.domain.errors import DefinitionError, Finding, ReconcileError
 from labweb.domain.graph.lab_file.model import LabFile
 from labweb.domain.resources.contents import LotId
@@ -64,9 +76,26 @@ def _unreadable(lab: Lab, error: Exception) -> ReconcileError:
     return ReconcileError(f"the import of {lab.name} cannot be read: {error}", code="rebuild.base")
 
 
-def _happenings(lab: Lab, up_to: int | None) -> Iterator[Happening]:
-    for event in events_in_order(lab, up_to=up_to):
-        yield Happening(seq=event.seq, transaction_id=str(event.transaction_id), body=event.body)
+def begun_at(lab: Lab) -> datetime:
+    """Return when a lab was made here: nothing of it happened before."""
+    found = Event.objects.filter(lab=lab).order_by("seq").values_list("at", flat=True).first()
+    return now() if found is None else found
+
+
+def _happening(event: Event) -> Happening:
+    return Happening(seq=event.seq, transaction_id=str(event.transaction_id), body=event.body)
+
+
+def _dated(lab: Lab, last: int) -> Iterator[Dated]:
+    for event in events_in_order(lab, up_to=last):
+        try:
+            subjects = operations.subjects_of(operations.from_json(event.body["operation"]))
+        except (KeyError, TypeError, ValueError, msgspec.ValidationError) as error:
+            raise ReconcileError(
+                f"event {event.seq} cannot be replayed: {error}", code="rebuild.unreadable"
+            ) from error
+        about = frozenset(resource_id for resource_id, _ in subjects)
+        yield Dated(event=_happening(event), at=event.at, subjects=about)
 
 
 def replayed(lab: Lab, *, up_to: int | None = None) -> Replay:
@@ -75,7 +104,27 @@ def replayed(lab: Lab, *, up_to: int | None = None) -> Replay:
     Raises:
         ReconcileError: The import or an event cannot be read.
     """
-    return fold(begin(base_of(lab)), _happenings(lab, up_to))
+    return fold(begin(base_of(lab)), map(_happening, events_in_order(lab, up_to=up_to)))
+
+
+def replayed_to(lab: Lab, at: datetime, seq: int | None = None) -> Replay | None:
+    """Return the lab by what had happened up to a moment; None: it was imported later.
+
+    What happened by then counts though the server heard of it later.
+
+    Args:
+        lab: Which.
+        at: The moment, its end included.
+        seq: Of the events at that very moment, the last that counts; None: all.
+
+    Raises:
+        ReconcileError: The import or an event cannot be read.
+    """
+    rows = Event.objects.filter(lab=lab, at__lte=at)
+    last = rows.aggregate(last=Max("seq"))["last"]
+    if last is None:
+        return None
+    return fold(begin(base_of(lab)), as_of(_dated(lab, last), at, seq))
 
 
 def kept(lab: Lab) -> Replay:
@@ -146,13 +195,12 @@ def as_it_was(lab: Lab, at: datetime, *, now: datetime) -> Past:
     """
     if at > now:
         raise DefinitionError("that time is still to come", code="time.future")
-    seq = Event.objects.filter(lab=lab, at__lte=at).aggregate(last=Max("seq"))["last"]
-    if seq is None:
+    replay = replayed_to(lab, at)
+    if replay is None:
         raise DefinitionError(
             f"{lab.name} was not there at that time: it was imported later",
             code="time.before_lab",
         )
-    replay = replayed(lab, up_to=seq)
     contents: dict[UUID, dict[LotId, Amount]] = {}
     for (account, lot), amount in replay.balances.items():
         if account not in Account.__members__:

@@ -15,6 +15,7 @@ from labweb.common.render import iso
 from labweb.crutd.models import Event, EventSubject, Transaction
 from labweb.crutd.selectors.resolving import Resolved, resolved_of
 from labweb.domain.crutd.lifecycle import TransactionState
+from labweb.domain.crutd.operations import OperationName
 from labweb.domain.crutd.provenance.facts import LotFact, ResourceFact, TransactionFact
 from labweb.domain.crutd.provenance.stays import Move
 from labweb.resources import selectors as resource_selectors
@@ -181,6 +182,15 @@ def moves_of(ids: Collection[str]) -> list[Move]:
         if target is not None:
             found.append(Move(at, str(resource_id), _text(source), str(target)))
     return found
+
+
+def made_at(lab_id: UUID, resource_id: UUID) -> datetime | None:
+    """Return when a resource came to be: it was created, or imported with its lab."""
+    events = Event.objects.filter(lab_id=lab_id)
+    about = events.filter(subjects__resource_id=resource_id, subjects__role="subject")
+    created = about.filter(name=OperationName.CREATE.value, state="committed")
+    found = created.order_by("seq").values_list("at", flat=True).first()
+    return found or events.order_by("seq").values_list("at", flat=True).first()
 
 
 def parents_of(ids: Collection[str]) -> dict[str, str | None]:

@@ -13,7 +13,7 @@ from typing import Any
 
 from django.db import connection
 
-from labweb.common.clock import new_id, now
+from labweb.common.clock import happened_at, new_id
 from labweb.common.prepared import Question, together
 from labweb.crutd.models import Entry, Transaction
 from labweb.domain.crutd.ledger import Posting
@@ -121,7 +121,7 @@ def post(row: Transaction, postings: Sequence[Posting], released: Sequence[Reser
         *((None, one.debit, one.credit, one.amount_nl, one.amount_ug, _VOID) for one in released),
         *((p.lot, p.debit, p.credit, p.amount_nl, p.amount_ug, _POSTED) for p in postings),
     ]
-    _enter(row, now(), lines)
+    _enter(row, happened_at(), lines)
 
 
 def _enter(row: Transaction, at: datetime, lines: Sequence[tuple[Any, ...]]) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
+from datetime import datetime
 from functools import partial
 from typing import Any
 from uuid import UUID
@@ -14,10 +15,12 @@ from django.db.transaction import atomic, on_commit
 from labweb.accounts import services as account_services
 from labweb.accounts.selectors import User
 from labweb.common import feed
-from labweb.common.clock import now
+from labweb.common.clock import happened_at, now
+from labweb.common.clock import told as told_by_host
 from labweb.crutd import selectors
 from labweb.crutd.models import Event, Ticket, Transaction
 from labweb.crutd.selectors.chain import event_hash as event_hash
+from labweb.crutd.selectors.chain import told_columns
 from labweb.domain.approvals.roles import Permission
 from labweb.domain.crutd import operations
 from labweb.domain.crutd.decide import Change
@@ -28,14 +31,18 @@ from labweb.resources.selectors import Lab
 # Written out: they are on the way of every operation of the lab.
 _END = "SELECT seq, hash FROM crutd_eventhead WHERE lab_id = %s FOR NO KEY UPDATE"
 
-_COLUMNS = ("lab_id", "seq", "at", "transaction_id", "name", "state", "prev_hash", "hash")
+_COLUMNS = (
+    "lab_id", "seq", "at", "received_at", "uncertainty_s", "is_bounded", "transaction_id", "name",
+    "state", "prev_hash", "hash",
+)  # fmt: skip
 
 _APPEND = """
 WITH appended AS (
     INSERT INTO crutd_event
-        (lab_id, seq, at, transaction_id, name, state, body, prev_hash, hash)
-    VALUES (%(lab_id)s, %(seq)s, %(at)s, %(transaction_id)s, %(name)s, %(state)s, %(body)s::jsonb,
-        %(prev_hash)s, %(hash)s)
+        (lab_id, seq, at, received_at, uncertainty_s, is_bounded, transaction_id, name, state, body,
+        prev_hash, hash)
+    VALUES (%(lab_id)s, %(seq)s, %(at)s, %(received_at)s, %(uncertainty_s)s, %(is_bounded)s,
+        %(transaction_id)s, %(name)s, %(state)s, %(body)s::jsonb, %(prev_hash)s, %(hash)s)
     RETURNING id
 ), concerned AS (
     INSERT INTO crutd_eventsubject (event_id, resource_id, role)
@@ -87,11 +94,14 @@ def record(
     for name, rows in (along or {}).items():
         if rows:
             body[name] = [dict(row) for row in rows]
-    at = now()
+    at, of_host = happened_at(), told_of_host(now())
+    if of_host:
+        body["told"] = of_host
     event = Event(
         lab_id=row.lab_id,
         seq=seq + 1,
         at=at,
+        **told_columns(body),
         transaction=row,
         name=row.name,
         state=row.state,
@@ -102,6 +112,18 @@ def record(
     _append(event, operations.subjects_of(operations.from_json(row.operation)))
     on_commit(partial(feed.publish, "events", {"seq": event.seq, "job_id": body["job_id"]}))
     return event
+
+
+def told_of_host(received_at: datetime) -> dict[str, Any]:
+    """Return what stands in an event beside its time, where a host told it; else nothing."""
+    found = told_by_host()
+    if found is None:
+        return {}
+    return {
+        "received_at": received_at.isoformat(),
+        "uncertainty_s": found.uncertainty_s,
+        "is_bounded": found.is_bounded,
+    }
 
 
 def _end_of_chain(lab_id: UUID) -> tuple[int, str]:

@@ -9,7 +9,7 @@ from uuid import UUID
 
 from django.db.transaction import atomic
 
-from labweb.common.clock import now
+from labweb.common.clock import happened_at
 from labweb.crutd import selectors
 from labweb.crutd.models import Entry, ResourceLock, Transaction
 from labweb.crutd.selectors.archived import with_former_place
@@ -271,7 +271,7 @@ def _close(row: Transaction, change: Change, settlement: Settlement) -> None:
     row.conditions = [*row.conditions, *(dict(c) for c in settlement.conditions)]
     row.code, row.message = settlement.code, settlement.message
     if change.state in lifecycle.FINAL:
-        row.settled_at = now()
+        row.settled_at = happened_at()
         _pass_on(row)
     close_transaction(row)
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
+from datetime import datetime
 from typing import Any
 from uuid import UUID
 
@@ -67,6 +68,36 @@ class Replay:
         """Return what a vessel holds, by lot."""
         account = str(vessel)
         return {lot: amount for (name, lot), amount in self.balances.items() if name == account}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Dated:
+    """An event with its moment, and what it is about."""
+
+    event: Happening
+    at: datetime
+    subjects: frozenset[UUID]
+
+
+def as_of(events: Iterable[Dated], at: datetime, seq: int | None = None) -> Iterator[Happening]:
+    """Yield what had happened by a moment, whenever it was heard of, in the order of the chain.
+
+    What counts on something that had not happened yet is left out with it, whatever its time
+    says: a cause is never missing.
+
+    Args:
+        events: In the order of the chain.
+        at: The moment, its end included.
+        seq: Of the events at the very moment, the last one that counts; None: all of them.
+    """
+    to_come: set[UUID | str] = set()
+    for one in events:
+        about: set[UUID | str] = {*one.subjects, one.event.transaction_id}
+        is_later = one.at > at or (one.at == at and seq is not None and one.event.seq > seq)
+        if is_later or not to_come.isdisjoint(about):
+            to_come |= about
+        else:
+            yield one.event
 
 
 def begin(lab: LabFile) -> Replay:

@@ -83,9 +83,20 @@ class EdgeEvent(msgspec.Struct, frozen=True, kw_only=True):
 
     action_id: UUID | None
     at_s: float
-    """Wall clock of the host, for display only."""
+    """Clock of the host that people and programs set: what it showed."""
 
     body: dict[str, Any]
+    mono_s: float | None = None
+    """Clock of the host that only runs; None: an older program wrote the event."""
+
+    boot_id: str = ""
+    """Start of the machine from which that clock runs."""
+
+    happened_s: float | None = None
+    """The moment by the server's clock, as the host knows when it tells; no part of the hash."""
+
+    uncertainty_s: float | None = None
+    """At most so far is `happened_s` wrong; None: the host has not measured."""
 
 
 # --- uplink frames -----------------------------------------------------------------
@@ -133,6 +144,9 @@ class Welcome(msgspec.Struct, frozen=True, tag="welcome", tag_field="t", kw_only
     acked_seq: int
     floor: int
     server_at_s: float
+    heard_at_s: float | None = None
+    """When the HELLO came, by the clock of `server_at_s`, which is read last."""
+
     tick: Tick | None = None
     """The same moment by a clock that nobody sets; None: the server has none."""
 
@@ -195,6 +209,9 @@ class Heartbeat(msgspec.Struct, frozen=True, tag="heartbeat", tag_field="t", kw_
     wall_s: float | None = None
     """Wall clock of the host, to show how far it is from the server's; decides nothing."""
 
+    asked_s: float | None = None
+    """What the server is to say back in its `Pulse`: the clock of events, when this was sent."""
+
     open_count: int = 0
     """Actions of the journal that have not ended."""
 
@@ -206,6 +223,19 @@ class Heartbeat(msgspec.Struct, frozen=True, tag="heartbeat", tag_field="t", kw_
 
     halts_owed: frozenset[UUID] = frozenset()
     """Devices that have to be halted before they act again, and were not yet."""
+
+
+class Pulse(msgspec.Struct, frozen=True, tag="pulse", tag_field="t", kw_only=True):
+    """Answer to a sign of life: how late it is here."""
+
+    asked_s: float
+    """As it came."""
+
+    heard_at_s: float
+    """When the sign of life came."""
+
+    told_at_s: float
+    """When this was sent."""
 
 
 class StopLab(msgspec.Struct, frozen=True, tag="stop_lab", tag_field="t", kw_only=True):
@@ -267,6 +297,7 @@ ServerFrame = (
     | TryoutAsk
     | LookPart
     | Heads
+    | Pulse
 )
 
 
@@ -296,7 +327,8 @@ def event_hash(
 ) -> str:
     """Return the SHA-256 that binds an event to its journal and all before it.
 
-    `body` is the event's body as canonical text; None renders it.
+    `body` is the event's body as canonical text; None renders it. An event of a program that
+    read one clock alone is bound as that program bound it.
     """
     fields = {
         "journal_id": str(journal_id),
@@ -307,4 +339,6 @@ def event_hash(
         "at_s": event.at_s,
         "body": event.body if body is None else msgspec.Raw(body),
     }
+    if event.boot_id:
+        fields["clock"] = {"boot_id": event.boot_id, "mono_s": event.mono_s}
     return hashlib.sha256(canonical(fields)).hexdigest()

@@ -36,7 +36,11 @@ class Telemetry(msgspec.Struct, frozen=True, tag="telemetry", tag_field="t", kw_
 
     epoch: int
     samples: list[tuple[str, str, float, Any]]
-    """(device id, status, wall seconds, value)."""
+    """(device id, status, seconds since the Unix epoch, value): by the server's clock, as the host
+    had measured it when it read the value; before it has measured, by its own."""
+
+    uncertainties_s: list[float | None] = msgspec.field(default_factory=list)
+    """Of each sample: at most so far is its time wrong; None: nobody had measured."""
 
     lost_count: int = 0
     gaps: list[TelemetryGap] = msgspec.field(default_factory=list)

@@ -6,7 +6,7 @@ import re
 
 import msgspec
 
-PROTOCOL_VERSION = 4
+PROTOCOL_VERSION = 5
 _TAG = re.compile(r"[a-z_]{1,40}")
 
 

@@ -272,6 +272,8 @@ def render_job(
         "state_at": iso(job.state_at),
         "started_at": iso(job.started_at),
         "ended_at": iso(job.ended_at),
+        "uncertainty_s": job.uncertainty_s,
+        "is_bounded": job.is_bounded,
         "estimate_s": estimate_s(job),
         "verification": job.verification,
         "code": job.code,

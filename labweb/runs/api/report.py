@@ -11,6 +11,7 @@ from rest_framework.response import Response
 
 from labweb.accounts.api import Endpoint
 from labweb.accounts.selectors import user_of
+from labweb.common.render import iso
 from labweb.domain.approvals.roles import Permission
 from labweb.domain.crutd.balance import AccountChange, Yield
 from labweb.domain.crutd.provenance import is_nominal
@@ -41,6 +42,8 @@ class RunReport(Endpoint):
         names = {row.pk: row.name for row in resource_selectors.rows(ids & seen)}
         return Response(
             {
+                "started_at": iso(run.started_at),
+                "ended_at": iso(run.ended_at),
                 "taken": [_change(change, report, names) for change in balance.taken],
                 "brought": [_change(change, report, names) for change in balance.brought],
                 "taken_ug": balance.taken_ug,

@@ -200,7 +200,10 @@ def _reported(
         raise ValueError(event)  # they were found by the actions
     job, end = jobs[event.action_id], ends[event.action_id]
     return {
-        "at": iso(event.received_at),
+        "at": iso(event.happened_at or event.received_at),
+        "received_at": iso(event.received_at),
+        "uncertainty_s": event.uncertainty_s,
+        "is_bounded": event.is_bounded,
         "job_id": str(job.id),
         "job_index": job.index,
         "kind": event.kind,
@@ -213,7 +216,7 @@ def _reported(
 def _place(line: HostEvent | dict[str, Any]) -> list[Any]:
     """Order lines by time; what a host reported stands before how things went on from it."""
     if isinstance(line, HostEvent):
-        return [line.received_at.timestamp(), line.pk, ""]
+        return [(line.happened_at or line.received_at).timestamp(), line.pk, ""]
     at = datetime.fromisoformat(line["at"]).timestamp()
     return [at, 2**62, f"{line['kind']} {line['text']}"]
 

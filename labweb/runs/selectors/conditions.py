@@ -46,6 +46,12 @@ def conditions(
     }
 
 
+def made_s(resource: Resource) -> float:
+    """Return when a resource came to be, in seconds since the Unix epoch; 0: nobody knows."""
+    at = crutd.made_at(resource.lab_id, resource.id)
+    return 0.0 if at is None else at.timestamp()
+
+
 def _files(device: Device, since: datetime) -> dict[File, Moment]:
     """Return files that came from the device since a moment, each with when it was measured."""
     rows = telemetry_selectors.files_of_device(device.id, since)[: MOST_FILES + 1]
@@ -58,6 +64,7 @@ def _stay(
 ) -> dict[str, Any]:
     rows = Job.objects.filter(device=device, started_at__lt=end).exclude(ended_at__lt=begin)
     jobs = list(rows.order_by("started_at")[: MOST_JOBS + 1])
+    uncertain = {str(job.pk): job.uncertainty_s for job in jobs}
     return {
         "since": iso(begin),
         "until": iso(end),
@@ -70,6 +77,7 @@ def _stay(
                 "state": job.state,
                 "started_at": job.started_at,
                 "ended_at": job.ended_at or None,
+                "uncertainty_s": uncertain.get(job.id),
                 "driver_digest": job.driver_digest,
                 "reported": reported(job),
                 "contexts": dict(job.contexts),

@@ -19,6 +19,7 @@ from labweb.enrollment import selectors as enrollment_selectors
 from labweb.enrollment.selectors import Device
 from labweb.runs.models import Attempt, HostEvent, Job, Run
 from labweb.runs.selectors import governed
+from labweb.runs.selectors.event_file import clock_of
 from labweb.telemetry import selectors as telemetry_selectors
 from labweb.telemetry.selectors import File
 
@@ -50,6 +51,8 @@ def events(run: Run) -> Iterator[dict[str, Any]]:
         yield {
             "seq": row.seq,
             "at": iso(row.at),
+            "received_at": iso(row.received_at),
+            "uncertainty_s": row.uncertainty_s,
             "operation": row.name,
             "state": row.state,
             "transaction_id": str(row.transaction_id),
@@ -71,6 +74,7 @@ def host_events(run: Run) -> Iterator[dict[str, Any]]:
             "kind": row.kind,
             "action_id": str(row.action_id),
             "at_s": row.at_s,
+            **clock_of(row),
             "received_at": iso(row.received_at),
             "body": row.body,
         }

@@ -29,7 +29,8 @@ _AFTER = {
     "crutd.resourcelock": None,
     "enrollment.driverversion": None,
     "enrollment.edgehost": (
-        "lab", "key", "name", "journal_id", "acked_seq", "hash_at_acked", "epoch", "floor",
+        "lab", "key", "name", "journal_id", "acked_seq", "hash_at_acked", "acked_happened_s",
+        "acked_uncertainty_s", "epoch", "floor",
         "last_dseq", "epoch_seen", "boots", "stop_acknowledged", "stop_acknowledged_at",
     ),
     "enrollment.device": None,
@@ -91,11 +92,25 @@ def records_of(lab: Lab) -> Iterator[tuple[str, Any]]:
                 "kind": row.kind,
                 "action_id": row.action_id,
                 "at_s": row.at_s,
+                **clock_of(row),
                 "received_at": row.received_at.isoformat(),
                 "body": row.body,
                 "hash": row.hash,
             },
         )
+
+
+def clock_of(row: HostEvent) -> dict[str, Any]:
+    """Return what is known of when an event happened; nothing of one from an older program."""
+    if row.happened_at is None:
+        return {}
+    return {
+        "mono_s": row.mono_s,
+        "boot_id": row.boot_id,
+        "happened_at": row.happened_at.isoformat(),
+        "uncertainty_s": row.uncertainty_s,
+        "is_bounded": row.is_bounded,
+    }
 
 
 def _rows(tables: Mapping[str, tuple[str, ...] | None]) -> Iterator[tuple[str, Any]]:

@@ -14,7 +14,7 @@ from django.db.transaction import atomic, on_commit
 from labweb.accounts import services as account_services
 from labweb.accounts.selectors import User
 from labweb.common import feed
-from labweb.common.clock import new_id, now
+from labweb.common.clock import happened_at, new_id, now
 from labweb.common.wake import wake_dispatcher
 from labweb.crutd import selectors as crutd_selectors
 from labweb.crutd import services as crutd_services
@@ -270,7 +270,7 @@ def _released(host: EdgeHost, made: Custody, event: EdgeEvent) -> None:
     newer = {part["id"]: part for part in event.body.get("parts", [])}
     made.parts = [newer.get(part["id"], part) for part in made.parts]
     made.state, made.owner, made.view = after.state.value, None, event.body["view"]
-    made.released_at = now()
+    made.released_at = happened_at()
     made.save(update_fields=["state", "owner", "view", "parts", "released_at"])
     dispatch.settle_outbox(_transfer_id(made), ["release"])
     if made.job_id is not None and made.target is not None:
@@ -317,7 +317,7 @@ def _received(host: EdgeHost, made: Custody, event: EdgeEvent) -> None:
 
 
 def _end(made: Custody, owner: EdgeHost) -> None:
-    made.state, made.owner, made.ended_at = CustodyState.OWNED.value, owner, now()
+    made.state, made.owner, made.ended_at = CustodyState.OWNED.value, owner, happened_at()
     made.save(update_fields=["state", "owner", "ended_at"])
 
 

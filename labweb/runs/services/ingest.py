@@ -13,10 +13,11 @@ from django.db import DataError
 from django.db.transaction import atomic
 
 from labweb.accounts import selectors as account_selectors
-from labweb.common.clock import now
+from labweb.common.clock import happened_at, moment_of, now, telling
 from labweb.common.render import iso
 from labweb.crutd import selectors as crutd_selectors
 from labweb.crutd import services as crutd_services
+from labweb.crutd.selectors.past import begun_at
 from labweb.crutd.services import Settlement
 from labweb.domain.calibration.model import Correction
 from labweb.domain.calibration.reading import corrected
@@ -24,6 +25,7 @@ from labweb.domain.canonical import without_null
 from labweb.domain.crutd.decide import Outcome, OutcomeKind
 from labweb.domain.errors import LabError, StateError
 from labweb.domain.messages import EdgeEvent
+from labweb.domain.runs.clocks import Cause, Happened, happened, latest, told_moment
 from labweb.domain.runs.context import read_context
 from labweb.domain.runs.halting import IS_HALTED
 from labweb.domain.runs.intake import Meaning, read_event
@@ -71,10 +73,11 @@ def ingest_events(host_id: UUID, epoch: int, events: Sequence[EdgeEvent]) -> int
     if intake.code:
         quarantine(host, intake.code, intake.message)
         return None
+    at_s = now().timestamp()
     try:
         with atomic():
-            for event in intake.fresh:
-                _take(host, event)
+            for event, by_s in zip(intake.fresh, latest(intake.fresh, at_s), strict=True):
+                _date(host, event, by_s)
             drivers.switch_idle(host)
     except _SENSELESS as error:
         quarantine(host, "host.bad_event", f"an event makes no sense: {error}")
@@ -83,16 +86,39 @@ def ingest_events(host_id: UUID, epoch: int, events: Sequence[EdgeEvent]) -> int
         host.acked_seq = intake.fresh[-1].seq
         host.hash_at_acked = intake.fresh[-1].hash
         host.epoch_seen = heard(record).epoch_seen
-        host.save(update_fields=["acked_seq", "hash_at_acked", "epoch_seen"])
+        host.save(
+            update_fields=[
+                "acked_seq", "hash_at_acked", "epoch_seen", "acked_happened_s",
+                "acked_uncertainty_s",
+            ]
+        )  # fmt: skip
     return host.acked_seq
 
 
-def _take(host: EdgeHost, event: EdgeEvent) -> None:
+def _date(host: EdgeHost, event: EdgeEvent, by_s: float) -> None:
+    """Take an event in as of when it happened: after its dispatch and what was told before."""
+    if host.acked_happened_s is None:
+        causes = [Cause(begun_at(host.lab).timestamp())]
+    else:
+        causes = [Cause(host.acked_happened_s, host.acked_uncertainty_s)]
+    attempt = None
+    if event.action_id is not None:
+        selectors.hold_run_of(event.action_id)
+        attempt = selectors.attempt_for_update(event.action_id)
+    if attempt is not None and attempt.host_id == host.id:
+        causes.append(Cause(attempt.at.timestamp()))
+    found = happened(told_moment(event), causes, by_s)
+    host.acked_happened_s, host.acked_uncertainty_s = found.at_s, found.uncertainty_s
+    with telling(found):
+        _take(host, event, attempt, found)
+
+
+def _take(host: EdgeHost, event: EdgeEvent, attempt: Attempt | None, found: Happened) -> None:
     if b"\\u0000" in msgspec.json.encode(event.body):
         event = msgspec.structs.replace(event, body=without_null(event.body))
-    _keep(host, event)
+    _keep(host, event, found)
     if event.action_id is not None:
-        _apply(host, event, event.action_id)
+        _apply(host, event, attempt)
         return
     try:
         with atomic():
@@ -112,7 +138,7 @@ def _doubt_word(host: EdgeHost, event: EdgeEvent, why: str) -> None:
         crutd_services.open_ticket(host.lab, "host.bad_word", text[:2000], detail)
 
 
-def _keep(host: EdgeHost, event: EdgeEvent) -> None:
+def _keep(host: EdgeHost, event: EdgeEvent, found: Happened) -> None:
     if host.journal_id is None:
         raise StateError("events before HELLO", code="host.no_session")
     HostEvent.objects.create(
@@ -123,6 +149,11 @@ def _keep(host: EdgeHost, event: EdgeEvent) -> None:
         kind=event.kind,
         action_id=event.action_id,
         at_s=event.at_s,
+        mono_s=event.mono_s,
+        boot_id=event.boot_id,
+        happened_at=moment_of(found),
+        uncertainty_s=found.uncertainty_s,
+        is_bounded=found.is_bounded,
         received_at=now(),
         body=event.body,
     )
@@ -152,12 +183,10 @@ def _apply_word(host: EdgeHost, event: EdgeEvent) -> None:
         take_lost(host, event)
 
 
-def _apply(host: EdgeHost, event: EdgeEvent, action_id: UUID) -> None:
-    selectors.hold_run_of(action_id)
-    attempt = selectors.attempt_for_update(action_id)
+def _apply(host: EdgeHost, event: EdgeEvent, attempt: Attempt | None) -> None:
     if attempt is None or attempt.host_id != host.id:
         text = f"{host.name} reports on an action this server never sent it"
-        detail = {"action_id": str(action_id), "kind": event.kind}
+        detail = {"action_id": str(event.action_id), "kind": event.kind}
         doubt(host, "host.unknown_action", text, detail, "action_id")
         return
     meaning = read_event(event.kind, event.body, JobState(attempt.job.state))
@@ -262,8 +291,8 @@ def _resolution(attempt: Attempt, body: Mapping[str, Any], meaning: Meaning) -> 
     return {
         **_answer(body, meaning),
         "by": _name_of(str(body.get("issued_by") or "")),
-        "doubt_at": iso(attempt.job.state_at),
-        "at": iso(now()),
+        "doubt_at": iso(attempt.job.ended_at or attempt.job.state_at),
+        "at": iso(happened_at()),
     }
 
 

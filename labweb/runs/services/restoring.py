@@ -22,7 +22,7 @@ from labweb.accounts.selectors import User
 from labweb.common.reading import one_moment
 from labweb.crutd import services as crutd_services
 from labweb.crutd.selectors import Event
-from labweb.crutd.selectors.chain import broken_link
+from labweb.crutd.selectors.chain import broken_link, told_columns
 from labweb.crutd.selectors.verifying import ledger_violations
 from labweb.domain.crutd import operations
 from labweb.domain.errors import DefinitionError, ReconcileError, StateError
@@ -193,6 +193,7 @@ class _Reader:
             lab_id=self.lab_id,
             seq=body["seq"],
             at=datetime.fromisoformat(body["at"]),
+            **told_columns(body["body"]),
             transaction_id=UUID(body["transaction_id"]),
             name=operations.name_of(operation).value,
             state=body["body"]["change"]["state"],
@@ -215,10 +216,12 @@ class _Reader:
         told = EdgeEvent(
             seq=body["seq"], prev_hash=prev, hash=body["hash"], kind=body["kind"],
             action_id=action_id, at_s=body["at_s"], body=body["body"],
+            mono_s=body.get("mono_s"), boot_id=body.get("boot_id", ""),
         )  # fmt: skip
         if told.seq != seq + 1 or event_hash(journal[1], prev, told) != told.hash:
             raise bad_line(n, f"breaks the chain of host {journal[0]} at its event {told.seq}")
         self.heads[journal] = (told.seq, told.hash)
+        happened = body.get("happened_at")
         return HostEvent(
             host_id=journal[0],
             journal_id=journal[1],
@@ -227,6 +230,11 @@ class _Reader:
             kind=told.kind,
             action_id=action_id,
             at_s=told.at_s,
+            mono_s=told.mono_s,
+            boot_id=told.boot_id,
+            happened_at=None if happened is None else datetime.fromisoformat(happened),
+            uncertainty_s=body.get("uncertainty_s"),
+            is_bounded=body.get("is_bounded", False),
             received_at=datetime.fromisoformat(body["received_at"]),
             body=told.body,
         )

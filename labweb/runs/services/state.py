@@ -7,11 +7,12 @@ from functools import partial
 from typing import Any
 from uuid import UUID
 
+from django.db.models import Max
 from django.db.transaction import atomic, on_commit
 
 from labweb.accounts.selectors import User
 from labweb.common import feed
-from labweb.common.clock import now
+from labweb.common.clock import happened_at, now, told
 from labweb.common.prepared import Question, together, updating
 from labweb.common.wake import wake_dispatcher
 from labweb.domain.errors import LockedError, PreconditionError
@@ -39,13 +40,18 @@ def moving(job: Job, state: JobState, mover: Mover, **fields: Any) -> Question[A
     check_step(JobState(job.state), state, mover)
     job.state = state.value
     job.state_at = now()
+    found, names = told(), ["state", "state_at", "started_at", "ended_at"]
     if state is JobState.RUNNING and job.started_at is None:
-        job.started_at = job.state_at
+        job.started_at = happened_at()
     if state in FINAL:
-        job.ended_at = job.state_at
+        job.ended_at = happened_at()
+    if found is not None:
+        job.uncertainty_s = max(found.uncertainty_s, job.uncertainty_s or 0.0)
+        job.is_bounded = job.is_bounded or found.is_bounded
+        names += ["uncertainty_s", "is_bounded"]
     for name, value in fields.items():
         setattr(job, name, value)
-    return updating(job, "state", "state_at", "started_at", "ended_at", *fields)
+    return updating(job, *names, *fields)
 
 
 def announce(run_id: UUID, job_id: UUID | None = None) -> None:
@@ -113,7 +119,8 @@ def refresh_run(run_id: UUID) -> Run:
     if state.value != run.state:
         run.state = state.value
         if state in {RunState.COMPLETE, RunState.ABORTED}:
-            run.ended_at = now()
+            last = Job.objects.filter(run=run).aggregate(at=Max("ended_at"))["at"]
+            run.ended_at = happened_at() if last is None else max(happened_at(), last)
         run.save(update_fields=["state", "ended_at"])
         on_commit(partial(announce, run_id))
     holding.release(run)

@@ -6,6 +6,7 @@ import logging
 import time
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
+from itertools import zip_longest
 from typing import Any
 from uuid import UUID
 
@@ -33,10 +34,10 @@ _REASON_LENGTH = 16
 
 _KEEP = """
 WITH came AS (
-    INSERT INTO telemetry_sample (device_id, status, at, value)
-    SELECT device_id, status, at, value::jsonb
-    FROM unnest(%s::uuid[], %s::text[], %s::float8[], %s::text[])
-        AS told(device_id, status, at, value)
+    INSERT INTO telemetry_sample (device_id, status, at, value, uncertainty_s, received_at)
+    SELECT device_id, status, at, value::jsonb, uncertainty_s, %s
+    FROM unnest(%s::uuid[], %s::text[], %s::float8[], %s::text[], %s::float8[])
+        AS told(device_id, status, at, value, uncertainty_s)
     ORDER BY device_id, status, at
     ON CONFLICT DO NOTHING
     RETURNING device_id, status, at, jsonb_typeof(value) AS kind
@@ -61,6 +62,7 @@ class _Frame:
     statuses: list[str] = field(default_factory=list)
     ats: list[float] = field(default_factory=list)
     values: list[str] = field(default_factory=list)
+    uncertainties_s: list[float | None] = field(default_factory=list)
     shown: dict[str, list[list[Any]]] = field(default_factory=dict)
     refused: dict[tuple[str, str], list[float]] = field(default_factory=dict)
     """Times of samples that are not stored, by device and reason."""
@@ -74,6 +76,7 @@ def take_in(
     known: set[UUID],
     samples: Sequence[tuple[str, str, float, Any]],
     gaps: Iterable[TelemetryGap] = (),
+    uncertainties_s: Sequence[float | None] = (),
 ) -> None:
     """Store a frame of samples and of gaps, and announce it.
 
@@ -82,14 +85,16 @@ def take_in(
 
     Args:
         known: Devices of the host that sends; samples of others are dropped.
-        samples: (device id, status, wall seconds of the host, value).
+        samples: (device id, status, seconds since the Unix epoch, value).
         gaps: What the host knows to be missing.
+        uncertainties_s: Of each sample, how far its time may be wrong; None: the host did not
+            measure; none at all: it measures nothing.
 
     Effect:
         None on matter. Once it returns, every sample of a known device is stored or its gap is.
     """
     names = {str(device_id) for device_id in known}
-    frame = _sorted(names, samples)
+    frame = _sorted(names, samples, uncertainties_s)
     lost = [_told(gap, device_id) for gap in gaps for device_id in gap.device_ids]
     with atomic():
         _keep(frame)
@@ -105,11 +110,16 @@ def take_in(
     )
 
 
-def _sorted(names: set[str], samples: Sequence[tuple[str, str, float, Any]]) -> _Frame:
+def _sorted(
+    names: set[str],
+    samples: Sequence[tuple[str, str, float, Any]],
+    uncertainties_s: Sequence[float | None],
+) -> _Frame:
     at_s = time.time()
     oldest = at_s - settings.TELEMETRY_KEEP_S[RAW]
     frame = _Frame()
-    for device_id, status, at, value in samples:
+    known = zip_longest(samples, uncertainties_s[: len(samples)])
+    for (device_id, status, at, value), uncertainty_s in known:
         if device_id not in names:
             continue
         text = msgspec.json.encode(value).decode()
@@ -124,6 +134,7 @@ def _sorted(names: set[str], samples: Sequence[tuple[str, str, float, Any]]) -> 
         frame.statuses.append(status)
         frame.ats.append(at)
         frame.values.append(text)
+        frame.uncertainties_s.append(uncertainty_s)
         frame.shown.setdefault(device_id, []).append([status, at, value])
     return frame
 
@@ -132,10 +143,11 @@ def _keep(frame: _Frame) -> None:
     """Store the samples of a frame; all of them are refused if the database cannot hold one."""
     if not frame.ats:
         return
-    columns = (frame.device_ids, frame.statuses, frame.ats, frame.values)
+    columns = (frame.device_ids, frame.statuses, frame.ats, frame.values, frame.uncertainties_s)
+    at_s = time.time()
     try:
         with atomic(), connection.cursor() as cursor:
-            cursor.execute(_KEEP, [*columns, time.time()])
+            cursor.execute(_KEEP, [at_s, *columns, at_s])
     except DataError as error:
         logger.warning("%d samples are refused: %s", len(frame.ats), error)
         for device_id, at in zip(frame.device_ids, frame.ats, strict=True):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from datetime import UTC, datetime
 from typing import Any
 from uuid import UUID
 
@@ -20,7 +21,15 @@ from labweb.domain.crutd.ledger import (
     vessel_of,
     vessels_of,
 )
-from labweb.domain.crutd.replay import Happening, Replay, begin, differences, fold
+from labweb.domain.crutd.replay import (
+    Dated,
+    Happening,
+    Replay,
+    as_of,
+    begin,
+    differences,
+    fold,
+)
 from labweb.domain.errors import ReconcileError
 from labweb.domain.graph.lab_file.model import LabFile, Mode
 from labweb.domain.resources.contents import LotId, Phase
@@ -149,3 +158,36 @@ def test_a_lot_that_does_not_sum_to_zero_is_named() -> None:
 
 def test_an_empty_replay_of_nothing_is_nothing() -> None:
     assert fold(Replay(), []) == Replay()
+
+
+def dated(seq: int, at_s: float, *about: UUID, transaction: str = "") -> Dated:
+    made = event(seq, transaction or f"t{seq}")
+    return Dated(event=made, at=datetime.fromtimestamp(at_s, UTC), subjects=frozenset(about))
+
+
+def seqs_as_of(events: list[Dated], at_s: float, seq: int | None = None) -> list[int]:
+    return [one.seq for one in as_of(events, datetime.fromtimestamp(at_s, UTC), seq)]
+
+
+def test_what_was_heard_of_later_counts_from_when_it_happened() -> None:
+    events = [dated(1, 0, LAB), dated(2, 50, BENCH), dated(3, 20, BOTTLE), dated(4, 30, FLASK)]
+    assert seqs_as_of(events, 25) == [1, 3]
+    assert seqs_as_of(events, 50) == [1, 2, 3, 4]
+
+
+def test_what_counts_on_something_to_come_is_left_out_with_it() -> None:
+    events = [
+        dated(1, 50, BOTTLE), dated(2, 20, BOTTLE, FLASK), dated(3, 21, FLASK), dated(4, 22, BENCH),
+    ]  # fmt: skip
+    assert seqs_as_of(events, 30) == [4]
+
+
+def test_a_transaction_is_not_ended_before_its_doubt() -> None:
+    events = [dated(1, 50, BOTTLE, transaction="t"), dated(2, 20, FLASK, transaction="t")]
+    assert seqs_as_of(events, 30) == []
+
+
+def test_of_one_moment_the_place_in_the_chain_decides() -> None:
+    events = [dated(1, 10, BOTTLE), dated(2, 10, FLASK), dated(3, 10, BENCH)]
+    assert seqs_as_of(events, 10, 2) == [1, 2]
+    assert seqs_as_of(events, 10) == [1, 2, 3]

@@ -21,7 +21,7 @@ from labweb.domain.runs.halting import (
 from labweb.domain.runs.job import JobState
 from labweb.domain.runs.motion import is_moving, tells_motion
 from labweb.domain.runs.recovery import Ended, choices_for
-from tests.simulation.memory import Disk, MemoryWrite
+from tests.simulation.memory import BEGINNING, Disk, MemoryWrite
 
 
 def done(*actions: str | tuple[str, dict[str, Any]]) -> list[Done]:
@@ -172,7 +172,7 @@ def test_the_first_cause_of_an_owed_halt_stays_and_the_first_action_that_waits_f
     """A stop owes it first; the action that it cut off is asked about, and hears of it later."""
     disk, device = a_disk(), UUID(int=3)
     for code, action in (("edge.stopped", None), ("edge.halted", 4), ("edge.interrupted", 5)):
-        with MemoryWrite(disk, 0.0, lambda _: None) as tx:
+        with MemoryWrite(disk, BEGINNING, lambda _: None) as tx:
             owe_halt(tx, device, code, None if action is None else UUID(int=action))
     assert owed(disk) == {str(device): {"code": "edge.stopped", "action_id": str(UUID(int=4))}}
 

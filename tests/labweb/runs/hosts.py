@@ -64,7 +64,7 @@ class Host:
             standing.write_armed(tx, "boot", None)
 
     def write(self) -> MemoryWrite:
-        return MemoryWrite(self.disk, self.wall_s, lambda has_appended: None)
+        return MemoryWrite(self.disk, self.now(), lambda has_appended: None)
 
     def tick(self) -> Tick:
         """Return the moment by the server's clock, which is far from the host's own."""
