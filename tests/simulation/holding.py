@@ -190,8 +190,8 @@ class HoldingWorld(HaltingWorld):
             is_first = run != fresh.run and asked_at < turn
             first = next(one for one in self.server.jobs if one.run == run)
             if is_first and first.state is JobState.QUEUED and not first.actions:
-                both = self._needed_by(run) & self._needed_by(fresh.run)
-                require(not both, "W2", f"run {fresh.run} overtakes run {run}")
+                needed = self._needed_by(run) & self._needed_by(fresh.run)
+                require(not needed, "W2", f"run {fresh.run} overtakes run {run}")
 
     def _needed_by(self, run: int) -> set[UUID]:
         """What jobs of a run that have not ended use of what it keeps."""

@@ -5,7 +5,7 @@ from django.db import migrations, models
 
 class Migration(migrations.Migration):
     dependencies = [
-        ("runs", "0017_no_truncate"),
+        ("runs", "0018_times"),
     ]
 
     operations = [
