@@ -34,6 +34,21 @@ RUN_ABORTED = "edge.run_aborted"
 DEVICE_STOPPED = "edge.device_stopped"
 """A person stopped this device alone."""
 
+_HALTS = frozenset({STOPPED, WITH_ACTION, INTERRUPTED, RUN_ABORTED, DEVICE_STOPPED})
+
+
+def is_off_since(halted_by: str) -> bool:
+    """Say whether the device of a completed action was brought to its safe state since then.
+
+    A set-point that was lost may stand elsewhere: somebody has turned the knob up. The same holds
+    for what a person goes on without.
+
+    Args:
+        halted_by: Why the action counts as undone; empty: it does not.
+    """
+    return halted_by in _HALTS
+
+
 MAY_MOVE = "its device may still move"
 """How it is told that nobody saw a halted device stand."""
 

@@ -32,6 +32,7 @@ from labweb.domain.runs.halting import (
     DEVICE_STOPPED,
     RUN_ABORTED,
     Done,
+    is_off_since,
     leaves_standing,
     may_stand,
     still_standing,
@@ -217,7 +218,9 @@ def _standing(run: Run, device: Device) -> list[Set]:
     complete = rows.filter(state=JobState.COMPLETE.value).annotate(last=Max("attempts__dseq"))
     done = list(complete.order_by("last", "pk"))
     told = [Done(index=at, action=job.action, args=job.args) for at, job in enumerate(done)]
-    found: list[Job] = [done[at] for at in still_standing(told) if not done[at].halted_by]
+    found: list[Job] = [
+        done[at] for at in still_standing(told) if not is_off_since(done[at].halted_by)
+    ]
     acting = rows.filter(state__in=_AT_EDGE).exclude(run=run)
     found += [job for job in acting if leaves_standing(job.action, job.args)]
     return [Set(run_id=job.run_id, is_live=_is_live(job.run)) for job in found]

@@ -13,7 +13,7 @@ from labweb.domain.runs import halting, vanishing
 from labweb.domain.runs.edge import Report
 from labweb.domain.runs.stands import Stands, read_stands
 from labweb.runs import services
-from labweb.runs.models import Job, Run
+from labweb.runs.models import DeviceHalt, Job, Run
 from labweb.runs.services.rebuilding import differences
 from tests.builders import Bench
 from tests.labweb.runs.hosts import Host, a_heating_run
@@ -146,3 +146,31 @@ def test_another_actions_word_changes_nothing_but_what_it_names(
     host.tell()
     run.refresh_from_db()
     assert run.pause_reasons == []
+
+
+def until_heated(host: Host) -> None:
+    """Stir and heat; nothing acts any more, and the hold has not begun."""
+    for _ in range(2):
+        services.dispatch_ready()
+        host.take()
+        host.end(host.begin(), Report(ok=True))
+        host.tell()
+
+
+@pytest.mark.parametrize("goes_on", [False, True])
+def test_an_abort_halts_a_device_that_has_lost_what_was_set_for_it_may_be_set_to_anything(
+    bench: Bench,
+    host: Host,
+    run: Run,
+    goes_on: bool,  # noqa: FBT001
+) -> None:
+    until_heated(host)
+    assert lose(host, bench, "heat", 120.0)
+    assert lose(host, bench, "motion", 900.0)
+    host.tell()
+    chemist = bench.people["chemist"]
+    for job in Job.objects.filter(run=run, halted_by="edge.setpoint_lost") if goes_on else ():
+        services.recover_job(job.id, actor=chemist, choice="skip", note="warm enough")
+    services.abort_run(run.id, actor=chemist, reason="it smells")
+    assert DeviceHalt.objects.get(run=run).device == bench.device("heater_1")
+    assert DeviceHalt.objects.get(run=run).state == "asked"
