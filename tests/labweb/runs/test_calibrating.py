@@ -256,7 +256,7 @@ def test_the_page_tells_what_can_be_calibrated_and_what_was(bench: Bench) -> Non
     assert volume["history"][0]["standing"] == "in_force"
     assert volume["history"][0]["can"]["withdraw"] is True
     told = read(client, f"/api/v1/devices/{bench.device('balance_1').id}/calibrations")
-    assert told == {"quantities": []}
+    assert told == {"quantities": [], "next": None}
     answer = call(client, "GET", f"/api/v1/calibrations/{bench.lab.id}")
     assert answer.status_code == 404
 

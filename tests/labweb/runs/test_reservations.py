@@ -73,7 +73,7 @@ def test_it_ends_by_itself(bench: Bench) -> None:
     operation = pour(bench, "water", "flask_1", 1_000_000)
     assert post(bench, operation, role="approver")[0] == 201
     client = signed_in(bench.people["chemist"])
-    assert read(client, "/api/v1/reservations") == {"reservations": []}
+    assert read(client, "/api/v1/reservations") == {"reservations": [], "next": None}
 
 
 @pytest.mark.parametrize(("reserved", "used"), [("bench", "water"), ("water", "bench")])
