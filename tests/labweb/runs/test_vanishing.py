@@ -162,7 +162,7 @@ def test_an_abort_halts_a_device_that_has_lost_what_was_set_for_it_may_be_set_to
     bench: Bench,
     host: Host,
     run: Run,
-    goes_on: bool,  # noqa: FBT001
+    goes_on: bool,
 ) -> None:
     until_heated(host)
     assert lose(host, bench, "heat", 120.0)
