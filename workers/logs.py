@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-import sys
 
 FORMAT = "%(asctime)s %(levelname)s %(name)s %(message)s"
 
@@ -35,22 +34,3 @@ class LossyStream(logging.StreamHandler):  # type: ignore[type-arg] # generic in
 def set_up(level: str) -> None:
     """Let this process log to its standard error from a level on."""
     logging.basicConfig(level=level, format=FORMAT, handlers=[LossyStream()])
-
-
-class _Nowhere:
-    """Takes every word and keeps none."""
-
-    def write(self, text: str) -> int:
-        return len(text)
-
-    def flush(self) -> None:
-        return
-
-
-def hush_celery() -> None:
-    """Let nothing be said past the log.
-
-    Celery writes to the standard output from its signal handlers, and one that a full disk
-    refuses breaks the end off: the devices of a line would not be halted.
-    """
-    sys.__stdout__ = _Nowhere()  # type: ignore[misc,assignment]

@@ -175,10 +175,10 @@ def _keep_heap(**_: object) -> None:
 
 def _work(app: Celery, queue: str, node: str) -> None:
     worker_ready.connect(_keep_heap, weak=False)
-    logs.hush_celery()
     level = logging.getLevelName(logging.getLogger().level)
     app.worker_main(
         [
+            "--quiet",  # its banner goes past the log: on a full disk it would end the process
             "worker",
             *WORKER_OPTIONS,
             f"--queues={queue}",

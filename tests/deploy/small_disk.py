@@ -40,6 +40,12 @@ class SmallDisk:
                     while file.write(b"\0" * block):
                         pass
 
+    def fill_page_of(self, file: Path) -> None:
+        """Take what is left in the last page of a file, into which a few more words would go."""
+        with file.open("ab", buffering=0) as stream, suppress(OSError):
+            while stream.write(b"\n"):
+                pass
+
     def clear(self) -> None:
         """Give it all back."""
         self._ballast.unlink(missing_ok=True)
