@@ -7,6 +7,28 @@ from dataclasses import dataclass
 from enum import StrEnum
 from uuid import UUID
 
+from labweb.domain.runs.halting import (
+    DEVICE_STOPPED,
+    INTERRUPTED,
+    RUN_ABORTED,
+    STOPPED,
+    WITH_ACTION,
+)
+
+_HALTS = frozenset({STOPPED, WITH_ACTION, INTERRUPTED, RUN_ABORTED, DEVICE_STOPPED})
+
+
+def is_off_since(halted_by: str) -> bool:
+    """Say whether the device of a completed action was brought to its safe state since then.
+
+    A set-point that was lost may stand elsewhere: somebody has turned the knob up. The same holds
+    for what a person goes on without.
+
+    Args:
+        halted_by: Why the action counts as undone; empty: it does not.
+    """
+    return halted_by in _HALTS
+
 
 class HaltState(StrEnum):
     """How far a wish to halt one device has come."""

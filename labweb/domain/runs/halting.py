@@ -34,21 +34,6 @@ RUN_ABORTED = "edge.run_aborted"
 DEVICE_STOPPED = "edge.device_stopped"
 """A person stopped this device alone."""
 
-_HALTS = frozenset({STOPPED, WITH_ACTION, INTERRUPTED, RUN_ABORTED, DEVICE_STOPPED})
-
-
-def is_off_since(halted_by: str) -> bool:
-    """Say whether the device of a completed action was brought to its safe state since then.
-
-    A set-point that was lost may stand elsewhere: somebody has turned the knob up. The same holds
-    for what a person goes on without.
-
-    Args:
-        halted_by: Why the action counts as undone; empty: it does not.
-    """
-    return halted_by in _HALTS
-
-
 MAY_MOVE = "its device may still move"
 """How it is told that nobody saw a halted device stand."""
 
@@ -291,9 +276,7 @@ def write_halts(tx: JournalWrite, code: str) -> None:
 
 
 def write_halt(tx: JournalWrite, row: ActionRow, code: str) -> None:
-    """Write down that a device was halted with one of its actions.
-
-    Where a halt of the device is owed, that is why the action was cut off, and is told so.
+    """Write down that a device was halted with one of its actions; a halt that is owed is why.
 
     Effect:
         On the record only: set-points of its resources are unknown.

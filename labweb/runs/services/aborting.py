@@ -26,13 +26,13 @@ from labweb.domain.runs.halt_state import (
     HaltState,
     Set,
     halt_wish,
+    is_off_since,
     who_keeps,
 )
 from labweb.domain.runs.halting import (
     DEVICE_STOPPED,
     RUN_ABORTED,
     Done,
-    is_off_since,
     leaves_standing,
     may_stand,
     still_standing,

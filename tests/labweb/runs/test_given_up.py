@@ -1,7 +1,10 @@
-"""Actions of which a person cannot tell either what became of them."""
+"""Runs that are given up, and actions of which a person cannot tell either what they did."""
 
 from __future__ import annotations
 
+from datetime import datetime, timedelta
+
+from labweb.common.clock import now
 from labweb.crutd.api import render_events
 from labweb.crutd.models import Event, Ticket
 from labweb.domain.runs.edge import Report
@@ -11,6 +14,7 @@ from labweb.runs.models import Job
 from labweb.runs.services.rebuilding import differences, rebuild
 from tests.builders import Bench, a_started_run
 from tests.labweb.runs.hosts import Host, a_heating_run
+from tests.labweb.runs.test_aborting import abort, shown
 from tests.labweb.runs.test_halting import UNKNOWN, agrees, data, holding, job, next_one
 
 
@@ -62,3 +66,13 @@ def test_what_nobody_can_tell_of_a_transfer_leaves_the_same_revisions_in_events_
     before = {one.pk: one.rev for one in Resource.objects.all()}
     rebuild(bench.lab)
     assert {one.pk: one.rev for one in Resource.objects.all()} == before
+
+
+def test_an_aborted_run_says_who_gave_it_up_when_and_why(bench: Bench) -> None:
+    run = a_heating_run(bench)
+    assert shown(bench, run)["given_up"] is None
+    before = now()
+    abort(bench, run)
+    found = shown(bench, run)["given_up"]
+    assert (found["by"], found["reason"]) == (bench.people["chemist"].printed_name, "it smells")
+    assert before <= datetime.fromisoformat(found["at"]) + timedelta(seconds=1)
