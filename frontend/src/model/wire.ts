@@ -209,7 +209,7 @@ export interface RunRow {
   left_s: number | null;
   pause_reasons: PauseReason[];
   recoveries: Recovery[];
-  /** Somebody aborted it: it ends once its devices stand. */
+  /** Somebody aborted it: it ends once each of its devices stands, or does not answer. */
   is_given_up: boolean;
   /** The run that keeps what this one needs, or asked for it before. */
   waits_for: WaitsFor | null;

@@ -70,7 +70,7 @@ test("a run that is being aborted says so and offers nothing else", () => {
   serve(() => [200, {}]);
   show(<RunHead run={aRun([aJob(0, "a", "running")], { is_given_up: true, can })} />);
   expect(screen.getByTestId("run-state")).toHaveTextContent("Aborting");
-  expect(screen.getByTestId("aborting")).toHaveTextContent("ends once its devices stand");
+  expect(screen.getByTestId("aborting")).toHaveTextContent("ends once each of its devices stands");
   expect(screen.queryByTestId("pause")).toBeNull();
   expect(screen.queryByTestId("abort")).toBeNull();
 });

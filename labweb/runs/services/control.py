@@ -46,7 +46,10 @@ def _check_not_over(run: Run) -> None:
     if run.state in _ENDED:
         raise StateError(f"run #{run.number} is {run.state}", code="run.ended")
     if run.is_given_up:
-        text = f"run #{run.number} was aborted: it ends once its devices stand"
+        text = (
+            f"run #{run.number} was aborted: it ends once each of its devices stands or is known "
+            "not to answer"
+        )
         raise StateError(text, code="run.aborting")
 
 
