@@ -61,7 +61,8 @@ export const words = {
     promises.abort.owed,
     promises.abort.liquid,
   ].join(" "),
-  aborting: "This run is being aborted: it ends once each of its devices stands or is known not to answer.",
+  aborting:
+    "This run is being aborted: it ends once each of its devices stands or is known not to answer.",
   halts: {
     title: "Aborted",
     by: (name: string) => `Aborted by ${name}`,
