@@ -88,6 +88,8 @@ def _void(
 def take_lost(host: EdgeHost, event: EdgeEvent) -> None:
     """Void what an action had set and is gone, and pause its run with the question of a halt.
 
+    Of a run that has ended a ticket asks a person to look at the device.
+
     Raises:
         StateError: The host does not serve the device.
 
@@ -109,9 +111,21 @@ def take_lost(host: EdgeHost, event: EdgeEvent) -> None:
             job.save(update_fields=["halted_by", "message"])
             _pause(selectors.run_for_update(job.run_id), "lost")
             on_commit(partial(announce, job.run_id, job.id))
+        elif is_last and not is_live:
+            _ask_about_left(device, job, attempt, message)
     action = str(event.body["action"])
     why = f"{device.name}: {message}"
     _void(host, device, event.body, why, lambda data: gone_of(data, action))
+
+
+def _ask_about_left(device: Device, job: Job, attempt: Attempt, message: str) -> None:
+    """Ask a person to look at a device that a run has left on, and that nobody works with."""
+    text = (
+        f"run #{job.run.number} has ended and left {device.name} on. Now {message}. Look at "
+        f"{device.name}, and stop it on its page unless somebody uses it"
+    )
+    detail = {"device_id": str(device.id), "transaction_id": str(attempt.transaction_id)}
+    crutd_services.open_ticket(device.host.lab, "device.left_on", text, detail)
 
 
 def _note_found(host: EdgeHost, body: Mapping[str, Any]) -> None:

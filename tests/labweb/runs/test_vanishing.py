@@ -15,6 +15,7 @@ from labweb.domain.runs.stands import Stands, read_stands
 from labweb.runs import services
 from labweb.runs.models import DeviceHalt, Job, Run
 from labweb.runs.services.rebuilding import differences
+from labweb.workflows import services as workflow_services
 from tests.builders import Bench
 from tests.labweb.runs.hosts import Host, a_heating_run
 from tests.labweb.web import signed_in
@@ -174,3 +175,35 @@ def test_an_abort_halts_a_device_that_has_lost_what_was_set_for_it_may_be_set_to
     services.abort_run(run.id, actor=chemist, reason="it smells")
     assert DeviceHalt.objects.get(run=run).device == bench.device("heater_1")
     assert DeviceHalt.objects.get(run=run).state == "asked"
+
+
+def a_run_that_leaves_the_stirrer_on(bench: Bench) -> Run:
+    params = {"vessel": str(bench.node("reactor_1").id), "stir_speed": "400 rpm"}
+    step = {"id": "s", "kind": "start_stir", "params": params, "position": {"x": 0, "y": 0}}
+    chemist = bench.people["chemist"]
+    workflow = workflow_services.create_workflow(
+        bench.lab,
+        name="Stir on",
+        document={"schema": "labweb.workflow/1", "name": "x", "steps": [step], "edges": []},
+        actor=chemist,
+    )
+    version = workflow_services.save_version(workflow.id, note="", actor=chemist)
+    return services.start_run(version, actor=chemist)
+
+
+def test_a_device_that_an_ended_run_left_on_is_watched_and_a_person_asked_to_look(
+    bench: Bench, host: Host
+) -> None:
+    run = a_run_that_leaves_the_stirrer_on(bench)
+    services.dispatch_ready()
+    host.take()
+    host.end(host.begin(), Report(ok=True))
+    host.tell()
+    run.refresh_from_db()
+    assert run.state == "complete"
+    assert lose(host, bench, "motion", 900.0)
+    host.tell()
+    ticket = Ticket.objects.get(code="device.left_on")
+    assert ticket.message.startswith(f"run #{run.number} has ended and left Heater 1 on. Now ")
+    assert "reads 900, and 400 was set" in ticket.message
+    assert stirring(run).halted_by == ""
