@@ -60,11 +60,17 @@ class Outage:
             if doubtful:
                 self._answer(doubtful[0])
             elif undone:
-                body = {"choice": "retry", "note": "the pump has not moved"}
-                self.stack.client().call("POST", f"jobs/{undone[0]['id']}/recover", body)
-                self.stack.client().call("POST", f"runs/{self.id}/resume", {})
+                self._recover(undone[0])
             else:
                 return seen
+
+    def _recover(self, job: dict[str, Any]) -> None:
+        """Try a motion again that never began; one that its host cut off after its end is done."""
+        body: dict[str, Any] = {"choice": "retry", "note": "the pump has not moved"}
+        if len(self.strokes()) > job["index"]:
+            body = {"choice": "done_by_hand", "moved_ul": 0, "note": "the plunger is at its end"}
+        self.stack.client().call("POST", f"jobs/{job['id']}/recover", body)
+        self.stack.client().call("POST", f"runs/{self.id}/resume", {})
 
     def _answer(self, job: dict[str, Any]) -> None:
         """Say of a job in doubt what the instrument knows: each job is one motion, in order."""

@@ -281,6 +281,11 @@ class Doing:
     def is_over(self) -> bool:
         return not self._thread.is_alive()
 
+    def has_succeeded(self) -> bool:
+        """Wait for the end."""
+        self._thread.join(20)
+        return self.is_over and self.error is None
+
     def failure(self) -> LabError:
         """Wait for the end, which has to be a failure."""
         self._thread.join(20)

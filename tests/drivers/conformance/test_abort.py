@@ -57,6 +57,9 @@ SENSING = {case.model for case in (*SENSORS, *CONDUCTIVITY)}
 UNSEEN = {"show_itself", "measure_open_circuit", "hold"}
 """They last, and begin nothing that the instrument would count: their time is looked at."""
 
+STARTERS = {"start_test", "start_flow"}
+"""They return while what they began goes on: one may have done so before the abort comes."""
+
 CANNOT_STOP = {
     ("ika_rv10_digital", "raise_flask"): "its lift has no stop; it is up within a second",
     ("ika_rv10_digital", "lower_flask"): "its lift has no stop; it is down within a second",
@@ -135,7 +138,7 @@ def test_an_abort_in_the_middle_leaves_nothing_of_it_going(
             until(lambda: doing.is_over, 20)
             until(lambda: not going(bench, case), 30)
             return
-        if not has_ended:
+        if not has_ended and not (deed.name in STARTERS and doing.has_succeeded()):
             error = doing.failure()
             assert error.code == "device.stopped", error
         assert time.monotonic() - stopped_s < HALT_S
