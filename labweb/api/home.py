@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
+from datetime import datetime
 from typing import Any, ClassVar
 from uuid import UUID
 
@@ -28,6 +29,7 @@ from labweb.enrollment.selectors import Device, EdgeHost
 from labweb.resources import selectors as resource_selectors
 from labweb.resources.selectors import Lab
 from labweb.runs import selectors as run_selectors
+from labweb.runs import services as run_services
 from labweb.runs.api.drawing import workflow_rows
 from labweb.runs.api.render import names_of, render_rows
 from labweb.runs.selectors import Job, Run
@@ -186,16 +188,22 @@ def _unreconciled(lab: Lab, seen: set[UUID]) -> Iterator[dict[str, Any]]:
 
 
 def _paused(runs: QuerySet[Run]) -> Iterator[dict[str, Any]]:
-    for run in runs.filter(state="paused"):
-        bad = run.jobs.filter(state__in=["aborted", "rejected", "stopped", "held"]).first()
-        if run.jobs.filter(state="in_doubt").exists():
-            continue
-        detail = "paused by a person" if bad is None else f"{bad.sentence}: {bad.message}"
-        title = f"Run #{run.number} {run.version.workflow.name} is paused"
+    for run in run_selectors.runs_that_wait(runs):
+        title = f"Run #{run.number} {run.version.workflow.name} is {run.state}"
+        since = min((one["at"] for one in run.pause_reasons), default=None)
+        at = run.created_at if since is None else datetime.fromisoformat(since)
         yield {
-            **_need("paused", title, detail, iso(run.created_at), f"/runs/{run.id}", "Open"),
+            **_need("paused", title, _why_paused(run), iso(at), f"/runs/{run.id}", "Open"),
             "run_id": str(run.id),
         }
+
+
+def _why_paused(run: Run) -> str:
+    taken = next(iter(run_selectors.halted_jobs(run)), None)
+    if taken is not None:
+        return f"{taken.sentence}: {run_services.why_taken(taken)}"
+    bad = run.jobs.filter(state__in=["aborted", "rejected", "stopped", "held"]).first()
+    return "paused by a person" if bad is None else f"{bad.sentence}: {bad.message}"
 
 
 def _need(

@@ -35,6 +35,7 @@ from labweb.runs.services.fencing import (
     revoke_host,
 )
 from labweb.runs.services.files import files_asked, offer_file, read_file, take_file, take_gone
+from labweb.runs.services.halting import why_taken
 from labweb.runs.services.heads import heads_for_hosts, sign_heads
 from labweb.runs.services.ingest import ingest_events
 from labweb.runs.services.isolation import isolate_hosts
@@ -101,6 +102,7 @@ __all__ = [
     "take_file",
     "take_gone",
     "tell_failing",
+    "why_taken",
     "withdraw_ask",
     "withdraw_calibration",
 ]

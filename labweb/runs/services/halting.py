@@ -220,11 +220,11 @@ def check_halted(run: Run) -> None:
 
 
 def _listed(jobs: Sequence[Job]) -> str:
-    return "; ".join(f"{job.sentence!r} {_undone(job)}, {_taken(job)}" for job in jobs)
+    return "; ".join(f"{job.sentence!r} {_undone(job)}, since {why_taken(job)}" for job in jobs)
 
 
 def _finding(job: Job) -> Finding:
-    text = f"{job.sentence!r} was done, and {_undone(job)}: {_taken(job)}"
+    text = f"{job.sentence!r} was done, and {_undone(job)}: since {why_taken(job)}"
     context = {"job_id": str(job.id), "device_id": str(job.device_id), "code": job.halted_by}
     return Finding("run.halted", text, job.step_id, context)
 
@@ -234,7 +234,8 @@ def _undone(job: Job) -> str:
     return "is undone" if is_halt_certain(job.action) else "may be undone"
 
 
-def _taken(job: Job) -> str:
+def why_taken(job: Job) -> str:
+    """Say why what a completed job had set is gone: a halt of its device, or a loss."""
     if job.halted_by == VANISHED:
-        return f"since {job.device.name} does not keep what was set: {job.message}"
-    return f"since {job.device.name} was halted, {_why(job.halted_by)}"
+        return f"{job.device.name} does not keep what was set: {job.message}"
+    return f"{job.device.name} was halted, {_why(job.halted_by)}"
