@@ -119,6 +119,7 @@ def _needs(
                 iso(halt.at), f"/devices/{halt.device_id}", "Open",
             )  # fmt: skip
     yield from _paused(runs)
+    yield from _silent(runs)
     yield from _unreconciled(lab, seen)
     for device in candidates:
         yield _need(
@@ -195,6 +196,23 @@ def _paused(runs: QuerySet[Run]) -> Iterator[dict[str, Any]]:
         yield {
             **_need("paused", title, _why_paused(run), iso(at), f"/runs/{run.id}", "Open"),
             "run_id": str(run.id),
+        }
+
+
+def _silent(runs: QuerySet[Run]) -> Iterator[dict[str, Any]]:
+    """Devices of the runs on which something stands that nobody can read back."""
+    found = run_selectors.silent_devices()
+    known = {one.run.id for one in found}
+    shown = set(runs.filter(pk__in=known).values_list("pk", flat=True)) if known else known
+    for one in found:
+        if one.run.id not in shown:
+            continue
+        sentences = "; ".join(job.sentence for job in one.jobs)
+        detail = f"Run #{one.run.number} {one.run.version.workflow.name} goes on. Set: {sentences}"
+        title = f"{one.device.name} does not tell whether it keeps what was set"
+        yield {
+            **_need("silent", title, detail, iso(one.since_at), f"/runs/{one.run.id}", "Open"),
+            "run_id": str(one.run.id),
         }
 
 

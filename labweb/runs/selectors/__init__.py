@@ -88,6 +88,8 @@ from labweb.runs.selectors.scheduling import owed_halts as owed_halts
 from labweb.runs.selectors.scheduling import run_for_update as run_for_update
 from labweb.runs.selectors.scheduling import to_schedule as to_schedule
 from labweb.runs.selectors.scheduling import views as views
+from labweb.runs.selectors.silence import silent_devices as silent_devices
+from labweb.runs.selectors.silence import standing_jobs as standing_jobs
 
 
 def runs_of(lab: Lab) -> QuerySet[Run]:
@@ -304,6 +306,7 @@ def lab_summary(lab: Lab) -> dict[str, Any]:
             + unknown
             + tickets
             + lab.is_stopped
+            + len(silent_devices())
             + _short_disks_count(known),
         },
     }

@@ -47,11 +47,13 @@ from labweb.runs.services.resolving import Beside, resolve_job
 from labweb.runs.services.schedule import dispatch_ready
 from labweb.runs.services.showing import show_device
 from labweb.runs.services.start import decide_request, preview, start_run
+from labweb.runs.services.state import announce
 
 __all__ = [
     "Beside",
     "Given",
     "abort_run",
+    "announce",
     "asks_told",
     "begin_calibration",
     "begin_transfer",

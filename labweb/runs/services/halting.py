@@ -7,7 +7,6 @@ from functools import partial
 from typing import Any
 from uuid import UUID
 
-from django.db.models import Max
 from django.db.transaction import on_commit
 
 from labweb.common.clock import now
@@ -20,10 +19,8 @@ from labweb.domain.runs.halting import (
     RUN_ABORTED,
     STOPPED,
     WITH_ACTION,
-    Done,
     is_halt_certain,
     leaves_standing,
-    still_standing,
     voided,
     was_halted_since,
 )
@@ -148,15 +145,8 @@ def _take_from_runs(device: Device, code: str) -> None:
     runs = {run.pk: run for run in live.select_for_update(of=("self",), no_key=True)}
     if not runs:
         return
-    complete = Job.objects.filter(run__in=list(runs), device=device, state=JobState.COMPLETE.value)
-    jobs = list(complete.annotate(last=Max("attempts__dseq")).order_by("last", "pk"))
-    lost = [
-        jobs[place]
-        for place in still_standing(
-            Done(index=place, action=job.action, args=job.args) for place, job in enumerate(jobs)
-        )
-        if not jobs[place].halted_by
-    ]
+    mine = Job.objects.filter(run__in=list(runs), device=device)
+    lost = selectors.standing_jobs(mine).get(device.id, [])
     Job.objects.filter(pk__in=[job.pk for job in lost]).update(halted_by=code)
     for run_id in sorted({job.run_id for job in lost}):
         _pause(runs[run_id])
