@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
+from datetime import datetime
 from typing import Any, ClassVar
 from uuid import UUID
 
@@ -28,6 +29,7 @@ from labweb.enrollment.selectors import Device, EdgeHost
 from labweb.resources import selectors as resource_selectors
 from labweb.resources.selectors import Lab
 from labweb.runs import selectors as run_selectors
+from labweb.runs import services as run_services
 from labweb.runs.api.drawing import workflow_rows
 from labweb.runs.api.render import names_of, render_rows
 from labweb.runs.selectors import Job, Run
@@ -117,6 +119,7 @@ def _needs(
                 iso(halt.at), f"/devices/{halt.device_id}", "Open",
             )  # fmt: skip
     yield from _paused(runs)
+    yield from _silent(runs)
     yield from _unreconciled(lab, seen)
     for device in candidates:
         yield _need(
@@ -186,16 +189,39 @@ def _unreconciled(lab: Lab, seen: set[UUID]) -> Iterator[dict[str, Any]]:
 
 
 def _paused(runs: QuerySet[Run]) -> Iterator[dict[str, Any]]:
-    for run in runs.filter(state="paused"):
-        bad = run.jobs.filter(state__in=["aborted", "rejected", "stopped", "held"]).first()
-        if run.jobs.filter(state="in_doubt").exists():
-            continue
-        detail = "paused by a person" if bad is None else f"{bad.sentence}: {bad.message}"
-        title = f"Run #{run.number} {run.version.workflow.name} is paused"
+    for run in run_selectors.runs_that_wait(runs):
+        title = f"Run #{run.number} {run.version.workflow.name} is {run.state}"
+        since = min((one["at"] for one in run.pause_reasons), default=None)
+        at = run.created_at if since is None else datetime.fromisoformat(since)
         yield {
-            **_need("paused", title, detail, iso(run.created_at), f"/runs/{run.id}", "Open"),
+            **_need("paused", title, _why_paused(run), iso(at), f"/runs/{run.id}", "Open"),
             "run_id": str(run.id),
         }
+
+
+def _silent(runs: QuerySet[Run]) -> Iterator[dict[str, Any]]:
+    """Devices of the runs on which something stands that nobody can read back."""
+    found = run_selectors.silent_devices()
+    known = {one.run.id for one in found}
+    shown = set(runs.filter(pk__in=known).values_list("pk", flat=True)) if known else known
+    for one in found:
+        if one.run.id not in shown:
+            continue
+        sentences = "; ".join(job.sentence for job in one.jobs)
+        detail = f"Run #{one.run.number} {one.run.version.workflow.name} goes on. Set: {sentences}"
+        title = f"{one.device.name} does not tell whether it keeps what was set"
+        yield {
+            **_need("silent", title, detail, iso(one.since_at), f"/runs/{one.run.id}", "Open"),
+            "run_id": str(one.run.id),
+        }
+
+
+def _why_paused(run: Run) -> str:
+    taken = next(iter(run_selectors.halted_jobs(run)), None)
+    if taken is not None:
+        return f"{taken.sentence}: {run_services.why_taken(taken)}"
+    bad = run.jobs.filter(state__in=["aborted", "rejected", "stopped", "held"]).first()
+    return "paused by a person" if bad is None else f"{bad.sentence}: {bad.message}"
 
 
 def _need(

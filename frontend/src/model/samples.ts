@@ -187,6 +187,7 @@ export function aRun(jobs: Job[], change: Partial<Run> = {}): Run {
     halts: [],
     execution: null,
     hosts_away: [],
+    silent: [],
     can: { pause: true, resume: false, abort: true, resolve: true, recover: true },
     ...change,
   };

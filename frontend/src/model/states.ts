@@ -83,6 +83,7 @@ const NEED: Record<string, State> = {
   stopped: { look: "stopped", word: "Stopped" },
   candidate: { look: "needs", word: "New device" },
   halt_owed: { look: "error", word: "Not halted yet" },
+  silent: { look: "offline", word: "Not read" },
   disk: { look: "error", word: "Little room" },
 };
 

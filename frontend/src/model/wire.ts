@@ -82,6 +82,7 @@ export interface Need {
     | "stopped"
     | "candidate"
     | "halt_owed"
+    | "silent"
     | "disk";
   title: string;
   detail: string;
@@ -373,5 +374,7 @@ export interface Run extends RunRow {
   /** What the workflow declares for hosts that cannot hear the server; null: nothing. */
   execution: { on_disconnect: string; max_offline_s: number } | null;
   hosts_away: HostAway[];
+  /** Devices on which something of the run stands, and of which it cannot be read back. */
+  silent: { device: { id: Id; name: string }; since_at: Iso; sentences: string[] }[];
   can: { pause: boolean; resume: boolean; abort: boolean; resolve: boolean; recover: boolean };
 }

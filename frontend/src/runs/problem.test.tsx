@@ -75,6 +75,23 @@ test.each([
   expect(await screen.findByTestId("waits-card")).toHaveTextContent(text);
 });
 
+test("a device of which what stands is not read is named, with what was set on it", () => {
+  serve(() => [200, { devices: [] }]);
+  const device = { id: "d1", name: "Hotplate 1" };
+  const one = { device, since_at: "2026-01-01T10:00:00Z", sentences: ["Heat to 60 °C"] };
+  const view = show(<Problems run={aRun([], { silent: [one] })} job={null} />);
+  const card = screen.getByTestId("silent-card");
+  expect(card).toHaveTextContent(/Hotplate 1 has not told what it keeps since/);
+  expect(card).toHaveTextContent("Heat to 60 °C");
+  expect(screen.getByRole("link", { name: "Open Hotplate 1" })).toHaveAttribute(
+    "href",
+    "/devices/d1",
+  );
+  view.unmount();
+  show(<Problems run={aRun([])} job={null} />);
+  expect(screen.queryByTestId("silent-card")).toBeNull();
+});
+
 test("what a device that answers was sent does not wait for it", async () => {
   const job = aJob(0, "a", "accepted");
   const device = { id: job.device.id, name: "Pump 1", link: "online", is_halt_owed: false };

@@ -35,6 +35,9 @@ export function Problems({ run, job }: { run: Run; job: string | null }) {
       {run.hosts_away.map((host) => (
         <WorksAlone key={host.id} host={host} />
       ))}
+      {run.silent.map((one) => (
+        <Silent key={one.device.id} one={one} />
+      ))}
       {[...first, ...rest].map((problem) => (
         <ProblemCard
           key={problem.kind === "paused" ? "paused" : problem.job.id}
@@ -124,6 +127,29 @@ function WorksAlone({ host }: { host: Run["hosts_away"][number] }) {
         <p className="s">{words.away(host.jobs_count)}</p>
         <Link className="btn" to={`/hosts/${host.id}`}>
           Open {host.name}
+        </Link>
+      </div>
+    </section>
+  );
+}
+
+/** What stands on a device cannot be read back: nobody knows whether it is kept. */
+function Silent({ one: { device, since_at, sentences } }: { one: Run["silent"][number] }) {
+  return (
+    <section className="card prob" data-testid="silent-card" data-state="offline">
+      <div className="ph">
+        <Glyph look="offline" />
+        {device.name} has not told what it keeps since <At at={since_at} seconds />
+      </div>
+      <div className="pb">
+        <p className="s">{words.silent}</p>
+        <ul className="reasons">
+          {sentences.map((text) => (
+            <li key={text}>{text}</li>
+          ))}
+        </ul>
+        <Link className="btn" to={`/devices/${device.id}`}>
+          Open {device.name}
         </Link>
       </div>
     </section>

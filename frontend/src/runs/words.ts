@@ -131,6 +131,8 @@ export const words = {
   waits: "It does not answer its host. The action begins by itself once it does; or abort the run.",
   waitsForHalt:
     "Its host has to halt it first: the lab was stopped, or an action was cut off, while it did not answer. The action begins by itself once it is halted; or abort the run.",
+  silent:
+    "What these steps have set cannot be read back: it may be kept, or gone. The run goes on. Look at the device; this card goes once it answers. If it does not keep what was set, the run pauses and asks.",
   notNow: "Not possible in this state, or not by you.",
   tabs: {
     timeline: "Timeline",

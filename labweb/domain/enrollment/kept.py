@@ -7,7 +7,7 @@ time: seconds of the clock that the instruments live by.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import Any
@@ -20,6 +20,12 @@ SURE_S = 10.0
 
 TAKE_S = 30.0
 """The same for a set-point that was never read back as it was set."""
+
+QUIET_S = 30.0
+"""How long what stands may stay unread before a person is told, lab time."""
+
+TRAVEL_S = 2.0
+"""The same in real time, at least: a reading needs some to reach the server."""
 
 
 class Sort(StrEnum):
@@ -225,6 +231,31 @@ def look(kept: Kept, seen: Seen, value: object, at_s: float) -> Seen:
     since_s = at_s if seen.wrong_since_s is None else seen.wrong_since_s
     patience_s = TAKE_S if seen.base is None else SURE_S
     return replace(seen, wrong_since_s=since_s, is_lost=at_s - since_s >= patience_s)
+
+
+def unread_since_s(
+    all_kept: Iterable[Kept], read_s: Mapping[str, float], done_s: float, now_s: float, pace: float
+) -> float | None:
+    """Return since when nothing was read of what stands on a device; None: it is read.
+
+    Args:
+        all_kept: What has to stay. Nothing: it cannot be read back at all, and is not waited for.
+        read_s: When each status was read last, real time; without those that never were.
+        done_s: When the last of it was set, real time.
+        now_s: This moment, real time.
+        pace: Seconds of lab time in a real one.
+
+    Example:
+        >>> heat = Kept(status="temperature_setpoint_c", sort=Sort.SETPOINT, asked=60.0)
+        >>> unread_since_s([heat], {"temperature_setpoint_c": 100.0}, 90.0, 129.0, 1.0)
+        >>> unread_since_s([heat], {"temperature_setpoint_c": 100.0}, 90.0, 130.0, 1.0)
+        100.0
+    """
+    statuses = {one.status for one in all_kept}
+    if not statuses:
+        return None
+    since_s = max([done_s, *(at_s for status, at_s in read_s.items() if status in statuses)])
+    return since_s if now_s - since_s >= max(QUIET_S / pace, TRAVEL_S) else None
 
 
 def _shown(value: float) -> str:

@@ -31,6 +31,7 @@ from labweb.runs.api.halts import render_halts
 from labweb.runs.api.holds import render_holds, render_wait
 from labweb.runs.api.pace import estimate_s, left_s, on_the_wall, planned_s, whole_s
 from labweb.runs.api.question import render_question
+from labweb.runs.api.silence import render_silent
 from labweb.runs.models import Attempt, Job, Run
 from labweb.telemetry import selectors as telemetry_selectors
 
@@ -160,6 +161,7 @@ def render_run(run: Run, user: User) -> dict[str, Any]:
         "approval": None if request is None else {"id": str(request.id), "state": request.state},
         "execution": run.plan.get("execution"),
         "hosts_away": _hosts_away(jobs),
+        "silent": render_silent(run),
         "can": {
             "pause": may_run
             and not ended

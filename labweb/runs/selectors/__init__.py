@@ -56,6 +56,7 @@ from labweb.runs.selectors.doubting import has_older_doubt as has_older_doubt
 from labweb.runs.selectors.doubting import measured_of as measured_of
 from labweb.runs.selectors.needs import LIVE as LIVE
 from labweb.runs.selectors.needs import runs_that_need as runs_that_need
+from labweb.runs.selectors.needs import runs_that_wait as runs_that_wait
 from labweb.runs.selectors.recovery import accepted_departures as accepted_departures
 from labweb.runs.selectors.recovery import choices_after as choices_after
 from labweb.runs.selectors.recovery import ended_job as ended_job
@@ -87,6 +88,8 @@ from labweb.runs.selectors.scheduling import owed_halts as owed_halts
 from labweb.runs.selectors.scheduling import run_for_update as run_for_update
 from labweb.runs.selectors.scheduling import to_schedule as to_schedule
 from labweb.runs.selectors.scheduling import views as views
+from labweb.runs.selectors.silence import silent_devices as silent_devices
+from labweb.runs.selectors.silence import standing_jobs as standing_jobs
 
 
 def runs_of(lab: Lab) -> QuerySet[Run]:
@@ -278,9 +281,7 @@ def lab_summary(lab: Lab) -> dict[str, Any]:
     """Return the lab as every page shows it."""
     live = Run.objects.filter(lab=lab, state__in=LIVE)
     doubts = jobs_in_doubt(lab).count()
-    paused = live.filter(state=RunState.PAUSED.value)
-    # A run that waits for an answer is one thing, not two.
-    alone = paused.exclude(jobs__state=JobState.IN_DOUBT.value).count()
+    alone = runs_that_wait(live).count()  # a run with a job in doubt is one thing, not two
     tickets = crutd_selectors.open_tickets(lab).count()
     unknown = len(crutd_selectors.given_up(lab)) + len(owed_halts(lab.pk))
     waiting = approval_selectors.requests_of(lab).filter(state="open", driver_id=None).count()
@@ -305,6 +306,7 @@ def lab_summary(lab: Lab) -> dict[str, Any]:
             + unknown
             + tickets
             + lab.is_stopped
+            + len(silent_devices())
             + _short_disks_count(known),
         },
     }

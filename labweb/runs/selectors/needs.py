@@ -1,13 +1,17 @@
-"""Which runs still need a resource."""
+"""Which runs wait for a person, and which still need a resource."""
 
 from __future__ import annotations
 
 from collections.abc import Collection
 from uuid import UUID
 
+from django.db.models import Q, QuerySet
+
 from labweb.accounts.selectors import User
-from labweb.domain.runs.job import FINAL, RunState
+from labweb.domain.runs.halting import LET_GO
+from labweb.domain.runs.job import FINAL, JobState, RunState
 from labweb.domain.runs.locks import conflicts, lock_set
+from labweb.domain.runs.recovery import UNDONE
 from labweb.resources import selectors as resource_selectors
 from labweb.runs.models import Job, Run
 
@@ -20,6 +24,21 @@ LIVE = [
 ]
 
 _MAY_GO = [*LIVE, RunState.AWAITING_APPROVAL.value]
+
+
+def runs_that_wait(runs: QuerySet[Run]) -> QuerySet[Run]:
+    """Return those of the runs that wait for a person, but for those with a job in doubt.
+
+    A job in doubt is told by itself. A run that is still pausing waits as soon as a job of it has
+    ended undone, or a halt or a loss has taken away what it had set, and nobody has answered: what
+    acts elsewhere may go on for hours.
+    """
+    undone = Q(state__in=[one.value for one in UNDONE], passed_by="")
+    taken = Q(state=JobState.COMPLETE.value) & ~Q(halted_by__in=["", LET_GO])
+    open_jobs = Job.objects.filter(undone | taken)
+    asking = Q(state=RunState.PAUSING.value, pk__in=open_jobs.values("run_id"))
+    waiting = runs.filter(Q(state=RunState.PAUSED.value) | asking)
+    return waiting.exclude(jobs__state=JobState.IN_DOUBT.value)
 
 
 def runs_that_need(ids: Collection[UUID], *, besides: User) -> list[tuple[UUID, Run]]:

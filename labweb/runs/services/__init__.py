@@ -35,6 +35,7 @@ from labweb.runs.services.fencing import (
     revoke_host,
 )
 from labweb.runs.services.files import files_asked, offer_file, read_file, take_file, take_gone
+from labweb.runs.services.halting import why_taken
 from labweb.runs.services.heads import heads_for_hosts, sign_heads
 from labweb.runs.services.ingest import ingest_events
 from labweb.runs.services.isolation import isolate_hosts
@@ -46,11 +47,13 @@ from labweb.runs.services.resolving import Beside, resolve_job
 from labweb.runs.services.schedule import dispatch_ready
 from labweb.runs.services.showing import show_device
 from labweb.runs.services.start import decide_request, preview, start_run
+from labweb.runs.services.state import announce
 
 __all__ = [
     "Beside",
     "Given",
     "abort_run",
+    "announce",
     "asks_told",
     "begin_calibration",
     "begin_transfer",
@@ -101,6 +104,7 @@ __all__ = [
     "take_file",
     "take_gone",
     "tell_failing",
+    "why_taken",
     "withdraw_ask",
     "withdraw_calibration",
 ]

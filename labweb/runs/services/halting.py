@@ -7,7 +7,6 @@ from functools import partial
 from typing import Any
 from uuid import UUID
 
-from django.db.models import Max
 from django.db.transaction import on_commit
 
 from labweb.common.clock import now
@@ -20,10 +19,8 @@ from labweb.domain.runs.halting import (
     RUN_ABORTED,
     STOPPED,
     WITH_ACTION,
-    Done,
     is_halt_certain,
     leaves_standing,
-    still_standing,
     voided,
     was_halted_since,
 )
@@ -162,15 +159,8 @@ def _take_from_runs(device: Device, code: str) -> None:
     runs = {run.pk: run for run in live.select_for_update(of=("self",), no_key=True)}
     if not runs:
         return
-    complete = Job.objects.filter(run__in=list(runs), device=device, state=JobState.COMPLETE.value)
-    jobs = list(complete.annotate(last=Max("attempts__dseq")).order_by("last", "pk"))
-    lost = [
-        jobs[place]
-        for place in still_standing(
-            Done(index=place, action=job.action, args=job.args) for place, job in enumerate(jobs)
-        )
-        if not jobs[place].halted_by
-    ]
+    mine = Job.objects.filter(run__in=list(runs), device=device)
+    lost = selectors.standing_jobs(mine).get(device.id, [])
     Job.objects.filter(pk__in=[job.pk for job in lost]).update(halted_by=code)
     for run_id in sorted({job.run_id for job in lost}):
         _pause(runs[run_id])
@@ -234,11 +224,11 @@ def check_halted(run: Run) -> None:
 
 
 def _listed(jobs: Sequence[Job]) -> str:
-    return "; ".join(f"{job.sentence!r} {_undone(job)}, {_taken(job)}" for job in jobs)
+    return "; ".join(f"{job.sentence!r} {_undone(job)}, since {why_taken(job)}" for job in jobs)
 
 
 def _finding(job: Job) -> Finding:
-    text = f"{job.sentence!r} was done, and {_undone(job)}: {_taken(job)}"
+    text = f"{job.sentence!r} was done, and {_undone(job)}: since {why_taken(job)}"
     context = {"job_id": str(job.id), "device_id": str(job.device_id), "code": job.halted_by}
     return Finding("run.halted", text, job.step_id, context)
 
@@ -248,7 +238,8 @@ def _undone(job: Job) -> str:
     return "is undone" if is_halt_certain(job.action) else "may be undone"
 
 
-def _taken(job: Job) -> str:
+def why_taken(job: Job) -> str:
+    """Say why what a completed job had set is gone: a halt of its device, or a loss."""
     if job.halted_by == VANISHED:
-        return f"since {job.device.name} does not keep what was set: {job.message}"
-    return f"since {job.device.name} was halted, {_why(job.halted_by)}"
+        return f"{job.device.name} does not keep what was set: {job.message}"
+    return f"{job.device.name} was halted, {_why(job.halted_by)}"

@@ -13,6 +13,7 @@ from labweb.domain.enrollment.kept import (
     kept_by,
     look,
     setting_actions,
+    unread_since_s,
 )
 from labweb.domain.runs.halting import sort_of
 
@@ -70,3 +71,26 @@ def test_only_what_the_device_tells_is_read_back() -> None:
 @pytest.mark.parametrize("action", sorted(setting_actions() - {"deliver"}))
 def test_what_is_read_back_is_what_a_halt_takes_away(action: str) -> None:
     assert sort_of(action) is not None
+
+
+@pytest.mark.parametrize(
+    ("read_s", "done_s", "pace", "since_s"),
+    [
+        ({"temperature_setpoint_c": 969.0}, 900.0, 1.0, 969.0),
+        ({"temperature_setpoint_c": 971.0}, 900.0, 1.0, None),
+        ({"temperature_setpoint_c": 969.0}, 971.0, 1.0, None),
+        ({"temperature_setpoint_c": 969.0, "temperature_c": 999.0}, 900.0, 1.0, 969.0),
+        ({}, 900.0, 1.0, 900.0),
+        ({"temperature_setpoint_c": 998.1}, 900.0, 100.0, None),
+        ({"temperature_setpoint_c": 998.0}, 900.0, 100.0, 998.0),
+    ],
+)
+def test_what_stands_and_is_not_read_is_told_within_a_minute_of_lab_time(
+    read_s: dict[str, float], done_s: float, pace: float, since_s: float | None
+) -> None:
+    heat = kept_by("heat_to", {"temperature_c": 60.0}, ["temperature_c", "temperature_setpoint_c"])
+    assert unread_since_s(heat, read_s, done_s, 1000.0, pace) == since_s
+
+
+def test_what_cannot_be_read_back_at_all_is_not_waited_for() -> None:
+    assert unread_since_s([], {}, 0.0, 1000.0, 1.0) is None

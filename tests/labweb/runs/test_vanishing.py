@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from datetime import datetime
+
 import msgspec
 import pytest
 
@@ -14,6 +16,7 @@ from labweb.domain.runs.edge import Report
 from labweb.domain.runs.stands import Stands, read_stands
 from labweb.runs import services
 from labweb.runs.models import DeviceHalt, Job, Run
+from labweb.runs.selectors import lab_summary
 from labweb.runs.services.rebuilding import differences
 from labweb.workflows import services as workflow_services
 from tests.builders import Bench
@@ -207,3 +210,48 @@ def test_a_device_that_an_ended_run_left_on_is_watched_and_a_person_asked_to_loo
     assert ticket.message.startswith(f"run #{run.number} has ended and left Heater 1 on. Now ")
     assert "reads 900, and 400 was set" in ticket.message
     assert stirring(run).halted_by == ""
+
+
+def test_a_loss_is_told_at_home_and_counted_while_another_action_still_acts(
+    bench: Bench, host: Host, run: Run
+) -> None:
+    until_the_hold(host)
+    before = lab_summary(bench.lab)["counts"]["needs_you"]
+    lose(host, bench, "motion", 0.0)
+    host.tell()
+    run.refresh_from_db()
+    assert run.state == "pausing", "the hold has not ended"
+    assert lab_summary(bench.lab)["counts"]["needs_you"] == before + 1
+    needs = signed_in(bench.people["chemist"]).get("/api/v1/home").json()["needs_you"]
+    [need] = [one for one in needs if one["run_id"] == str(run.id)]
+    heater = bench.device("heater_1").name
+    assert (need["kind"], need["url"]) == ("paused", f"/runs/{run.id}")
+    assert need["title"] == f"Run #{run.number} {run.version.workflow.name} is pausing"
+    assert need["detail"].startswith(f"{stirring(run).sentence}: {heater} does not keep what was")
+    told_at = datetime.fromisoformat(need["since_at"])
+    assert told_at == datetime.fromisoformat(run.pause_reasons[0]["at"])
+
+
+def test_a_run_that_a_person_pauses_waits_for_nobody_while_its_action_acts(
+    bench: Bench, host: Host, run: Run
+) -> None:
+    until_the_hold(host)
+    before = lab_summary(bench.lab)["counts"]["needs_you"]
+    services.pause_run(run.id, actor=bench.people["chemist"])
+    run.refresh_from_db()
+    assert run.state == "pausing"
+    assert lab_summary(bench.lab)["counts"]["needs_you"] == before
+
+
+def test_a_step_that_somebody_has_answered_for_needs_nobody_any_more(
+    bench: Bench, host: Host, run: Run
+) -> None:
+    until_the_hold(host)
+    before = lab_summary(bench.lab)["counts"]["needs_you"]
+    lose(host, bench, "motion", 0.0)
+    host.tell()
+    chemist = bench.people["chemist"]
+    services.recover_job(stirring(run).id, actor=chemist, choice="skip", note="it may rest")
+    run.refresh_from_db()
+    assert run.state == "pausing"
+    assert lab_summary(bench.lab)["counts"]["needs_you"] == before

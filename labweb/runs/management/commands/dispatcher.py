@@ -27,7 +27,7 @@ from labweb.common.heap import freeze_heap
 from labweb.enrollment import selectors as enrollment_selectors
 from labweb.enrollment import services as enrollment_services
 from labweb.resources import selectors as resource_selectors
-from labweb.runs import services
+from labweb.runs import selectors, services
 from labweb.runs.services.control import tell_stop
 from labweb.telemetry import services as telemetry_services
 
@@ -95,12 +95,14 @@ class Watch:
     def __init__(self, doing: Duties | None = None) -> None:
         self._doing = doing or Duties()
         self._monitor = Monitor()
+        self._silent = set[tuple[UUID, UUID]]()
         self.duties: tuple[Callable[[], object], ...] = (
             self._watch_hosts,
             enrollment_services.withdraw_fences,
             services.expire_requests,
             services.isolate_hosts,
             services.note_silence,
+            self._tell_silent,
             services.judge_ended,
             services.switch_waiting,
             telemetry_services.ring_incoming,
@@ -112,6 +114,13 @@ class Watch:
 
     def _watch_hosts(self) -> None:
         enrollment_services.watch_hosts(self._monitor.silent_s())
+
+    def _tell_silent(self) -> None:
+        """Tell the pages when a device of a run falls silent, or is read again: no row says it."""
+        before = self._silent
+        self._silent = {(one.run.id, one.device.id) for one in selectors.silent_devices()}
+        for run_id in {run_id for run_id, _ in before ^ self._silent}:
+            services.announce(run_id)
 
     def take_turn(self) -> None:
         """Do the next duty, if it is its time; one that fails keeps no other from its turn.
