@@ -36,7 +36,8 @@ _TABLES = {
     "resources_lot": "id, lab_id, key, material_id, supplier, number, purity, phase, position",
     "crutd_transaction": "id, lab_id, state, name, operation, proposed_at, settled_at, conditions,"
     " claims, change, verification, code, message",
-    "crutd_event": "id, lab_id, seq, at, transaction_id, name, state, body, prev_hash, hash",
+    "crutd_event": "id, lab_id, seq, at, transaction_id, name, state, body, prev_hash, hash,"
+    " is_bounded",
     "crutd_eventsubject": "event_id, resource_id, role",
     "crutd_entry": "transaction_id, lot_id, debit, credit, amount_nl, amount_ug, state, at",
 }
@@ -160,7 +161,7 @@ def _write(pages: _Pages, lab: Lab, act: Act, seq: int, prev: str) -> str:
         "crutd_transaction",
         *(own, lab.id, "committed", name, plain, at, at, "[]", "[]", told, "assumed", "", ""),
     )
-    event = (seq, lab.id, seq, at, own, name, "committed", _json(body), prev, digest)
+    event = (seq, lab.id, seq, at, own, name, "committed", _json(body), prev, digest, False)
     pages.add("crutd_event", *event)
     for resource, role in subjects:
         pages.add("crutd_eventsubject", seq, resource, role)

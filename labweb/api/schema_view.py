@@ -23,6 +23,9 @@ _making = Lock()
 class Schema(SpectacularAPIView):
     """The schema of the interface: the same for everybody, and until the process ends."""
 
+    schema = None
+    """It does not describe itself."""
+
     def get(self, request: Request, *_args: object, **_kwargs: object) -> HttpResponseBase:
         """Return the schema as YAML, or as JSON; 304 to who has it."""
         check_query(request, _FORMATS)
