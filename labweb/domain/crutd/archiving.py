@@ -67,7 +67,7 @@ def _check_loose(leaving: ResourceState, facts: Facts) -> Iterator[Finding]:
         name = names.get(one.own.resource_id, leaving.name)
         text = (
             f"{name} is connected by {one.key} ({one.medium.value}) and cannot go to the Archive: "
-            "take this connection off first"
+            "take this connection off first (Take off… at Lab, or the operation disconnect)"
         )
         context = {"resource_id": str(one.own.resource_id), "connections": [to_json(one)]}
         yield Finding("crutd.connected", text, str(one.own.resource_id), context)

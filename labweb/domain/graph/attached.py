@@ -1,4 +1,4 @@
-"""What keeps a thing where it is: connections that cannot come along when it is carried."""
+"""What connects a thing with the rest of the lab, and which of that keeps it where it is."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class Attachment:
 def find_attachments(
     connections: Iterable[Connection], carried: Collection[UUID]
 ) -> tuple[Attachment, ...]:
-    """Return what keeps a thing where it is; what lies wholly inside of it comes along.
+    """Return what leads out of a thing, of any medium; what lies wholly inside comes along.
 
     Args:
         connections: Those of the lab, or those that touch what is carried.
@@ -46,10 +46,15 @@ def find_attachments(
     for one in connections:
         ends = (one.source, one.target)
         own = [end for end in ends if end.resource_id in inside]
-        if len(own) == 1 and one.medium not in LOOSE:
+        if len(own) == 1:
             other = ends[1] if own[0] is ends[0] else ends[0]
             found.append(Attachment(key=one.key, medium=one.medium, own=own[0], other=other))
     return tuple(sorted(found, key=lambda one: (one.key, one.own)))
+
+
+def that_hold(attachments: Iterable[Attachment]) -> tuple[Attachment, ...]:
+    """Return those that keep a thing where it is: lifting it off would break them."""
+    return tuple(one for one in attachments if one.medium not in LOOSE)
 
 
 def check_loose(name: str, subject: str, attachments: Collection[Attachment]) -> list[Finding]:
@@ -60,11 +65,12 @@ def check_loose(name: str, subject: str, attachments: Collection[Attachment]) ->
         subject: Its id as text.
         attachments: As `find_attachments` gives them.
     """
-    if not attachments:
+    holding = that_hold(attachments)
+    if not holding:
         return []
-    listed = ", ".join(f"{one.key} ({one.medium.value})" for one in attachments)
+    listed = ", ".join(f"{one.key} ({one.medium.value})" for one in holding)
     text = f"{name} is connected and cannot be carried: {listed}"
-    context = {"resource_id": subject, "connections": [to_json(one) for one in attachments]}
+    context = {"resource_id": subject, "connections": [to_json(one) for one in holding]}
     return [Finding("crutd.connected", text, name, context)]
 
 

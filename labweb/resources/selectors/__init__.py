@@ -229,7 +229,7 @@ def _to_connection(row: Connection) -> ConnectionData:
 
 
 def attachments_of(resource_id: UUID) -> tuple[Attachment, ...]:
-    """Return what keeps a resource, or what stands in it, where it is; two queries."""
+    """Return what connects a resource, or what stands in it, with the rest; two queries."""
     carried = descendants([resource_id])
     rows = Connection.objects.filter(Q(source__in=carried) | Q(target__in=carried))
     return find_attachments((_to_connection(row) for row in rows), carried)

@@ -19,6 +19,7 @@ from labweb.crutd.selectors import Transaction
 from labweb.domain.approvals.roles import Permission
 from labweb.domain.crutd.operations import Disconnect, TransferResource
 from labweb.domain.errors import Finding
+from labweb.domain.graph.attached import that_hold
 from labweb.domain.resources.places import PLACES, Place, check_standing
 from labweb.domain.runs.custody import CustodyState
 from labweb.enrollment.selectors import EdgeHost
@@ -118,7 +119,7 @@ def _why_not(row: Resource, place: Place, seen: Collection[UUID]) -> str | None:
 
 def _connections(resource_id: UUID, request: Request) -> list[dict[str, str]]:
     """Render what keeps a resource where it is; a far end that is hidden stays unnamed."""
-    found = resource_selectors.attachments_of(resource_id)
+    found = that_hold(resource_selectors.attachments_of(resource_id))
     seen = resource_selectors.allowed_ids(user_of(request), Permission.VIEW)
     names = resource_selectors.names(one.other.resource_id for one in found)
     return [

@@ -6,7 +6,7 @@ from uuid import UUID
 
 import pytest
 
-from labweb.domain.graph.attached import LOOSE, check_loose, find_attachments
+from labweb.domain.graph.attached import LOOSE, check_loose, find_attachments, that_hold
 from labweb.domain.graph.topology import Connection, Medium, PortRef
 
 RACK, VIAL, VALVE = UUID(int=1), UUID(int=2), UUID(int=3)
@@ -20,7 +20,9 @@ def link(source: UUID, target: UUID, medium: Medium = Medium.LIQUID, key: str = 
 @pytest.mark.parametrize("medium", Medium)
 def test_only_what_stands_there_is_loose(medium: Medium) -> None:
     found = find_attachments([link(VALVE, VIAL, medium)], {RACK, VIAL})
-    assert bool(found) == (medium not in LOOSE)
+    assert len(found) == 1
+    assert bool(that_hold(found)) == (medium not in LOOSE)
+    assert bool(check_loose("Vial", str(VIAL), found)) == (medium not in LOOSE)
     assert {Medium.MECHANICAL, Medium.TRANSPORT} == LOOSE
 
 

@@ -5,9 +5,13 @@ from __future__ import annotations
 import json
 from typing import Any
 
+import pytest
+from django.db.models import Q
+
+from labweb.crutd import services as crutd_services
 from labweb.crutd.models import Event
-from labweb.resources.models import Resource
-from tests.builders import Bench
+from labweb.resources.models import Connection, Resource
+from tests.builders import Bench, off
 from tests.labweb.crutd.hand import done, node, pour, refused
 from tests.labweb.crutd.test_places import archived, created, moved
 from tests.labweb.web import call, signed_in
@@ -55,6 +59,32 @@ def test_what_is_plumbed_keeps_all_that_it_stands_in_out_of_the_archive(bench: B
     told = json.loads(answer.content)
     assert (answer.status_code, told["code"]) == (412, "crutd.connected")
     assert bench.node("flask_1").name in told["message"]
+
+
+@pytest.mark.parametrize("key", ["ph_1", "reactor_1"])
+def test_a_probe_in_a_vessel_keeps_both_out_of_the_archive(bench: Bench, key: str) -> None:
+    link = Connection.objects.get(key="ph_1_reactor_1")
+    assert link.medium == "mechanical"
+    for other in Connection.objects.filter(Q(source__key=key) | Q(target__key=key)):
+        if other != link:
+            admin = bench.people["admin"].pk
+            crutd_services.carry_out(off(other), lab=bench.lab, actor_id=admin, note="off")
+    told = refused(bench, archived(bench, key), "crutd.connected")
+    assert f"{bench.node(key).name} is connected by ph_1_reactor_1 (mechanical)" in told["message"]
+    assert "take this connection off first" in told["message"]
+    bench.unplug(key)
+    done(bench, archived(bench, key))
+
+
+def test_a_probe_in_a_vessel_keeps_what_it_stands_in_out_of_the_archive(bench: Bench) -> None:
+    done(bench, created(bench, "holder", "carrier"))
+    Resource.objects.filter(key="ph_1").update(parent=bench.node("holder"))
+    for link in Connection.objects.filter(source__key="ph_1").exclude(medium="mechanical"):
+        link.delete()
+    operation = {"operation": archived(bench, "holder")}
+    client = signed_in(bench.people["chemist"])
+    told = json.loads(call(client, "POST", "/api/v1/operations/check", operation).content)
+    assert [one["code"] for one in told["findings"]] == ["crutd.connected"]
 
 
 def test_a_restore_brings_a_thing_back_to_its_place_with_its_pose(bench: Bench) -> None:
