@@ -16,6 +16,7 @@ const SESSION = {
     initials: "LN",
     roles: ["chemist"],
     permissions: ["view", "draw", "submit", "stop", "reset"],
+    lab_permissions: ["view", "draw", "submit", "stop", "reset"],
   },
   lab: {
     id: "l",

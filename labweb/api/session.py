@@ -21,6 +21,7 @@ from labweb.accounts.selectors import User
 from labweb.api.sign_in import FORGET_AFTER_S, Place, remember
 from labweb.common import sessions
 from labweb.common.requests import body
+from labweb.domain.approvals.roles import Permission
 from labweb.domain.errors import ForbiddenError, NotFoundError
 from labweb.resources import selectors as resource_selectors
 from labweb.runs import selectors as run_selectors
@@ -161,8 +162,10 @@ def _open_place(request: Request, username: str) -> Place:
 def _session(user: object) -> dict[str, Any]:
     if not isinstance(user, User) or not user.is_active:
         return {"user": None, "lab": None}
+    on_lab: frozenset[Permission] = frozenset()
     try:
         lab = run_selectors.lab_summary(resource_selectors.the_lab())
+        on_lab = resource_selectors.permissions_on_all(user)
     except NotFoundError:
         lab = None
     name = user.printed_name
@@ -175,6 +178,7 @@ def _session(user: object) -> dict[str, Any]:
             "roles": account_selectors.roles_of(user),
             "password_from": user.password_from,
             "permissions": sorted(p.value for p in account_selectors.permissions_of(user)),
+            "lab_permissions": sorted(p.value for p in on_lab),
         },
         "lab": lab,
     }

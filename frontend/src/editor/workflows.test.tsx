@@ -1,11 +1,12 @@
 // @vitest-environment jsdom
 import { screen } from "@testing-library/react";
+import userEvent from "@testing-library/user-event";
 import { expect, test } from "vitest";
 import { serve, show } from "@/testpage";
 import { WorkflowsPage } from "./workflows";
 
-function page(permissions: string[], workflows: unknown[] = []) {
-  const user = { username: "somebody", permissions };
+function page(permissions: string[], workflows: unknown[] = [], onLab = permissions) {
+  const user = { username: "somebody", permissions, lab_permissions: onLab };
   serve((path) => [200, path === "/session" ? { user, lab: null } : { workflows }]);
   show(<WorkflowsPage />, "/workflows?new=1");
 }
@@ -14,6 +15,16 @@ test("an address that asks for a new workflow opens nothing for who may not draw
   page(["view"]);
   await screen.findAllByText(/No workflow yet/);
   expect(screen.getByTestId("new-workflow")).toBeDisabled();
+  expect(screen.queryByTestId("new-workflow-name")).toBeNull();
+});
+
+test("who may draw only in a part of the lab reads why not, and who can help", async () => {
+  page(["view", "draw"], [], []);
+  await screen.findAllByText(/No workflow yet/);
+  const button = screen.getByTestId("new-workflow");
+  expect(button).toBeDisabled();
+  await userEvent.hover(button.parentElement ?? document.body);
+  expect(await screen.findByText(/only in a part of it.*Ask an admin/)).toBeInTheDocument();
   expect(screen.queryByTestId("new-workflow-name")).toBeNull();
 });
 

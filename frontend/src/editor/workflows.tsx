@@ -6,6 +6,7 @@ import { useCreateWorkflow } from "@/api/commands";
 import { useTopics } from "@/api/live";
 import { useOpened } from "@/api/opened";
 import { useSession, useWorkflows } from "@/api/queries";
+import { whyNotDraw } from "@/model/drawing";
 import { RECIPES } from "@/model/recipe";
 import { lastRunState } from "@/model/states";
 import type { WorkflowRow } from "@/model/wire";
@@ -20,14 +21,14 @@ export function WorkflowsPage() {
   const workflows = useWorkflows();
   const [params, setParams] = useSearchParams();
   const [source, setSource] = useState<WorkflowRow | null>(null);
-  const mayEdit = useSession().data?.user?.permissions.includes("draw") ?? false;
+  const why = whyNotDraw(useSession().data?.user);
+  const mayEdit = why === null;
   useTopics("workflows");
   const isAsking = mayEdit && (params.has("new") || source !== null);
   const close = (): void => {
     setSource(null);
     setParams({}, { replace: true });
   };
-  const why = mayEdit ? null : "You may not edit workflows.";
   const navigate = useNavigate();
   const openRecipe = useOpened((state) => state.openRecipe);
   const open = (file: File): void => {

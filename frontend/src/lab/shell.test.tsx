@@ -27,6 +27,7 @@ const user: User = {
   roles: ["approver"],
   password_from: "own",
   permissions: ["view", "stop", "reset"],
+  lab_permissions: ["view", "stop", "reset"],
 };
 const stopped: Lab = {
   ...lab,

@@ -15,6 +15,7 @@ const user: User = {
   initials: "AL",
   roles: ["approver"],
   permissions: [],
+  lab_permissions: [],
   password_from: "own",
 };
 

@@ -36,7 +36,10 @@ export interface User {
   name: string;
   initials: string;
   roles: string[];
+  /** What they may do somewhere in the lab. */
   permissions: string[];
+  /** What they may do to all of the lab. */
+  lab_permissions: string[];
   /** Who chose the password: themselves, an admin, or the start of a simulated lab. */
   password_from: "own" | "admin" | "seed";
 }

@@ -6,6 +6,7 @@ import { Link, useSearchParams } from "react-router";
 import { askedOn, THE_LAB, useOpened } from "@/api/opened";
 import { useSession } from "@/api/queries";
 import { useOpening } from "@/api/recipes";
+import { whyNotDraw } from "@/model/drawing";
 import { RECIPES } from "@/model/recipe";
 import type { Opening } from "@/model/wirerecipe";
 import { Card, Empty, Loaded } from "@/ui/card";
@@ -30,7 +31,7 @@ export function RecipePage() {
   const recipe = useOpened((state) => state.recipe);
   const problem = useOpened((state) => state.problem);
   const openRecipe = useOpened((state) => state.openRecipe);
-  const mayDraw = useSession().data?.user?.permissions.includes("draw") ?? false;
+  const why = whyNotDraw(useSession().data?.user);
   const [, setParams] = useSearchParams();
   const open = (file: File): void => {
     setParams({}, { replace: true });
@@ -41,7 +42,7 @@ export function RecipePage() {
       large
       accept={RECIPES}
       label={words.recipe}
-      why={mayDraw ? null : words.observer}
+      why={why}
       look={recipe ? "" : "pri"}
       onFile={open}
       testId="open-xdl"
@@ -54,7 +55,7 @@ export function RecipePage() {
       className="wrap recipepage"
       testId="recipe-page"
       words={words.drop}
-      onFile={mayDraw ? open : null}
+      onFile={why === null ? open : null}
     >
       {problem && (
         <p className="help bad" role="alert" data-testid="file-problem">

@@ -8,7 +8,11 @@ import type { Opening, RecipeAdvice } from "@/model/wirerecipe";
 import { serve, show, type Sent } from "@/testpage";
 import { RecipePage } from "./page";
 
-const user = { username: "chemist", permissions: ["view", "draw"] };
+const user = {
+  username: "chemist",
+  permissions: ["view", "draw"],
+  lab_permissions: ["view", "draw"],
+};
 const TEXT = "<XDL>\n  <Add reagent='water'/>\n</XDL>";
 const recipe = (): File => new File([TEXT], "warm.xdl");
 const refused: Partial<Opening> = {

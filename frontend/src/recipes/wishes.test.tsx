@@ -8,7 +8,11 @@ import type { Opening, RecipeFinding, RecipeParameter } from "@/model/wirerecipe
 import { serve, show, type Sent } from "@/testpage";
 import { RecipePage } from "./page";
 
-const user = { username: "chemist", permissions: ["view", "draw"] };
+const user = {
+  username: "chemist",
+  permissions: ["view", "draw"],
+  lab_permissions: ["view", "draw"],
+};
 const dose: RecipeParameter = {
   id: "dose",
   sort: "volume",

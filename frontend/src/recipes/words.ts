@@ -19,7 +19,6 @@ export const words = {
   save: "Save as workflow…",
   saveAs: "Save as workflow",
   name: "Name",
-  observer: "You may not edit workflows.",
   noPlanNoSave: "A recipe is saved once it has a proved plan.",
   otherRigNoSave: "A workflow is of this lab: choose this lab as the rig.",
   findings: "Findings",

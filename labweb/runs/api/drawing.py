@@ -163,5 +163,5 @@ def _workflow(workflow_id: UUID, user: User) -> dict[str, Any]:
         "draft": row.draft,
         "draft_revision": row.draft_revision,
         "versions": [workflow_api.render_version(v) for v in row.versions.all()],
-        "can_edit": Permission.DRAW in resource_selectors.permissions_of(user),
+        "can_edit": Permission.DRAW in resource_selectors.permissions_on_all(user),
     }

@@ -14,7 +14,12 @@ from labweb.accounts.selectors import User
 from labweb.common import feed
 from labweb.common.clock import now
 from labweb.domain.approvals.roles import Permission
-from labweb.domain.errors import DefinitionError, ProtocolError, RevisionError
+from labweb.domain.errors import (
+    DefinitionError,
+    ForbiddenError,
+    ProtocolError,
+    RevisionError,
+)
 from labweb.domain.messages import canonical
 from labweb.domain.workflows.drafts import check_draft
 from labweb.domain.workflows.protocol import parse_workflow
@@ -28,8 +33,21 @@ MAX_DRAFT_BYTES = 1024 * 1024
 LONGEST_NAME = 200
 
 
-def _may_draw(lab: Lab, actor: User) -> None:
-    resource_selectors.require(actor, Permission.DRAW, [resource_selectors.root_of(lab).id])
+def require_drawing(lab: Lab, actor: User) -> None:
+    """Refuse who may not draw on the whole lab, to which every workflow belongs.
+
+    Raises:
+        ForbiddenError: They may not, or only in a part of the lab; it says who can help.
+    """
+    root = resource_selectors.root_of(lab).id
+    allowed = resource_selectors.allowed_ids(actor, Permission.DRAW)
+    if root not in allowed:
+        told = "only in a part of the lab" if allowed else "nowhere in the lab"
+        raise ForbiddenError(
+            f"a workflow belongs to the whole lab, and {actor.username} may draw {told}. Ask an "
+            "admin for the role of chemist on the whole lab, or somebody who has it to draw this",
+            context={"permission": Permission.DRAW.value, "resources": [str(root)]},
+        )
 
 
 def _check_name(name: str) -> None:
@@ -77,7 +95,7 @@ def create_workflow(
         ProtocolError: No page could open the document; `findings` have the path of each place.
         ForbiddenError: The actor may not draw here.
     """
-    _may_draw(lab, actor)
+    require_drawing(lab, actor)
     clean = name.strip()
     if not clean or len(clean) > LONGEST_NAME:
         raise DefinitionError(
@@ -117,7 +135,7 @@ def save_draft(
     row = Workflow.objects.select_for_update(no_key=True).get(
         pk=selectors.find_workflow(workflow_id).pk
     )
-    _may_draw(row.lab, actor)
+    require_drawing(row.lab, actor)
     _check_document(document)
     _check_revision(row, revision)
     name = document.get("name")
@@ -155,7 +173,7 @@ def save_version(
         pk=selectors.find_workflow(workflow_id).pk
     )
     if actor is not None:
-        _may_draw(row.lab, actor)
+        require_drawing(row.lab, actor)
     if revision is not None:
         _check_revision(row, revision)
     parse_workflow(row.draft)

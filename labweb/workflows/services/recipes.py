@@ -29,7 +29,7 @@ from labweb.domain.workflows.recipe_on_rig import digest
 from labweb.resources import selectors as resource_selectors
 from labweb.resources.selectors import Lab
 from labweb.workflows.models import WorkflowVersion
-from labweb.workflows.services.drafts import create_workflow, save_version
+from labweb.workflows.services.drafts import create_workflow, require_drawing, save_version
 
 MOST_S = 180.0
 """Longest time to wait for an answer; the process itself has less of the processor."""
@@ -122,19 +122,15 @@ def keep_recipe(lab: Lab, read: ReadRecipe, *, name: str, actor: User) -> Workfl
     return save_version(row.id, note=read.note, actor=actor, proved=read.proved)
 
 
-def _may(lab: Lab, actor: User, permission: Permission) -> None:
-    resource_selectors.require(actor, permission, [resource_selectors.root_of(lab).id])
-
-
 def _with_graph(lab: Lab, asked: Asked, *, on_lab: bool, actor: User) -> Asked:
-    _may(lab, actor, Permission.DRAW)
+    require_drawing(lab, actor)
     return replace(asked, graph=render_graph(_lab_file(lab, actor))) if on_lab else asked
 
 
 def _lab_file(lab: Lab, actor: User) -> LabFile:
     """Return the whole lab as it is now, for who may draw and may see all of it."""
-    _may(lab, actor, Permission.DRAW)
-    _may(lab, actor, Permission.VIEW)
+    require_drawing(lab, actor)
+    resource_selectors.require(actor, Permission.VIEW, [resource_selectors.root_of(lab).id])
     return lab_file_of(lab)
 
 

@@ -145,6 +145,22 @@ def test_a_run_outside_may_not_be_started_nor_touched(bench: Bench, client: Clie
     assert Run.objects.get().state == "running"
 
 
+def test_who_draws_in_a_part_of_the_lab_is_told_so_before_and_who_can_help(
+    bench: Bench, client: Client
+) -> None:
+    me = read(client, f"{API}/session")["user"]
+    assert "draw" in me["permissions"]
+    assert me["lab_permissions"] == []
+    own = a_weighing(bench).workflow
+    assert read(client, f"{API}/workflows/{own.id}")["can_edit"] is False
+    answer = call(client, "POST", f"{API}/workflows", {"name": "Mine"})
+    assert (answer.status_code, code_of(answer)) == (403, "governance.forbidden")
+    assert "guest may draw only in a part of the lab. Ask an admin" in answer.content.decode()
+    chemist = signed_in(bench.people["chemist"])
+    assert "draw" in read(chemist, f"{API}/session")["user"]["lab_permissions"]
+    assert read(chemist, f"{API}/workflows/{own.id}")["can_edit"] is True
+
+
 def test_a_check_tells_nothing_of_vessels_outside(bench: Bench, client: Client) -> None:
     document = bench.version("Move 5 mL of water").document
     document["steps"][0]["params"]["volume"] = "100 L"
