@@ -95,7 +95,7 @@ def _wait_until(is_so: Callable[[], bool], within_s: float = BACK_WITHIN_S) -> N
         time.sleep(0.1)
 
 
-def _lines(stack: Stack, end: str) -> int:
+def _told_of_list(stack: Stack, end: str) -> int:
     """Return how often the supervisor has said so of its list; a short one may still fit."""
     said = stack._said.read_text().splitlines()
     return sum("The list of processes" in line and end in line for line in said)
@@ -178,7 +178,9 @@ def test_a_disk_that_is_full_in_mid_stroke_ends_no_lab(stack: Stack, disk: Small
     disk.clear()
     _ends_by_itself(outage)
     assert stack.pid("fixtures.instruments") == bench, "the simulated bench has ended"
-    _wait_until(lambda: _lines(stack, "cannot be written now") == _lines(stack, "written again"))
+    _wait_until(
+        lambda: _told_of_list(stack, "written now") == _told_of_list(stack, "written again")
+    )
 
 
 def test_a_database_that_finds_no_room_starts_again_when_there_is(
