@@ -37,6 +37,10 @@ from labweb.runs.selectors import Job, Run
 _MOST = 8
 _SHORTEST_QUERY = 2
 _MOST_FOUND = 40
+_PAUSED_BY = {
+    "stopped": "paused because the lab was stopped",
+    "device_stopped": "paused because a device of it was stopped",
+}
 _MOST_SINGLE = 3
 """Finds that are shown one by one; more are one line."""
 
@@ -221,7 +225,11 @@ def _why_paused(run: Run) -> str:
     if taken is not None:
         return f"{taken.sentence}: {run_services.why_taken(taken)}"
     bad = run.jobs.filter(state__in=["aborted", "rejected", "stopped", "held"]).first()
-    return "paused by a person" if bad is None else f"{bad.sentence}: {bad.message}"
+    if bad is not None:
+        return f"{bad.sentence}: {bad.message}"
+    return _PAUSED_BY.get(
+        next((one["kind"] for one in run.pause_reasons), ""), "paused by a person"
+    )
 
 
 def _need(

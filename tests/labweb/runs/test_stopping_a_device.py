@@ -116,3 +116,12 @@ def test_a_device_that_no_host_serves_is_not_stopped_in_vain(bench: Bench) -> No
 
 def test_every_promise_of_a_dialog_is_kept_by_a_test() -> None:
     assert set(KEPT) == promised()
+
+
+def test_home_says_that_a_run_is_paused_because_the_lab_was_stopped(bench: Bench, run: Run) -> None:
+    chemist = signed_in(bench.people["chemist"])
+    assert call(chemist, "POST", "/api/v1/lab/stop", {}).status_code == 200
+    assert state(run) == "paused"
+    needs = json.loads(chemist.get("/api/v1/home").content)["needs_you"]
+    told = [one["detail"] for one in needs if one["kind"] == "paused"]
+    assert told == ["paused because the lab was stopped"]
