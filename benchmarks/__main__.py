@@ -12,7 +12,7 @@ import sys
 from importlib import import_module
 from pathlib import Path
 
-from benchmarks import clicks, inspection, registration, start, steps, transfers
+from benchmarks import clicks, inspection, plans, registration, start, steps, transfers
 from benchmarks.database import an_empty_database
 from benchmarks.figures import Options, report
 
@@ -32,6 +32,7 @@ WITHOUT = {
         lambda: registration.main([]),
     ),
     "inspection": ("drivers read as text beside ast.parse alone", inspection.main),
+    "plans": ("a workflow planned and proved beside bare shortest paths", plans.main),
     "routes": ("compiled transfers beside a bare shortest path", transfers.speed),
 }
 FIGURES = Path(__file__).parents[1] / "docs" / "figures"

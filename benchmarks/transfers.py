@@ -25,7 +25,7 @@ from labweb.domain.errors import LabFileError
 from labweb.domain.graph.elements import Role
 from labweb.domain.graph.rig.model import Rig
 from labweb.domain.graph.rig.read import read_rig
-from labweb.domain.workflows.rig_transfers import compile_line
+from labweb.domain.recipes.rig_transfers import compile_line
 
 LIMITS_MS = {"35 nodes": 1.0, "1000 valves": 10.0}
 VOLUMES = ("0.1 mL", "10 mL", "60 mL")

@@ -12,18 +12,19 @@ from uuid import UUID
 import msgspec
 
 from labweb.domain.crutd.conditions import Condition, Result
-from labweb.domain.enrollment.admission import refusal
 from labweb.domain.errors import StateError
 from labweb.domain.messages import Do
 from labweb.domain.ports import Clock
-from labweb.domain.runs import acting, batch, edge, standing
+from labweb.domain.runs import acting, edge, meeting
 from labweb.domain.runs.acting import Started
 from labweb.domain.runs.bodies import plain, report_from
 from labweb.domain.runs.context import context_body
 from labweb.domain.runs.edge import ActionState, Answer, Report
 from labweb.domain.runs.journal import ActionRow, JournalError
-from workers import execute, faults
+from labweb.domain.runs.meeting import Stand
+from workers import checks, execute, faults, pairs
 from workers.beside import LineThread
+from workers.execute import Acted
 from workers.files import Files, Witness
 from workers.halting import halt_and_look
 from workers.journal import Journal
@@ -87,6 +88,7 @@ class Executor:
             action are quarantined.
         """
         doubtful = []
+        pairs.leave(self._journal, self._line)
         for row in self._journal.actions(self._line, ActionState.STARTED):
             found = halt_and_look(self._units.get(row.device_id), self._clock)
             with self._journal.write() as tx:
@@ -168,13 +170,13 @@ class Executor:
         if self._journal.blocked_by(row.device_id) is not None:
             return False
         do = row.do
-        if self._is_waiting(do):
+        if checks.is_waiting(self._journal, do):
             return False
         faults.enter(do.action)
         unit = self._units.get(row.device_id)
-        if unit is not None and self._is_for_next(do, unit):
+        if unit is not None and checks.is_for_next(self._journal, do, unit):
             return False
-        problem = self._problem(row, do, unit)
+        problem = checks.problem(self._journal, self._thread, row, unit)
         if problem is not None:
             return self._reject(row, problem)
         conditions = _conditions(do.pre)
@@ -188,7 +190,7 @@ class Executor:
         if not self._reader.await_baselines(post, is_over=self._is_closing):
             return False
         # Each status is asked for once: a slow wire takes longer than all of the rest.
-        before = self._reader.read([*conditions, *post])
+        before = self._reader.read_now(conditions, post, is_over=self._is_closing)
         scene = acting.Scene(
             pid=os.getpid(),
             driver_digest=unit.config.digest,
@@ -200,36 +202,33 @@ class Executor:
             context=self._context(unit),
         )
         faults.point("execute.before_started")
-        with self._journal.write() as tx:
-            found = acting.start(tx, row, do, at=self._journal.moment(), scene=scene)
+        found = self._start(row, scene)
         if isinstance(found, Answer):
-            self._wake_others(self._journal, do)
-            return found.kind == edge.REJECT
+            return found.kind == edge.REJECT or self._try_giver(row, found)
         self._carry_out(found, unit, before)
         return True
+
+    def _start(self, row: ActionRow, scene: acting.Scene) -> Answer | Started:
+        start = acting.start if meeting.partner_of(row.do) is None else acting.start_both
+        with self._journal.write() as tx:
+            found = start(tx, row, row.do, at=self._journal.moment(), scene=scene)
+        wake = partial(self._wake_others, self._journal, row.do)
+        if isinstance(found, Answer) and found.code == meeting.WAITS:
+            over = self._is_closing
+            return pairs.meet(self._journal, row, scene, self._clock, wake=wake, is_over=over)
+        if isinstance(found, Answer):
+            wake()
+        return found
+
+    def _try_giver(self, row: ActionRow, answer: Answer) -> bool:
+        """Try the action of this line that gives to one that is ready to receive."""
+        other = pairs.giver_here(self._journal, row, answer)
+        return other is not None and self._try(other)
 
     def _is_held(self) -> bool:
         """Say whether the server has to act first; spares the queue and the devices a look."""
         host = self._journal.host_state()
         return host.stop_latched or host.armed_boot_id != host.boot_id
-
-    def _is_waiting(self, do: Do) -> bool:
-        """Say whether its batch lets an action wait; spares the device a question too."""
-        if do.batch is None:
-            return False
-        away_s = standing.offline_s(self._journal.host_state(), self._journal.moment())
-        turn = batch.turn_of(self._journal, do.batch, away_s)
-        answer = None if turn is None else batch.decide_turn(turn)
-        return answer is not None and answer.kind == edge.HOLD
-
-    def _is_for_next(self, do: Do, unit: Unit) -> bool:
-        """Say whether an action waits for a version of the driver that is about to take over."""
-        if do.driver_digest == unit.config.digest:
-            return False
-        coming = [*self._journal.devices(), *self._journal.staged()]
-        return any(
-            device.id == do.device_id and device.digest == do.driver_digest for device in coming
-        )
 
     def _wake_others(self, journal: Journal, do: Do) -> None:
         """Wake the lines whose actions may have waited for this one."""
@@ -237,23 +236,6 @@ class Executor:
             for line in journal.waiting_lines():
                 if line != self._line:
                     self._wake(line)
-
-    def _problem(self, row: ActionRow, do: Do, unit: Unit | None) -> Answer | None:
-        if not self._thread.is_signed(row, self._journal.command_keys()):
-            return Answer(edge.REJECT, "edge.bad_signature", "no known key signed this action")
-        if unit is None:
-            if any(device.id == row.device_id for device in self._journal.devices()):
-                return None
-            return Answer(edge.REJECT, "edge.unknown_device", "the device is not served here")
-        if do.driver_digest != unit.config.digest:
-            text = "the action was approved for another version of the driver"
-            return Answer(edge.REJECT, "edge.driver_digest", text)
-        if not unit.has_action(do.action) and not execute.is_plain_read(do, unit):
-            return Answer(edge.REJECT, "edge.no_action", f"the driver has no action {do.action!r}")
-        if unit.has_action(do.action):
-            code, text = refusal(unit.config.admission, do.action, do.args)
-            return Answer(edge.REJECT, code, text) if code else None
-        return None
 
     def _reject(self, row: ActionRow, answer: Answer) -> bool:
         with self._journal.write() as tx:
@@ -266,9 +248,24 @@ class Executor:
     def _carry_out(
         self, started: Started, unit: Unit, before: Mapping[tuple[UUID, str], Any]
     ) -> None:
-        row, do = started.row, started.do
         faults.point("execute.after_started")
-        acted = self._watch.carry_out(unit, row)
+        own = [(started.row, unit, before)]
+        other = pairs.other_here(self._journal, started.row)
+        if other is not None:
+            own.append((other, self._units[other.device_id], _before(other)))
+        acted = self._watch.carry_out_all([(unit, row) for row, unit, _ in own])
+        answered = [
+            (row, one.report, was)
+            for one, (row, unit, was) in zip(acted, own, strict=True)
+            if self._answer(row, unit, one)
+        ]
+        # Of two, the one that received is confirmed first.
+        for row, report, was in sorted(answered, key=lambda one: -one[0].dseq):
+            self._confirm(row, row.do, report, was)
+
+    def _answer(self, row: ActionRow, unit: Unit, acted: Acted) -> bool:
+        """Write down what a device has answered; True: it is still to be confirmed."""
+        do = row.do
         if unit.driver.is_stopped:
             unit.check_link()  # some devices answer no command: only a question tells
             is_owed = unit.owes_halt or not unit.is_online
@@ -280,20 +277,21 @@ class Executor:
         if not acted.report.ok:
             self._finish(row, acted.report, [])
             unit.check_link()
-            return
+            return False
         self._witness.keep_reported(row.action_id, unit.config.id, acted.report.evidence)
         try:
             self._witness.keep_files(row.action_id, unit.config.id, acted.files)
         except StateError as error:
             self._finish(row, execute.without_files(do, acted.report, error), [])
-            return
+            return False
         context = self._context(unit)
-        if not do.post:  # nothing is read between answer and end: one write holds both
+        if not do.post and meeting.partner_of(do) is None:
+            # Nothing is read between answer and end: one write holds both.
             self._finish(row, acted.report, [], context, self._following(row, unit, context))
-            return
+            return False
         self._outcomes.write_answer(row, acted.report, context)
         faults.point("execute.after_actuated")
-        self._confirm(row, do, acted.report, before)
+        return True
 
     def _context(self, unit: Unit) -> dict[str, Any]:
         """Return versions of what acts, and the latest readings of the host with their age."""
@@ -313,6 +311,11 @@ class Executor:
         A process that is told to end meanwhile leaves the action as it is; the next one
         reads again.
         """
+        stands = pairs.await_partner(self._journal, row, self._clock, is_over=self._is_closing)
+        if stands is Stand.FAILED:
+            self._finish(row, meeting.failed(report), [])
+        if stands is not Stand.GO_ON:
+            return
         post = self._reader.await_all(_conditions(do.post), before, is_over=self._is_closing)
         if post is None:
             return
@@ -321,11 +324,10 @@ class Executor:
     def _confirm_again(self, row: ActionRow) -> bool:
         """End an action that was answered before a crash; False: its device is offline."""
         unit = self._units.get(row.device_id)
-        if unit is None or not unit.is_online:
+        if unit is None or not unit.is_online or pairs.waits_for_own(self._journal, row):
             return False
         report = report_from(msgspec.json.decode(row.report or "{}"))
-        before = prestate_from(msgspec.json.decode(row.prestate or '{"readings": []}'))
-        self._confirm(row, row.do, report, before)
+        self._confirm(row, row.do, report, _before(row))
         return True
 
     def _following(self, row: ActionRow, unit: Unit, context: dict[str, Any]) -> Following | None:
@@ -346,7 +348,11 @@ class Executor:
             do = following.do
             if following.device_id != row.device_id or do.pre or do.post:
                 return None
-            if self._is_for_next(do, unit) or self._problem(following, do, unit) is not None:
+            if meeting.partner_of(do) is not None:
+                return None
+            if checks.is_for_next(self._journal, do, unit):
+                return None
+            if checks.problem(self._journal, self._thread, following, unit) is not None:
                 return None
         except JournalError as error:
             log.error("what comes next cannot be read: %s", error)
@@ -387,3 +393,8 @@ class Executor:
 
 def _conditions(plain_conditions: list[dict[str, Any]]) -> list[Condition]:
     return msgspec.convert(plain_conditions, list[Condition])
+
+
+def _before(row: ActionRow) -> Mapping[tuple[UUID, str], Any]:
+    """Return what was read before an action began."""
+    return prestate_from(msgspec.json.decode(row.prestate or '{"readings": []}'))

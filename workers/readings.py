@@ -18,7 +18,7 @@ from labweb.domain.crutd.conditions import (
 )
 from labweb.domain.errors import LabError
 from labweb.domain.ports import Clock
-from workers.store import Store
+from workers.store import Sample, Store
 from workers.unit import Unit
 
 OLDEST_READING_S = 3.0
@@ -60,14 +60,39 @@ class Reader:
                 found |= spread(device_id, status, value)
         return found
 
-    def judge(
+    def read_now(
         self,
         conditions: Sequence[Condition],
-        before: Mapping[Key, Any],
-        since_s: float = float("-inf"),
-    ) -> list[tuple[Condition, Result]]:
-        """Judge the conditions on readings taken at this moment."""
-        return judged(conditions, self.read(conditions, since_s), before)
+        also: Iterable[Condition],
+        *,
+        is_over: Callable[[], bool],
+    ) -> dict[Key, Any]:
+        """Read as `read`, and judge nothing by what another line's device told too long ago.
+
+        Where a condition fails by what such a device told before this moment, its next sample is
+        waited for, as long as a sample may be old.
+        """
+        began_s = self._clock.monotonic_s()
+        also = list(also)
+        while True:
+            found = self.read([*conditions, *also])
+            failed = [
+                one
+                for one, result in judged(conditions, found, {})
+                if result.verdict is not Verdict.PASS and one.device_id not in self._units
+            ]
+            is_late = self._clock.monotonic_s() - began_s > OLDEST_READING_S
+            if is_late or is_over() or not any(self._is_older(one, began_s) for one in failed):
+                return found
+            self._clock.wait(POLL_S)
+
+    def _is_older(self, condition: Condition, than_s: float) -> bool:
+        """Say whether another line's device has told of a condition only before a moment."""
+        if self._store is None:
+            return False
+        names = {status.partition(".")[0] for status in statuses_of(condition)}
+        told = [self._store.latest(condition.device_id, name) for name in names]
+        return any(one is None or one.mono_s < than_s for one in told)
 
     def await_all(
         self,
@@ -86,18 +111,37 @@ class Reader:
         """
         began_s = self._clock.monotonic_s()
         while True:
-            judged = self.judge(conditions, before, began_s)
+            now = self.read(conditions, began_s)
+            found = judged(conditions, now, before)
             waited_s = self._lab_s(self._clock.monotonic_s() - began_s)
             hopeful = [
                 one
-                for one, result in judged
+                for one, result in found
                 if result.verdict is not Verdict.PASS and waited_s < one.timeout_s
             ]
             if not hopeful:
-                return judged
+                self._share(now)
+                return found
             if is_over():
                 return None
             self._clock.wait(POLL_S)
+
+    def _share(self, now: Mapping[Key, Any]) -> None:
+        """Let other lines see how an act has left the devices of this one.
+
+        A pump on its own line is to find its valve where it was turned to, not where the last
+        sample has seen it.
+        """
+        own = [key for key in now if key[0] in self._units and "." not in key[1]]
+        if self._store is None or not own:
+            return
+        at_s, mono_s = self._clock.now_s(), self._clock.monotonic_s()
+        self._store.share(
+            [
+                Sample(str(device), status, at_s, mono_s, now[device, status])
+                for device, status in own
+            ]
+        )
 
     def await_baselines(self, post: Sequence[Condition], *, is_over: Callable[[], bool]) -> bool:
         """Give what a change is measured from its time to settle, before the action begins.
@@ -179,7 +223,7 @@ def prestate_body(readings: Mapping[Key, Any]) -> dict[str, Any]:
 
 def prestate_from(body: Mapping[str, Any]) -> dict[Key, Any]:
     """Read the readings that were kept in the journal."""
-    return {(UUID(device), status): value for device, status, value in body["readings"]}
+    return {(UUID(device), status): value for device, status, value in body.get("readings", [])}
 
 
 def _keys(conditions: Iterable[Condition]) -> set[Key]:

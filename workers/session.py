@@ -158,6 +158,9 @@ def lose_link(journal: Journal) -> None:
     """
     with journal.write() as tx:
         standing.write_link_lost(tx, journal.moment())
+    # It may have been written by a process that died before the seal moved: a copy of the
+    # journal from before would then begin the time anew.
+    journal.seal_up()
 
 
 def countersign(journal: Journal, key: HostKey, heads: Heads) -> None:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable
+import threading
+from collections.abc import Callable, Sequence
 from uuid import UUID
 
 from labweb.domain.messages import Do
@@ -47,7 +48,9 @@ class Watch:
         self._clock = clock
         self._wake_others = wake_others
         self._journal: Journal | None = None
-        self._act: Act | None = None
+        self._acts: tuple[Act, ...] = ()
+        self._has_failed = False
+        """One of several that act at the same moment has failed: the others are halted."""
 
     def close(self) -> None:
         """Let go of the journal."""
@@ -64,12 +67,41 @@ class Watch:
         Effect:
             The device acts, once.
         """
-        self._act = act = Act(unit, row, self._clock)
-        acted = act.carry_out()
-        self._act = None
-        if acted is None:
-            raise HungDriverError(unit.config.key)
-        return acted
+        return self.carry_out_all([(unit, row)])[0]
+
+    def carry_out_all(self, pairs: Sequence[tuple[Unit, ActionRow]]) -> list[Acted]:
+        """Carry out actions that begin at the same moment, the first of them on this thread.
+
+        When one fails the others are halted.
+
+        Raises:
+            HungDriverError: One was given up, and that is written down.
+
+        Effect:
+            Each device acts, once.
+        """
+        acts = tuple(Act(unit, row, self._clock) for unit, row in pairs)
+        found: list[Acted | None] = [None] * len(acts)
+        self._acts, self._has_failed = acts, False
+
+        def carry_out(place: int) -> None:
+            acted = found[place] = acts[place].carry_out()
+            self._has_failed = self._has_failed or acted is None or not acted.report.ok
+
+        others = [
+            threading.Thread(target=carry_out, args=(place,), name="line-beside", daemon=True)
+            for place in range(1, len(acts))
+        ]
+        for other in others:
+            other.start()
+        carry_out(0)
+        for other in others:
+            other.join()
+        self._acts = ()
+        hung = [unit.config.key for (unit, _), acted in zip(pairs, found, strict=True) if not acted]
+        if hung:
+            raise HungDriverError(", ".join(hung))
+        return [acted for acted in found if acted is not None]
 
     def look(self) -> None:
         """Halt the device of what acts now, if it has to be.
@@ -78,9 +110,10 @@ class Watch:
             HungDriverError: Its driver hangs; the action is in doubt, the process has to end.
             AbandonedActionError: Nobody can look after the action any more.
         """
-        act = self._act
-        if act is None:
-            return
+        for act in self._acts:
+            self._look(act)
+
+    def _look(self, act: Act) -> None:
         try:
             report = act.look(lambda: self._is_cancelled(act.row.action_id))
             if report is not None:
@@ -103,6 +136,8 @@ class Watch:
 
     def _is_cancelled(self, action_id: UUID) -> bool:
         """Say whether to halt; the device still acts, so that no fault may end the waiting."""
+        if self._has_failed:
+            return True
         try:
             row = self._hold().action(action_id)
         except JournalError as error:

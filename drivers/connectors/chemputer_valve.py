@@ -5,7 +5,8 @@ Quality: bronze, simulated instrument.
 Safe state: the valve stands at a position; a turn that has begun cannot be stopped.
 
 The valve does not tell where it stands, so the driver keeps the last position that was done. Its
-ports are numbered 0 to 5 as on the valve and in graphs of Chemputers; -1 is the common one.
+ports are numbered 0 to 5 on the valve and in graphs of Chemputers; -1 is the common one. A lab
+that counts them from 1 says so in the settings.
 
 Source:
     Cronin group, Chemputer pumps and valves, control software, table of commands.
@@ -29,7 +30,10 @@ LAST_PORT = 5
 
 
 class Config(msgspec.Struct, frozen=True, kw_only=True):
-    """One valve at its address; there is nothing to set."""
+    """One valve at its address."""
+
+    first_port_index: Annotated[int, Range(0, 1)] = 0
+    """What the lab calls the port that is 0 on the valve: a lab that counts from 1 sets 1."""
 
 
 class ChemputerValve(Driver[ByteTransport, Config], Valve):
@@ -57,28 +61,34 @@ class ChemputerValve(Driver[ByteTransport, Config], Valve):
         """Do nothing where nothing moves; a turn that runs cannot be stopped."""
         self._unit.halt()
 
+    @status(every_s=2.0)
+    def has_error(self) -> bool:
+        """Ask whether the valve reports an error; it shows that the valve still answers."""
+        return self._unit.errors() != 0
+
     @status(every_s=1.0)
     def port_index(self) -> int | None:
-        """Tell the port of the last turn that was done, from 0 as on the valve; None: not known."""
+        """Tell the port of the last turn that was done, as the lab counts; None: not known."""
         return self._port_index
 
     @action(timeout_s=30.0, recovery="R1")
-    def select_port(self, port_index: Annotated[int, Range(0, 5)]) -> Report:
-        """Turn to a port, counted from 0 as on the valve, and return once the turn is done.
+    def select_port(self, port_index: Annotated[int, Range(0, 6)]) -> Report:
+        """Turn to a port, counted from `first_port_index`, and return once the turn is done.
 
         Effect:
             None on matter; what flows next flows through that port.
         """
         self.refuse_if_stopped()
-        if not 0 <= port_index <= LAST_PORT:
+        first = self.config.first_port_index
+        if not 0 <= port_index - first <= LAST_PORT:
             raise PreconditionError(
-                f"port {port_index} was asked for; the valve has 0 to {LAST_PORT}",
+                f"port {port_index} was asked for; the valve has {first} to {first + LAST_PORT}",
                 code="device.no_port",
             )
         before, self._port_index = self._port_index, None
         stands = {"moved_ul": 0.0, "port_index": port_index}
         try:
-            self._unit.act(f"pos {port_index}", VALVE_S, stands)
+            self._unit.act(f"pos {port_index - first}", VALVE_S, stands)
         except DeviceError as error:
             if error.effect is not Effect.UNKNOWN:
                 self._port_index = before if error.effect is Effect.NONE else port_index

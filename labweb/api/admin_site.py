@@ -15,7 +15,7 @@ from django.template.response import TemplateResponse
 
 from labweb.accounts import services as account_services
 from labweb.accounts.selectors import User
-from labweb.api.sign_in import FORGET_AFTER_S, Place
+from labweb.api.sign_in import Place, closed_words
 from labweb.common import sessions
 
 _SIGN_IN = "/login"
@@ -70,14 +70,14 @@ def _ask_again(request: HttpRequest) -> HttpResponse | None:
     is looked at until that is forgotten.
     """
     given = request.POST.get(_TYPED)
-    is_closed = False
+    closed_for_s = 0
     if given is not None and isinstance(request.user, User):
         place = Place.of(request, request.user.username)
-        is_closed = place.is_closed()
-        if not is_closed and request.user.check_password(given):
+        closed_for_s = place.closed_for_s()
+        if not closed_for_s and request.user.check_password(given):
             sessions.confirm(request.session)
             return None
-        if not is_closed:
+        if not closed_for_s:
             _count(request, request.user, place)
     elif sessions.is_confirmed(request.session):
         return None
@@ -90,15 +90,15 @@ def _ask_again(request: HttpRequest) -> HttpResponse | None:
     context = {
         "fields": fields,
         "has_files": bool(request.FILES),
-        "is_wrong": given is not None and not is_closed,
-        "closed_for_s": FORGET_AFTER_S if is_closed else None,
+        "is_wrong": given is not None and not closed_for_s,
+        "closed": closed_words(closed_for_s) if closed_for_s else "",
         "title": "Type your password again",
         **admin.site.each_context(request),
     }
     answer = TemplateResponse(request, "admin/ask_again.html", context, status=403)
-    if is_closed:
+    if closed_for_s:
         answer.status_code = 429
-        answer["Retry-After"] = str(FORGET_AFTER_S)
+        answer["Retry-After"] = str(closed_for_s)
     return answer
 
 

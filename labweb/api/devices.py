@@ -11,7 +11,7 @@ from rest_framework.request import Request
 from rest_framework.response import Response
 
 from labweb.accounts.api import Endpoint
-from labweb.accounts.selectors import User, user_of
+from labweb.accounts.selectors import user_of
 from labweb.api.driver_use import driver_of
 from labweb.common import disk
 from labweb.common.clock import now
@@ -22,12 +22,10 @@ from labweb.domain.approvals.roles import Permission
 from labweb.domain.disk import Level
 from labweb.domain.enrollment.admission import shows_itself
 from labweb.domain.enrollment.spec import UNITS, DriverSpec, StatusSpec
-from labweb.domain.errors import NotFoundError
 from labweb.domain.runs.halt_state import HaltState
 from labweb.enrollment import selectors as enrollment_selectors
 from labweb.enrollment.selectors import Device, EdgeHost
 from labweb.resources import selectors as resource_selectors
-from labweb.resources.selectors import Lab
 from labweb.runs import selectors as run_selectors
 from labweb.runs import services as run_services
 from labweb.runs.api.halts import render_halt
@@ -60,9 +58,7 @@ class DeviceDetail(Endpoint):
     def get(self, request: Request, device_id: UUID) -> Response:
         """Return a device with its driver, actions and statuses."""
         seen = resource_selectors.allowed_ids(user_of(request), Permission.VIEW)
-        row = enrollment_selectors.find_device(device_id)
-        if not enrollment_selectors.is_seen(row, seen):
-            raise NotFoundError(f"no device {device_id}", code="device.not_found")
+        row = enrollment_selectors.find_device(device_id, seen)
         spec = enrollment_selectors.spec_of(row)
         names = resource_selectors.names(UUID(node) for node in row.nodes.values())
         halt = run_selectors.last_halt(row.id)
@@ -98,7 +94,9 @@ class ShowDevice(Endpoint):
 
     def post(self, request: Request, showing_id: UUID) -> Response:
         """Start the run in which a device shows its name."""
-        run = run_services.show_device(showing_id, actor=user_of(request))
+        user = user_of(request)
+        enrollment_selectors.visible_device(showing_id, user)
+        run = run_services.show_device(showing_id, actor=user)
         return Response({"run_id": str(run.id), "number": run.number}, status=201)
 
 
@@ -114,9 +112,7 @@ class StopDevice(Endpoint):
         """Halt a device now, whether anything acts on it or not, and return what came of it."""
         body(request, Nothing)
         user = user_of(request)
-        seen = resource_selectors.allowed_ids(user, Permission.VIEW)
-        if not enrollment_selectors.is_seen(enrollment_selectors.find_device(stopped_id), seen):
-            raise NotFoundError(f"no device {stopped_id}", code="device.not_found")
+        enrollment_selectors.visible_device(stopped_id, user)
         return Response(render_halt(run_services.stop_device(stopped_id, actor=user)))
 
 
@@ -128,19 +124,9 @@ class Hosts(Endpoint):
     def get(self, request: Request) -> Response:
         """List the hosts of devices that the caller may see, with their journals' lag."""
         lab = resource_selectors.the_lab()
-        rows = visible_hosts(lab, user_of(request))
+        rows = enrollment_selectors.visible_hosts(lab, user_of(request))
         found, following = STANDING.of_list(request, rows, lambda row: [row.key, row.pk.hex])
         return Response({"hosts": host_rows(found), "next": following})
-
-
-def visible_hosts(lab: Lab, user: User) -> list[EdgeHost]:
-    """Return the hosts that own a device the user may see; all to who sees the whole lab."""
-    seen = resource_selectors.allowed_ids(user, Permission.VIEW)
-    hosts = enrollment_selectors.hosts_of(lab)
-    if resource_selectors.root_of(lab).id in seen:
-        return list(hosts)
-    owners = {row.host_id for row in enrollment_selectors.visible_devices(lab, seen)}
-    return [host for host in hosts if host.id in owners]
 
 
 def _status(status: StatusSpec) -> dict[str, Any]:

@@ -73,9 +73,14 @@ def visible_driver(version_id: UUID, user: User) -> DriverVersion:
         NotFoundError: There is none, or no device in their part of the lab has it.
     """
     row = selectors.find_driver(version_id)
-    if not _reads_all(user) and row.id not in users_of(user):
+    if not is_driver_seen(row.id, user):
         raise NotFoundError(f"no driver version {version_id}", code="driver.not_found")
     return row
+
+
+def is_driver_seen(version_id: UUID, user: User) -> bool:
+    """Tell whether a person may see a version."""
+    return _reads_all(user) or version_id in users_of(user)
 
 
 def places_of(version: DriverVersion, user: User) -> list[dict[str, Any]]:

@@ -184,9 +184,9 @@ class DriverChanges(Endpoint):
             ForbiddenError: The caller may not read source.
         """
         user = user_of(request)
+        after, before = (visible_driver(one, user) for one in (driver_id, since_id))
         if not READS_SOURCE & resource_selectors.permissions_on_all(user):
             raise ForbiddenError(f"{user.username} may not read the source of drivers")
-        after, before = (selectors.find_driver(one) for one in (driver_id, since_id))
         found = compare(before.sources, after.sources)
         return Response({"modules": [msgspec.to_builtins(one) for one in found]})
 
@@ -200,6 +200,7 @@ class DecideDriver(Endpoint):
     def post(self, request: Request, driver_id: UUID) -> Response:
         """Approve or reject a version."""
         user, answer = user_of(request), body(request, Answer)
+        visible_driver(driver_id, user)
         row = approval_services.decide_driver(
             driver_id, actor=user, is_approved=answer.is_approved, comment=answer.comment
         )
@@ -214,6 +215,7 @@ class WithdrawDriver(Endpoint):
     def post(self, request: Request, driver_id: UUID) -> Response:
         """Let a version be used no more."""
         user, reason = user_of(request), body(request, Withdrawal).reason
+        visible_driver(driver_id, user)
         row = approval_services.withdraw_driver(driver_id, actor=user, reason=reason)
         return Response(_render(row, user, {}))
 
@@ -226,6 +228,8 @@ class DeviceDriver(Endpoint):
     def post(self, request: Request, device_id: UUID) -> Response:
         """Give a device another version; an earlier one rolls back."""
         user, choice = user_of(request), body(request, Choice)
+        selectors.visible_device(device_id, user)
+        visible_driver(choice.version_id, user)
         device = run_services.replace_driver(
             device_id,
             choice.version_id,
@@ -244,6 +248,9 @@ class DriverDevices(Endpoint):
     def post(self, request: Request, approved_id: UUID) -> Response:
         """Give a version to several devices: to all of them, or to none."""
         user, wanted = user_of(request), body(request, Choices)
+        visible_driver(approved_id, user)
+        for one in wanted.devices:
+            selectors.visible_device(one.device_id, user)
         devices = run_services.replace_drivers(
             approved_id,
             [run_services.Given(one.device_id, one.parts) for one in wanted.devices],
@@ -260,8 +267,9 @@ class DeviceDriverParts(Endpoint):
 
     def get(self, request: Request, device_id: UUID, approved_id: UUID) -> Response:
         """List the parts that come, go and change, and what speaks against it; for a decision."""
-        row = selectors.find_device(device_id)
         user = user_of(request)
+        row = selectors.visible_device(device_id, user)
+        visible_driver(approved_id, user)
         resource_selectors.require(user, Permission.ADMIT, selectors.node_ids(row))
         seen = run_services.look_at_parts(device_id, approved_id)
         return Response(

@@ -13,7 +13,7 @@ from rest_framework.response import Response
 
 from labweb.accounts.api import Endpoint
 from labweb.accounts.selectors import User, permissions_of, user_of
-from labweb.api.devices import device_rows, host_rows, visible_hosts
+from labweb.api.devices import device_rows, host_rows
 from labweb.approvals import selectors as approval_selectors
 from labweb.common import disk
 from labweb.common.reading import one_moment
@@ -60,7 +60,7 @@ def _home(user: User) -> dict[str, Any]:
     runs = run_selectors.visible_runs(lab, seen)
     devices = enrollment_selectors.visible_devices(lab, seen)
     candidates = [row for row in devices if row.state == Device.State.CANDIDATE]
-    hosts = list(visible_hosts(lab, user))
+    hosts = enrollment_selectors.visible_hosts(lab, user)
     may_admit = Permission.ADMIT in permissions_of(user)
     return {
         "needs_you": [
@@ -96,6 +96,15 @@ def _needs(
             **_need(
                 "in_doubt", _question(job, names), _where(job, names),
                 iso(job.state_at), f"/runs/{job.run_id}?job={job.id}", "Resolve",
+            ),
+            "run_id": str(job.run_id),
+            "job_id": str(job.id),
+        }  # fmt: skip
+    for job in run_selectors.jobs_that_ask(runs):
+        yield {
+            **_need(
+                "asks", job.asks, f"Run #{job.run.number} {job.run.version.workflow.name}",
+                iso(job.state_at), f"/runs/{job.run_id}?job={job.id}", "Open",
             ),
             "run_id": str(job.run_id),
             "job_id": str(job.id),
@@ -186,8 +195,9 @@ def _unreconciled(lab: Lab, seen: set[UUID]) -> Iterator[dict[str, Any]]:
             iso(closed.at), f"/lab?sel={row.id}&stock=1", "Take stock",
         )  # fmt: skip
     for ticket in crutd_selectors.visible_tickets(lab, seen):
+        title, _, rest = ticket.message.partition(": ")
         yield _need(
-            "ticket", ticket.message, ticket.code,
+            "ticket", title, rest or ticket.code,
             iso(ticket.opened_at), f"/lab?ticket={ticket.id}", "Open",
         )  # fmt: skip
 
@@ -212,8 +222,9 @@ def _silent(runs: QuerySet[Run]) -> Iterator[dict[str, Any]]:
         if one.run.id not in shown:
             continue
         sentences = "; ".join(job.sentence for job in one.jobs)
-        detail = f"Run #{one.run.number} {one.run.version.workflow.name} goes on. Set: {sentences}"
-        title = f"{one.device.name} does not tell whether it keeps what was set"
+        run = f"Run #{one.run.number} {one.run.version.workflow.name}"
+        title = f"{one.device.name} is not read: nobody knows whether it keeps what was set"
+        detail = f"{run} goes on. Set: {sentences}. Look at {one.device.name}"
         yield {
             **_need("silent", title, detail, iso(one.since_at), f"/runs/{one.run.id}", "Open"),
             "run_id": str(one.run.id),

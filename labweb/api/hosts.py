@@ -10,11 +10,10 @@ from rest_framework.response import Response
 
 from labweb.accounts.api import Endpoint
 from labweb.accounts.selectors import User, user_of
-from labweb.api.devices import device_rows, host_rows, visible_hosts
+from labweb.api.devices import device_rows, host_rows
 from labweb.common.render import iso
 from labweb.crutd import selectors as crutd_selectors
 from labweb.domain.approvals.roles import Permission
-from labweb.domain.errors import NotFoundError
 from labweb.domain.runs.session import MAY_BE_FENCED, SessionState
 from labweb.enrollment import selectors as enrollment_selectors
 from labweb.enrollment.selectors import EdgeHost
@@ -32,10 +31,7 @@ class HostDetail(Endpoint):
         """Return a host whole; one that the caller may not see is not there."""
         user = user_of(request)
         lab = resource_selectors.the_lab()
-        row = next((one for one in visible_hosts(lab, user) if one.id == host_id), None)
-        if row is None:
-            raise NotFoundError(f"no host {host_id}", code="host.not_found")
-        return Response(_render(row, user))
+        return Response(_render(enrollment_selectors.visible_host(lab, host_id, user), user))
 
 
 def _render(row: EdgeHost, user: User) -> dict[str, Any]:
@@ -51,7 +47,7 @@ def _render(row: EdgeHost, user: User) -> dict[str, Any]:
         for ticket in crutd_selectors.visible_tickets(row.lab, seen)
         if str(ticket.detail.get("host_id", "")) == str(row.id)
     ]
-    may = Permission.ADMIT in resource_selectors.permissions_of(user)
+    may = Permission.ADMIT in resource_selectors.permissions_on_all(user, row.lab)
     state = SessionState(row.state)
     return {
         **host_rows([row])[0],

@@ -182,7 +182,7 @@ def _may_hear(topic: str, seen: set[UUID]) -> bool:
     try:
         ident = UUID(text)
         if kind == "telemetry":
-            return enrollment_selectors.is_seen(enrollment_selectors.find_device(ident), seen)
+            return bool(enrollment_selectors.find_device(ident, seen))
         if kind == "run":
             lab = run_selectors.find_run(ident).lab
             return run_selectors.visible_runs(lab, seen).filter(pk=ident).exists()

@@ -195,6 +195,7 @@ DECLARED: dict[str, Pace | dict[str, Pace]] = {
     f"{_API}resources/<uuid:resource_id>/provenance": _W,
     f"{_API}resources/<uuid:resource_id>/conditions": _W,
     f"{_API}jobs/<uuid:job_id>/resolve": _Q,
+    f"{_API}jobs/<uuid:job_id>/confirm": _Q,
     f"{_API}jobs/<uuid:job_id>/recover": _Q,
     f"{_API}reservations": _Q,
     f"{_API}reservations/<uuid:reservation_id>/end": _Q,

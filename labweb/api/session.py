@@ -9,7 +9,7 @@ import msgspec
 from django.contrib.auth import authenticate, login, logout, update_session_auth_hash
 from django.middleware.csrf import get_token
 from rest_framework.authentication import SessionAuthentication
-from rest_framework.exceptions import Throttled
+from rest_framework.exceptions import ErrorDetail, Throttled
 from rest_framework.permissions import AllowAny, IsAuthenticated
 from rest_framework.request import Request
 from rest_framework.response import Response
@@ -18,7 +18,7 @@ from labweb.accounts import selectors as account_selectors
 from labweb.accounts import services as account_services
 from labweb.accounts.api import Endpoint
 from labweb.accounts.selectors import User
-from labweb.api.sign_in import FORGET_AFTER_S, Place, remember
+from labweb.api.sign_in import Place, closed_words, remember
 from labweb.common import sessions
 from labweb.common.requests import body
 from labweb.domain.approvals.roles import Permission
@@ -151,11 +151,21 @@ class Awake(Endpoint):
         return Response(status=204)
 
 
+class Closed(Throttled):
+    """A wrong password was typed too often from where one signs in."""
+
+    def __init__(self, wait_s: int) -> None:
+        super().__init__()
+        self.wait: float = wait_s
+        self.detail = ErrorDetail(closed_words(wait_s), "throttled")
+
+
 def _open_place(request: Request, username: str) -> Place:
     """Return from where a password is tried, unless it was wrong too often there."""
     place = Place.of(request, username)
-    if place.is_closed():
-        raise Throttled(wait=FORGET_AFTER_S)
+    wait_s = place.closed_for_s()
+    if wait_s:
+        raise Closed(wait_s)
     return place
 
 

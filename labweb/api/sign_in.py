@@ -11,6 +11,7 @@ Source:
 
 from __future__ import annotations
 
+import math
 import secrets
 from dataclasses import dataclass
 from hashlib import sha256
@@ -23,6 +24,7 @@ from rest_framework.request import Request
 from rest_framework.response import Response
 
 from labweb.api.borders import name_of
+from labweb.common.clock import now
 
 MOST_FAILURES = 5
 """At one name from one place."""
@@ -53,19 +55,39 @@ class Place:
         address = name_of(str(request.META.get("REMOTE_ADDR", "")))
         return cls({_key(username, address): MOST_FAILURES, _key("", address): MOST_OF_AN_ADDRESS})
 
-    def is_closed(self) -> bool:
-        """Tell whether it has failed too often lately."""
-        return any((cache.get(key) or 0) >= most for key, most in self.keys.items())
+    def closed_for_s(self) -> int:
+        """Return for how long it is closed after too many failures; 0: it is open."""
+        at_s = now().timestamp()
+        ends = [
+            cache.get(f"{key}:ends") or at_s
+            for key, most in self.keys.items()
+            if (cache.get(key) or 0) >= most
+        ]
+        return max((max(1, math.ceil(end - at_s)) for end in ends), default=0)
 
     def count_failure(self) -> None:
         """Note a wrong password."""
+        ends = now().timestamp() + FORGET_AFTER_S
         for key in self.keys:
-            cache.add(key, 0, FORGET_AFTER_S)
+            if cache.add(key, 0, FORGET_AFTER_S):
+                cache.set(f"{key}:ends", ends, FORGET_AFTER_S)
             cache.incr(key)
 
     def forget_failures(self) -> None:
         """Note a right one: what failed before under this name was a mistake."""
         cache.delete(next(iter(self.keys)))
+
+
+def closed_words(closed_for_s: int) -> str:
+    """Say that a place is closed, and when it opens.
+
+    Example:
+        >>> closed_words(205)
+        'a wrong password was typed too often: try again in 4 minutes'
+    """
+    minutes = math.ceil(closed_for_s / 60)
+    when = "a minute" if minutes == 1 else f"{minutes} minutes"
+    return f"a wrong password was typed too often: try again in {when}"
 
 
 def remember(answer: Response, request: Request, username: str) -> None:

@@ -10,8 +10,8 @@ from rest_framework.request import Request
 from rest_framework.response import Response
 
 from labweb.accounts.api import Endpoint
-from labweb.accounts.selectors import user_of
-from labweb.api.driver_use import visible_driver
+from labweb.accounts.selectors import User, user_of
+from labweb.api.driver_use import is_driver_seen, visible_driver
 from labweb.approvals import selectors as tryouts
 from labweb.approvals import services
 from labweb.approvals.selectors import Tryout, TryoutAct
@@ -19,6 +19,7 @@ from labweb.common.lists import HISTORY
 from labweb.common.render import iso
 from labweb.common.requests import body
 from labweb.domain.enrollment.tryout import FASTEST, labelled
+from labweb.domain.errors import NotFoundError
 from labweb.enrollment.selectors import DriverVersion
 
 
@@ -61,8 +62,9 @@ class DriverTryouts(Endpoint):
 
     def post(self, request: Request, driver_id: UUID) -> Response:
         """Begin a tryout; the version need not be approved."""
-        wanted = body(request, services.TryoutWanted)
-        row = services.begin_tryout(driver_id, wanted, actor=user_of(request))
+        user, wanted = user_of(request), body(request, services.TryoutWanted)
+        visible_driver(driver_id, user)
+        row = services.begin_tryout(driver_id, wanted, actor=user)
         return Response(_detail(tryouts.find_tryout(row.id)), status=201)
 
 
@@ -71,8 +73,7 @@ class TryoutDetail(Endpoint):
 
     def get(self, request: Request, tryout_id: UUID) -> Response:
         """Return a tryout with its wishes, statuses, faults and the bytes on its line."""
-        user_of(request)
-        return Response(_detail(tryouts.find_tryout(tryout_id)))
+        return Response(_detail(_visible(tryout_id, user_of(request))))
 
 
 class TryoutWishes(Endpoint):
@@ -82,9 +83,22 @@ class TryoutWishes(Endpoint):
 
     def post(self, request: Request, tryout_id: UUID) -> Response:
         """Have it act, read, stop, take a fault, lose all faults, or end."""
-        wish = body(request, services.TryoutWish)
-        act = services.ask_tryout(tryout_id, wish, actor=user_of(request))
+        user, wish = user_of(request), body(request, services.TryoutWish)
+        _visible(tryout_id, user)
+        act = services.ask_tryout(tryout_id, wish, actor=user)
         return Response(_act(act), status=201)
+
+
+def _visible(tryout_id: UUID, user: User) -> Tryout:
+    """Return a tryout of a version that a person may see.
+
+    Raises:
+        NotFoundError: There is none, or they may not see the version.
+    """
+    row = tryouts.find_tryout(tryout_id)
+    if not is_driver_seen(row.version_id, user):
+        raise NotFoundError(f"no tryout {tryout_id}", code="tryout.not_found")
+    return row
 
 
 def tried_of(version: DriverVersion) -> dict[str, Any]:

@@ -43,6 +43,11 @@ def requests_of(lab: Lab) -> QuerySet[ApprovalRequest]:
     return ApprovalRequest.objects.filter(lab=lab).select_related("asked_by", "decision__actor")
 
 
+def no_request(request_id: UUID) -> NotFoundError:
+    """Return what is said of a request that there is not, or not for who asks."""
+    return NotFoundError(f"no request {request_id}", code="approval.not_found")
+
+
 def find_request(request_id: UUID) -> ApprovalRequest:
     """Return a request.
 
@@ -55,7 +60,7 @@ def find_request(request_id: UUID) -> ApprovalRequest:
         .first()
     )
     if row is None:
-        raise NotFoundError(f"no request {request_id}", code="approval.not_found")
+        raise no_request(request_id)
     return row
 
 

@@ -12,8 +12,6 @@ urlpatterns = [
     path("resources/contents", exports.ContentsExport.as_view()),
     path("lots/export", exports.LotsExport.as_view()),
     path("lab/export", exports.LabExport.as_view()),
-    path("resources/<uuid:resource_id>", api.ResourceDetail.as_view()),
-    path("resources/<uuid:resource_id>/events", api.ResourceEvents.as_view()),
     path("resources/<uuid:resource_id>/lineage", api.Lineage.as_view()),
     path("resources/<uuid:resource_id>/stock", desk.Stock.as_view()),
     path("resources/<uuid:resource_id>/reaction", desk.Reaction.as_view()),

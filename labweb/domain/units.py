@@ -60,7 +60,8 @@ def parse_exact(text: object, dimension: str) -> Decimal:
         Decimal('-78')
     """
     wanted = DIMENSIONS[dimension]
-    number, unit = _split(text, wanted)
+    number, written = _split(text, wanted)
+    unit = wanted.spellings.get(written, written)
     if unit not in wanted.units:
         known = ", ".join(wanted.units)
         raise UnitError(f"{text!r} is not a {dimension}: use one of {known}", code="unit.unknown")
@@ -325,6 +326,16 @@ def steady(rate: Decimal | float) -> float:
         (2.77777778e-05, 666.666667)
     """
     return float(f"{rate:.9g}")
+
+
+def render_mass(amount_ug: int) -> str:
+    """Write a mass for a person, in milligrams.
+
+    Example:
+        >>> render_mass(2_500)
+        '2.5 mg'
+    """
+    return f"{amount_ug / 1000:g} mg"
 
 
 def render_volume(amount_nl: int) -> str:

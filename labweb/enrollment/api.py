@@ -41,7 +41,16 @@ class Said(msgspec.Struct, forbid_unknown_fields=True):
     reason: str
 
 
-class JoinTokens(Endpoint):
+class ForAdmission(Endpoint):
+    """What only who admits hosts to the lab may ask about, whatever there is of it."""
+
+    def initial(self, request: Request, *args: Any, **kwargs: Any) -> None:  # noqa: ANN401 - DRF's shape
+        """Refuse who may not, before anything is looked for."""
+        super().initial(request, *args, **kwargs)
+        services.require_admission(user_of(request), resource_selectors.the_lab())
+
+
+class JoinTokens(ForAdmission):
     """Join tokens of the lab."""
 
     bodies = {"post": TokenWish}
@@ -49,9 +58,7 @@ class JoinTokens(Endpoint):
 
     def get(self, request: Request) -> Response:
         """List the tokens, without their secrets, which nobody has."""
-        lab = resource_selectors.the_lab()
-        services.require_admission(user_of(request), lab)
-        rows = selectors.tokens_of(lab)
+        rows = selectors.tokens_of(resource_selectors.the_lab())
         found, following = HISTORY.of_rows(request, rows, "-created_at", "-id")
         return Response({"tokens": [_token(row) for row in found], "next": following})
 
@@ -69,7 +76,7 @@ class JoinTokens(Endpoint):
         return Response(answer, status=201)
 
 
-class JoinTokenDetail(Endpoint):
+class JoinTokenDetail(ForAdmission):
     """One token."""
 
     def delete(self, request: Request, token_id: UUID) -> Response:
@@ -77,16 +84,14 @@ class JoinTokenDetail(Endpoint):
         return Response(_token(services.withdraw_token(token_id, actor=user_of(request))))
 
 
-class JoinRequests(Endpoint):
+class JoinRequests(ForAdmission):
     """Machines that asked."""
 
     queries = HISTORY.parameters
 
     def get(self, request: Request) -> Response:
         """List the machines that asked, the newest first; not their codes, which they show."""
-        lab = resource_selectors.the_lab()
-        services.require_admission(user_of(request), lab)
-        rows = selectors.requests_of(lab)
+        rows = selectors.requests_of(resource_selectors.the_lab())
         found, following = HISTORY.of_rows(request, rows, "-asked_at", "-id")
         return Response(
             {
@@ -97,7 +102,7 @@ class JoinRequests(Endpoint):
         )
 
 
-class Admission(Endpoint):
+class Admission(ForAdmission):
     """Yes to one machine."""
 
     signs = frozenset({"post"})
@@ -110,7 +115,7 @@ class Admission(Endpoint):
         return Response({"host": {"id": str(host.id), "key": host.key, "name": host.name}})
 
 
-class Rejection(Endpoint):
+class Rejection(ForAdmission):
     """No to one machine."""
 
     bodies = {"post": Said}

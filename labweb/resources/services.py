@@ -272,6 +272,12 @@ def quarantine(ids: Collection[UUID], transaction_id: UUID) -> None:
     rows.update(quarantined_by=transaction_id)
 
 
+def close_for(ids: Collection[UUID], transaction_id: UUID) -> None:
+    """Keep nodes closed that are quarantined, for this cause and no former one."""
+    rows = Resource.objects.filter(pk__in=ids, quarantined_by__isnull=False)
+    rows.update(quarantined_by=transaction_id)
+
+
 def release(ids: Collection[UUID]) -> None:
     """Open what was quarantined."""
     Resource.objects.filter(pk__in=ids).update(quarantined_by=None)

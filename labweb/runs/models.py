@@ -89,6 +89,14 @@ class Job(Base):
     """Why it is this device's, or why it waits for any; of a step that asks for a role."""
 
     after = models.JSONField(default=list)
+    meets = models.PositiveIntegerField(null=True)
+    """Index of the job that begins at the same moment on another device; null: none does."""
+
+    asks = models.TextField(blank=True, default="")
+    """What a person has to confirm before it is sent to a host; empty: nothing."""
+
+    confirmed_at = models.DateTimeField(null=True)
+    confirmed_by = models.ForeignKey("accounts.User", models.PROTECT, null=True, related_name="+")
     locks = models.JSONField(default=list)
     recovery = models.CharField(max_length=2, default="R3")
     estimate_s = models.FloatField(default=0)

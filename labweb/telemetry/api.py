@@ -18,13 +18,11 @@ from labweb.common.download import Blocks, sent
 from labweb.common.render import iso
 from labweb.common.requests import Parameter, one_of, seconds, whole_number, word
 from labweb.common.uploads import Bounded, one_file
-from labweb.domain.approvals.roles import Permission
 from labweb.domain.enrollment.spec import UNITS, StatusSpec
-from labweb.domain.errors import DefinitionError, NotFoundError
+from labweb.domain.errors import DefinitionError
 from labweb.domain.telemetry import MOST_POINTS, NAMES
 from labweb.enrollment import selectors as enrollment_selectors
 from labweb.enrollment.selectors import Device
-from labweb.resources import selectors as resource_selectors
 from labweb.telemetry import selectors, services
 from labweb.telemetry.selectors import DevicePhoto
 from labweb.telemetry.services.files import digest_header, opened
@@ -173,6 +171,7 @@ class Photo(Endpoint):
 
     def post(self, request: Request, device_id: UUID) -> Response:
         """Keep a photo: a form with one `file`, a JPEG, PNG or WebP of at most 16 MiB."""
+        _device(request, device_id)
         _, file = one_file(request, (), services.MOST_PHOTO_BYTES)
         row = services.keep_photo(device_id, file, actor=user_of(request))
         return Response(photo_told(row), status=201)
@@ -190,16 +189,7 @@ def photo_told(row: DevicePhoto | None) -> dict[str, Any] | None:
 
 
 def _device(request: Request, device_id: UUID) -> Device:
-    """Return a device that the caller may see.
-
-    Raises:
-        NotFoundError: There is none.
-    """
-    device = enrollment_selectors.find_device(device_id)
-    seen = resource_selectors.allowed_ids(user_of(request), Permission.VIEW)
-    if not enrollment_selectors.is_seen(device, seen):
-        raise NotFoundError(f"no device {device_id}", code="device.not_found")
-    return device
+    return enrollment_selectors.visible_device(device_id, user_of(request))
 
 
 def _range(request: Request) -> tuple[float, float]:

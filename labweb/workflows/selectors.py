@@ -13,7 +13,7 @@ from labweb.accounts.selectors import User
 from labweb.common.prepared import Given, Prepared
 from labweb.domain.approvals.roles import Permission
 from labweb.domain.errors import Finding, NotFoundError
-from labweb.domain.workflows.agreement.keeping import changes_since
+from labweb.domain.recipes.agreement.keeping import changes_since
 from labweb.resources import selectors as resource_selectors
 from labweb.resources.selectors import Lab
 from labweb.workflows.models import Workflow as Workflow
@@ -70,14 +70,31 @@ def find_visible(workflow_id: UUID, user: User) -> Workflow:
         NotFoundError: There is none, or they may not.
     """
     row = find_workflow(workflow_id)
-    seen = resource_selectors.allowed_ids(user, Permission.VIEW)
-    if resource_selectors.root_of(row.lab).id not in seen:
-        named = resource_selectors.names_in(
-            _values(row.draft), *(_values(one.document) for one in row.versions.all())
-        )
-        if not seen or not {UUID(one) for one in named} <= seen:
-            raise NotFoundError(f"no workflow {workflow_id}", code="workflow.not_found")
+    if not _is_seen(row, user):
+        raise NotFoundError(f"no workflow {workflow_id}", code="workflow.not_found")
     return row
+
+
+def visible_version(version_id: UUID, user: User) -> WorkflowVersion:
+    """Return a version of a workflow that a person may read.
+
+    Raises:
+        NotFoundError: There is none, or they may not.
+    """
+    row = find_version(version_id)
+    if not _is_seen(row.workflow, user):
+        raise NotFoundError(f"no version {version_id}", code="workflow.no_version")
+    return row
+
+
+def _is_seen(row: Workflow, user: User) -> bool:
+    seen = resource_selectors.allowed_ids(user, Permission.VIEW)
+    if resource_selectors.root_of(row.lab).id in seen:
+        return True
+    named = resource_selectors.names_in(
+        _values(row.draft), *(_values(one.document) for one in row.versions.all())
+    )
+    return bool(seen) and {UUID(one) for one in named} <= seen
 
 
 def find_named(lab: Lab, name: str, *, author: User) -> Workflow | None:

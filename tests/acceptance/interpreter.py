@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from fractions import Fraction
 from typing import Any
 
-from tests.acceptance.plumbing import Plumbing, Wrong
+from tests.acceptance.plumbing import SYRINGES, Plumbing, Wrong
 
 Amounts = dict[str, Fraction]
 """Nanolitres by lot."""
@@ -59,9 +59,17 @@ class Interpreter:
 
     def execute(self, jobs: Sequence[Mapping[str, Any]]) -> None:
         """Do the jobs in this order; Wrong is raised at the first that is not sound."""
+        by_index = {job["index"]: job for job in jobs}
         for job in jobs:
             device = self.devices[self.keys[job["device_id"]]]
+            other = by_index.get(job.get("meets"))
+            if other is not None and other["index"] < job["index"]:
+                continue  # it moved with the one that gives
             self._check_conditions(job)
+            if other is not None:
+                self._check_conditions(other)
+                self._pass(job, other)
+                continue
             match job["action"]:
                 case "select_port":
                     self._select(device, job["args"]["port_index"])
@@ -149,6 +157,24 @@ class Interpreter:
         kept = (done.drawn if is_draw else done.pushed).setdefault(vessel, {})
         for lot, part in parts.items():
             kept[lot] = kept.get(lot, Fraction(0)) + part
+
+    def _pass(self, giver: Mapping[str, Any], receiver: Mapping[str, Any]) -> None:
+        """Push out of one syringe as the next one draws."""
+        devices = [self.devices[self.keys[job["device_id"]]] for job in (giver, receiver)]
+        source, target = map(self.plumbing.pump_of, devices)
+        for pump, far, draws in ((source, target, False), (target, source, True)):
+            end = self.plumbing.far_end(pump, self.positions, draws=draws, ends=SYRINGES)
+            if end != far or pump not in self.zeroed:
+                raise Wrong(f"{pump} is joined to {end}, not to {far}")
+        if (giver["action"], receiver["action"]) != ("dispense", "aspirate"):
+            raise Wrong(f"{giver['sentence']}: {receiver['sentence']}")
+        if giver["args"] != receiver["args"] or giver["after"] != receiver["after"]:
+            raise Wrong(f"{giver['sentence']}: the two do not move alike")
+        amount = _nanolitres(giver["args"]["volume_ul"])
+        self._check_claim(giver, source, target, amount)
+        self._check_amounts(source, target, amount)
+        for lot, part in self._take(source, amount).items():
+            self.contents[target][lot] = self.contents[target].get(lot, Fraction(0)) + part
 
     def _check_claim(
         self, job: Mapping[str, Any], source: str, target: str, amount: Fraction

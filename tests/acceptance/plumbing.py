@@ -6,10 +6,14 @@ from collections.abc import Iterator, Mapping
 from fractions import Fraction
 from typing import Any
 
+SYRINGES = frozenset({"syringe_pump"})
 VESSELS = frozenset(
-    "well trough tube bottle flask vial vessel reactor waste".split()  # noqa: SIM905 - a list of words
+    "well trough tube bottle flask vial vessel reactor separator waste".split()  # noqa: SIM905 - a list of words
 )
 """Kinds that liquid stands in."""
+
+BARE_PUMPS = frozenset({"drivers.connectors.chemputer_pump:ChemputerPump"})
+"""Drivers of pumps that turn no valve."""
 
 _MOST_STROKES = 500
 _Port = tuple[str, str]
@@ -34,8 +38,8 @@ class Plumbing:
                 both = tube["is_two_way"]
                 self._lay(ends[0], ends[1], {"out", "in"} if both else {"out"})
                 self._lay(ends[1], ends[0], {"out", "in"} if both else {"in"})
-        self._joined: dict[tuple[str, bool], set[str]] = {}
-        self.driven = {self.valve_of(d) for d in self.devices if is_pump(d) or is_valve(d)}
+        self._joined: dict[tuple[str, bool, frozenset[str]], set[str]] = {}
+        self.driven = {self.valve_of(d) for d in self.devices if turns_valve(d)}
 
     def _lay(self, here: _Port, there: _Port, ways: set[str]) -> None:
         self.tubes.setdefault(here, {}).setdefault(there, set()).update(ways)
@@ -78,7 +82,14 @@ class Plumbing:
     def pumps(self) -> list[dict[str, Any]]:
         return [device for device in self.devices if is_pump(device)]
 
-    def far_end(self, pump: str, positions: Mapping[str, str | None], *, draws: bool) -> str:
+    def far_end(
+        self,
+        pump: str,
+        positions: Mapping[str, str | None],
+        *,
+        draws: bool,
+        ends: frozenset[str] = VESSELS,
+    ) -> str:
         """Return the vessel a syringe is joined to as the valves stand, or raise Wrong."""
         way = "in" if draws else "out"
         there = self._first(pump, positions, way)
@@ -88,7 +99,7 @@ class Plumbing:
                 raise Wrong(f"{pump} is joined to itself through {there}")
             seen.add(there)
             key, port = there
-            if self.kind(key) in VESSELS:
+            if self.kind(key) in ends:
                 return key
             if self.kind(key) != "rotary_valve":
                 raise Wrong(f"liquid of {pump} meets {key}, a {self.kind(key)}")
@@ -120,18 +131,40 @@ class Plumbing:
             raise Wrong(f"a check valve closes the way {way} at {here}")
         return there
 
-    def joined(self, device: Mapping[str, Any], *, draws: bool) -> set[str]:
+    def joined(
+        self, device: Mapping[str, Any], *, draws: bool, ends: frozenset[str] = VESSELS
+    ) -> set[str]:
         """Return every vessel a pump can draw from, or push into, by trying all positions."""
         pump = self.pump_of(device)
-        found = self._joined.get((pump, draws))
+        found = self._joined.get((pump, draws, ends))
         if found is None:
-            found = self._joined[pump, draws] = set()
+            found = self._joined[pump, draws, ends] = set()
             for positions in self._settings(pump):
                 try:
-                    found.add(self.far_end(pump, positions, draws=draws))
+                    found.add(self.far_end(pump, positions, draws=draws, ends=ends))
                 except Wrong:
                     continue
         return found
+
+    def is_chained(self, source: str, target: str) -> bool:
+        """Say whether syringes can pass liquid on from one vessel to another."""
+        pumps = {self.pump_of(device): device for device in self.pumps()}
+        todo = [p for p, device in pumps.items() if source in self.joined(device, draws=True)]
+        seen: set[str] = set()
+        while todo:
+            pump = todo.pop()
+            if pump in seen or pump not in pumps:
+                continue
+            seen.add(pump)
+            if target in self.joined(pumps[pump], draws=False):
+                return True
+            onward = self.joined(pumps[pump], draws=False, ends=SYRINGES)
+            todo += [
+                other
+                for other in onward & pumps.keys()
+                if pump in self.joined(pumps[other], draws=True, ends=SYRINGES)
+            ]
+        return False
 
     def _settings(self, pump: str) -> Iterator[dict[str, str | None]]:
         """Yield every setting of the driven valves that a syringe might be joined through."""
@@ -184,6 +217,8 @@ class Plumbing:
         drawing = [d for d in self.pumps() if source in self.joined(d, draws=True)]
         pushing = [d for d in self.pumps() if target in self.joined(d, draws=False)]
         able = [device for device in drawing if device in pushing]
+        if not able and self.is_chained(source, target):
+            return set()
         if not able:
             return {"plan.needs_relay" if drawing and pushing else "plan.no_route"}
         small = [d for d in able if amount_nl > _MOST_STROKES * self._syringe_nl(d)]
@@ -195,6 +230,10 @@ class Plumbing:
 
 def is_pump(device: Mapping[str, Any]) -> bool:
     return "pump" in device["nodes"]
+
+
+def turns_valve(device: Mapping[str, Any]) -> bool:
+    return is_valve(device) or (is_pump(device) and device["driver"] not in BARE_PUMPS)
 
 
 def is_valve(device: Mapping[str, Any]) -> bool:

@@ -34,6 +34,8 @@ FORBIDDEN_IMPORTS = [
     ("edge-knows-domain", "drivers/sensors/mutant.py", "labweb.runs.models"),
     ("edge-without-django", "workers/mutant.py", "django"),
     ("edge-without-django", "fixtures/mutant.py", "django"),
+    ("proof-alone", "labweb/domain/proof/plan.py", "labweb.domain.crutd"),
+    ("proof-alone", "labweb/domain/proof/plan.py", "labweb.domain.graph.routing"),
     ("server-by-name", "labweb/runs/services.py", "drivers.base"),
     ("server-by-name", "labweb/runs/services.py", "workers"),
     ("edge", "drivers/base.py", "workers"),

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from benchmarks import plans
 from benchmarks.figures import Figure, p95_ms, report
 from tests.corpus import GRAPHS
 
@@ -57,3 +58,10 @@ def test_a_broken_limit_is_the_exit_code(capsys: pytest.CaptureFixture[str]) -> 
 def test_p95_is_what_95_of_a_hundred_do_not_exceed() -> None:
     assert p95_ms([n / 1000 for n in range(1, 101)]) == 95
     assert p95_ms([0.007]) == 7
+
+
+def test_plans_are_made_and_proved_beside_bare_paths() -> None:
+    found = {one.name: one.value for one in plans.figures()}
+    assert found["50 transfers: jobs"] == 4 * plans.TRANSFERS_COUNT + 1
+    assert found["50 transfers: planned and proved"] > found["50 transfers: bare shortest paths"]
+    assert any(name.startswith("synthesis of") for name in found)

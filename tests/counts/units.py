@@ -11,12 +11,12 @@ from pathlib import Path
 from hypothesis import HealthCheck, given, seed, settings
 
 from tests.counts.record import Unit
-from tests.domain.workflows.xdl.cross_rig import judged, matrix
-from tests.domain.workflows.xdl.cross_rig import pairs as pairs_of_recipes
-from tests.domain.workflows.xdl.invent import Invented
-from tests.domain.workflows.xdl.invent import pairs as random_pairs
-from tests.domain.workflows.xdl.test_cross_rig import cell
-from tests.domain.workflows.xdl.test_random_plans import outcome
+from tests.domain.recipes.cross_rig import judged, matrix
+from tests.domain.recipes.cross_rig import pairs as pairs_of_recipes
+from tests.domain.recipes.invent import Invented
+from tests.domain.recipes.invent import pairs as random_pairs
+from tests.domain.recipes.test_cross_rig import cell
+from tests.domain.recipes.test_random_plans import outcome
 from tests.judge.corpora import FOLDERS, label
 from tests.judge.harness import Line, Tally, ask_compiler, judge_all, pairs, wet_graphs
 from tests.judge.invent import invent

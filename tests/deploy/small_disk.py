@@ -46,6 +46,11 @@ class SmallDisk:
             while stream.write(b"\n"):
                 pass
 
+    def left_mb(self) -> int:
+        """Return the room that is left now, in 10⁶ bytes."""
+        found = os.statvfs(self.folder)
+        return round(found.f_bavail * found.f_frsize / 1e6)
+
     def clear(self) -> None:
         """Give it all back."""
         self._ballast.unlink(missing_ok=True)

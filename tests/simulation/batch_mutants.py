@@ -8,6 +8,7 @@ from labweb.domain.runs import batch, recovery, standing
 from labweb.domain.runs.batch import Turn
 from labweb.domain.runs.edge import FINAL, ActionState, Answer
 from labweb.domain.runs.job import STEPS, JobState, Mover
+from tests.simulation.host import SimHost
 from tests.simulation.memory import MemoryWrite
 from tests.simulation.mutants import Mutant, Patch
 
@@ -66,6 +67,17 @@ def absence_without_an_event(patch: Patch) -> None:
     patch.setattr(MemoryWrite, "append", append)
 
 
+def absence_left_unsealed(patch: Patch) -> None:
+    """An absence that a dead process wrote down is taken as sealed."""
+    real = SimHost.seal_up
+
+    def seal_up(self: SimHost) -> None:
+        if self.link is not None:
+            real(self)
+
+    patch.setattr(SimHost, "seal_up", seal_up)
+
+
 def locks_free_between_members(patch: Patch) -> None:
     """What a later member needs is free as soon as an earlier one has ended."""
     patch.setattr(batch, "heirs", lambda held, claims: {})
@@ -96,6 +108,7 @@ OF_BATCHES: tuple[Mutant, ...] = (
     leash_of_any_length,
     nothing_is_stopped_safely,
     absence_without_an_event,
+    absence_left_unsealed,
     locks_free_between_members,
     complete_is_tried_anew,
 )

@@ -151,6 +151,33 @@ def absence_put_back() -> None:
     drain(world)
 
 
+def absence_put_back_unsealed() -> None:
+    """The same, but the host died before it had sealed that the server was away.
+
+    accept ─▶ copy ─▶ server away, dies before the seal ─▶ starts ─▶ 30 s ─▶ put back ─▶ the line
+    """
+    world = World(0)
+    world.is_calm = True
+    add_jobs(world, policies={0: Policy("continue", 8.0), 1: Policy("continue", 8.0)})
+    for host in world.hosts.values():
+        talk(world, host)
+    host = dispatched(world)
+    take_all(world, host)
+    talk(world, host)
+    copied(host)
+    host.kill_uplink()
+    host.dies_before_seal = True
+    world.guarded(host, host.lose_link)
+    world.guarded(host, lambda: host.start(is_cold=False))
+    world.is_cut_off["A"].add("uplink")
+    world.now_s += 30.0
+    restored(world, host)
+    work(world, host)
+    work(world, host)
+    world.is_cut_off["A"].clear()
+    drain(world)
+
+
 SCHEDULES: tuple[Schedule, ...] = (
     told_and_taken_back,
     two_machines,
@@ -158,4 +185,5 @@ SCHEDULES: tuple[Schedule, ...] = (
     spoken_before,
     fenced_by_two,
     absence_put_back,
+    absence_put_back_unsealed,
 )

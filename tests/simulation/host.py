@@ -41,7 +41,7 @@ from tests.simulation.outside import Lab
 
 def _action_ids(command: Command) -> list[UUID]:
     if isinstance(command, Batch):
-        return [do.action_id for _, do in taking.read_members(command)]
+        return [do.action_id for _, do in batch.read_members(command)]
     action_id = getattr(command, "action_id", None)
     return [] if action_id is None else [action_id]
 
@@ -187,6 +187,7 @@ class SimHost:
         """Write down that the server is away, as the uplink does before it connects."""
         with self.write() as tx:
             standing.write_link_lost(tx, self.moment())
+        self.seal_up()
         if self.lost_at_s is None:
             self.lost_at_s = self.lab.now_s
         self.lab.link_lost(self)

@@ -94,6 +94,8 @@ class Record:
         try:
             change = decide.settle(operation, self.snapshot(operation), outcome)
         except StateError as error:
+            if attempt.transaction is TransactionState.QUARANTINED:
+                raise
             self.tickets.append(error.code)
             change = decide.settle(operation, {}, Outcome(kind=OutcomeKind.UNKNOWN))
         if reported is not None and reported != change.to_json():

@@ -71,7 +71,11 @@ class SimServer(Dispatching):
             self.move(made, JobState.QUEUED, Mover.PERSON)
 
     def resolve(self, made: Job, answer: str, moved_nl: int | None) -> None:
-        """Take a person's answer: to its host, or here where the host can never tell."""
+        """Take a person's answer: to its host, or here where the host can never tell.
+
+        Raises:
+            StateError: The record contradicts it; nothing was written.
+        """
         attempt = made.actions[-1]
         host = self.host(made.host)
         if session.is_given_up(host.record, attempt.dseq):

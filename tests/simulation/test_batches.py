@@ -9,6 +9,7 @@ from tests.simulation import batches, directed_hosts, mutants
 from tests.simulation.__main__ import play
 from tests.simulation.blocks import blocks
 from tests.simulation.checks import ViolationError
+from tests.simulation.directed import Schedule
 from tests.simulation.mutants import Mutant
 from tests.simulation.test_mutants import name_of
 
@@ -26,6 +27,12 @@ SEEDS: dict[Mutant, tuple[int, str]] = {
 }
 """Seed that kills a mutant, and the invariant that it violates."""
 
+BY_HAND: dict[Mutant, Schedule] = {
+    rules.absence_without_an_event: directed_hosts.absence_put_back,
+    rules.absence_left_unsealed: directed_hosts.absence_put_back_unsealed,
+}
+"""Schedule that kills a mutant that hardly a drawn one would."""
+
 FOUND = (1470,)
 """Seeds that have violated an invariant once."""
 
@@ -38,7 +45,7 @@ def test_no_schedule_of_batches_violates_an_invariant(seeds: range) -> None:
 
 
 def test_every_mutant_has_a_schedule_that_kills_it() -> None:
-    assert set(rules.OF_BATCHES) == {*SEEDS, rules.absence_without_an_event}
+    assert set(rules.OF_BATCHES) == {*SEEDS, *BY_HAND}
 
 
 def test_the_schedules_of_make_test_kill_every_mutant_of_a_seed() -> None:
@@ -58,11 +65,12 @@ def test_a_pinned_seed_finds_out_that_a_rule_is_gone(mutant: Mutant) -> None:
         batches.run(seed)
 
 
-def test_a_schedule_by_hand_finds_out_that_absence_leaves_no_event() -> None:
-    directed_hosts.absence_put_back()
-    mutant = rules.absence_without_an_event
+@pytest.mark.parametrize("mutant", BY_HAND, ids=name_of)
+def test_a_schedule_by_hand_finds_out_what_a_copy_takes_back(mutant: Mutant) -> None:
+    schedule = BY_HAND[mutant]
+    schedule()
     with mutants.mutated(mutant), pytest.raises(ViolationError, match=r"^B2:"):
-        directed_hosts.absence_put_back()
+        schedule()
 
 
 def test_a_vessel_stays_closed_for_its_first_cause() -> None:

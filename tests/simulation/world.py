@@ -8,7 +8,7 @@ from functools import partial
 from random import Random
 from typing import Any
 
-from labweb.domain.errors import Effect
+from labweb.domain.errors import Effect, StateError
 from labweb.domain.messages import Command, EdgeEvent, Signed
 from labweb.domain.runs.acting import Started
 from labweb.domain.runs.edge import ActionState, Report
@@ -287,8 +287,13 @@ class World:
             self.say(f"{host.name}: the journal is put back to event {host.disk.head[0]}")
 
     def put_back_whole(self, host: SimHost) -> None:
-        """Put journal and seal back together and reboot, behind what the server has read."""
+        """Put journal and seal back together and reboot, behind what the server has read.
+
+        Not while the machine is broken: it could not boot from it.
+        """
         known = self.server.host(host.name).record
+        if host.is_lost:
+            return
         for disk, seal in host.copies:
             if disk.journal_id == known.journal_id and disk.head[0] < known.acked_seq:
                 self.kill_host(host)
@@ -306,6 +311,12 @@ class World:
 
     def answer(self, job: Job, rng: Random) -> None:
         """Look at the vessels and say what happened."""
+        try:
+            self._answer(job, rng)
+        except StateError:
+            self.server.resolve(job, "discard", None)
+
+    def _answer(self, job: Job, rng: Random) -> None:
         action = job.actions[-1].id
         moved_nl = self.matter.moved_nl.get(action, 0)
         if not self.is_calm and rng.random() < 0.15:

@@ -77,7 +77,16 @@ class Work:
             self.go_on()
             return is_there()
 
-        return until(look, within_s, self.stack.told)
+        return until(look, within_s, lambda: f"{self._states()}\n{self.stack.told()}")
+
+    def _states(self) -> list[tuple[int, str, str, str]]:
+        """Return number of the pump, state and message of the last job of each pump."""
+        last = {device: self.client.run(runs[-1]) for device, runs in self.runs.items()}
+        return [
+            (self.numbers[device], run["state"], job["state"], job["message"])
+            for device, run in last.items()
+            for job in run["jobs"][-1:]
+        ]
 
     def end(self) -> int:
         """Wait for the end of all that was begun, which is complete; return how many jobs."""

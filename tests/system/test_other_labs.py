@@ -6,12 +6,12 @@ import json
 import os
 import shutil
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 import pytest
 
-from tests.corpus import GRAPHS, NO_GRAPHS
+from tests.corpus import GRAPHS, NO_GRAPHS, NO_XDL, XDL
 from tests.labs import generated_lab
 from tests.system.stack import Stack, is_over, running
 
@@ -117,3 +117,90 @@ def find_pair(stack: Stack, lab: dict[str, object]) -> tuple[str, str]:
                 if found["plan"] is not None:
                     return source, target
     pytest.fail(f"no transfer of 1 mL is possible in {lab['name']}")
+
+
+def in_turn(stack: Stack, *steps: tuple[str, Mapping[str, object]]) -> None:
+    """Draw steps one after the other, names of resources for their ids, and run them to the end."""
+    keys = stack.keys()
+    drawn = [
+        {
+            "id": f"s{place}",
+            "kind": kind,
+            "params": {
+                name: keys.get(value, value) if isinstance(value, str) else value
+                for name, value in params.items()
+            },
+            "position": {"x": 0, "y": 100 * place},
+        }
+        for place, (kind, params) in enumerate(steps)
+    ]
+    edges = [
+        {
+            "id": f"e{place}",
+            **{"source": f"s{place}", "source_port": "done"},
+            **{"target": f"s{place + 1}", "target_port": "start"},
+        }
+        for place in range(len(steps) - 1)
+    ]
+    version = stack.client().draw({"name": "In turn", "steps": drawn, "edges": edges})
+    run = stack.client().start_version(version)
+    seen = stack.client().wait_for_run(run["id"], is_over, 240)
+    assert seen["state"] == "complete", [(j["sentence"], j["message"]) for j in seen["jobs"]]
+
+
+@pytest.mark.skipif(not STATION.is_file(), reason=NO_GRAPHS)
+def test_a_published_station_moves_heats_stirs_and_evacuates(folder: Path) -> None:
+    with running(folder / "lab", lab=STATION) as stack:
+        in_turn(
+            stack,
+            *(
+                ("transfer", {"source": source, "target": "main_reactor", "volume": volume})
+                for source, volume in (("reagent_bottle_1", "10 mL"), ("reagent_bottle_2", "30 mL"))
+            ),
+            (
+                "heat_chill",
+                {
+                    **{"vessel": "main_reactor", "temperature": "50 °C"},
+                    **{"stir_speed": "400 rpm", "hold_for": "60 s"},
+                },
+            ),
+            (
+                "device_action",
+                {
+                    **{"device": "vacuum_pump_1", "action": "evacuate_to"},
+                    "args": {"pressure_kpa": 20, "tolerance_kpa": 2},
+                },
+            ),
+            ("device_action", {"device": "vacuum_pump_1", "action": "stop_pump"}),
+            ("stir", {"vessel": "separator_1", "stir_speed": "200 rpm", "duration": "30 s"}),
+            ("transfer", {"source": "reagent_bottle_5", "target": "separator_1", "volume": "5 mL"}),
+        )
+        really = stack.volumes_ul()
+        held = {key: nl / 1000 for key, nl in volumes_nl(stack).items() if key in really}
+        assert (held["main_reactor"], held["separator_1"]) == (40_000, 5_000)
+        assert {key: really[key] for key in held} == pytest.approx(held, abs=20)
+        verbs = {key: [one["verb"] for one in stack.actuations(key)] for key in
+                 ("stirrer_1", "stirrer_2", "heater_1", "vacuum_pump_1")}  # fmt: skip
+        assert all(verbs.values()), verbs
+
+
+RIG = XDL / "graphs" / "mcrav" / "lidocaine_graph.json"
+
+
+@pytest.mark.skipif(not RIG.is_file(), reason=NO_XDL)
+def test_a_chemputer_moves_heats_and_stirs_on_its_own_pumps_and_valves(folder: Path) -> None:
+    with running(folder / "lab", lab=RIG) as stack:
+        in_turn(
+            stack,
+            ("transfer", {"source": "flask_water", "target": "filter1", "volume": "5 mL"}),
+            ("start_stir", {"vessel": "filter1", "stir_speed": "300 rpm"}),
+            ("heat_chill", {"vessel": "filter1", "temperature": "40 °C", "hold_for": "60 s"}),
+            ("stop_stir", {"vessel": "filter1"}),
+            ("transfer", {"source": "flask_hcl", "target": "flask_separator", "volume": "60 mL"}),
+        )
+        really = stack.volumes_ul()
+        assert (really["filter1"], really["flask_water"]) == (5_000, 995_000)
+        assert (really["flask_separator"], really["flask_hcl"]) == (60_000, 40_000)
+        # Water is at port 2 of its valve and the filter at 3, as the graph has it.
+        turns = [one["detail"]["to"] for one in stack.actuations("valve_filter")]
+        assert turns == ["2", "3"]

@@ -1,7 +1,8 @@
 """A syringe pump on TCP that counts, outside the system under test, what it was made to do.
 
 Run as `python pump_server.py LOGFILE`: prints its port, appends a line to LOGFILE for each
-plunger move. Commands on standard input: `mute` (no more answers), `mute_after_move`,
+plunger move. A second pump has address 2 of the same line, and writes `2` before its moves.
+Commands on standard input are for the first one: `mute` (no more answers), `mute_after_move`,
 `talk`, `slow FACTOR`, `unstoppable` (a stroke goes on whatever it is told).
 """
 
@@ -16,8 +17,9 @@ from pathlib import Path
 
 
 class Pump:
-    def __init__(self, log: Path) -> None:
+    def __init__(self, log: Path, mark: str = "") -> None:
         self.log = log
+        self.mark = mark
         self.position = 0.0
         self.target = 0
         self.speed = 1000.0
@@ -60,25 +62,26 @@ class Pump:
         if found := re.fullmatch(r"V(\d+)A(\d+)R", request):
             self.speed, self.target = float(found[1]), int(found[2])
             with self.log.open("a") as stream:
-                stream.write(f"A{self.target}\n")
+                stream.write(f"{self.mark}A{self.target}\n")
             self.is_mute = self.is_shy
             return ""
         raise ValueError(request)
 
 
-def serve(pump: Pump, server: socket.socket) -> None:
+def serve(pumps: dict[str, Pump], server: socket.socket) -> None:
     while True:
         client, _ = server.accept()
-        threading.Thread(target=talk, args=(pump, client), daemon=True).start()
+        threading.Thread(target=talk, args=(pumps, client), daemon=True).start()
 
 
-def talk(pump: Pump, client: socket.socket) -> None:
+def talk(pumps: dict[str, Pump], client: socket.socket) -> None:
     waiting = b""
     while data := client.recv(4096):
         waiting += data
         while b"\r" in waiting:
             line, _, waiting = waiting.partition(b"\r")
-            reply = pump.answer(line.decode().removeprefix("/1"))
+            pump = pumps[line[1:2].decode()]
+            reply = pump.answer(line[2:].decode())
             if not pump.is_mute:
                 client.sendall(reply)
 
@@ -90,9 +93,10 @@ def say(text: str) -> None:
 
 def main() -> None:
     pump = Pump(Path(sys.argv[1]))
+    pumps = {"1": pump, "2": Pump(pump.log, "2")}
     server = socket.create_server(("127.0.0.1", 0))
     say(str(server.getsockname()[1]))
-    threading.Thread(target=serve, args=(pump, server), daemon=True).start()
+    threading.Thread(target=serve, args=(pumps, server), daemon=True).start()
     for line in sys.stdin:
         word, _, rest = line.strip().partition(" ")
         if word == "slow":

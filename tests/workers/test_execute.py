@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 import time
 from typing import Any
 from uuid import UUID, uuid4
@@ -183,12 +184,31 @@ def test_an_action_waits_for_a_device_that_is_offline(host: Host, pump: PumpProc
 
 def test_a_reading_of_another_line_counts_only_while_it_is_fresh(host: Host, store: Store) -> None:
     balance = uuid4()
-    now_s = time.monotonic()
     pre = [a_condition(device_id=balance, status="is_stable", equals=True)]
+    now_s = time.monotonic()
     store.put("other", [Sample(str(balance), "is_stable", 0.0, now_s - 60.0, True)], 1)
     assert host.state(run(host, store, pre=pre)) == "rejected"
+    now_s = time.monotonic()
     store.put("other", [Sample(str(balance), "is_stable", 0.0, now_s, True)], 2)
     assert host.state(run(host, store, pre=pre)) == "complete"
+
+
+def test_what_another_line_told_before_the_question_refuses_nothing(
+    host: Host, store: Store
+) -> None:
+    """A valve that was turned a moment ago: its line has told where it stood before."""
+    valve = uuid4()
+    pre = [a_condition(device_id=valve, status="port_index", equals=7)]
+    store.put("other", [Sample(str(valve), "port_index", 0.0, time.monotonic(), 1)], 1)
+
+    def tell() -> None:
+        time.sleep(0.5)
+        store.put("other", [Sample(str(valve), "port_index", 0.0, time.monotonic(), 7)], 2)
+
+    telling = threading.Thread(target=tell)
+    telling.start()
+    assert host.state(run(host, store, pre=pre)) == "complete"
+    telling.join()
 
 
 def test_reading_statuses_moves_nothing_and_keeps_the_readings(

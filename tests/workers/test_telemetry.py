@@ -11,6 +11,7 @@ import msgspec
 import pytest
 
 from drivers.load import read_spec
+from labweb.domain.crutd.conditions import Condition, Verdict
 from labweb.domain.errors import EnrollmentError, StateError
 from labweb.domain.messages import StopLab
 from tests.drivers.wire import answering
@@ -23,6 +24,7 @@ from workers.host import lock_host, main, reset_journal
 from workers.journal import Journal, create_journal
 from workers.keys import load_key
 from workers.line import StopWatch, make_units
+from workers.readings import Reader
 from workers.session import latch_stop
 from workers.store import Store
 from workers.telemetry import Sampler
@@ -52,6 +54,26 @@ def test_each_status_is_sampled_and_kept_as_latest_value(
     assert latest is not None
     assert latest.value == 1
     assert host.line in store.alive()
+    units[DEVICE_ID].close()
+
+
+def test_another_line_sees_at_once_how_an_act_has_left_a_device(
+    host: Host, pump: PumpProcess, store: Store
+) -> None:
+    clock = SystemClock()
+    units = make_units([host.device], clock, installed())
+    Sampler(host.line, units, store, clock).sample_once()
+    at_port = Condition(name="at", device_id=DEVICE_ID, status="port_index", equals=3)
+    elsewhere = Reader({}, store, clock)
+    assert elsewhere.read([at_port]) == {(DEVICE_ID, "port_index"): 1}
+    units[DEVICE_ID].act("select_port", {"port_index": 3})
+    assert elsewhere.read([at_port]) == {(DEVICE_ID, "port_index"): 1}
+    batches = store.last_key()
+    judged = Reader(units, store, clock).await_all([at_port], {}, is_over=lambda: False)
+    assert judged is not None
+    assert [result.verdict for _, result in judged] == [Verdict.PASS]
+    assert elsewhere.read([at_port]) == {(DEVICE_ID, "port_index"): 3}
+    assert store.last_key() == batches  # the uplink is told by samples alone
     units[DEVICE_ID].close()
 
 

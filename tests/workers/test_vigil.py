@@ -105,7 +105,7 @@ def test_a_device_that_restarts_between_two_steps_is_told_of_within_a_minute(
     assert line.sample_for(60.0) == []
     line.bench.inflict(PLATE, "restart")
     (text,) = line.sample_for(60.0 + 4.0 * SPEED)
-    assert text.startswith(("speed_setpoint_rpm reads 0", "speed_rpm reads 0"))
+    assert text.startswith(("the speed set-point reads 0 rpm", "the speed reads 0 rpm"))
     assert read_stands({"stands": line.host.journal.meta("stands") or "{}"}) == {}
 
 
@@ -117,7 +117,7 @@ def test_a_stirrer_that_stalls_between_two_steps_is_told_of_within_a_minute(
     line.bench.inflict(PLATE, "stall")
     (text,) = line.sample_for(60.0 + 4.0 * SPEED)
     assert text == (
-        "speed_rpm reads 0, and 400 was set: what it moves is blocked, or the motor is off"
+        "the speed reads 0 rpm; 400 rpm was set: what it moves is blocked, or the motor is off"
     )
 
 
@@ -128,7 +128,7 @@ def test_a_knob_that_somebody_turns_between_two_steps_is_told_of_within_a_minute
     assert line.sample_for(20.0) == []
     line.bench.inflict(PLATE, "knob", temperature_c=90.0)
     (text,) = line.sample_for(60.0 + 4.0 * SPEED)
-    assert text.startswith("temperature_setpoint_c reads 90, and 40 was set")
+    assert text.startswith("the temperature set-point reads 90 °C; 40 °C was set")
 
 
 def test_the_hosts_record_says_that_what_was_set_is_unknown(line: Watching) -> None:

@@ -225,6 +225,14 @@ export function useRecover(jobId: string): UseMutationResult<Run, Error, Recover
   });
 }
 
+export function useConfirmJob(jobId: string): UseMutationResult<Run, Error, undefined> {
+  return useAct({
+    mutationFn: () => call<Run>("POST", `/jobs/${jobId}/confirm`, {}),
+    onSuccess: setRun,
+    onError: refreshRuns,
+  });
+}
+
 export interface HostAct {
   act: "fence" | "readmit" | "revoke";
   reason: string;

@@ -18,7 +18,7 @@ const request = (id: string) => ({
   run: { id: "r", number: 1 },
   workflow: { id: "w", name: "Two transfers", version: 1 },
   policies: [],
-  plan: { digest: "", estimate_s: 0, steps: [], jobs: [], notes: [] },
+  plan: { digest: "", estimate_s: 0, steps: [], jobs: [], notes: [], proved: null },
   materials: [],
 });
 

@@ -10,6 +10,7 @@ import { plannedDevice } from "@/model/roles";
 import { Card, Empty } from "@/ui/card";
 import { Icon } from "@/ui/icons";
 import { FillBar } from "@/ui/number";
+import { ProvedPlan } from "@/ui/proved";
 import { useSeen } from "@/ui/seen";
 import { ModeChip, StateChip } from "@/ui/state";
 import { At } from "@/ui/time";
@@ -95,6 +96,7 @@ function Steps({ plan }: { plan: Plan }) {
           {note}
         </p>
       ))}
+      <ProvedPlan plan={plan} />
     </Card>
   );
 }

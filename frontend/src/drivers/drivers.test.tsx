@@ -97,16 +97,24 @@ beforeEach(() => {
   );
 });
 
-const session = (permissions: string[]) => ({
-  user: { id: "u", username: "u", name: "U", initials: "U", roles: [], permissions },
+const session = (onLab: string[]) => ({
+  user: {
+    id: "u",
+    username: "u",
+    name: "U",
+    initials: "U",
+    roles: [],
+    permissions: ["view", "decide", "submit", "admit"],
+    lab_permissions: onLab,
+  },
   lab: null,
 });
 
-function answers(permissions: string[], more: Record<string, [number, unknown]> = {}) {
+function answers(onLab: string[], more: Record<string, [number, unknown]> = {}) {
   return (path: string, method: string): [number, unknown] => {
     const special = more[`${method} ${path}`];
     if (special) return special;
-    if (path === "/session") return [200, session(permissions)];
+    if (path === "/session") return [200, session(onLab)];
     if (path === "/drivers") return [200, { drivers: [fresh, old] }];
     if (path === "/drivers/v2") return [200, detail];
     if (path.endsWith("/parts")) return [200, { decision: "", changes: [], findings: [] }];
@@ -136,6 +144,13 @@ test("the list has one row for each driver, with what waits", async () => {
   expect(screen.getByTestId("bring-driver")).toBeDisabled();
   await userEvent.type(screen.getByTestId("driver-find"), "nothing like it");
   expect(screen.getByTestId("empty")).toHaveTextContent("No driver is like that");
+});
+
+test("who may decide in no more than a part of the lab reads which role is missing", async () => {
+  const can = { read: true, decide: false, withdraw: false };
+  serve(answers([], { "GET /drivers/v2": [200, { ...detail, can }] }));
+  show(page, "/drivers/v2");
+  expect(await screen.findByText("Needs the role approver on the whole lab.")).toBeInTheDocument();
 });
 
 test("a list that cannot be loaded says why", async () => {

@@ -24,7 +24,7 @@ const FILTERS = [
 
 export function DriversPage() {
   const drivers = useDrivers();
-  const mayBring = useSession().data?.user?.permissions.includes("submit") ?? false;
+  const mayBring = useSession().data?.user?.lab_permissions.includes("submit") ?? false;
   const [filter, setFilter] = useState<Filter>("all");
   const [text, setText] = useState("");
   const [isBringing, setBringing] = useState(false);

@@ -35,7 +35,7 @@ function Details({ driver, error, at }: { driver: DriverDetail; error: Error | n
   const versions = rows.filter((row) => row.module === driver.module);
   const [isSeen, setSeen] = useState(false);
   const [isBringing, setBringing] = useState(false);
-  const mayBring = useSession().data?.user?.permissions.includes("submit") ?? false;
+  const mayBring = useSession().data?.user?.lab_permissions.includes("submit") ?? false;
   const see = (): void => setSeen(true);
   return (
     <div className="wrap devpage drivers" data-testid="driver" data-state={driver.state}>

@@ -124,7 +124,7 @@ function WasTried({ driver }: { driver: DriverDetail }) {
 function whyNoAnswer(driver: DriverDetail, user: User | null): string | null {
   if (driver.request && driver.request.state !== "open") return words.request.expired;
   if (driver.can.decide) return null;
-  return user?.permissions.includes("decide") ? words.request.own : words.request.role;
+  return user?.lab_permissions.includes("decide") ? words.request.own : words.request.role;
 }
 
 export function Withdraw({ driver }: { driver: DriverDetail }) {

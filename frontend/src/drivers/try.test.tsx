@@ -78,13 +78,13 @@ const running: Tryout = {
   wire_left_out_count: 0,
 };
 
-let permissions: string[] = [];
+const ada = { username: "ada", printed_name: "Ada", permissions: ["submit"] };
+let onLab: string[] = [];
 let tryout: Tryout = running;
 
 function page(at: string): Sent[] {
   const sent = serve((path, method) => {
-    if (path === "/session")
-      return [200, { user: { username: "ada", printed_name: "Ada", permissions }, lab: null }];
+    if (path === "/session") return [200, { user: { ...ada, lab_permissions: onLab }, lab: null }];
     if (path === "/steps") return [200, { steps: [], devices: [], units: UNITS }];
     if (path === "/drivers/v1") return [200, driver];
     if (path === "/drivers/v1/tryouts") return method === "GET" ? [200, about] : [201, tryout];
@@ -103,7 +103,7 @@ function page(at: string): Sent[] {
 
 beforeEach(() => {
   vi.unstubAllGlobals();
-  permissions = ["submit"];
+  onLab = ["submit"];
   tryout = running;
 });
 
@@ -125,10 +125,11 @@ test("an instrument is chosen and a tryout begun on it", async () => {
   );
 });
 
-test("who may not bring drivers reads why nothing can be begun", async () => {
-  permissions = [];
+test("who may bring drivers to no more than a part of the lab reads why nothing can be begun", async () => {
+  onLab = [];
   page("/drivers/v1/try");
-  expect(await screen.findByText("Needs the role admin.")).toBeInTheDocument();
+  await userEvent.selectOptions(await screen.findByTestId("try-model"), "bath");
+  expect(screen.getByText("Needs the role admin on the whole lab.")).toBeInTheDocument();
   expect(screen.getByTestId("try-begin")).toBeDisabled();
 });
 

@@ -32,7 +32,7 @@ export function Begin({ driver, about, onBegun }: Props) {
   const [config, setConfig] = useState<Values>({});
   const host = about.hosts.find((one) => one.id === hostId) ?? about.hosts[0];
   const chosen = host?.models.find((one) => one.model === model);
-  const mayBring = session?.user?.permissions.includes("submit") ?? false;
+  const mayBring = session?.user?.lab_permissions.includes("submit") ?? false;
   const why = whyNot(driver, host, Boolean(chosen), mayBring);
   return (
     <Card title={words.trying.begin} note={words.trying.beginNote}>

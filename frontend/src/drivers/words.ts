@@ -6,7 +6,7 @@ export const words = {
   noneShown: "No driver is like that.",
   bring: "Bring a driver",
   bringVersion: "Bring a version",
-  mayNotBring: "Needs the role admin.",
+  mayNotBring: "Needs the role admin on the whole lab.",
   find: "Find by name, module, device or digest",
   drop: "Drop the file to have it read.",
   form: {
@@ -32,7 +32,7 @@ export const words = {
   request: {
     title: "Approval",
     own: "You brought it; a second person answers.",
-    role: "Needs the role approver.",
+    role: "Needs the role approver on the whole lab.",
     expired: "The request has expired: withdraw the version and bring it again.",
     comment: "Comment",
     commentHelp: "Needed to reject.",

@@ -13,6 +13,7 @@ import { plannedDevice } from "@/model/roles";
 import { Button, Dialog, Refused } from "@/ui/controls";
 import { Glyph } from "@/ui/glyph";
 import { ModeChip } from "@/ui/state";
+import { ProvedPlan } from "@/ui/proved";
 import { runCheck, useVerdict } from "./check";
 import { ProofOnSheet } from "./proof";
 import { flushOrThrow, hearOf, saveSeen } from "./saving";
@@ -77,6 +78,7 @@ function Sheet({ onClose }: { onClose: () => void }) {
       )}
       {plan && <Summary plan={plan} />}
       {result?.proof && <ProofOnSheet proof={result.proof} />}
+      {plan && <ProvedPlan plan={plan} />}
       {policies.length > 0 && <Policies policies={policies} />}
       {isConflict && !start.error && (
         <p className="help bad" role="alert">

@@ -149,7 +149,7 @@ test("unsaved changes to an older revision are asked about as a conflict", async
 });
 
 function aCheck(digest: string, note: string, proof: Proof | null = null): CheckResult {
-  const plan = { digest, estimate_s: 1, steps: [], jobs: [], notes: [note] };
+  const plan = { digest, estimate_s: 1, steps: [], jobs: [], notes: [note], proved: null };
   return { findings: [], plan, policies: [], sentences: {}, proof };
 }
 
@@ -168,6 +168,22 @@ test("the start sheet says that a draft is no longer proved, why, and what to do
   await waitFor(() => expect(screen.getByTestId("start-run")).toBeEnabled());
   const asked = sent.find((one) => one.path.endsWith("/check"));
   expect(asked?.body).toMatchObject({ workflow_id: "w1" });
+});
+
+test("the start sheet says what is proved, and what is not and why", async () => {
+  const proved = { steps: ["s1", "s2"], beyond: [{ step_id: "s3", why: "it is not known" }] };
+  const steps = [{ step_id: "s3", kind: "evaporate", sentence: "Evaporate Flask", estimate_s: 1 }];
+  const result = aCheck("d1", "");
+  serve((path) =>
+    path === "/workflows/check"
+      ? [200, { ...result, plan: { ...result.plan, steps, proved } }]
+      : [200, { user: null, lab: null }],
+  );
+  editor().open(aWorkflow(), "chemist");
+  show(<RunSheet isOpen onClose={() => undefined} />);
+  const told = await screen.findByTestId("proved");
+  expect(told).toHaveTextContent("Proved: 2 steps that move or change matter do what they ask for");
+  expect(told).toHaveTextContent("Evaporate Flask: it is not known.");
 });
 
 test("the editor says so while one draws, and nothing while the proof holds", async () => {

@@ -11,6 +11,7 @@ const flask: Resource = {
   ...aRow("flask_1", "bench_1", { name: "Flask 1", kind: "flask", holds_liquid: true }),
   config: {},
   data: {},
+  data_told: {},
   extra: {},
   size_mm: null,
   ports: [],

@@ -20,6 +20,7 @@ const flask: Resource = {
   }),
   config: {},
   data: {},
+  data_told: {},
   extra: {},
   size_mm: null,
   ports: [],
@@ -176,6 +177,24 @@ test("a ticket shows where the two stories differ, and only there", async () => 
   const stories = within(text.getByTestId("ticket-stories"));
   expect(stories.getByText("Postings")).toBeInTheDocument();
   expect(stories.queryByText("State")).toBeNull();
+});
+
+test("an open ticket leads to taking stock of each thing that it concerns", async () => {
+  lab("/lab?ticket=t");
+  const text = within(await screen.findByTestId("ticket"));
+  const links = text.getAllByRole("link", { name: "Take stock…" });
+  expect(links.map((one) => one.getAttribute("href"))).toEqual(
+    ticket.resources.map((row) => `/lab?sel=${row.id}&stock=1`),
+  );
+});
+
+test("a ticket leads to its run and its device, and shows no bare ids of them", async () => {
+  const detail = { ...ticket.detail, run_id: "r7", device_id: "d7" };
+  lab("/lab?ticket=t", { ticket: { ...ticket, detail } });
+  const text = within(await screen.findByTestId("ticket"));
+  const links = text.getAllByRole("link", { name: "Open" });
+  expect(links.map((one) => one.getAttribute("href"))).toEqual(["/runs/r7", "/devices/d7"]);
+  expect(text.queryByText("r7")).toBeNull();
 });
 
 test("a ticket is closed with a reason", async () => {

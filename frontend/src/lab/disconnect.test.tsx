@@ -23,6 +23,7 @@ function lab(fields: Partial<Resource["ports"][number]>, post: [number, unknown]
     ...aRow("mixer_1", null, { name: "Mixer 1", kind: "stirrer" }),
     config: {},
     data: {},
+    data_told: {},
     extra: {},
     size_mm: null,
     ports: [

@@ -3,7 +3,7 @@
 import { useState } from "react";
 import { Link } from "react-router";
 import { useResource, useResourceEvents, useResources } from "@/api/queries";
-import { formatFact, formatNumber, formatVolume, plain } from "@/model/format";
+import { formatNumber, formatVolume, plain } from "@/model/format";
 import { fillShare } from "@/model/tree";
 import { wellMap } from "@/model/wells";
 import type { Resource, ResourceRow } from "@/model/wire";
@@ -13,6 +13,7 @@ import { EventTable } from "@/ui/events";
 import { More, MoreOf } from "@/ui/more";
 import { Glyph } from "@/ui/glyph";
 import { Amount, FillBar } from "@/ui/number";
+import { Conditions } from "./conditions";
 import { Carry, OnItsWay } from "./custody";
 import { TakeOff } from "./disconnect";
 import { RecordReaction } from "./reaction";
@@ -83,9 +84,10 @@ function Details(props: { resource: Resource; isShort: boolean; ask: StockAsked 
       {ask && <ReservedBy key={`reserved ${resource.id}`} resource={resource} />}
       {resource.holds_liquid && <ContentsTable resource={resource} />}
       <WellsNow resource={resource} />
-      <Facts resource={resource} isShort={isShort} mayAct={ask !== undefined} />
+      <Facts resource={resource} mayAct={ask !== undefined} />
       {!isShort && (
         <>
+          <Conditions resource={resource} />
           <h3 className="sub">Events</h3>
           <Events key={`events ${resource.id}`} resource={resource} />
         </>
@@ -148,8 +150,8 @@ export function Wells({ resource, rows }: { resource: ResourceRow; rows: Resourc
   );
 }
 
-function Facts(props: { resource: Resource; isShort: boolean; mayAct: boolean }) {
-  const { resource, isShort, mayAct } = props;
+function Facts(props: { resource: Resource; mayAct: boolean }) {
+  const { resource, mayAct } = props;
   return (
     <dl className="kv">
       {resource.device && (
@@ -176,10 +178,6 @@ function Facts(props: { resource: Resource; isShort: boolean; mayAct: boolean })
           mayAct={mayAct}
         />
       ))}
-      {!isShort &&
-        Object.entries({ ...resource.config, ...resource.data }).map(([name, value]) => (
-          <Plain key={name} name={name} value={value} />
-        ))}
     </dl>
   );
 }
@@ -235,16 +233,6 @@ function PortRow(props: { port: Resource["ports"][number]; resource: Resource; m
         <span className="m">{port.medium}</span>{" "}
         {mayAct && <TakeOff resource={resource} port={port} />}
       </dd>
-    </>
-  );
-}
-
-function Plain({ name, value }: { name: string; value: unknown }) {
-  const [label, text] = formatFact(name, value);
-  return (
-    <>
-      <dt>{label}</dt>
-      <dd>{text}</dd>
     </>
   );
 }

@@ -150,8 +150,8 @@ test("a question about a stop that was over already does not open with the next"
   expect(screen.queryByTestId("reset-reason")).not.toBeInTheDocument();
 });
 
-test("who may not reset sees a disabled button", () => {
-  show(<StopBanner lab={stopped} user={{ ...user, permissions: ["view"] }} />);
+test("who may reset no more than a part of the lab sees a disabled button", () => {
+  show(<StopBanner lab={stopped} user={{ ...user, lab_permissions: [] }} />);
   expect(screen.getByTestId("reset-lab")).toBeDisabled();
 });
 

@@ -66,7 +66,7 @@ function Stopped({ lab, user }: { lab: Lab; user: User }) {
   // By the clock of the server, or since this page was told: its own clock may be behind.
   const [toldAt] = useState(now);
   const since = Math.min(toSeconds(lab.stop.stopped_at) ?? now, toldAt);
-  const mayReset = user.permissions.includes("reset");
+  const mayReset = user.lab_permissions.includes("reset");
   return (
     <div className="banner stopped" role="alert" data-testid="stop-banner" data-state="stopped">
       <Glyph look="stopped" />

@@ -24,9 +24,11 @@ export function TicketDialog({ id, onClose }: { id: string; onClose: () => void 
 }
 
 function TicketText({ ticket }: { ticket: Ticket }) {
+  const [title = "", ...rest] = ticket.message.split(": ");
   return (
     <div className="sheet" data-testid="ticket" data-ticket={ticket.id}>
-      <p className="b">{sentence(ticket.message)}</p>
+      <p className="b">{sentence(title)}</p>
+      {rest.length > 0 && <p className="s">{sentence(rest.join(": "))}</p>}
       <dl className="kv">
         <dt>Code</dt>
         <dd className="mono">{ticket.code}</dd>
@@ -41,6 +43,8 @@ function TicketText({ ticket }: { ticket: Ticket }) {
           </>
         )}
         <Concerned ticket={ticket} />
+        <Leads to={ticket.detail.run_id} at="runs" label="Run" />
+        <Leads to={ticket.detail.device_id} at="devices" label="Device" />
         <Detail detail={ticket.detail} />
       </dl>
       <Stories detail={ticket.detail} />
@@ -61,7 +65,12 @@ function Concerned({ ticket }: { ticket: Ticket }) {
             <Link className="link" to={`/lab?sel=${row.id}`}>
               {row.name}
             </Link>
-            {row.is_quarantined && <span className="m"> {words.tree.quarantined}</span>}
+            {row.is_quarantined && <span className="m"> {words.tree.quarantined}</span>}{" "}
+            {ticket.closed_at === null && (
+              <Link className="link" to={`/lab?sel=${row.id}&stock=1`}>
+                {words.stock.button}
+              </Link>
+            )}
           </span>
         ))}
       </dd>
@@ -69,11 +78,28 @@ function Concerned({ ticket }: { ticket: Ticket }) {
   );
 }
 
+function Leads({ to, at, label }: { to: unknown; at: string; label: string }) {
+  if (typeof to !== "string") return null;
+  return (
+    <>
+      <dt>{label}</dt>
+      <dd>
+        <Link className="link" to={`/${at}/${to}`}>
+          Open
+        </Link>
+      </dd>
+    </>
+  );
+}
+
 const STORIES = ["edge", "server"];
+
+/** Shown as what they lead to. */
+const LINKED = ["run_id", "host_id", "device_id"];
 
 function Detail({ detail }: { detail: Ticket["detail"] }) {
   return Object.entries(detail)
-    .filter(([name]) => !STORIES.includes(name))
+    .filter(([name]) => !STORIES.includes(name) && !LINKED.includes(name))
     .map(([name, value]) => {
       const [label, text] = formatFact(name, value);
       return (

@@ -34,7 +34,7 @@ export const words = {
     resetWhy: "Why is it safe to go on?",
     resetHelp: promises.stop_lab.reset,
     resetDo: "Reset lab",
-    nobody: "Only people with the right to reset may do this.",
+    nobody: "Needs the role approver on the whole lab.",
     failed: "The stop was not confirmed. Use the red button on the bench.",
   },
   noRole: {
@@ -97,6 +97,17 @@ export const words = {
         : `by run #${hold.run} until its step ${hold.until_step}`,
     quarantined: "Quarantined",
     unknown: "Nobody knows its state until somebody has answered, or looked and taken stock.",
+  },
+  conditions: {
+    declared: "Declared",
+    declaredHelp: "The lab file or a person says so. Nothing of it was measured.",
+    known: "Set and measured",
+    nothing: "Nothing was set or measured of it, and no device reads it.",
+    readBy: "read by",
+    how: (how: "set" | "measured" | "unknown", isByRun: boolean): string => {
+      if (how === "unknown") return "unknown since";
+      return `${how} ${isByRun ? "by a run" : "by a person"},`;
+    },
   },
   stock: {
     button: "Take stock…",

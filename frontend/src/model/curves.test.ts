@@ -108,6 +108,10 @@ test("words of steps, gaps and units", () => {
   expect(gapWords([])).toBe("");
   expect(gapWords([gap])).toBe("1 recorded gap, 3 samples lost");
   expect(gapWords([gap, { ...gap, lost_count: null }])).toMatch(/at least 3/);
+  expect(gapWords([{ ...gap, lost_count: null }])).toBe(
+    "1 recorded gap; how many samples were lost is not known",
+  );
+  expect(gapWords([{ ...gap, lost_count: 1 }])).toBe("1 recorded gap, 1 sample lost");
   expect(levelDrawn([curve({ level_s: 60 }), curve({ level_s: 0 })])).toBe("1min");
   expect(levelDrawn([])).toBe("1s");
   expect(readableUnit(curve({ unit: "µL", points: [[0, 4000, 4000, 4000, 1]] }))).toEqual([

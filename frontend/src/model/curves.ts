@@ -179,7 +179,9 @@ export function gapWords(gaps: readonly Gap[]): string {
   const lost = gaps.reduce((sum, gap) => sum + (gap.lost_count ?? 0), 0);
   const isKnown = gaps.every((gap) => gap.lost_count !== null);
   const count = gaps.length === 1 ? "1 recorded gap" : `${gaps.length} recorded gaps`;
-  return isKnown ? `${count}, ${lost} samples lost` : `${count}, at least ${lost} samples lost`;
+  if (!isKnown && !lost) return `${count}; how many samples were lost is not known`;
+  const samples = lost === 1 ? "1 sample" : `${lost} samples`;
+  return `${count}, ${isKnown ? "" : "at least "}${samples} lost`;
 }
 
 /** A little air above and below, never a window without height, nor below zero for nothing. */

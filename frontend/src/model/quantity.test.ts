@@ -41,6 +41,16 @@ test("a bare number takes the unit of its field, and is refused without one", ()
   expect(volume("5").ok).toBe(false);
 });
 
+test("a unit in words is the unit that it means, and is stored as that", () => {
+  const parsed = parseQuantity("2 hours", "time", UNITS);
+  expect(parsed.ok && toCanonical(parsed.quantity, "time")).toBe(7200);
+  expect(parsed.ok && storeQuantity(parsed.quantity, UNITS, "time")).toBe("2 h");
+  const unknown = parseQuantity("2 fortnights", "time", UNITS);
+  expect(unknown.ok ? "" : unknown.reason).toBe(
+    "fortnights is no unit of time: use min, s, h, ms.",
+  );
+});
+
 test("kelvin become degrees Celsius", () => {
   const parsed = parseQuantity("333.15 K", "temperature", UNITS);
   expect(parsed.ok && toCanonical(parsed.quantity, "temperature")).toBeCloseTo(60, 6);

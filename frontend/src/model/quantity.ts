@@ -33,6 +33,8 @@ const SCALE: Record<string, Record<string, [factor: number, offset: number]>> = 
     ...spelled([1, 0]),
     nL: [1e-3, 0],
     nl: [1e-3, 0],
+    cL: [1e4, 0],
+    dL: [1e5, 0],
   },
   flow_rate: {
     "mL/min": [1000 / 60, 0],
@@ -40,12 +42,26 @@ const SCALE: Record<string, Record<string, [factor: number, offset: number]>> = 
     ...spelled([1, 0], "/s"),
     "mL/s": [1000, 0],
     ...spelled([1 / 60, 0], "/min"),
+    "uL/h": [1 / 3600, 0],
+    "mL/h": [1000 / 3600, 0],
+    "L/h": [1e6 / 3600, 0],
+    "L/min": [1e6 / 60, 0],
+    "L/s": [1e6, 0],
   },
-  temperature: { "°C": [1, 0], degC: [1, 0], C: [1, 0], K: [1, -273.15] },
+  temperature: { "°C": [1, 0], degC: [1, 0], C: [1, 0], K: [1, -273.15], "°F": [5 / 9, -160 / 9] },
   temperature_difference: { K: [1, 0] },
-  time: { ms: [1e-3, 0], s: [1, 0], min: [60, 0], h: [3600, 0] },
+  time: { ms: [1e-3, 0], s: [1, 0], min: [60, 0], h: [3600, 0], day: [86400, 0] },
   speed: { rpm: [1, 0] },
-  pressure: { mbar: [0.1, 0], kPa: [1, 0] },
+  pressure: {
+    mbar: [0.1, 0],
+    kPa: [1, 0],
+    bar: [100, 0],
+    Torr: [101.325 / 760, 0],
+    atm: [101.325, 0],
+    Pa: [1e-3, 0],
+    hPa: [0.1, 0],
+    MPa: [1000, 0],
+  },
   mass: { kg: [1e6, 0], g: [1000, 0], mg: [1, 0], ug: [1e-3, 0], µg: [1e-3, 0], μg: [1e-3, 0] },
   ph_difference: { pH: [1, 0] },
   share: { "%": [0.01, 0] },
@@ -62,6 +78,7 @@ const SHOWN: Record<string, string> = {
   "ml/min": "mL/min",
   ...spelled("µL/s", "/s"),
   ...spelled("µL/min", "/min"),
+  "uL/h": "µL/h",
   ug: "µg",
   μg: "µg",
 };
@@ -83,7 +100,8 @@ export function parseQuantity(
   if (!clean) return { ok: false, reason: `Write number and unit, such as ${example}.` };
   if (COMMA.test(clean)) return { ok: false, reason: "Write a decimal point, not a comma." };
   const match = PATTERN.exec(clean);
-  const unit = match?.[2]?.trim() ?? fallback;
+  const written = match?.[2]?.trim() ?? fallback;
+  const unit = table?.spellings?.[written] ?? written;
   if (!match?.[1] || !unit) {
     return { ok: false, reason: `Write number and unit, such as ${example}.` };
   }

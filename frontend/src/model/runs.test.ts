@@ -161,3 +161,11 @@ test("a job that asks for a role has no device before its turn", () => {
   const fixed = aJob(0, "a", "queued");
   expect(deviceName(fixed)).toBe(fixed.device.name);
 });
+
+test("a step of an aborted run that was done is done, though the abort switched it off", () => {
+  const jobs = [aJob(0, "a", "complete", { halted_by: "run.aborted" }), aJob(1, "b", "aborted")];
+  const states = (is_given_up: boolean): string[] =>
+    stepProgress(aRun(jobs, { is_given_up })).map((step) => step.state);
+  expect(states(true).slice(0, 2)).toEqual(["done", "failed"]);
+  expect(states(false).slice(0, 2)).toEqual(["failed", "failed"]);
+});

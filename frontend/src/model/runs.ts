@@ -41,10 +41,10 @@ const LOOKS: Record<StepState, Look> = {
 };
 
 /** Derive each step's state from its jobs, in the order of the plan. */
-export function stepProgress(run: Pick<Run, "plan" | "jobs">): StepProgress[] {
+export function stepProgress(run: Pick<Run, "plan" | "jobs" | "is_given_up">): StepProgress[] {
   const steps = run.plan.steps.map((step, place): StepProgress => {
     const jobs = run.jobs.filter((job) => job.step_id === step.step_id);
-    const state = stateOf(jobs);
+    const state = stateOf(jobs, run.is_given_up);
     const starts = jobs.map((job) => toSeconds(job.started_at)).filter((at) => at !== null);
     const ends = jobs.map((job) => toSeconds(job.ended_at)).filter((at) => at !== null);
     const over = jobs.length > 0 && jobs.every((job) => isFinalJob(job.state));
@@ -62,11 +62,12 @@ export function stepProgress(run: Pick<Run, "plan" | "jobs">): StepProgress[] {
   return steps.map((step) => (step.state === "planned" ? held(step, steps, run.jobs) : step));
 }
 
-function stateOf(jobs: readonly Job[]): StepState {
+/** The halt that ends an aborted run takes away what its steps had set: they were done all the same. */
+function stateOf(jobs: readonly Job[], isGivenUp: boolean): StepState {
   if (jobs.some((job) => job.state === "in_doubt")) return "doubt";
   const left = jobs.filter((job) => !job.passed_by);
   if (left.some((job) => ["aborted", "stopped", "rejected"].includes(job.state))) return "failed";
-  if (left.some(isTakenAway)) return "failed";
+  if (!isGivenUp && left.some(isTakenAway)) return "failed";
   if (jobs.length > 0 && left.every((job) => job.state === "complete")) return doneAs(jobs);
   if (jobs.some((job) => isActiveJob(job.state) || job.state === "complete")) return "running";
   return "planned";

@@ -20,7 +20,12 @@ export const UNITS: Record<string, UnitTable> = {
     units: ["mL", "ml", "uL", "µL", "μL", "ul", "L"],
   },
   temperature: { canonical: "degC", suffix: "c", units: ["°C", "degC", "C", "K"] },
-  time: { canonical: "second", suffix: "s", units: ["min", "s", "h", "ms"] },
+  time: {
+    canonical: "second",
+    suffix: "s",
+    units: ["min", "s", "h", "ms"],
+    spellings: { hours: "h", minutes: "min" },
+  },
 };
 
 const start = { name: "start", kind: "done", label: "Start" } as const;
@@ -174,6 +179,7 @@ export function aRun(jobs: Job[], change: Partial<Run> = {}): Run {
       })),
       jobs: jobs.map((job) => aPlannedJob(job.index, job.step_id, job.after)),
       notes: [],
+      proved: null,
     },
     jobs,
     approval: null,
@@ -188,7 +194,8 @@ export function aRun(jobs: Job[], change: Partial<Run> = {}): Run {
     execution: null,
     hosts_away: [],
     silent: [],
-    can: { pause: true, resume: false, abort: true, resolve: true, recover: true },
+    contradicted: [],
+    can: { pause: true, resume: false, abort: true, resolve: true, recover: true, confirm: true },
     ...change,
   };
 }

@@ -76,6 +76,7 @@ const APPROVAL: Record<string, State> = {
 
 const NEED: Record<string, State> = {
   in_doubt: { look: "doubt", word: "In doubt" },
+  asks: { look: "needs", word: "Waits for you" },
   approval: { look: "needs", word: "Approval" },
   paused: { look: "error", word: "Paused" },
   quarantined: { look: "doubt", word: "Quarantined" },

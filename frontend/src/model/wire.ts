@@ -18,7 +18,7 @@ import type {
 } from "./wirebase";
 import type { RunFile } from "./wirefiles";
 import type { DeviceHalt, DeviceRow, HostAway, HostRow } from "./wirelab";
-import type { Recovery, RecoveryCard, RecoveryChoice } from "./wirerecovery";
+import type { Asks, Recovery, RecoveryCard, RecoveryChoice } from "./wirerecovery";
 
 export interface Refusal {
   code: string;
@@ -78,6 +78,7 @@ export interface Session {
 export interface Need {
   kind:
     | "in_doubt"
+    | "asks"
     | "approval"
     | "paused"
     | "quarantined"
@@ -136,6 +137,8 @@ export interface PaletteDevice {
 export interface UnitTable {
   canonical: string;
   units: string[];
+  /** Another spelling → the unit that it means; none where the browser has the table itself. */
+  spellings?: Record<string, string>;
   suffix: string;
 }
 
@@ -349,6 +352,8 @@ export interface Job {
   recovery_class: string;
   question: Question | null;
   recovery?: RecoveryCard | null;
+  /** What a person confirms before it is sent, and who has; null: nothing. */
+  asks?: Asks | null;
 }
 
 /** One way in which a run leaves what was proved, at its job or step. */
@@ -379,5 +384,14 @@ export interface Run extends RunRow {
   hosts_away: HostAway[];
   /** Devices on which something of the run stands, and of which it cannot be read back. */
   silent: { device: { id: Id; name: string }; since_at: Iso; sentences: string[] }[];
-  can: { pause: boolean; resume: boolean; abort: boolean; resolve: boolean; recover: boolean };
+  /** Answers of people about doubts that a device reads otherwise since; each is a ticket. */
+  contradicted: { ticket_id: Id; text: string; opened_at: Iso }[];
+  can: {
+    pause: boolean;
+    resume: boolean;
+    abort: boolean;
+    resolve: boolean;
+    recover: boolean;
+    confirm: boolean;
+  };
 }

@@ -106,6 +106,14 @@ export interface Plan {
   steps: PlannedStep[];
   jobs: PlannedJob[];
   notes: string[];
+  /** What of it was carried out on paper; null: it is of before there was a proof. */
+  proved: Proved | null;
+}
+
+/** Steps whose movements of matter the plan was proved to make, and steps that no proof covers. */
+export interface Proved {
+  steps: string[];
+  beyond: { step_id: string; why: string }[];
 }
 
 export type JobState =

@@ -112,6 +112,8 @@ export interface SeenConnection {
 export interface Resource extends ResourceRow {
   config: Record<string, unknown>;
   data: Record<string, unknown>;
+  /** By field of `data`: how it is known, since when, and by which job; null: by no job. */
+  data_told: Record<string, { how: "set" | "measured" | "unknown"; at: Iso; job_id: Id | null }>;
   extra: Record<string, unknown>;
   size_mm: unknown;
   ports: {

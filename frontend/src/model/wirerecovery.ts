@@ -36,3 +36,11 @@ export interface RecoveryCard {
   moved_ul: number | null;
   params: Record<string, unknown>;
 }
+
+/** What a person confirms before a job is sent, and who has. */
+export interface Asks {
+  text: string;
+  is_due: boolean;
+  confirmed_by: string | null;
+  confirmed_at: Iso | null;
+}

@@ -10,7 +10,14 @@ import { RunHead } from "./head";
 import { Problems } from "./problem";
 import { words } from "./words";
 
-const can = { pause: false, resume: false, abort: true, resolve: true, recover: false };
+const can = {
+  pause: false,
+  resume: false,
+  abort: true,
+  resolve: true,
+  recover: false,
+  confirm: false,
+};
 const aHalt = (state: DeviceHalt["state"], message = ""): DeviceHalt => ({
   id: state,
   device: { id: state, name: `Heater ${state}` },

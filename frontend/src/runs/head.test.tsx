@@ -5,7 +5,7 @@ import { aJob, aRun, iso } from "@/model/samples";
 import { serve, show } from "@/testpage";
 import { RunHead } from "./head";
 
-const can = { pause: true, resume: true, abort: true, resolve: true, recover: true };
+const can = { pause: true, resume: true, abort: true, resolve: true, recover: true, confirm: true };
 const reasons = [
   { kind: "user", by: "Li Na", at: iso(1) },
   { kind: "user", by: "Wang Wei", at: iso(2) },
@@ -56,4 +56,25 @@ test("an abort that was refused after its dialog was closed is told all the same
   answer(new Response(JSON.stringify(refusal), { status: 409 }));
   await vi.waitFor(() => expect(screen.queryByTestId("abort-reason")).toBeNull());
   await vi.waitFor(() => expect(screen.getByRole("alert")).toHaveTextContent("It was not aborted"));
+});
+
+test("the head says whether the plan is proved, and of what not and why", () => {
+  serve(() => [200, paused]);
+  const steps = [{ step_id: "e", kind: "evaporate", sentence: "Evaporate Flask", estimate_s: 1 }];
+  const beyond = [{ step_id: "e", why: "it is not known" }];
+  const plan = { ...paused.plan, steps };
+  const first = show(<RunHead run={paused} />);
+  expect(screen.queryByTestId("proved-chip")).toBeNull();
+  first.unmount();
+  const proved = { steps: ["a"], beyond: [] };
+  const second = show(<RunHead run={{ ...paused, plan: { ...plan, proved } }} />);
+  expect(screen.getByTestId("proved-chip")).toHaveTextContent("Plan proved");
+  second.unmount();
+  show(<RunHead run={{ ...paused, plan: { ...plan, proved: { steps: ["a"], beyond } } }} />);
+  const chip = screen.getByTestId("proved-chip");
+  expect(chip).toHaveTextContent("Plan proved in part");
+  expect(chip).toHaveAttribute(
+    "title",
+    expect.stringContaining("Evaporate Flask: it is not known"),
+  );
 });

@@ -22,6 +22,7 @@ import type { Run } from "@/model/wire";
 import { Button, Dialog, Refused, TextField } from "@/ui/controls";
 import { Downloads } from "@/ui/downloads";
 import { Icon } from "@/ui/icons";
+import { ProvedChip } from "@/ui/proved";
 import { ModeChip, StateChip } from "@/ui/state";
 import { At, useLabTime, useNow } from "@/ui/time";
 import { words } from "./words";
@@ -41,6 +42,7 @@ export function RunHead({ run }: { run: Run }) {
       <span data-testid="run-state" data-state={run.state}>
         <StateChip state={runOutcome(run)} />
       </span>
+      <ProvedChip plan={run.plan} />
       {doubts > 0 && <StateChip state={{ look: "doubt", word: `${doubts} in doubt` }} />}
       {unconfirmed > 0 && (
         <span data-testid="run-unconfirmed">

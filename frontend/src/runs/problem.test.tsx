@@ -43,7 +43,7 @@ test("a step that a stop of the lab undid is asked about, and says what was take
 test("a step whose set-point is gone says what its device reads, and is asked about", () => {
   serve(() => [200, { devices: [] }]);
   const message =
-    "speed_setpoint_rpm reads 0, and 400 was set: the device has restarted, or somebody has changed it";
+    "the speed set-point reads 0 rpm; 400 rpm was set: the device has restarted, or somebody has changed it";
   const change = { halted_by: "edge.setpoint_lost", message, recovery };
   const job = aJob(0, "a", "complete", change);
   show(<Problems run={{ ...paused("lost"), jobs: [job] }} job={null} />);
@@ -51,7 +51,7 @@ test("a step whose set-point is gone says what its device reads, and is asked ab
   expect(screen.getByText(/A device does not keep what a step had set/)).toBeInTheDocument();
   const text = screen.getByTestId("problem-effect");
   expect(text).toHaveTextContent(/does not keep what was set/);
-  expect(text).toHaveTextContent(/reads 0, and 400 was set/);
+  expect(text).toHaveTextContent(/reads 0 rpm; 400 rpm was set/);
   expect(screen.getAllByRole("radio")).toHaveLength(3);
 });
 
@@ -81,7 +81,7 @@ test("a device of which what stands is not read is named, with what was set on i
   const one = { device, since_at: "2026-01-01T10:00:00Z", sentences: ["Heat to 60 °C"] };
   const view = show(<Problems run={aRun([], { silent: [one] })} job={null} />);
   const card = screen.getByTestId("silent-card");
-  expect(card).toHaveTextContent(/Hotplate 1 has not told what it keeps since/);
+  expect(card).toHaveTextContent(/Hotplate 1 has not been read since/);
   expect(card).toHaveTextContent("Heat to 60 °C");
   expect(screen.getByRole("link", { name: "Open Hotplate 1" })).toHaveAttribute(
     "href",
@@ -90,6 +90,20 @@ test("a device of which what stands is not read is named, with what was set on i
   view.unmount();
   show(<Problems run={aRun([])} job={null} />);
   expect(screen.queryByTestId("silent-card")).toBeNull();
+});
+
+test("an answer that its device reads otherwise since says both and leads to the amounts", () => {
+  serve(() => [200, { devices: [] }]);
+  const text = "Pump 1 reads otherwise than Li Na answered: Li Na answered that 5 mL moved";
+  const one = { ticket_id: "t1", text, opened_at: "2026-01-01T10:00:00Z" };
+  show(<Problems run={aRun([], { contradicted: [one] })} job={null} />);
+  const card = screen.getByTestId("contradicted-card");
+  expect(card).toHaveTextContent("Pump 1 reads otherwise than Li Na answered");
+  expect(card).toHaveTextContent("Li Na answered that 5 mL moved.");
+  expect(screen.getByRole("link", { name: "Correct amounts…" })).toHaveAttribute(
+    "href",
+    "/lab?ticket=t1",
+  );
 });
 
 test("what a device that answers was sent does not wait for it", async () => {
@@ -131,4 +145,41 @@ test("an action that was given up is not told as one that did nothing", () => {
   const told = { ...job, evidence: { resolution: { ...resolution, answer: "did_not" } } };
   show(<Problems run={aRun([told], { state: "paused" })} job={null} />);
   expect(screen.getByTestId("problem-effect")).toHaveTextContent(/^Nothing moved/);
+});
+
+test("a run that waits for a person says what to confirm, and says so to the server once", async () => {
+  const asks = {
+    text: "Is the stopcock closed?",
+    is_due: true,
+    confirmed_by: null,
+    confirmed_at: null,
+  };
+  const job = aJob(0, "a", "queued", { asks });
+  const run = aRun([job], { state: "running" });
+  const sent = serve((_path, method) => {
+    if (method !== "POST") return [200, { devices: [] }];
+    return [200, { ...run, jobs: [{ ...job, asks: { ...asks, is_due: false } }] }];
+  });
+  show(<Problems run={run} job={null} />);
+  expect(screen.getByTestId("asks-card")).toHaveTextContent("Is the stopcock closed?");
+  screen.getByTestId("asks-confirm").click();
+  const posted = () => sent.filter((one) => one.method === "POST");
+  await waitFor(() => expect(posted()).toHaveLength(1));
+  expect(posted()[0]?.path).toContain(`/jobs/${job.id}/confirm`);
+  await waitFor(() => expect(screen.getByTestId("asks-confirm")).toBeEnabled());
+});
+
+test("who may not run things sees the question and a button that says why it is off", () => {
+  serve(() => [200, { devices: [] }]);
+  const asks = { text: "Go on?", is_due: true, confirmed_by: null, confirmed_at: null };
+  const run = aRun([aJob(0, "a", "queued", { asks })], { state: "running" });
+  show(<Problems run={{ ...run, can: { ...run.can, confirm: false } }} job={null} />);
+  expect(screen.getByTestId("asks-confirm")).toBeDisabled();
+});
+
+test("what is not due yet, or is confirmed, asks nobody", () => {
+  serve(() => [200, { devices: [] }]);
+  const asks = { text: "Go on?", is_due: false, confirmed_by: "Li Na", confirmed_at: iso(1) };
+  show(<Problems run={aRun([aJob(0, "a", "queued", { asks })])} job={null} />);
+  expect(screen.queryByTestId("asks-card")).toBeNull();
 });

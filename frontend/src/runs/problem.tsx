@@ -17,6 +17,7 @@ import type { Job, Run } from "@/model/wire";
 import { Link } from "react-router";
 import { Glyph } from "@/ui/glyph";
 import { At } from "@/ui/time";
+import { AsksPerson } from "./asks";
 import { DoubtCard, Evidence } from "./doubt";
 import { Departed } from "./proof";
 import { Recovery } from "./recovery";
@@ -30,6 +31,9 @@ export function Problems({ run, job }: { run: Run; job: string | null }) {
     <>
       {run.state === "awaiting_approval" && run.approval && <AwaitsApproval run={run} />}
       {run.waits_for && <WaitsForRun other={run.waits_for} />}
+      {run.jobs.map((one) => (
+        <AsksPerson key={one.id} run={run} job={one} />
+      ))}
       <Departed run={run} />
       <WaitsForDevices run={run} />
       {run.hosts_away.map((host) => (
@@ -37,6 +41,9 @@ export function Problems({ run, job }: { run: Run; job: string | null }) {
       ))}
       {run.silent.map((one) => (
         <Silent key={one.device.id} one={one} />
+      ))}
+      {run.contradicted.map((one) => (
+        <Contradicted key={one.ticket_id} one={one} />
       ))}
       {[...first, ...rest].map((problem) => (
         <ProblemCard
@@ -139,7 +146,9 @@ function Silent({ one: { device, since_at, sentences } }: { one: Run["silent"][n
     <section className="card prob" data-testid="silent-card" data-state="offline">
       <div className="ph">
         <Glyph look="offline" />
-        {device.name} has not told what it keeps since <At at={since_at} seconds />
+        <span>
+          {device.name} has not been read since <At at={since_at} seconds />
+        </span>
       </div>
       <div className="pb">
         <p className="s">{words.silent}</p>
@@ -150,6 +159,25 @@ function Silent({ one: { device, since_at, sentences } }: { one: Run["silent"][n
         </ul>
         <Link className="btn" to={`/devices/${device.id}`}>
           Open {device.name}
+        </Link>
+      </div>
+    </section>
+  );
+}
+
+/** A person answered a doubt before its device was read, and that reads otherwise. */
+function Contradicted({ one }: { one: Run["contradicted"][number] }) {
+  const [title = "", ...rest] = one.text.split(": ");
+  return (
+    <section className="card prob" data-testid="contradicted-card" data-state="doubt">
+      <div className="ph">
+        <Glyph look="doubt" />
+        <span>{sentence(title)}</span>
+      </div>
+      <div className="pb">
+        <p className="s">{sentence(rest.join(": "))}.</p>
+        <Link className="btn" to={`/lab?ticket=${one.ticket_id}`}>
+          {words.contradicted}
         </Link>
       </div>
     </section>

@@ -11,7 +11,14 @@ import { RunHead } from "./head";
 import { Departed } from "./proof";
 
 const TOLD = [{ place: "j1", text: "'Dispense 5 mL' was skipped" }];
-const CAN = { pause: false, resume: true, abort: true, resolve: true, recover: true };
+const CAN = {
+  pause: false,
+  resume: true,
+  abort: true,
+  resolve: true,
+  recover: true,
+  confirm: true,
+};
 
 function held(change: Partial<NonNullable<Run["proof"]>> = {}): Run {
   const proof = { departures: TOLD, accepted: [], by: null, at: null, ...change };

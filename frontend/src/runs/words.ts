@@ -122,6 +122,13 @@ export const words = {
     count === 1
       ? "1 job from its journal will appear when it is back."
       : `${count} jobs from its journal will appear when it is back.`,
+  asks: {
+    title: "The run waits for a person",
+    about:
+      "Confirm when this is true or done. The run then goes on at once. If it cannot be done, abort the run.",
+    confirm: "Confirm",
+    mayNot: "Confirming needs the role chemist on what the run uses.",
+  },
   waitsForRun: (text: string) => `${text}. This run goes on by itself.`,
   holds: {
     title: "Held by this run",
@@ -133,6 +140,7 @@ export const words = {
     "Its host has to halt it first: the lab was stopped, or an action was cut off, while it did not answer. The action begins by itself once it is halted; or abort the run.",
   silent:
     "What these steps have set cannot be read back: it may be kept, or gone. The run goes on. Look at the device; this card goes once it answers. If it does not keep what was set, the run pauses and asks.",
+  contradicted: "Correct amounts…",
   notNow: "Not possible in this state, or not by you.",
   tabs: {
     timeline: "Timeline",

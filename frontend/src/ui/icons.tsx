@@ -104,6 +104,10 @@ export function iconOf(kind: string): IconName {
     ["separate", "flask"],
     ["separator", "flask"],
     ["evap", "flask"],
+    ["filter", "flask"],
+    ["dry", "time"],
+    ["confirm", "user"],
+    ["add_solid", "user"],
   ];
   return known.find(([part]) => kind.toLowerCase().includes(part))?.[1] ?? "devices";
 }

@@ -91,6 +91,15 @@ def open_request(  # noqa: PLR0913 - one column each
     return request
 
 
+def require_deciding(actor: User, lab: Lab) -> None:
+    """Refuse who may not answer requests, whatever became of them.
+
+    Raises:
+        ForbiddenError: They may not, or only in a part of the lab.
+    """
+    resource_selectors.require(actor, Permission.DECIDE, [resource_selectors.root_of(lab).id])
+
+
 @atomic
 def decide(request_id: UUID, *, actor: User, is_approved: bool, comment: str) -> ApprovalRequest:
     """Write a person's answer; the first writer wins.
@@ -101,8 +110,7 @@ def decide(request_id: UUID, *, actor: User, is_approved: bool, comment: str) ->
         ForbiddenError: The actor asked it themself, or may not decide here.
     """
     found = selectors.find_request(request_id)
-    root = resource_selectors.root_of(found.lab)
-    resource_selectors.require(actor, Permission.DECIDE, [root.id])
+    require_deciding(actor, found.lab)
     row = ApprovalRequest.objects.select_for_update(no_key=True).get(pk=request_id)
     state = row.state
     if state == ApprovalRequest.State.OPEN and row.expires_at < now():
@@ -215,6 +223,7 @@ def decide_driver(
     Effect:
         None on matter. Devices get the version only when somebody gives it to them.
     """
+    require_deciding(actor, resource_selectors.the_lab())
     enrollment_selectors.driver_for_update(version_id)  # first, as whoever withdraws it does
     request = selectors.request_about_driver(version_id)
     decide(request.id, actor=actor, is_approved=is_approved, comment=comment)

@@ -9,13 +9,15 @@ from __future__ import annotations
 import json
 import sys
 from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Any
 
 import msgspec
 
+from labweb.common.clock import SystemClock
 from labweb.common.limits import limit_process
 from labweb.domain.errors import DefinitionError, LabError
-from labweb.domain.workflows.opening import Asked, advise_on, open_recipe, workflow_from
+from labweb.domain.recipes.opening import Asked, advise_on, open_recipe, workflow_from
 
 MAX_CPU_S = 120
 MAX_MEMORY_BYTES = 2 * 2**30
@@ -24,7 +26,7 @@ MAX_ANSWER_BYTES = 32 * 2**20
 
 _ACTS: Mapping[str, Callable[[Asked], dict[str, Any]]] = {
     "open": open_recipe,
-    "advise": advise_on,
+    "advise": partial(advise_on, clock=SystemClock()),
     "workflow": workflow_from,
 }
 

@@ -23,10 +23,11 @@ from labweb.crutd.api.holds import render_keepers
 from labweb.crutd.selectors import lineage
 from labweb.crutd.selectors.archived import with_former_place
 from labweb.crutd.selectors.past import Past, as_it_was
+from labweb.crutd.selectors.told import told_of
 from labweb.domain.approvals.roles import Permission
 from labweb.domain.crutd import operations
 from labweb.domain.crutd.ledger import Amount
-from labweb.domain.errors import DefinitionError, Finding, NotFoundError
+from labweb.domain.errors import DefinitionError, Finding
 from labweb.domain.resources.contents import LotId
 from labweb.domain.resources.kinds import KINDS, is_vessel
 from labweb.enrollment import selectors as enrollment_selectors
@@ -50,10 +51,8 @@ def visible(request: Request, resource_id: UUID) -> Resource:
     Raises:
         NotFoundError: There is none, or none the caller may know of.
     """
-    row = resource_selectors.find_resource(resource_id)
-    if row.id not in resource_selectors.allowed_ids(user_of(request), Permission.VIEW):
-        raise NotFoundError(f"no resource {resource_id}", code="resource.not_found")
-    return row
+    resource_selectors.require_seen(user_of(request), [resource_id])
+    return resource_selectors.find_resource(resource_id)
 
 
 class Resources(Endpoint):
@@ -92,7 +91,7 @@ def _page(request: Request, rows: Collection[Resource]) -> tuple[list[Resource],
 
 
 class ResourceDetail(Endpoint):
-    """One resource."""
+    """One resource; the floor above names the runs of its events (`labweb.runs.api.happened`)."""
 
     def get(self, request: Request, resource_id: UUID) -> Response:
         """Return a resource with what happened to it."""
@@ -129,6 +128,7 @@ class ResourceDetail(Endpoint):
                 **render_rows(lab, [row])[0],
                 "config": row.config,
                 "data": row.data,
+                "data_told": told_of(row),
                 "extra": row.extra,
                 "size_mm": row.size_mm,
                 "ports": ports,
@@ -139,7 +139,7 @@ class ResourceDetail(Endpoint):
 
 
 class ResourceEvents(Endpoint):
-    """What happened to one resource."""
+    """What happened to one resource; the floor above names the runs."""
 
     queries = HISTORY.parameters
 
@@ -213,9 +213,7 @@ def require_act(user: User, operation: operations.Operation) -> None:
     elif isinstance(operation, operations.Disconnect):
         wanted = Permission.ADMIT
     ids = set(operations.touched_ids(with_former_place(operation)))
-    seen = resource_selectors.allowed_ids(user, Permission.VIEW)
-    for resource_id in sorted(ids - seen):
-        raise NotFoundError(f"no resource {resource_id}", code="resource.not_found")
+    resource_selectors.require_seen(user, ids)
     resource_selectors.require(user, wanted, ids)
 
 

@@ -96,7 +96,8 @@ def _summary(
             facts = ", ".join(f"{key} {value}" for key, value in sorted(reading.items()))
             return f"{names.get('subject')}: {facts}"
         case "create":
-            return f"{names.get('subject')}: received {text} in all"
+            received = f"received {text} in all" if any(amounts) else "added to the lab"
+            return f"{names.get('subject')}: {received}"
         case _:
             return _booked(operation, names, text)
 

@@ -19,9 +19,10 @@ from labweb.common.prepared import (
     prepared_cursor,
     together,
 )
-from labweb.crutd.models import Entry, EventSubject, Ticket
+from labweb.crutd.models import Entry, EventSubject
 from labweb.crutd.models import Event as Event
 from labweb.crutd.models import Holding as Holding
+from labweb.crutd.models import Ticket as Ticket
 from labweb.crutd.models import Transaction as Transaction
 from labweb.domain.crutd import operations
 from labweb.domain.crutd.balance import Move

@@ -18,6 +18,7 @@ from labweb.crutd.services.opening import check_states
 from labweb.crutd.services.posting import open_transaction
 from labweb.domain.crutd import operations
 from labweb.domain.crutd.lifecycle import TransactionState
+from labweb.domain.crutd.reserved import reservations
 from labweb.domain.runs.batch import shares
 from labweb.domain.runs.locks import lock_set
 from labweb.resources.selectors import Lab
@@ -91,7 +92,7 @@ def lock_batch(
             claims=[str(lock.resource_id) for lock in claim],
             proposed_at=now(),
         )
-        promised = operations.reservations(member.operation) if member.is_first else ()
+        promised = reservations(member.operation) if member.is_first else ()
         open_transaction(row, share, promised)
         made.append(row)
     return made

@@ -156,15 +156,19 @@ def _is_open_to(
 
 
 def _finding(one: HeldAt, rows: Mapping[UUID, Resource], names: Mapping[str, str]) -> Finding:
-    if one.resource_id in rows:
-        what = rows[one.resource_id].name
-    else:
-        what = f"what {' and '.join(sorted(row.name for row in rows.values()))} stands in or holds"
     whose = names.get(str(one.holder_id), "")
+    run = f"run #{one.run_number}{f' of {whose}' if whose else ''}"
+    if one.resource_id in rows:
+        text = f"{rows[one.resource_id].name} is held by {run}"
+    elif one.node_id in rows:
+        text = f"{run} holds something that stands in {rows[one.node_id].name}"
+    else:
+        asked = " and ".join(sorted(row.name for row in rows.values()))
+        text = f"{run} holds the place of {asked}"
     return Finding(
         "crutd.held_by_run",
-        f"{what} is held by run #{one.run_number}{f' of {whose}' if whose else ''} until its step "
-        f"{one.until_step} has ended: wait for that step, or ask them to abort the run",
+        f"{text} until its step {one.until_step} has ended: wait for that step, or ask "
+        f"{whose or 'whoever started it'} to abort the run",
         str(one.resource_id),
         {
             "resource_id": str(one.resource_id),

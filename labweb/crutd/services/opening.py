@@ -24,6 +24,7 @@ from labweb.crutd.services.recording import wait_for_others
 from labweb.domain.crutd import decide, operations
 from labweb.domain.crutd.decide import ResourceState
 from labweb.domain.crutd.lifecycle import TransactionState
+from labweb.domain.crutd.reserved import reservations
 from labweb.domain.errors import PreconditionError
 from labweb.domain.runs.holding import places_of
 from labweb.domain.runs.locks import lock_set
@@ -130,7 +131,7 @@ def hold_to_open(
         job_id=job_id,
         proposed_at=now(),
     )
-    return ToOpen(row, rows, states, opening(row, wanted, operations.reservations(operation)))
+    return ToOpen(row, rows, states, opening(row, wanted, reservations(operation)))
 
 
 _NEW = (

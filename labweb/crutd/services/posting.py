@@ -17,7 +17,7 @@ from labweb.common.clock import happened_at, new_id
 from labweb.common.prepared import Question, together
 from labweb.crutd.models import Entry, Transaction
 from labweb.domain.crutd.ledger import Posting
-from labweb.domain.crutd.operations import Reservation
+from labweb.domain.crutd.reserved import Reservation
 from labweb.domain.runs.locks import Lock
 
 _OPEN = """

@@ -30,6 +30,7 @@ from labweb.domain.crutd import operations
 from labweb.domain.crutd.ledger import posting_from
 from labweb.domain.crutd.lifecycle import FINAL, TransactionState
 from labweb.domain.crutd.replay import Node, Replay
+from labweb.domain.crutd.reserved import reservations
 from labweb.domain.errors import ReconcileError, StateError
 from labweb.domain.graph.lab_file.model import LabFile
 from labweb.resources import services as resource_services
@@ -231,7 +232,7 @@ def _write_entries(lab: Lab, states: dict[str, str]) -> None:
     _in_chunks(Entry, _entries(lab))
     doubtful = [key for key, state in states.items() if state == "quarantined"]
     for row in _rows(lab).filter(pk__in=doubtful):
-        reserve(row, operations.reservations(operations.from_json(row.operation)))
+        reserve(row, reservations(operations.from_json(row.operation)))
 
 
 def _entries(lab: Lab) -> Iterator[Entry]:

@@ -24,7 +24,7 @@ from labweb.domain.crutd import decide, lifecycle, operations
 from labweb.domain.crutd.decide import Change, Outcome, OutcomeKind, ResourceState
 from labweb.domain.crutd.ledger import vessels_of
 from labweb.domain.crutd.lifecycle import TransactionState
-from labweb.domain.crutd.operations import Reservation
+from labweb.domain.crutd.reserved import Reservation, reservations
 from labweb.domain.errors import Finding, PreconditionError, StateError
 from labweb.domain.runs.batch import heirs
 from labweb.resources import selectors as resource_selectors
@@ -33,9 +33,12 @@ from labweb.resources.selectors import Lab
 
 
 def check_operation(
-    operation: operations.Operation, *, lab: Lab, actor_id: UUID | None
+    operation: operations.Operation, *, lab: Lab, actor_id: UUID | None, run_id: UUID | None = None
 ) -> list[Finding]:
-    """List all that speaks against an operation now, who uses or has reserved things included."""
+    """List all that speaks against an operation now, who uses or has reserved things included.
+
+    What `run_id` holds does not speak against it.
+    """
     operation = with_former_place(operation)
     ids = operations.touched_ids(operation)
     found = resource_selectors.rows(ids)
@@ -43,7 +46,7 @@ def check_operation(
     facts = replace(facts_for(operation, lab, states), held=holders(operation))
     rows = {row.id: row for row in found}
     reserved = reserved_findings(ids, actor_id, roomy_of(operation, rows))
-    held = held_findings(operation, ids, Asker(actor_id=actor_id))
+    held = held_findings(operation, ids, Asker(actor_id=actor_id, run_id=run_id))
     return [*_empty_words(operation), *decide.check(operation, states, facts), *reserved, *held]
 
 
@@ -58,6 +61,17 @@ def _empty_words(operation: operations.Operation) -> list[Finding]:
         return []
     text = "it stands there already: nothing is carried"
     return [Finding("crutd.there_already", text, str(operation.resource_id))]
+
+
+def _check_in_service(operation: operations.Operation) -> None:
+    """Refuse what a second press asks for: a thing in the Archive goes there no more."""
+    if not isinstance(operation, operations.Delete):
+        return
+    found = selectors.snapshot(resource_selectors.rows([operation.resource_id]))
+    for state in found.values():
+        if state.is_archived:
+            text = f"{state.name} is in the Archive already: nothing was done"
+            raise StateError(text, code="crutd.archived")
 
 
 @atomic
@@ -79,7 +93,7 @@ def _take_turn(row: Transaction) -> None:
     if row.state == TransactionState.VALIDATED.value and row.batch_id is not None:
         row.state = TransactionState.LOCKED.value
         row.save(update_fields=["state"])
-        reserve(row, operations.reservations(operations.from_json(row.operation)))
+        reserve(row, reservations(operations.from_json(row.operation)))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -121,7 +135,8 @@ def settle(transaction_id: UUID, settlement: Settlement) -> Change:
     the record then follows the server's reading of the same facts.
 
     Raises:
-        StateError: The transaction is final already. Nothing was written.
+        StateError: The transaction is final already, or it is in doubt and the answer
+            contradicts the record (`crutd.contradiction`). Nothing was written.
 
     Effect:
         Posts what moved to the ledger. UNKNOWN posts nothing and keeps every lock.
@@ -173,6 +188,9 @@ def _decide(
     try:
         change = decide.settle(operation, states, settlement.outcome)
     except StateError as error:
+        if row.state == TransactionState.QUARANTINED.value:
+            # A person's answer: it is refused, and the doubt stays as it is.
+            raise
         open_ticket(row.lab, error.code, error.message, {"transaction_id": str(row.id)})
         return decide.settle(operation, {}, Outcome(kind=OutcomeKind.UNKNOWN))
     reported = settlement.reported_change
@@ -242,7 +260,7 @@ def _place(change: Change) -> None:
 
 def _reserved(row: Transaction, operation: operations.Operation) -> Sequence[Reservation]:
     """Return what a transaction has reserved; a member of a batch may not have come to it."""
-    wanted = operations.reservations(operation)
+    wanted = reservations(operation)
     if row.batch_id is None or not wanted:
         return wanted
     is_promised = Entry.objects.filter(transaction=row, state=Entry.State.PENDING).exists()
@@ -307,6 +325,8 @@ def discard(transaction_id: UUID, settlement: Settlement) -> None:
     # The host has raised the revisions by closing the vessels anew; what it is sent next must
     # not look older than what it knows.
     _apply(row, operation, change, settlement)
+    # Another action in doubt may have closed them first: its answer must not open them.
+    resource_services.close_for(operations.touched_ids(operation), row.id)
     _close(row, change, settlement)
     record(row, change, revs=settlement.revs, told={"resolution": settlement.resolution})
 
@@ -334,6 +354,7 @@ def carry_out(
     Raises:
         LockedError: A resource is in use, or a run holds it. Nothing was written.
         PreconditionError: A precondition fails; findings list each.
+        StateError: What is to go to the Archive is there. Nothing was written.
 
     Effect:
         Records what the person did or will have done; moves nothing by itself.
@@ -341,6 +362,7 @@ def carry_out(
     empty = _empty_words(operation)
     if empty:
         raise PreconditionError(empty[0].message, code=empty[0].code, findings=empty)
+    _check_in_service(operation)
     operation = with_former_place(operation)
     asker = Asker(actor_id=actor_id, run_id=run_id)
     row, _, states = lock_and_read(operation, lab, targets, asker=asker)

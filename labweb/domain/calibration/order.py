@@ -69,6 +69,16 @@ class VolumeOrder(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
         """Tell what is calibrated."""
         return Quantity.VOLUME
 
+    @property
+    def vessel_ids(self) -> list[UUID]:
+        """Name every vessel that it takes."""
+        return [self.source_id, self.target_id]
+
+    @property
+    def device_id(self) -> UUID:
+        """Name the device that it takes beside the one that is calibrated."""
+        return self.balance_id
+
 
 class Buffer(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """One buffer, in the vessel from which it is pumped."""
@@ -108,6 +118,16 @@ class PhOrder(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
         """Tell what is calibrated."""
         return Quantity.PH
 
+    @property
+    def vessel_ids(self) -> list[UUID]:
+        """Name every vessel that it takes."""
+        return [self.vessel_id, self.waste_id, *(one.source_id for one in self.buffers)]
+
+    @property
+    def device_id(self) -> UUID:
+        """Name the device that it takes beside the one that is calibrated."""
+        return self.pump_id
+
 
 class TemperatureOrder(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """Hold a heater at set points and read a reference thermometer beside its own probe."""
@@ -138,6 +158,16 @@ class TemperatureOrder(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown
     def quantity(self) -> Quantity:
         """Tell what is calibrated."""
         return Quantity.TEMPERATURE
+
+    @property
+    def vessel_ids(self) -> list[UUID]:
+        """Name every vessel that it takes."""
+        return [self.vessel_id]
+
+    @property
+    def device_id(self) -> UUID:
+        """Name the device that it takes beside the one that is calibrated."""
+        return self.thermometer_id
 
 
 Order = VolumeOrder | PhOrder | TemperatureOrder

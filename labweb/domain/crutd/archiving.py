@@ -10,7 +10,7 @@ from labweb.domain.crutd.snapshot import Facts, ResourceState, Snapshot
 from labweb.domain.errors import Finding
 from labweb.domain.graph.attached import to_json
 from labweb.domain.resources.contents import total_nl
-from labweb.domain.units import render_volume
+from labweb.domain.units import render_mass, render_volume
 
 
 def check_archiving(operation: Delete, snapshot: Snapshot, facts: Facts | None) -> list[Finding]:
@@ -47,7 +47,7 @@ def _check_empty(state: ResourceState, leaving: ResourceState) -> Iterator[Findi
     if not state.contents and not state.masses:
         return
     held = total_nl(state.contents)
-    told = render_volume(held) if held else f"{total_nl(state.masses) / 1000:g} mg"
+    told = render_volume(held) if held else render_mass(total_nl(state.masses))
     where = "" if state.id == leaving.id else f", which stands in {leaving.name},"
     text = (
         f"{state.name}{where} holds {told} and cannot go to the Archive: move that elsewhere, or "

@@ -47,7 +47,9 @@ from labweb.domain.graph.lab_file.config import check_config
 from labweb.domain.resources.contents import LotId, Phase, total_nl
 from labweb.domain.resources.kinds import KINDS
 from labweb.domain.resources.places import Thing, check_standing
-from labweb.domain.units import render_volume
+from labweb.domain.units import render_mass, render_volume
+
+_NONE: frozenset[LotId] = frozenset()
 
 
 def check(operation: Operation, snapshot: Snapshot, facts: Facts | None = None) -> list[Finding]:
@@ -165,8 +167,9 @@ def _check_liquid(
         )
     findings += _check_parts(operation, source, facts)
     findings += check_room(target, operation.amount_nl, Phase.LIQUID)
-    findings += _check_phases(source, Phase.LIQUID, facts)
-    return [*findings, *_check_lots(source, target, facts)]
+    keeps = frozenset(LotId(str(lot)) for lot in operation.keeps)
+    findings += _check_phases(source, Phase.LIQUID, facts, keeps)
+    return [*findings, *_check_lots(source, target, facts, keeps)]
 
 
 def _check_parts(
@@ -202,30 +205,40 @@ def _check_mass(operation: TransferMass, snapshot: Snapshot, facts: Facts | None
     if operation.phase is Phase.LIQUID:
         text = "a liquid is moved by its volume: give nanolitres"
         findings.append(Finding("crutd.unit_mismatch", text, source.name))
+    if not source.knows_masses:
+        return findings
     there = total_nl(source.masses)
-    if operation.amount_ug > there:
+    parts = operation.parts_ug.items()
+    is_short = any(part > source.masses.get(LotId(lot), 0) for lot, part in parts)
+    if operation.amount_ug > there or is_short:
         findings.append(
             Finding(
                 "crutd.insufficient_mass",
                 f"{source.name} holds {there / 1000:g} mg, "
-                f"asked for {operation.amount_ug / 1000:g} mg",
+                f"asked for {render_mass(operation.amount_ug)}",
                 source.name,
                 {"resource_id": str(source.id), "usable_ug": there},
             )
         )
+    elif parts and sum(operation.parts_ug.values()) != operation.amount_ug:
+        text = f"the lots of the mass do not come to {render_mass(operation.amount_ug)}"
+        findings.append(Finding("crutd.parts_disagree", text, source.name))
     findings += check_room(target, operation.amount_ug, Phase.SOLID)
     findings += _check_phases(source, operation.phase, facts)
     return [*findings, *_check_lots(source, target, facts)]
 
 
-def _check_phases(source: ResourceState, phase: Phase, facts: Facts | None) -> Iterator[Finding]:
+def _check_phases(
+    source: ResourceState, phase: Phase, facts: Facts | None, keeps: frozenset[LotId] = _NONE
+) -> Iterator[Finding]:
     """Refuse to draw one phase from a vessel in which another may come along.
 
-    A solid in a liquid may be dissolved, suspended or lie at the bottom: nobody has said,
-    so nobody knows what a draw of the liquid carries. A gas stays above what is poured.
+    A solid in a liquid may be dissolved, suspended or lie at the bottom: where nobody has said
+    that it stays, nobody knows what a draw of the liquid carries. A gas stays above what is
+    poured.
     """
     others = set(source.contents if phase is not Phase.LIQUID else ())
-    for lot in source.masses:
+    for lot in source.masses.keys() - keeps:
         known = None if facts is None else facts.lots.get(lot)
         other = Phase.SOLID if known is None else known.phase
         if other is not phase and not (phase is Phase.LIQUID and other is Phase.GAS):
@@ -246,11 +259,16 @@ def _name(lot: LotId, facts: Facts | None) -> str:
     return f"lot {lot}" if known is None else known.name
 
 
-def _check_lots(source: ResourceState, target: ResourceState, facts: Facts | None) -> list[Finding]:
+def _check_lots(
+    source: ResourceState,
+    target: ResourceState,
+    facts: Facts | None,
+    keeps: frozenset[LotId] = _NONE,
+) -> list[Finding]:
     """Look at the lots that would be drawn, and at those they would meet."""
     if facts is None:
         return []
-    drawn = known_lots(source, facts)
+    drawn = [lot for lot in known_lots(source, facts) if lot.id not in keeps]
     findings = list(check_meeting(drawn, known_lots(target, facts), target))
     kind = KINDS.get(source.kind)
     is_on_its_way = kind is not None and kind.nature is not KINDS["bottle"].nature

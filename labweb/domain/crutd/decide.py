@@ -240,28 +240,34 @@ def _settle_poured(
 ) -> Change:
     source, target = snapshot[operation.source_id], snapshot[operation.target_id]
     if isinstance(operation, TransferLiquid):
-        asked, told, unit, phase = operation.amount_nl, outcome.moved_nl, "nL", Phase.LIQUID
+        asked, told, phase = operation.amount_nl, outcome.moved_nl, Phase.LIQUID
         there, inside, room = source.contents, target.contents, target.capacity_nl
     else:
-        asked, told, unit, phase = operation.amount_ug, outcome.moved_ug, "µg", operation.phase
+        asked, told, phase = operation.amount_ug, outcome.moved_ug, operation.phase
+        if told is None and outcome.kind is OutcomeKind.PARTIAL and outcome.moved_nl == 0:
+            told = 0
         there, inside, room = source.masses, target.masses, target.capacity_ug
     if outcome.kind is OutcomeKind.PARTIAL and told is None:
         raise StateError("a partial transfer must say how much moved", code="crutd.no_amount")
     moved = asked if told is None else told
     if moved < 0:
-        raise StateError(f"{moved} {unit} cannot have moved", code="crutd.not_positive")
+        raise StateError(f"{phase.render(moved)} cannot have moved", code="crutd.not_positive")
     if moved == 0:
         return Change(state=TransactionState.ROLLED_BACK)
-    parts = operation.parts_nl if isinstance(operation, TransferLiquid) else {}
+    is_liquid = isinstance(operation, TransferLiquid)
+    parts = operation.parts_nl if isinstance(operation, TransferLiquid) else operation.parts_ug
     is_short = any(part > there.get(LotId(lot), 0) for lot, part in parts.items())
-    if moved > total_nl(there) or is_short:
+    is_known = is_liquid or source.knows_masses
+    if is_known and (moved > total_nl(there) or is_short):
+        held = phase.render(total_nl(there))
         raise StateError(
-            f"{moved} {unit} moved out of {source.name}, which held {total_nl(there)} {unit}",
+            f"{phase.render(moved)} moved out of {source.name}, which held {held}",
             code="crutd.contradiction",
         )
     if room is not None and moved > room - total_nl(inside):
         raise StateError(
-            f"{moved} {unit} moved into {target.name}, which has no room for it",
+            f"{phase.render(moved)} moved into {target.name}, which has room for "
+            f"{phase.render(room - total_nl(inside))}",
             code="crutd.contradiction",
         )
     ends = (str(operation.source_id), str(operation.target_id))

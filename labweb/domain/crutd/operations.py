@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from datetime import date
 from enum import StrEnum
 from typing import Annotated, Any
@@ -84,6 +83,9 @@ class TransferLiquid(
     """What goes over of each lot, where somebody has said which lots lie in the layer that is
     drawn, or boil off. Empty: the source is well mixed, and each lot gives its share."""
 
+    keeps: tuple[UUID, ...] = ()
+    """Solid lots that stay, as somebody has said: on a filter, or where only vapour leaves."""
+
 
 class TransferResource(
     msgspec.Struct, frozen=True, tag="transfer_resource", tag_field="op", kw_only=True
@@ -125,7 +127,14 @@ class Restore(
     """Its pose where it stood before, if it goes there. The server writes it down."""
 
 
-class TransferMass(msgspec.Struct, frozen=True, tag="transfer_mass", tag_field="op", kw_only=True):
+class TransferMass(
+    msgspec.Struct,
+    frozen=True,
+    tag="transfer_mass",
+    tag_field="op",
+    kw_only=True,
+    omit_defaults=True,
+):
     """Move a solid or a gas from one vessel to another, by mass."""
 
     source_id: UUID
@@ -133,6 +142,10 @@ class TransferMass(msgspec.Struct, frozen=True, tag="transfer_mass", tag_field="
     amount_ug: Amount
     phase: Phase
     """What the person means to move; a vessel that holds anything else is refused."""
+
+    parts_ug: dict[str, Amount] = msgspec.field(default_factory=dict)
+    """What goes over of each lot, as a plan writes it: a host, which keeps no record of solids,
+    books the same as the server. Empty: each lot gives its share."""
 
 
 class Receive(msgspec.Struct, frozen=True, tag="receive", tag_field="op", kw_only=True):
@@ -325,29 +338,6 @@ def touched_ids(operation: Operation) -> tuple[UUID, ...]:
         case _:
             ids = {operation.resource_id, operation.archive_id}
     return tuple(sorted(ids))
-
-
-@dataclass(frozen=True, slots=True)
-class Reservation:
-    """An amount promised on both sides before anything moves; its lots are not known yet."""
-
-    debit: str
-    credit: str
-    amount_nl: int = 0
-    amount_ug: int = 0
-
-
-def reservations(operation: Operation) -> tuple[Reservation, ...]:
-    """Return what an operation reserves while it is under way."""
-    match operation:
-        case TransferLiquid():
-            source, target = str(operation.source_id), str(operation.target_id)
-            return (Reservation(source, target, amount_nl=operation.amount_nl),)
-        case TransferMass():
-            source, target = str(operation.source_id), str(operation.target_id)
-            return (Reservation(source, target, amount_ug=operation.amount_ug),)
-        case _:
-            return ()
 
 
 def subjects_of(operation: Operation) -> tuple[tuple[UUID, str], ...]:

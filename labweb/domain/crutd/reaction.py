@@ -17,7 +17,7 @@ from labweb.domain.crutd.stock import check_room
 from labweb.domain.errors import Finding
 from labweb.domain.resources.contents import Contents, LotId, Phase
 from labweb.domain.resources.kinds import is_vessel
-from labweb.domain.units import render_volume
+from labweb.domain.units import render_mass, render_volume
 
 _ROUNDING_UG = 1
 """By which each mass may be off: volumes become whole micrograms."""
@@ -77,7 +77,7 @@ def _check_share(share: Share, state: ResourceState, facts: Facts | None) -> Ite
     there = state.contents[lot] if is_liquid else state.masses[lot]
     if asked > there:
         code = "crutd.insufficient_volume" if is_liquid else "crutd.insufficient_mass"
-        told = render_volume(there) if is_liquid else f"{there / 1000:g} mg"
+        told = render_volume(there) if is_liquid else render_mass(there)
         text = f"{state.name} holds {told} of {_name(lot, facts)}"
         yield Finding(code, text, state.name, context)
 

@@ -17,7 +17,7 @@ from labweb.domain.graph.lab_file.config import check_config
 from labweb.domain.resources.contents import total_nl
 from labweb.domain.resources.kinds import KINDS
 from labweb.domain.resources.places import Thing, check_arriving
-from labweb.domain.units import render_volume
+from labweb.domain.units import render_mass, render_volume
 
 
 def check_refit(operation: Refit, snapshot: Snapshot, facts: Facts | None) -> list[Finding]:
@@ -84,7 +84,7 @@ def _check_going(state: ResourceState) -> Iterator[Finding]:
     if not state.contents and not state.masses:
         return
     held = total_nl(state.contents)
-    told = render_volume(held) if held else f"{total_nl(state.masses) / 1000:g} mg"
+    told = render_volume(held) if held else render_mass(total_nl(state.masses))
     yield Finding(
         "crutd.holds_matter",
         f"{state.name} is to go and holds {told}: empty it, or take stock of it",

@@ -10,7 +10,7 @@ from labweb.domain.crutd.snapshot import Facts, LotState, ResourceState, Snapsho
 from labweb.domain.errors import Finding
 from labweb.domain.resources.contents import LotId, Phase, total_nl
 from labweb.domain.resources.kinds import is_vessel
-from labweb.domain.units import render_volume
+from labweb.domain.units import render_mass, render_volume
 
 
 def check_room(target: ResourceState, amount: int, phase: Phase) -> list[Finding]:
@@ -26,13 +26,9 @@ def check_room(target: ResourceState, amount: int, phase: Phase) -> list[Finding
     if amount <= capacity - held:
         return []
     free, unit = capacity - held, phase.unit
-    text = f"{target.name} has room for {_show(free, phase)}, asked for {_show(amount, phase)}"
+    text = f"{target.name} has room for {phase.render(free)}, asked for {phase.render(amount)}"
     facts = {"resource_id": str(target.id), f"free_{unit}": free}
     return [Finding("crutd.capacity_exceeded", text, target.name, facts)]
-
-
-def _show(amount: int, phase: Phase) -> str:
-    return render_volume(amount) if phase is Phase.LIQUID else f"{amount / 1000:g} mg"
 
 
 def known_lots(state: ResourceState, facts: Facts) -> list[LotState]:
@@ -179,6 +175,6 @@ def check_dispose(operation: Dispose, snapshot: Snapshot) -> list[Finding]:
         text = f"{state.name} holds {there}"
         findings.append(Finding("crutd.insufficient_volume", text, state.name))
     if solid > total_nl(state.masses):
-        text = f"{state.name} holds {total_nl(state.masses) / 1000:g} mg"
+        text = f"{state.name} holds {render_mass(total_nl(state.masses))}"
         findings.append(Finding("crutd.insufficient_mass", text, state.name))
     return findings

@@ -12,6 +12,8 @@ from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import Any
 
+from labweb.domain.enrollment.spoken import spoken_name, spoken_value
+
 LOOK_S = 5.0
 """How often a device is read back while an action waits for it, lab time."""
 
@@ -83,13 +85,20 @@ class Kept:
         return f"{self.wording(value)}: {why}"
 
     def wording(self, value: float) -> str:
-        """Say what is read and what it should be.
+        """Say what is read and what it should be, as people say it.
 
         Example:
             >>> Kept(status="speed_rpm", sort=Sort.MOTION, asked=400.0).wording(0.0)
-            'speed_rpm reads 0, and 400 was set'
+            'the speed reads 0 rpm; 400 rpm was set'
+            >>> Kept(status="is_heating", sort=Sort.SWITCH, asked=True).wording(False)
+            'heating is off; it was switched on'
         """
-        return f"{self.status} reads {_shown(value)}, and {_shown(self.asked)} was set"
+        name = spoken_name(self.status)
+        if self.sort is Sort.SWITCH:
+            is_on, was_on = ("on" if one else "off" for one in (value, self.asked))
+            return f"{name} is {is_on}; it was switched {was_on}"
+        read, asked = (spoken_value(self.status, float(one)) for one in (value, self.asked))
+        return f"the {name} reads {read}; {asked} was set"
 
 
 @dataclass(frozen=True, slots=True)
@@ -256,9 +265,3 @@ def unread_since_s(
         return None
     since_s = max([done_s, *(at_s for status, at_s in read_s.items() if status in statuses)])
     return since_s if now_s - since_s >= max(QUIET_S / pace, TRAVEL_S) else None
-
-
-def _shown(value: float) -> str:
-    if isinstance(value, bool):
-        return "on" if value else "off"
-    return f"{value:g}"

@@ -13,10 +13,12 @@ def spoken_name(name: str) -> str:
     Example:
         >>> [spoken_name(name) for name in ("is_initialized", "port_index", "plate_temperature_c")]
         ['initialized', 'port', 'plate temperature']
+        >>> spoken_name("temperature_setpoint_c")
+        'temperature set-point'
     """
     suffix = unit_suffix(name)
     bare = name.removesuffix(f"_{suffix}") if suffix else name
-    return bare.removeprefix("is_").replace("_", " ")
+    return bare.removeprefix("is_").replace("_", " ").replace("setpoint", "set-point")
 
 
 def spoken_value(name: str, value: Any) -> str:  # noqa: ANN401 - whatever a device tells

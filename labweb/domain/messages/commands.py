@@ -57,6 +57,10 @@ class BatchPart(msgspec.Struct, frozen=True, kw_only=True):
     max_offline_s: float = 0.0
     """Nothing begins when the server has been away for longer; for `continue` only."""
 
+    meets: UUID | None = None
+    """Another member, on another device: both begin at the same moment or none does. Of a pair,
+    the first member gives and the second receives (`runs.meeting`)."""
+
 
 class Tick(msgspec.Struct, frozen=True, kw_only=True):
     """A moment of the server by a clock that nobody sets."""

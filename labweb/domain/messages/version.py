@@ -6,7 +6,7 @@ import re
 
 import msgspec
 
-PROTOCOL_VERSION = 5
+PROTOCOL_VERSION = 6
 _TAG = re.compile(r"[a-z_]{1,40}")
 
 

@@ -7,6 +7,7 @@ from enum import StrEnum
 from typing import NewType
 
 from labweb.domain.errors import InfeasibleError
+from labweb.domain.units import render_mass, render_volume
 
 LotId = NewType("LotId", str)
 """Id of a lot, as text."""
@@ -35,6 +36,10 @@ class Phase(StrEnum):
     def unit(self) -> str:
         """Return `nl` or `ug`."""
         return "nl" if self is Phase.LIQUID else "ug"
+
+    def render(self, amount: int) -> str:
+        """Write an amount for a person: a volume in millilitres, a mass in milligrams."""
+        return render_volume(amount) if self is Phase.LIQUID else render_mass(amount)
 
 
 def total_nl(contents: Contents) -> int:

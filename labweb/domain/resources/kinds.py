@@ -69,6 +69,7 @@ KINDS: Mapping[str, Kind] = {
         Kind("vessel", _R, "Vessel", holds_liquid=True),
         Kind("reactor", _R, "Reactor", holds_liquid=True),
         Kind("separator", _R, "Separator", holds_liquid=True),
+        Kind("filter", _R, "Filter", holds_liquid=True),
         Kind("waste", _R, "Waste", holds_liquid=True),
         Kind("cartridge", _R, "Cartridge"),
         Kind("lid", _R, "Lid"),

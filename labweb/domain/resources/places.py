@@ -61,7 +61,8 @@ class Room:
 _DEVICES = frozenset(name for name, kind in KINDS.items() if kind.nature is not Nature.RESOURCE)
 _LABWARE = frozenset({"plate", "tip_rack", "tube_rack", "reservoir"})
 _VESSELS = frozenset(
-    {"trough", "tube", "bottle", "flask", "vial", "vessel", "reactor", "separator", "waste"}
+    {"trough", "tube", "bottle", "flask", "vial", "vessel", "reactor", "separator", "filter"}
+    | {"waste"}
 )
 _LOOSE = _VESSELS | {"cartridge", "tip", "lid", "sample_loop", "foreign"}
 _MOVED = _LABWARE | _LOOSE | {"carrier"}
@@ -93,7 +94,9 @@ PLACES: Mapping[str, Room] = {
     "plate": Room(takes=_LID, has=frozenset({"well"}), at_most=1),
     "tip_rack": Room(takes=_LID, has=frozenset({"tip_spot"}), at_most=1),
     "tip_spot": Room(takes=frozenset({"tip"}), at_most=1),
-    "tube_rack": Room(takes=_VESSELS - {"trough", "reactor", "separator", "waste"} | {"foreign"}),
+    "tube_rack": Room(
+        takes=_VESSELS - {"trough", "reactor", "separator", "filter", "waste"} | {"foreign"}
+    ),
     "reservoir": Room(takes=_LID, has=frozenset({"trough"}), at_most=1),
     "pipette_channel": Room(takes=frozenset({"tip"}), at_most=1),
     **dict.fromkeys(("heater_stirrer", "heater", "stirrer", "thermostat"), _ONE_ON_TOP),

@@ -16,28 +16,18 @@ from labweb.domain.crutd.conditions import Condition, Result, Verification
 from labweb.domain.crutd.decide import Change, Outcome, OutcomeKind
 from labweb.domain.errors import Effect, LabError
 from labweb.domain.messages import Do
-from labweb.domain.runs import batch, edge, halting, standing, vanishing
+from labweb.domain.runs import batch, edge, halting, meeting, standing, vanishing
 from labweb.domain.runs.bodies import change_body, report_body, results_body
 from labweb.domain.runs.edge import ActionState, Answer, Conclusion, Report
+from labweb.domain.runs.edge import Scene as Scene
 from labweb.domain.runs.journal import ActionRow, JournalWrite
 from labweb.domain.runs.moment import Moment
 from labweb.domain.runs.record import apply_change, snapshot
 
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Scene:
-    """What a worker knows when it wants to start an action."""
-
-    pid: int
-    driver_digest: str
-    prestate: dict[str, Any] = field(default_factory=dict)
-    """Readings from just before."""
-
-    context: dict[str, Any] = field(default_factory=dict)
-    """Versions and readings of this moment, as `context_body` gives them."""
-
-    judged: Sequence[tuple[Condition, Result]] = ()
-    """Pre-conditions with their verdicts on readings from just before."""
+_GIVEN_BACK = frozenset(
+    {"edge.predecessor", "edge.partner", "edge.rebooted", "calibration.expired"}
+)
+"""Reasons to reject an action that may be sent again."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,7 +81,7 @@ def decide_now(
     known = snapshot(tx, operations.touched_ids(operation))
     host = tx.host_state(at.boot_id)
     turn = batch.turn_of(tx, do.batch, standing.offline_s(host, at))
-    return edge.decide_start(
+    answer = edge.decide_start(
         host,
         edge.Candidate(
             dseq=row.dseq,
@@ -107,6 +97,10 @@ def decide_now(
         findings=decide.check(operation, known),
         results=results,
     )
+    partner_id = meeting.partner_of(do)
+    if partner_id is None or answer.kind != edge.START:
+        return answer
+    return meeting.gone(tx.action(partner_id), row) or answer
 
 
 def start(
@@ -117,6 +111,40 @@ def start(
     write_rejection(tx, row, answer, scene.judged)
     if answer.kind != edge.START:
         return answer
+    return _begin(tx, row, do, scene)
+
+
+def start_both(
+    tx: JournalWrite, row: ActionRow, do: Do, *, at: Moment, scene: Scene
+) -> Answer | Started:
+    """Decide whether an action and the one that it meets start now, and write it down.
+
+    Returns:
+        HOLD with `edge.meets` where the giver has to wait for the receiver, or the receiver has
+        told that it is ready, which it is for `meeting.READY_S`. Else as `start`; with the right
+        to give, the receiver is started too, and its line has the right to that.
+    """
+    answer = decide_now(tx, row, do, at, [result for _, result in scene.judged])
+    write_rejection(tx, row, answer, scene.judged)
+    partner_id = meeting.partner_of(do)
+    partner = None if partner_id is None else tx.action(partner_id)
+    if answer.kind != edge.START or partner is None:
+        return answer
+    if decide_now(tx, partner, partner.do, at, []).kind != edge.START:
+        return Answer(edge.HOLD, "", "what begins at the same moment may not start")
+    waits = Answer(edge.HOLD, meeting.WAITS, "what begins at the same moment is not ready")
+    if not meeting.gives(row, partner):
+        meeting.note_ready(tx, row, at, scene)
+        return waits
+    ready = meeting.readiness(partner, at)
+    if ready is None:
+        return waits
+    started = _begin(tx, row, do, scene)
+    _begin(tx, partner, partner.do, ready.scene)
+    return started
+
+
+def _begin(tx: JournalWrite, row: ActionRow, do: Do, scene: Scene) -> Started:
     # Read again only where something is judged by it, should this end before that.
     kept = {"prestate": scene.prestate} if do.post else {}
     tx.move(row.action_id, ActionState.ACCEPTED, ActionState.STARTED, **kept)
@@ -157,7 +185,7 @@ def write_rejection(
         "message": answer.message,
         "pre": results_body(judged),
     }
-    if answer.code in {"edge.predecessor", "edge.rebooted", "calibration.expired"}:
+    if answer.code in _GIVEN_BACK:
         body["is_given_back"] = True
     tx.append("rejected", row.action_id, body)
 
@@ -193,6 +221,8 @@ def write_end(
     Raises:
         JournalError: With `answered`, that the action is not started any more.
     """
+    is_one_of_two = meeting.partner_of(row.do) is not None
+    report = meeting.as_one_of_two(report) if is_one_of_two else report
     told = report_body(report)
     if answered is not None:
         tx.append("actuated", row.action_id, {**told, "context": dict(answered)})
@@ -223,6 +253,8 @@ def write_end(
     tx.append(conclusion.state.value, row.action_id, body)
     if conclusion.state is ActionState.COMPLETE:
         vanishing.note_complete(tx, row)
+    else:
+        meeting.halt_other(tx, row.do)
     if is_undone:
         halting.write_halt(tx, row, halting.WITH_ACTION)
     return conclusion

@@ -12,12 +12,14 @@ from enum import StrEnum
 from typing import Protocol
 from uuid import UUID
 
-from labweb.domain.messages import BatchPart
+from labweb.domain.messages import Batch, BatchPart, Do, Signed, decode_command
+from labweb.domain.runs import meeting
 from labweb.domain.runs.edge import FINAL, HOLD, REJECT, ActionState, Answer
 from labweb.domain.runs.job import JobState
 from labweb.domain.runs.journal import JournalWrite
 from labweb.domain.runs.locks import Lock
-from labweb.domain.runs.scheduler import JobView
+from labweb.domain.runs.scheduler import JobView, pair_of
+from labweb.domain.workflows.plan import Execution
 
 MOST_MEMBERS = 60
 """A longer part of a run goes in several batches, one after the other."""
@@ -54,14 +56,25 @@ def find_batches(
     done = {job.index for job in jobs if job.is_satisfied}
     found: dict[UUID, list[JobView]] = {}
     for job in sorted(jobs, key=lambda one: one.index):
-        is_waiting = job.state is JobState.QUEUED and job.host_id in online_hosts
-        if not is_waiting or job.is_carry:
+        together = (job,) if job.meets is None else pair_of(job, jobs)
+        if together is None or not all(_may_be_sent(one, online_hosts) for one in together):
             continue
         members = found.setdefault(job.host_id, [])
         known = done | {one.index for one in members}
-        if len(members) < MOST_MEMBERS and known.issuperset(job.after):
-            members.append(job)
+        is_room = len(members) + len(together) <= MOST_MEMBERS
+        if is_room and all(known.issuperset(one.after) for one in together):
+            members += together
     return [tuple(members) for members in found.values() if members]
+
+
+def _may_be_sent(job: JobView, online_hosts: Collection[UUID]) -> bool:
+    is_waiting = job.state is JobState.QUEUED and job.host_id in online_hosts
+    return is_waiting and not job.is_carry and not job.is_asking
+
+
+ALONE = Execution(on_disconnect=OnDisconnect.CONTINUE, max_offline_s=3600.0)
+"""How two jobs that meet go, where the workflow declares nothing: as a job that goes alone, which
+a host may start for so long after it has accepted it."""
 
 
 def heirs(held: Sequence[UUID], claims: Mapping[UUID, Collection[UUID]]) -> dict[UUID, UUID | None]:
@@ -95,6 +108,34 @@ def shares(claims: Sequence[Collection[Lock]], wanted: Sequence[Lock]) -> list[l
 
 
 # --- the host's side ----------------------------------------------------------------
+
+
+def read_members(command: Batch) -> list[tuple[Signed, Do]]:
+    """Read the members of a batch.
+
+    Raises:
+        msgspec.MsgspecError: One of them is no command.
+        ValueError: One is for another host, session or batch, or comes out of order.
+    """
+    found: list[tuple[Signed, Do]] = []
+    seen: set[UUID] = set()
+    for text in command.members:
+        do = decode_command(text.body)
+        if not isinstance(do, Do) or do.batch is None or do.resources:
+            raise ValueError("a member of a batch is an action of it, without resources")
+        same = (do.host_id, do.epoch, do.batch.batch_id)
+        if same != (command.host_id, command.epoch, command.batch_id):
+            raise ValueError("a member belongs to another host, session or batch")
+        if not seen.issuperset(do.batch.after):
+            raise ValueError("a member waits for one that is not before it")
+        if found and do.dseq <= found[-1][1].dseq:
+            raise ValueError("members come in the order of their dispatch")
+        seen.add(do.action_id)
+        found.append((text, do))
+    if not found or found[0][1].dseq != command.dseq:
+        raise ValueError("a batch begins with its first member")
+    meeting.check_pairs([do for _, do in found])
+    return found
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from labweb.domain.calibration.model import Correction, Quantity
-from labweb.domain.errors import Finding
+from labweb.domain.errors import Finding, LabError
 from labweb.domain.runs.recovery import Choice, Ended, choices_for
 
 PLUNGER = "volume_ul"
@@ -136,6 +136,14 @@ def _told(value_ul: float, *, is_small: bool) -> str:
     return f"{_number(value_ul, is_small=is_small)} {'µL' if is_small else 'mL'}"
 
 
+def against_the_record(error: LabError) -> str:
+    """Say of an answer that the record does not allow why not, and what can be answered."""
+    return (
+        f"The record contradicts this answer: {error.message}. Answer that nobody can tell, "
+        "and then take stock of the vessels."
+    )
+
+
 def claimed_nl(answer: str, *, asked_nl: int, moved_nl: int | None) -> int | None:
     """Return how much an answer says was moved; None: it says nothing of that."""
     return {"happened": asked_nl, "did_not": 0, "partly": moved_nl}.get(answer)
@@ -173,6 +181,55 @@ def contradiction(
         "reading": measured.text,
     }
     return Finding("run.contradicts_reading", message, "answer", context)
+
+
+def is_worth_reading(
+    measured: Measured, answer: str, *, asked_nl: int, moved_nl: int | None
+) -> bool:
+    """Tell whether a reading that is still to come could contradict an answer."""
+    is_told = claimed_nl(answer, asked_nl=asked_nl, moved_nl=moved_nl) is not None
+    return is_told and measured.before_ul is not None and measured.after_ul is None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Later:
+    """An answer that was given before its device was read, and what that reads now."""
+
+    by: str
+    """Who answered."""
+
+    device: str
+    source: str
+    target: str
+    claimed_nl: int
+    measured_nl: int
+    reading: str
+
+
+def later_words(told: Later) -> str:
+    """Say what was answered, what the device reads now, by how much they differ, what to do.
+
+    Example:
+        >>> told = later_words(Later(by="Li Na", device="Pump 1", source="Water", target="Syringe",
+        ...     claimed_nl=5_000_000, measured_nl=2_500_000, reading="It stands at 2.500 mL now."))
+        >>> told.partition(": ")[0]
+        'Pump 1 reads otherwise than Li Na answered before it was read'
+    """
+    more, less = told.source, told.target
+    if told.measured_nl > told.claimed_nl:
+        more, less = less, more
+    differ_nl = abs(told.measured_nl - told.claimed_nl)
+    claimed, measured, by = (
+        f"{nl / 1_000_000:.3f} mL" if nl else "nothing"
+        for nl in (told.claimed_nl, told.measured_nl, differ_nl)
+    )
+    return (
+        f"{told.device} reads otherwise than {told.by} answered before it was read: {told.by} "
+        f"answered that {claimed} moved from {told.source} to {told.target}, and the plunger says "
+        f"{measured}. {told.reading} If the reading is right, {more} holds {by} more than the "
+        f"record says, and {less} {by} less. Nothing was changed: look, then take stock of both or "
+        "keep the record, and close this"
+    )
 
 
 def choices_after(job: Ended, *, is_step_untouched: bool) -> tuple[Choice, ...]:

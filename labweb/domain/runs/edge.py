@@ -139,6 +139,22 @@ class Candidate:
     """The device had to be halted, and was not yet."""
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Scene:
+    """What a worker knows when it wants to start an action."""
+
+    pid: int
+    driver_digest: str
+    prestate: dict[str, Any] = field(default_factory=dict)
+    """Readings from just before."""
+
+    context: dict[str, Any] = field(default_factory=dict)
+    """Versions and readings of this moment, as `context_body` gives them."""
+
+    judged: Sequence[tuple[Condition, Result]] = ()
+    """Pre-conditions with their verdicts on readings from just before."""
+
+
 def decide_start(
     host: HostState,
     candidate: Candidate,

@@ -15,6 +15,7 @@ from uuid import UUID
 import msgspec
 
 from labweb.domain.messages import DeviceConfig, Halt, canonical
+from labweb.domain.runs import meeting
 from labweb.domain.runs.edge import ActionState
 from labweb.domain.runs.journal import ActionRow, HeldResource, JournalWrite
 from labweb.domain.runs.stands import clear_stands
@@ -237,6 +238,7 @@ def take_halt(tx: JournalWrite, halt: Halt) -> bool:
             continue
         if row.st is ActionState.STARTED:
             tx.want_cancel(row.action_id)
+            meeting.halt_other(tx, row.do)
         elif row.st is ActionState.ACCEPTED and halt.code == DEVICE_STOPPED:
             tx.move(row.action_id, ActionState.ACCEPTED, ActionState.STOPPED)
             text = "its device was stopped before it started"

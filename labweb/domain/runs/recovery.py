@@ -8,7 +8,7 @@ from enum import StrEnum
 from uuid import UUID
 
 from labweb.domain.runs.halting import LET_GO
-from labweb.domain.runs.job import FINAL, JobState
+from labweb.domain.runs.job import FINAL, UNSTARTED, JobState
 
 UNDONE = frozenset({JobState.ABORTED, JobState.REJECTED, JobState.STOPPED})
 MOST_TRIES = 3
@@ -31,6 +31,15 @@ def may_retry(state: JobState) -> bool:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Partner:
+    """The job that has to begin at the same moment as one that ended undone."""
+
+    sentence: str
+    why_not: str
+    """Why it cannot be sent with the other one; empty: it can."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Ended:
     """A job that ended undone, as recovery sees it."""
 
@@ -44,6 +53,9 @@ class Ended:
     """Its last try moved a known part."""
 
     is_liquid: bool
+    is_mass: bool = False
+    """It books a solid that a person has weighed in."""
+
     is_unknown: bool = False
     """A try of it was given up in doubt: nobody knows what amount it moved."""
 
@@ -52,6 +64,9 @@ class Ended:
 
     failures: int = 1
     """Tries that ended with the same code, the last included."""
+
+    partner: Partner | None = None
+    """The job that has to begin at the same moment; None: it goes alone."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -63,6 +78,7 @@ class Later:
     state: JobState
     after: tuple[int, ...]
     uses: frozenset[UUID]
+    meets: int | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -136,6 +152,13 @@ def _after_halt() -> tuple[Choice, ...]:
     )
 
 
+def why_not_with(job: Ended, *, is_passed: bool) -> str:
+    """Say why a job cannot be sent anew with the one that it meets; empty: it can."""
+    if is_passed:
+        return "that one is passed over"
+    return "" if job.state in UNSTARTED else _retry(job).why_not
+
+
 def _retry(job: Ended) -> Choice:
     consequence = "Sends the action again, as another action, when you resume the run."
     why_not = ""
@@ -145,6 +168,8 @@ def _retry(job: Ended) -> Choice:
         why_not = "a part has moved: a second try would move the whole amount on top of it"
     elif job.is_unknown and job.recovery != "R1":
         why_not = "what it moved is not known: a second try would move the whole amount on top"
+    elif job.partner is not None and job.partner.why_not:
+        why_not = f"it moves together with {job.partner.sentence!r}: {job.partner.why_not}"
     elif job.failures >= MOST_TRIES:
         why_not = f"it failed {job.failures} times in the same way; find the cause first"
     return Choice(name="retry", why_not=why_not, consequence=consequence)
@@ -162,8 +187,12 @@ def _change(job: Ended, *, is_step_untouched: bool) -> Choice:
 
 def _by_hand(job: Ended) -> Choice:
     why_not = "" if may_retry(job.state) else f"the job is {job.state.value}, not undone"
+    if not why_not and job.partner is not None and not job.is_liquid:
+        why_not = f"what is poured by hand is written down at {job.partner.sentence!r}"
     text = "Counts the job as done: you did it. "
-    if not job.is_liquid:
+    if job.is_mass:
+        text += "The record moves the mass that was planned."
+    elif not job.is_liquid:
         text += "Nothing is sent."
     elif job.has_moved:
         text += "The record adds the amount that you name to what the device has moved."
@@ -181,10 +210,10 @@ def _skip(job: Ended) -> Choice:
 
 
 def skipped_with(job: Ended, later: Sequence[Later]) -> list[int]:
-    """Return the jobs that are skipped with a job: what is left of its step behind it."""
+    """Return the jobs that are skipped with a job: what is left of its step behind or with it."""
     found = {job.index}
     for one in sorted(later, key=lambda each: each.index):
-        is_behind = not found.isdisjoint(one.after)
+        is_behind = not found.isdisjoint(one.after) or one.meets in found
         if one.step_id == job.step_id and is_behind and one.state not in FINAL:
             found.add(one.index)
     return sorted(found - {job.index})

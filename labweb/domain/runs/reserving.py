@@ -24,9 +24,11 @@ def check_request(*, count: int, lasts: timedelta, reason: str) -> list[Finding]
         text = f"{count} resources were asked for; a reservation is for 1 to {MOST}"
         found.append(Finding("reservation.count", text))
     if not timedelta() < lasts <= LONGEST:
-        most_h = LONGEST.total_seconds() / 3600
-        minutes = lasts.total_seconds() / 60
-        text = f"{minutes:g} minutes were asked for; a reservation lasts up to {most_h:g} hours"
+        most = LONGEST.total_seconds() / 60
+        text = (
+            f"{lasts.total_seconds() / 60:.0f} minutes were asked for; a reservation lasts from 1 "
+            f"to {most:.0f} minutes, which is {most / 60:.0f} hours"
+        )
         found.append(Finding("reservation.length", text))
     if not reason.strip():
         text = "say what the reservation is for: the others read it"

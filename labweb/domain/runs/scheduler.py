@@ -20,6 +20,9 @@ class JobView:
     """Jobs of the run that come before; every index is lower than its own."""
 
     host_id: UUID
+    meets: int | None = None
+    """Job that begins at the same moment: both are sent together, or none is."""
+
     owner_ids: frozenset[UUID] = frozenset()
     """Hosts that own what the job uses, beside its own."""
 
@@ -28,6 +31,9 @@ class JobView:
 
     is_carry: bool = False
     """It carries a thing, which may have to change hands before and after: it goes alone."""
+
+    is_asking: bool = False
+    """A person has to confirm it before it is sent, and nobody has yet."""
 
     is_passed: bool = False
     """A person said that the run goes on, though the job ended undone."""
@@ -78,15 +84,36 @@ def why_passed_by(one: Candidate) -> str:
 
 
 def ready(jobs: Sequence[JobView], online_hosts: Collection[UUID]) -> list[JobView]:
-    """Return the queued jobs whose predecessors completed and of whose hosts one is online."""
+    """Return the queued jobs whose predecessors completed and of whose hosts one is online.
+
+    A job that meets another one is ready when that one is.
+    """
     done = {job.index for job in jobs if job.is_satisfied}
-    return [
+    found = [
         job
         for job in jobs
         if job.state is JobState.QUEUED
+        and not job.is_asking
         and not job.host_ids.isdisjoint(online_hosts)
         and done.issuperset(job.after)
     ]
+    indices = {job.index for job in found}
+    return [job for job in found if job.meets is None or job.meets in indices]
+
+
+def asking(jobs: Sequence[JobView]) -> frozenset[UUID]:
+    """Return the queued jobs that wait for nothing but a person who confirms them."""
+    done = {job.index for job in jobs if job.is_satisfied}
+    waiting = (job for job in jobs if job.is_asking and job.state is JobState.QUEUED)
+    return frozenset(job.id for job in waiting if done.issuperset(job.after))
+
+
+def pair_of(job: JobView, others: Sequence[JobView]) -> tuple[JobView, JobView] | None:
+    """Return a job with the one that it meets, for the first of the two; None: for the second."""
+    if job.meets is None or job.meets < job.index:
+        return None
+    other = next((one for one in others if one.index == job.meets), None)
+    return None if other is None else (job, other)
 
 
 def may_begin(

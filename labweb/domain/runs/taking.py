@@ -28,10 +28,11 @@ from labweb.domain.messages import (
     Resolve,
     ResourceView,
     Signed,
-    decode_command,
 )
-from labweb.domain.runs import custody, edge, halting, vanishing
+from labweb.domain.runs import custody, edge, halting, meeting, vanishing
+from labweb.domain.runs.batch import read_members
 from labweb.domain.runs.bodies import change_body
+from labweb.domain.runs.doubting import against_the_record
 from labweb.domain.runs.edge import ActionState, Answer
 from labweb.domain.runs.journal import ActionRow, JournalWrite
 from labweb.domain.runs.moment import Moment
@@ -202,33 +203,6 @@ def _named(lines: Iterable[str | None]) -> tuple[str, ...]:
     return tuple(sorted({line for line in lines if line is not None}))
 
 
-def read_members(command: Batch) -> list[tuple[Signed, Do]]:
-    """Read the members of a batch.
-
-    Raises:
-        msgspec.MsgspecError: One of them is no command.
-        ValueError: One is for another host, session or batch, or comes out of order.
-    """
-    found: list[tuple[Signed, Do]] = []
-    seen: set[UUID] = set()
-    for text in command.members:
-        do = decode_command(text.body)
-        if not isinstance(do, Do) or do.batch is None or do.resources:
-            raise ValueError("a member of a batch is an action of it, without resources")
-        same = (do.host_id, do.epoch, do.batch.batch_id)
-        if same != (command.host_id, command.epoch, command.batch_id):
-            raise ValueError("a member belongs to another host, session or batch")
-        if not seen.issuperset(do.batch.after):
-            raise ValueError("a member waits for one that is not before it")
-        if found and do.dseq <= found[-1][1].dseq:
-            raise ValueError("members come in the order of their dispatch")
-        seen.add(do.action_id)
-        found.append((text, do))
-    if not found or found[0][1].dseq != command.dseq:
-        raise ValueError("a batch begins with its first member")
-    return found
-
-
 def _problem_of_batch(
     tx: JournalWrite, command: Batch, members: Sequence[Do], lines: Mapping[UUID, str | None]
 ) -> Answer | None:
@@ -337,6 +311,7 @@ def _take_cancel(tx: JournalWrite, cancel: Cancel) -> Receipt:
         if cancel.is_recall:
             return Receipt(Answer(edge.DUPLICATE))
         tx.want_cancel(row.action_id)
+        meeting.halt_other(tx, row.do)
         return Receipt(Answer(edge.ACCEPT))
     return Receipt(Answer(edge.DUPLICATE))
 
@@ -352,10 +327,9 @@ def _take_resolve(tx: JournalWrite, signed: Signed, resolve: Resolve) -> Receipt
     state, outcome = found
     operation = row.operation
     try:
-        before = snapshot(tx, operations.touched_ids(operation))
-        change = decide.settle(operation, before, outcome)
+        change = decide.settle(operation, snapshot(tx, operations.touched_ids(operation)), outcome)
     except LabError as exc:
-        return _refuse(tx, resolve, signed, Answer(edge.REFUSE, exc.code, exc.message))
+        return _refuse(tx, resolve, signed, Answer(edge.REFUSE, exc.code, against_the_record(exc)))
     if outcome.kind is OutcomeKind.UNKNOWN:
         change = replace(change, data=decide.given_up(operation))
     revs = apply_change(tx, change, row.action_id)

@@ -3,25 +3,29 @@
 from __future__ import annotations
 
 from labweb.domain.workflows.unit_operations import (
+    Matter,
+    Moves,
     ParameterSort,
     StepParameter,
     UnitOperation,
     advanced,
     device,
+    lots,
     optional,
     quantity,
     text,
     vessel,
 )
 
-
-def _lots(name: str, label: str, help_text: str) -> StepParameter:
-    sort = ParameterSort.AMOUNTS
-    return StepParameter(name=name, sort=sort, label=label, help=help_text)
-
-
 REACT = UnitOperation(
     kind="react",
+    matter=Matter(
+        moves=Moves.REACTION,
+        source="vessel",
+        target="vessel",
+        stated="consumed",
+        unproved="it changes solids or gases alone, which are not followed",
+    ),
     label="React",
     help="Let a vessel stand until its reaction is over, and record what came of it.",
     parameters=(
@@ -46,7 +50,7 @@ REACT = UnitOperation(
             )
         ),
         optional(
-            _lots(
+            lots(
                 "beside",
                 "Made beside it",
                 "Other lots, by their new keys: amount and key of a material: 27 mL thf.",
@@ -84,13 +88,21 @@ CHEMISTRY_STEPS = (
         clauses=("Stop stirring {vessel}",),
     ),
     UnitOperation(
+        kind="stop_heat",
+        label="Stop heating",
+        help="Switch off what heats or chills a vessel; a stirrer goes on.",
+        parameters=(vessel("vessel", "Vessel", "Vessel on a heater or chiller."),),
+        clauses=("Stop heating {vessel}",),
+    ),
+    UnitOperation(
         kind="separate",
+        matter=Matter(moves=Moves.LAYER, source="vessel", target="target", stated="lower"),
         label="Draw the lower layer",
         help="Let two layers part, and draw the lower one out at the bottom.",
         parameters=(
             vessel("vessel", "Vessel", "Separator in which they part."),
             vessel("target", "Lower layer to", "Vessel the lower layer is poured into."),
-            _lots(
+            lots(
                 "lower",
                 "Lower layer",
                 "What of each lot lies in it, by its key: brine-1: all, thf-1: 2 mL.",
@@ -109,6 +121,7 @@ CHEMISTRY_STEPS = (
     ),
     UnitOperation(
         kind="evaporate",
+        matter=Matter(moves=Moves.VAPOUR, source="vessel", target="receiver", stated="boils_off"),
         label="Evaporate",
         help="Boil solvents off a rotating flask under vacuum, into the receiving flask.",
         parameters=(
@@ -118,7 +131,7 @@ CHEMISTRY_STEPS = (
             quantity("pressure", "pressure", "Pressure", "Such as 50 mbar."),
             quantity("speed", "speed", "Rotation", "Such as 120 rpm."),
             quantity("duration", "time", "Duration", "How long, such as 30 min."),
-            _lots("boils_off", "Boils off", "What of each lot leaves, by its key: ether-1: all."),
+            lots("boils_off", "Boils off", "What of each lot leaves, by its key: ether-1: all."),
         ),
         clauses=("Evaporate {vessel} at {temperature} and {pressure} for {duration}",),
     ),
@@ -146,6 +159,7 @@ CHEMISTRY_STEPS = (
     ),
     UnitOperation(
         kind="push_gas",
+        matter=Matter(moves=Moves.GAS, source="gas", target="target"),
         label="Push with gas",
         help="Push a gas through a syringe into a vessel, with what is left in the tube to it.",
         parameters=(

@@ -12,12 +12,15 @@ from labweb.domain.crutd.operations import Update
 from labweb.domain.errors import Finding, InfeasibleError, ProtocolError
 from labweb.domain.workflows.edges import find_earlier, sort_steps
 from labweb.domain.workflows.passes.acting import PLANNERS
+from labweb.domain.workflows.passes.asking import plan_add_solid, plan_confirm
 from labweb.domain.workflows.passes.boiling import plan_evaporate
 from labweb.domain.workflows.passes.by_role import check_whole, plan_role_action
 from labweb.domain.workflows.passes.carrying import plan_carry
 from labweb.domain.workflows.passes.correcting import correct_step
 from labweb.domain.workflows.passes.draft import Drafting, DraftJob, DraftStep
+from labweb.domain.workflows.passes.drying import plan_dry
 from labweb.domain.workflows.passes.emptying import plan_empty_syringe
+from labweb.domain.workflows.passes.filtering import plan_filter
 from labweb.domain.workflows.passes.gassing import plan_evacuate_refill
 from labweb.domain.workflows.passes.layering import plan_separate
 from labweb.domain.workflows.passes.ledger import Ledger
@@ -39,6 +42,10 @@ _PLANNERS = {
     "react": plan_react,
     "separate": plan_separate,
     "evaporate": plan_evaporate,
+    "filter": plan_filter,
+    "dry": plan_dry,
+    "confirm": plan_confirm,
+    "add_solid": plan_add_solid,
     "evacuate_refill": plan_evacuate_refill,
     "push_gas": plan_push_gas,
     "carry": plan_carry,
@@ -96,7 +103,8 @@ def _draft(
     ids = [step.id for step in bound.steps]
     order = sort_steps(ids, bound.edges)
     record = Ledger(lab)
-    drafting = Drafting(view=lab, earlier=find_earlier(ids, bound.edges), contents=record.holds)
+    earlier = find_earlier(ids, bound.edges)
+    drafting = Drafting(view=lab, earlier=earlier, contents=record.holds, masses=record.weighs)
     if not order:
         finding = Finding("protocol.empty", "the workflow has no steps", "", {"field": "steps"})
         return [], [], [finding]
@@ -128,16 +136,17 @@ def _initialize(drafts: Sequence[DraftStep], drafting: Drafting, ledger: Ledger)
     """Plan the zero of each pump that has none, once, before everything else."""
     jobs: list[DraftJob] = []
     seen: set[UUID] = set()
-    for draft in drafts:
-        if draft.pump_id is None or draft.pump_id in seen:
+    wanted = [(draft, pump_id) for draft in drafts for pump_id in draft.pump_ids]
+    for draft, pump_id in wanted:
+        if pump_id in seen:
             continue
-        seen.add(draft.pump_id)
-        state = drafting.view.state(draft.pump_id)
+        seen.add(pump_id)
+        state = drafting.view.state(pump_id)
         if state is None or state.data.get("is_initialized") is True:
             continue
-        if not ledger.check_empty(draft.pump_id, draft.step):
+        if not ledger.check_empty(pump_id, draft.step):
             continue
-        device = drafting.view.device_by_node[draft.pump_id]
+        device = drafting.view.device_by_node[pump_id]
         empty = Condition(
             name="pump.syringe_volume",
             device_id=device.id,
@@ -152,11 +161,9 @@ def _initialize(drafts: Sequence[DraftStep], drafting: Drafting, ledger: Ledger)
             "initialize",
             {},
             sentence=f"Find the zero of {state.name}",
-            operation=Update(
-                resource_id=draft.pump_id, data={"is_initialized": True}, needs_empty=True
-            ),
+            operation=Update(resource_id=pump_id, data={"is_initialized": True}, needs_empty=True),
             post=(empty,),
-            locks=(draft.pump_id,),
+            locks=(pump_id,),
             estimate_s=INITIALIZE_S,
         )
         jobs += [job] if job is not None else []
@@ -172,11 +179,18 @@ def _render(
     for draft in drafts:
         before = {last[edge.source] for edge in workflow.edges if edge.target == draft.step.id}
         before |= {zeroed[job.device.id] for job in draft.jobs if job.device.id in zeroed}
+        is_met = False
         for job in draft.jobs:
             index = len(jobs)
-            jobs.append(_planned(job, index, tuple(sorted(before))))
+            if is_met:
+                jobs.append(_planned(job, index, jobs[-1].after, meets=index - 1))
+                before, is_met = {index - 1, index}, False
+            else:
+                is_met = job.meets_next
+                meets = index + 1 if is_met else None
+                jobs.append(_planned(job, index, tuple(sorted(before)), meets=meets))
+                before = {index}
             last[draft.step.id] = index
-            before = {index}
     steps = [_planned_step(draft, lab, jobs) for draft in drafts]
     notes = dict.fromkeys(note for draft in drafts for note in draft.notes)
     return Plan(
@@ -184,7 +198,9 @@ def _render(
     )
 
 
-def _planned(job: DraftJob, index: int, after: tuple[int, ...]) -> PlannedJob:
+def _planned(
+    job: DraftJob, index: int, after: tuple[int, ...], *, meets: int | None = None
+) -> PlannedJob:
     return PlannedJob(
         index=index,
         step_id=job.step_id,
@@ -201,6 +217,8 @@ def _planned(job: DraftJob, index: int, after: tuple[int, ...]) -> PlannedJob:
         recovery=job.device.spec.action(job.action).recovery,
         corrections=job.corrections,
         choices=tuple(_choice(one) for one in job.choices) or UNSET,
+        meets=UNSET if meets is None else meets,
+        asks=job.asks or UNSET,
     )
 
 
@@ -219,7 +237,7 @@ def _choice(job: DraftJob) -> Choice:
 
 
 def _planned_step(draft: DraftStep, lab: LabView, jobs: Sequence[PlannedJob]) -> PlannedStep:
-    own = (job.estimate_s for job in jobs if job.step_id == draft.step.id)
+    own = (job.estimate_s for job in jobs if job.step_id == draft.step.id and not job.receives)
     return PlannedStep(
         step_id=draft.step.id,
         kind=draft.step.kind,

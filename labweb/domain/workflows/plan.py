@@ -63,6 +63,18 @@ class PlannedJob(msgspec.Struct, frozen=True, kw_only=True):
     choices: tuple[Choice, ...] | msgspec.UnsetType = msgspec.UNSET
     """Devices of which the first that is free does it, that above before all; unset: that one."""
 
+    meets: int | msgspec.UnsetType = msgspec.UNSET
+    """Job on another device of the same host: both begin at the same moment, or none does. The
+    first of the two gives and the second, which is next in the plan, receives."""
+
+    asks: str | msgspec.UnsetType = msgspec.UNSET
+    """What a person has to confirm before it is sent to a host; unset: nothing."""
+
+    @property
+    def receives(self) -> bool:
+        """Say whether it is the second of two jobs that begin at the same moment."""
+        return isinstance(self.meets, int) and self.meets < self.index
+
     def ways(self) -> tuple[PlannedJob | Choice, ...]:
         """Return the job as each device that may do it would do it."""
         return self.choices or (self,)

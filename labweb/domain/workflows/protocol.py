@@ -30,7 +30,9 @@ LONGEST_NOTE = 4000
 MOST_PIXELS = 1_000_000
 
 STEP_ID = re.compile(r"^[A-Za-z0-9][A-Za-z0-9_.:-]{0,79}$")
-_KEY = re.compile(r"^@[^\s@]{1,79}$")
+KEY = re.compile(r"[^\s@](?:[^@\n\r\t]{0,77}[^\s@])?")
+"""Key of a resource behind `@`: graphs of others have keys with blanks in them."""
+
 _ABSOLUTE_ZERO_C = -273.15
 _MAY_BE_NEGATIVE = frozenset({"temperature"})
 _ON_GRID = {"volume": parse_volume_nl, "mass": parse_mass_ug}
@@ -319,14 +321,16 @@ def _problem(parameter: StepParameter, value: object) -> tuple[str, str] | None:
         case ParameterSort.QUANTITY:
             return None if parameter.means_all(value) else _quantity_problem(parameter, value)
         case ParameterSort.RESOURCE:
-            if isinstance(value, str) and (_is_uuid(value) or _KEY.match(value)):
+            if isinstance(value, str) and (_is_uuid(value) or _is_key(value)):
                 return None
             text = f"{parameter.label} is the id of a resource; got {value!r:.60}"
             return _wrong("protocol.bad_reference", text)
         case ParameterSort.NAME | ParameterSort.TEXT:
             if parameter.takes_text(value):
                 return None
-            return _wrong("protocol.bad_name", f"{parameter.label} is a name; got {value!r:.60}")
+            is_name = parameter.sort is ParameterSort.NAME
+            what = "a name" if is_name else f"one line of 1 to {parameter.longest} characters"
+            return _wrong("protocol.bad_name", f"{parameter.label} is {what}; got {value!r:.60}")
         case ParameterSort.SWITCH:
             text = f"{parameter.label} is true or false; got {value!r:.60}"
             return None if isinstance(value, bool) else _wrong("protocol.bad_switch", text)
@@ -347,6 +351,10 @@ def _quantity_problem(parameter: StepParameter, value: object) -> tuple[str, str
     if parameter.quantity not in _MAY_BE_NEGATIVE and number <= 0:
         return _wrong("unit.not_positive", f"{value!r} is not positive")
     return None
+
+
+def _is_key(value: str) -> bool:
+    return value.startswith("@") and KEY.fullmatch(value, 1) is not None
 
 
 def _is_uuid(text: str) -> bool:

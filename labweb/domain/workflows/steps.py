@@ -18,9 +18,12 @@ from labweb.domain.workflows.liquid_steps import (
     UNCONFIRMED,
     UNCONFIRMED_CLAUSE,
 )
+from labweb.domain.workflows.person_steps import PERSON_STEPS
+from labweb.domain.workflows.solid_steps import SOLID_STEPS
 from labweb.domain.workflows.unit_operations import (
     LONGEST_QUANTITY,
     LONGEST_REFERENCE,
+    Matter,
     ParameterSort,
     PortKind,
     StepParameter,
@@ -55,7 +58,7 @@ CARRIED_KINDS = tuple(
     name
     for name, kind in KINDS.items()
     if kind.nature is Nature.RESOURCE
-    and name not in _FIXED | {"well", "tip_spot", "storage", "sample_loop", "separator"}
+    and name not in _FIXED | {"well", "tip_spot", "storage", "sample_loop", "separator", "filter"}
 )
 """What a device may carry: vessels, and labware with all that stands in it."""
 
@@ -81,6 +84,8 @@ _CALLED = (
     ),
 )
 """Which action of a device is called, and with what."""
+
+_BY_DRIVER = Matter(unproved="what the action of a driver does to matter is not followed")
 
 STEP_KINDS: Mapping[str, UnitOperation] = {
     operation.kind: operation
@@ -108,6 +113,15 @@ STEP_KINDS: Mapping[str, UnitOperation] = {
                 ),
                 advanced(
                     quantity(
+                        "tolerance",
+                        "temperature_difference",
+                        "Reached within",
+                        "How near it has to come before the step goes on, such as 0.5 K; 1 K when "
+                        "left empty.",
+                    )
+                ),
+                advanced(
+                    quantity(
                         "accuracy",
                         "temperature_difference",
                         "Accuracy",
@@ -119,6 +133,7 @@ STEP_KINDS: Mapping[str, UnitOperation] = {
             clauses=(
                 "Bring {vessel} to {temperature}",
                 " to within {accuracy}",
+                ", reached within {tolerance}",
                 ", stir at {stir_speed}",
                 ", hold for {hold_for}",
             ),
@@ -150,6 +165,8 @@ STEP_KINDS: Mapping[str, UnitOperation] = {
         ),
         REACT,
         *CHEMISTRY_STEPS,
+        *SOLID_STEPS,
+        *PERSON_STEPS,
         UnitOperation(
             kind="weigh",
             label="Weigh",
@@ -217,6 +234,7 @@ STEP_KINDS: Mapping[str, UnitOperation] = {
         ),
         UnitOperation(
             kind="device_action",
+            matter=_BY_DRIVER,
             label="Device action",
             help="Call one action of one device, as its driver declares it.",
             parameters=(
@@ -236,6 +254,7 @@ STEP_KINDS: Mapping[str, UnitOperation] = {
         ),
         UnitOperation(
             kind="role_action",
+            matter=_BY_DRIVER,
             label="Action by role",
             help="Call one action of whichever device of a role is free under a place, when its "
             "turn comes.",

@@ -78,6 +78,9 @@ class StepParameter:
 
     is_required: bool = True
     is_advanced: bool = False
+    longest: int = LONGEST_REFERENCE
+    """Most characters of a line of text."""
+
     takes_all: bool = False
     """`all` may stand in the place of a volume."""
 
@@ -92,7 +95,7 @@ class StepParameter:
 
     def takes_text(self, value: object) -> bool:
         """Tell whether a name or a line of text may stand here."""
-        if not isinstance(value, str) or not 0 < len(value.strip()) <= LONGEST_REFERENCE:
+        if not isinstance(value, str) or not 0 < len(value.strip()) <= self.longest:
             return False
         return value.isidentifier() if self.sort is ParameterSort.NAME else value.isprintable()
 
@@ -114,7 +117,7 @@ class StepParameter:
                 hint = {"x-resource": dict(self.wants)}
                 return {"type": "string", "maxLength": LONGEST_REFERENCE, **hint, **schema}
             case ParameterSort.NAME | ParameterSort.TEXT:
-                return {"type": "string", "maxLength": LONGEST_REFERENCE, **schema}
+                return {"type": "string", "maxLength": self.longest, **schema}
             case ParameterSort.AMOUNTS:
                 amount = {"type": "string", "maxLength": LONGEST_QUANTITY}
                 return {"type": "object", "additionalProperties": amount, **schema}
@@ -122,6 +125,49 @@ class StepParameter:
                 return {"type": "boolean", **schema}
             case ParameterSort.ARGUMENTS:
                 return {"type": "object", **schema}
+
+
+class Moves(StrEnum):
+    """What a unit operation does to matter, as the proof of a plan checks it."""
+
+    LIQUID = "liquid"
+    """A volume, or all there is, goes from one vessel to another."""
+
+    LAYER = "layer"
+    """The lots that a person states go over as liquid, and no other."""
+
+    FILTRATE = "filtrate"
+    """All liquid goes over, and every solid stays."""
+
+    VAPOUR = "vapour"
+    """The lots that a person states go over when the time is over."""
+
+    SOLID = "solid"
+    """A mass of a solid goes from one vessel to another, by the hand of a person."""
+
+    GAS = "gas"
+    """A gas goes over, and no liquid."""
+
+    REACTION = "reaction"
+    """What a person states comes of the lots in a vessel."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Matter:
+    """What a step does to matter, for the proof; a step without it may change none."""
+
+    moves: Moves | None = None
+    """None: no proof follows it."""
+
+    source: str = ""
+    """Parameter that says from where; a step that leaves it or `target` out moves nothing."""
+
+    target: str = ""
+    stated: str = ""
+    """Parameter that states the lots."""
+
+    unproved: str = ""
+    """Why it is not proved where it has no claim, and changes matter all the same."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -137,6 +183,8 @@ class UnitOperation:
 
     measures: str = ""
     """Label of the value it gives, "" when it measures nothing."""
+
+    matter: Matter | None = None
 
     def parameter(self, name: str) -> StepParameter | None:
         """Return the parameter of that name, or None."""
@@ -216,6 +264,12 @@ def device(name: str, kinds: list[str], label: str, help_text: str) -> StepParam
 def text(name: str, label: str, help_text: str) -> StepParameter:
     """Return a parameter that is a line of text."""
     return StepParameter(name=name, sort=ParameterSort.TEXT, label=label, help=help_text)
+
+
+def lots(name: str, label: str, help_text: str) -> StepParameter:
+    """Return a parameter that is an amount by the key of a lot."""
+    sort = ParameterSort.AMOUNTS
+    return StepParameter(name=name, sort=sort, label=label, help=help_text)
 
 
 def switch(name: str, label: str, help_text: str) -> StepParameter:

@@ -48,11 +48,8 @@ from labweb.enrollment.selectors.looks import is_looking as is_looking
 from labweb.enrollment.selectors.looks import last_look as last_look
 from labweb.enrollment.selectors.looks import told_of as told_of
 from labweb.enrollment.selectors.retiring import is_first_review as is_first_review
-from labweb.enrollment.selectors.retiring import is_seen as is_seen
 from labweb.enrollment.selectors.retiring import nodes_of_others as nodes_of_others
 from labweb.enrollment.selectors.retiring import present_devices as present_devices
-from labweb.enrollment.selectors.retiring import visible_devices as visible_devices
-from labweb.enrollment.selectors.retiring import visible_present as visible_present
 from labweb.enrollment.selectors.returning import (
     changes_since_admission as changes_since_admission,
 )
@@ -61,6 +58,13 @@ from labweb.enrollment.selectors.returning import label_of as label_of
 from labweb.enrollment.selectors.returning import places_of as places_of
 from labweb.enrollment.selectors.returning import present_of as present_of
 from labweb.enrollment.selectors.returning import taken_from as taken_from
+from labweb.enrollment.selectors.seen import find_device as find_device
+from labweb.enrollment.selectors.seen import is_seen as is_seen
+from labweb.enrollment.selectors.seen import visible_device as visible_device
+from labweb.enrollment.selectors.seen import visible_devices as visible_devices
+from labweb.enrollment.selectors.seen import visible_host as visible_host
+from labweb.enrollment.selectors.seen import visible_hosts as visible_hosts
+from labweb.enrollment.selectors.seen import visible_present as visible_present
 from labweb.enrollment.selectors.versions import approved_drivers as approved_drivers
 from labweb.enrollment.selectors.versions import driver_for_update as driver_for_update
 from labweb.enrollment.selectors.versions import driver_names as driver_names
@@ -167,25 +171,6 @@ TO_PLAN = Prepared(
 )
 """The devices of a lab that were admitted, with their hosts, and without what their drivers say of
 themselves."""
-
-
-def find_device(device_id: UUID) -> Device:
-    """Return a device with host and driver.
-
-    Raises:
-        NotFoundError: There is none.
-    """
-    row = _DEVICE.first(id=device_id)
-    if row is None:
-        raise NotFoundError(f"no device {device_id}", code="device.not_found")
-    return row
-
-
-_DEVICE = Prepared(
-    lambda: Device.objects.filter(pk=Given("id", UUIDField())).select_related(
-        "host", "driver", "next_driver", "lab"
-    )
-)
 
 
 def devices_by_id(ids: Iterable[UUID]) -> dict[UUID, Device]:

@@ -10,22 +10,6 @@ from labweb.enrollment.selectors.returning import taken_from
 from labweb.resources.selectors import Lab
 
 
-def visible_devices(lab: Lab, seen: Collection[UUID]) -> list[Device]:
-    """Return the devices that act through at least one of the resources, retired ones too."""
-    rows = Device.objects.filter(lab=lab).select_related("host", "driver", "next_driver")
-    return [row for row in rows if is_seen(row, seen)]
-
-
-def visible_present(lab: Lab, seen: Collection[UUID]) -> list[Device]:
-    """Return those of them that are not retired."""
-    return [row for row in present_devices(lab) if is_seen(row, seen)]
-
-
-def is_seen(row: Device, seen: Collection[UUID]) -> bool:
-    """Tell whether a device acts through one of the resources; without nodes it is no secret."""
-    return any(UUID(node) in seen for node in row.nodes.values()) or not row.nodes
-
-
 def present_devices(lab: Lab) -> list[Device]:
     """Return the devices of a lab that are not retired, with host and drivers."""
     rows = Device.objects.filter(lab=lab).exclude(state=Device.State.RETIRED)

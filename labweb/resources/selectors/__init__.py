@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 from uuid import UUID
 
@@ -11,10 +10,10 @@ from django.db.models import Q, QuerySet, UUIDField
 
 from labweb.accounts import selectors as account_selectors
 from labweb.accounts.selectors import User
-from labweb.common.prepared import Given, Prepared, Question, together
+from labweb.common.prepared import Given, Prepared
 from labweb.domain.approvals.roles import Permission
 from labweb.domain.crutd.operations import Product, Receive, Refit
-from labweb.domain.errors import ForbiddenError, NotFoundError
+from labweb.domain.errors import NotFoundError
 from labweb.domain.graph.attached import Attachment, find_attachments
 from labweb.domain.graph.topology import Connection as ConnectionData
 from labweb.domain.graph.topology import Medium, PhysicalGraph, PortRef
@@ -28,13 +27,19 @@ from labweb.resources.models import Lot as Lot
 from labweb.resources.models import Material as Material
 from labweb.resources.models import Resource as Resource
 from labweb.resources.selectors.climbing import Above as Above
-from labweb.resources.selectors.climbing import Below
 from labweb.resources.selectors.climbing import ancestors as ancestors
 from labweb.resources.selectors.climbing import ancestors_and_archived as ancestors_and_archived
 from labweb.resources.selectors.climbing import asking_hold as asking_hold
 from labweb.resources.selectors.climbing import descendants as descendants
 from labweb.resources.selectors.climbing import held_of as held_of
 from labweb.resources.selectors.climbing import hold as hold
+from labweb.resources.selectors.reach import Reach as Reach
+from labweb.resources.selectors.reach import allowed_ids as allowed_ids
+from labweb.resources.selectors.reach import allowed_of as allowed_of
+from labweb.resources.selectors.reach import asking_allowed as asking_allowed
+from labweb.resources.selectors.reach import reach_of as reach_of
+from labweb.resources.selectors.reach import require as require
+from labweb.resources.selectors.reach import require_seen as require_seen
 
 _MOST_LABS = 1000
 
@@ -276,61 +281,6 @@ def rows_for_update(ids: Collection[UUID]) -> dict[UUID, Resource]:
     return {row.id: row for row in rows(ids).select_for_update(no_key=True)}
 
 
-def allowed_ids(user: User, permission: Permission) -> set[UUID]:
-    """Return every resource on which the user has the permission; one query, or two."""
-    (found,) = together(asking_allowed(user, permission))
-    return allowed_of(found, user, permission)
-
-
-_GRANTED = Below(account_selectors.GRANTED_ROOTS)
-
-
-def asking_allowed(user: User, permission: Permission) -> Question[UUID]:
-    """Return what finds those resources, as far as they are few."""
-    return _GRANTED.asking(account_selectors.granting(user, permission))
-
-
-def allowed_of(found: list[UUID], user: User, permission: Permission) -> set[UUID]:
-    """Return them all, when that has found these; one query more when they are many."""
-    return _GRANTED.all_of(found, account_selectors.granting(user, permission))
-
-
-@dataclass(frozen=True, slots=True)
-class Reach:
-    """Where a user has a permission, read once."""
-
-    user: User
-    permission: Permission
-    ids: Collection[UUID]
-    """Every resource on which they have it."""
-
-    def require(self, ids: Iterable[UUID]) -> None:
-        """Refuse unless the user has the permission on every one of the resources.
-
-        Raises:
-            ForbiddenError: They lack it, there or everywhere; nothing changed.
-        """
-        missing = set(ids).difference(self.ids)
-        if missing or not self.ids:
-            named = {"permission": self.permission.value, "resources": sorted(map(str, missing))}
-            text = f"{self.user.username} may not {self.permission.value} here"
-            raise ForbiddenError(text, context=named)
-
-
-def reach_of(user: User, permission: Permission) -> Reach:
-    """Return where the user has the permission; one query, or two."""
-    return Reach(user, permission, allowed_ids(user, permission))
-
-
-def require(user: User, permission: Permission, ids: Iterable[UUID]) -> None:
-    """Refuse as `Reach.require`, for a single question; one query, or two.
-
-    Raises:
-        ForbiddenError: They lack it; nothing changed.
-    """
-    reach_of(user, permission).require(ids)
-
-
 def quarantined_by(transaction_id: UUID) -> list[UUID]:
     """Return what a transaction closed and nobody has opened since."""
     closed = Resource.objects.filter(quarantined_by=transaction_id)
@@ -347,9 +297,9 @@ def permissions_of(user: User, roles: Iterable[str] | None = None) -> frozenset[
     return account_selectors.permissions_of(user, roles)
 
 
-def permissions_on_all(user: User) -> frozenset[Permission]:
+def permissions_on_all(user: User, lab: Lab | None = None) -> frozenset[Permission]:
     """Return what the user may do to all of the lab: drivers belong to no part of it."""
-    return account_selectors.permissions_on(user, root_of(the_lab()).id)
+    return account_selectors.permissions_on(user, root_of(lab or the_lab()).id)
 
 
 def names(ids: Iterable[UUID]) -> dict[UUID, str]:

@@ -12,12 +12,13 @@ from rest_framework.request import Request
 from rest_framework.response import Response
 
 from labweb.accounts.api import Endpoint
-from labweb.accounts.selectors import user_of
+from labweb.accounts.selectors import User, user_of
 from labweb.approvals import selectors as approval_selectors
 from labweb.approvals.selectors import ApprovalRequest
 from labweb.common.lists import HISTORY
 from labweb.common.requests import Parameter, body, one_of, word
 from labweb.crutd import selectors as crutd_selectors
+from labweb.domain.errors import NotFoundError
 from labweb.resources import selectors as resource_selectors
 from labweb.runs import selectors, services
 from labweb.runs.api import render
@@ -56,7 +57,7 @@ class Requests(Endpoint):
         found, following = HISTORY.of_rows(request, rows, "-asked_at", "-id")
         behind = _runs_behind(found)
         runs = selectors.runs_by_id(list(behind.values()))
-        allowed = resource_selectors.permissions_of(user)
+        allowed = resource_selectors.permissions_on_all(user, lab)
         return Response(
             {
                 "requests": [
@@ -73,13 +74,10 @@ class RequestDetail(Endpoint):
     def get(self, request: Request, request_id: UUID) -> Response:
         """Return a request with the exact plan, or the result, that it is about."""
         user = user_of(request)
-        row = approval_selectors.find_request(request_id)
+        row, run = _visible(request_id, user)
         if row.calibration_id is not None:
-            calibration = selectors.find_calibration(row.calibration_id)
-            run = visible(calibration.run_id, user)
-            result = result_of(calibration, user)
+            result = result_of(selectors.find_calibration(row.calibration_id), user)
             return Response({**render.render_request(row, run, user), "calibration": result})
-        run = visible(approval_selectors.run_of(row), user)
         jobs = list(selectors.jobs_of(run))
         return Response(
             {
@@ -121,7 +119,7 @@ class DecideRequest(Endpoint):
         """Approve or reject."""
         user = user_of(request)
         verdict = body(request, Verdict)
-        row = approval_selectors.find_request(request_id)
+        row, run = _visible(request_id, user)
         is_approved, comment = verdict.is_approved, verdict.comment
         if row.calibration_id is None:
             services.decide_request(
@@ -131,9 +129,21 @@ class DecideRequest(Endpoint):
             services.decide_calibration(
                 row.calibration_id, actor=user, is_accepted=is_approved, comment=comment
             )
-        row = approval_selectors.find_request(request_id)
-        run = selectors.find_run(_runs_behind([row])[row.pk])
+        row, run = _visible(request_id, user)
         return Response(render.render_request(row, run, user))
+
+
+def _visible(request_id: UUID, user: User) -> tuple[ApprovalRequest, Run]:
+    """Return a request with its run, of which the user may know.
+
+    Raises:
+        NotFoundError: There is none, or they may not see the run.
+    """
+    row = approval_selectors.find_request(request_id)
+    try:
+        return row, visible(_runs_behind([row])[row.pk], user)
+    except NotFoundError as error:
+        raise approval_selectors.no_request(request_id) from error
 
 
 def _runs_behind(rows: Sequence[ApprovalRequest]) -> dict[UUID, UUID]:

@@ -19,7 +19,7 @@ from labweb.common.render import iso
 from labweb.common.requests import body
 from labweb.domain.approvals.roles import Permission
 from labweb.domain.calibration.model import IS_RELATIVE, SYMBOLS, Quantity, Standing
-from labweb.domain.calibration.order import PhOrder, TemperatureOrder, VolumeOrder
+from labweb.domain.calibration.order import Order, PhOrder, TemperatureOrder, VolumeOrder
 from labweb.domain.enrollment.spec import DriverSpec, ParameterSpec
 from labweb.domain.errors import NotFoundError
 from labweb.enrollment import selectors as enrollment_selectors
@@ -54,17 +54,14 @@ class DeviceCalibrations(Endpoint):
     def get(self, request: Request, calibrated_id: UUID) -> Response:
         """List what can be calibrated of it, what is in force, and every version, newest first."""
         user = user_of(request)
-        device = _visible(calibrated_id, user)
+        device = enrollment_selectors.visible_device(calibrated_id, user)
         rows = selectors.history_of(device)
         page, following = HISTORY.of_rows(request, rows, "-made_at", "-id")
         return Response({"quantities": _quantities(device, page, user), "next": following})
 
     def post(self, request: Request, calibrated_id: UUID) -> Response:
         """Start the run that calibrates it (412 with everything that speaks against it)."""
-        user = user_of(request)
-        _visible(calibrated_id, user)
-        row = services.begin_calibration(calibrated_id, body(request, VolumeOrder), actor=user)
-        return Response(render_calibration(selectors.find_calibration(row.id), user), status=201)
+        return _begun(calibrated_id, body(request, VolumeOrder), user_of(request))
 
 
 class PhCalibrations(Endpoint):
@@ -74,10 +71,7 @@ class PhCalibrations(Endpoint):
 
     def post(self, request: Request, probe_id: UUID) -> Response:
         """Start the run that calibrates it (412 with everything that speaks against it)."""
-        user = user_of(request)
-        _visible(probe_id, user)
-        row = services.begin_calibration(probe_id, body(request, PhOrder), actor=user)
-        return Response(render_calibration(selectors.find_calibration(row.id), user), status=201)
+        return _begun(probe_id, body(request, PhOrder), user_of(request))
 
 
 class TemperatureCalibrations(Endpoint):
@@ -87,10 +81,16 @@ class TemperatureCalibrations(Endpoint):
 
     def post(self, request: Request, heating_id: UUID) -> Response:
         """Start the run that calibrates it (412 with everything that speaks against it)."""
-        user = user_of(request)
-        _visible(heating_id, user)
-        row = services.begin_calibration(heating_id, body(request, TemperatureOrder), actor=user)
-        return Response(render_calibration(selectors.find_calibration(row.id), user), status=201)
+        return _begun(heating_id, body(request, TemperatureOrder), user_of(request))
+
+
+def _begun(device_id: UUID, order: Order, user: User) -> Response:
+    """Begin a calibration with what the user may see, and render it."""
+    for one in (device_id, order.device_id):
+        enrollment_selectors.visible_device(one, user)
+    resource_selectors.require_seen(user, order.vessel_ids)
+    row = services.begin_calibration(device_id, order, actor=user)
+    return Response(render_calibration(selectors.find_calibration(row.id), user), status=201)
 
 
 class CalibrationDetail(Endpoint):
@@ -133,23 +133,12 @@ class WithdrawCalibration(Endpoint):
         return Response(render_calibration(selectors.find_calibration(calibration_id), user))
 
 
-def _visible(device_id: UUID, user: User) -> Device:
-    """Return a device the user may see.
-
-    Raises:
-        NotFoundError: There is none, or they may not know of it.
-    """
-    row = enrollment_selectors.find_device(device_id)
-    seen = resource_selectors.allowed_ids(user, Permission.VIEW)
-    if not enrollment_selectors.is_seen(row, seen):
-        raise NotFoundError(f"no device {device_id}", code="device.not_found")
-    return row
-
-
 def _find(calibration_id: UUID, user: User) -> Calibration:
     """Return a calibration of a device that the user may see; raises NotFoundError."""
     row = selectors.find_calibration(calibration_id)
-    _visible(row.device_id, user)
+    seen = resource_selectors.allowed_ids(user, Permission.VIEW)
+    if not enrollment_selectors.is_seen(row.device, seen):
+        raise NotFoundError(f"no calibration {calibration_id}", code="calibration.not_found")
     return row
 
 

@@ -160,10 +160,9 @@ class HandOvers(Endpoint):
 
     def post(self, request: Request, resource_id: UUID) -> Response:
         """Ask its host to let it go."""
-        wanted = body(request, HandOver)
-        made = services.hand_over(
-            resource_id, wanted.place_id, actor=user_of(request), note=wanted.note
-        )
+        user, wanted = user_of(request), body(request, HandOver)
+        resource_selectors.require_seen(user, [resource_id, wanted.place_id])
+        made = services.hand_over(resource_id, wanted.place_id, actor=user, note=wanted.note)
         return Response({"id": str(made.id), "state": made.state}, status=201)
 
 
@@ -175,5 +174,7 @@ class Arrival(Endpoint):
     def post(self, request: Request, custody_id: UUID) -> Response:
         """Tell its new host to take it over."""
         body(request, Nothing)
-        made = services.confirm_arrival(custody_id, actor=user_of(request))
+        user = user_of(request)
+        selectors.find_move(custody_id, resource_selectors.allowed_ids(user, Permission.VIEW))
+        made = services.confirm_arrival(custody_id, actor=user)
         return Response({"id": str(made.id), "state": made.state})

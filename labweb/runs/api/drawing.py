@@ -69,9 +69,7 @@ class Check(Endpoint):
                 {"code": error.code, "message": error.message, "subject": "", "context": {}}
             ]
             return Response(answer)
-        answer["plan"] = render.plan_json(
-            msgspec.to_builtins(found.plan), plans.digest(found.plan), names
-        )
+        answer["plan"] = render.plan_json(found.to_json(), plans.digest(found.plan), names)
         answer["policies"] = list(found.policies)
         return Response(answer)
 

@@ -21,14 +21,14 @@ from labweb.common.requests import Parameter, id_of, identity, whole_number
 from labweb.common.uploads import Bounded, one_file
 from labweb.crutd import api as crutd_api
 from labweb.domain.approvals.roles import Permission
-from labweb.domain.errors import DefinitionError, NotFoundError
+from labweb.domain.errors import DefinitionError
 from labweb.domain.files import KEPT_ONLY, MEDIA_TYPES
 from labweb.enrollment import selectors as enrollment_selectors
 from labweb.enrollment.selectors import Device
 from labweb.resources import selectors as resource_selectors
 from labweb.resources.selectors import Resource
 from labweb.runs import selectors
-from labweb.runs.api.runs import visible
+from labweb.runs.api.runs import visible_job
 from labweb.runs.models import Job
 from labweb.telemetry import selectors as telemetry_selectors
 from labweb.telemetry import services as telemetry_services
@@ -226,21 +226,14 @@ def _uuid(form: QueryDict, name: str) -> UUID:
 def _job(form: QueryDict, user: User) -> Job | None:
     if "job" not in form:
         return None
-    job = selectors.find_job(_uuid(form, "job"))
-    try:
-        visible(job.run_id, user)
-    except NotFoundError as error:
-        raise NotFoundError(f"no job {job.pk}", code="job.not_found") from error
-    return job
+    return visible_job(_uuid(form, "job"), user)
 
 
 def _device(form: QueryDict, job: Job | None, seen: set[UUID]) -> Device | None:
     """Return the device that is told; that of the job when there is one."""
     if "device" not in form:
         return None if job is None else job.device
-    device = enrollment_selectors.find_device(_uuid(form, "device"))
-    if not enrollment_selectors.is_seen(device, seen):
-        raise NotFoundError(f"no device {device.pk}", code="device.not_found")
+    device = enrollment_selectors.find_device(_uuid(form, "device"), seen)
     if job is not None and job.device_id != device.pk:
         raise DefinitionError(
             f"the job ran on another device than {device.name}", code="file.other_device"

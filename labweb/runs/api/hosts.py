@@ -12,7 +12,9 @@ from rest_framework.response import Response
 from labweb.accounts.api import Endpoint
 from labweb.accounts.selectors import user_of
 from labweb.common.requests import body
+from labweb.enrollment import selectors as enrollment_selectors
 from labweb.enrollment import services as enrollment_services
+from labweb.resources import selectors as resource_selectors
 from labweb.runs import services
 from labweb.runs.api.runs import Reason
 
@@ -34,6 +36,7 @@ class HostAct(Endpoint):
         """Carry out the act; say how the host stands then."""
         user, said = user_of(request), body(request, HostReason)
         reason = said.reason
+        enrollment_selectors.visible_host(resource_selectors.the_lab(), host_id, user)
         if self.act == "fence":
             host = services.fence_host(host_id, actor=user, reason=reason)
         elif self.act == "revoke":

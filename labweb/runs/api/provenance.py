@@ -138,10 +138,8 @@ class Conditions(Endpoint):
         Without `since_s` from when the resource was made, without `until_s` till now.
         """
         row = visible_resource(request, resource_id)
-        device = enrollment_selectors.find_device(identity(request, "device"))
         seen = resource_selectors.allowed_ids(user_of(request), Permission.VIEW)
-        if not enrollment_selectors.is_seen(device, seen):
-            raise NotFoundError(f"no device {device.id}", code="device.not_found")
+        device = enrollment_selectors.find_device(identity(request, "device"), seen)
         until = seconds(request, "until_s", now().timestamp())
         since = seconds(request, "since_s", condition_selectors.made_s(row))
         found = condition_selectors.conditions(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from datetime import datetime
 from types import MappingProxyType
 from typing import Any
@@ -122,6 +122,7 @@ def plan_json(plan: Mapping[str, Any], digest: str, names: Mapping[str, str]) ->
         "steps": plan["steps"],
         "jobs": jobs,
         "notes": plan["notes"],
+        "proved": plan.get("proved"),
     }
 
 
@@ -142,6 +143,7 @@ def render_run(run: Run, user: User) -> dict[str, Any]:
     attempts = {attempt.job_id: attempt for attempt in _attempts(run)}
     waiting = selectors.answers_under_way(attempt.id for attempt in attempts.values())
     ended = run.state in _ENDED
+    asking = selectors.asking(run) if any(job.asks for job in jobs) else frozenset()
     may_run = Permission.RUN in allowed
     return {
         **_row(run, jobs, render_holds([run]).get(run.pk, [])),
@@ -151,6 +153,7 @@ def render_run(run: Run, user: User) -> dict[str, Any]:
             {
                 **render_job(job, attempts.get(job.id), names, waiting),
                 "recovery": None if ended else selectors.recovery_of(job),
+                "asks": _asks(job, asking),
             }
             for job in jobs
         ],
@@ -162,12 +165,17 @@ def render_run(run: Run, user: User) -> dict[str, Any]:
         "execution": run.plan.get("execution"),
         "hosts_away": _hosts_away(jobs),
         "silent": render_silent(run),
+        "contradicted": [
+            {"ticket_id": str(one.pk), "text": one.message, "opened_at": iso(one.opened_at)}
+            for one in selectors.contradicted(run, jobs)
+        ],
         "can": {
             "pause": may_run
             and not ended
             and not run.is_given_up
             and not selectors.has_paused(run.pause_reasons, user),
             "recover": may_run and not ended and not run.is_given_up,
+            "confirm": may_run and not ended and not run.is_given_up,
             "resume": may_run
             and not ended
             and not run.is_given_up
@@ -177,6 +185,19 @@ def render_run(run: Run, user: User) -> dict[str, Any]:
             "abort": may_run and not ended,
             "resolve": Permission.RESOLVE in allowed,
         },
+    }
+
+
+def _asks(job: Job, asking: Collection[UUID]) -> dict[str, Any] | None:
+    """Say what a person confirms before a job is sent, and who has; None: nothing."""
+    if not job.asks:
+        return None
+    by = job.confirmed_by
+    return {
+        "text": job.asks,
+        "is_due": job.id in asking,
+        "confirmed_by": None if by is None else by.printed_name,
+        "confirmed_at": iso(job.confirmed_at),
     }
 
 
@@ -282,6 +303,7 @@ def render_job(
         "message": job.message,
         "evidence": without_surroundings(job.evidence),
         "after": job.after,
+        "meets": job.meets,
         "transaction": None
         if attempt is None
         else {"id": str(attempt.transaction_id), "state": attempt.transaction.state},
@@ -302,10 +324,10 @@ def render_request(
         row: The request.
         run: What it is about, or what measured it.
         user: Who asks to see it.
-        allowed: What they may do anywhere; None looks it up.
+        allowed: What they may do to all of the lab; None looks it up.
     """
     if allowed is None:
-        allowed = resource_selectors.permissions_of(user)
+        allowed = resource_selectors.permissions_on_all(user, row.lab)
     code, why_not = check_decision(
         asked_by=str(row.asked_by_id),
         actor=str(user.pk),
@@ -314,7 +336,7 @@ def render_request(
     )
     may = Permission.DECIDE in allowed
     if not may and not code:
-        why_not = "deciding needs the role approver"
+        why_not = "deciding needs the role approver on the whole lab"
     decision = getattr(row, "decision", None)
     return {
         "id": str(row.id),

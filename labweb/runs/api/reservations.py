@@ -24,7 +24,8 @@ from labweb.resources import selectors as resource_selectors
 from labweb.runs import services
 from labweb.runs.services import reservations
 
-_MOST_MINUTES = 1_000_000
+_MOST_MINUTES = 1_000_000_000
+"""No limit of a reservation, which is refused by its rule: more is no span of time."""
 
 
 class Wanted(msgspec.Struct, forbid_unknown_fields=True):
@@ -58,7 +59,8 @@ class Reservations(Endpoint):
         """Reserve all of the resources for the caller, or none (423 with each reason)."""
         wanted = body(request, Wanted)
         user = user_of(request)
-        ids = {visible(request, node).id for node in wanted.resource_ids[: MOST + 1]}
+        ids = set(wanted.resource_ids[: MOST + 1])
+        resource_selectors.require_seen(user, ids)
         made = services.reserve(
             ids, actor=user, lasts=timedelta(minutes=wanted.minutes), reason=wanted.reason
         )

@@ -33,6 +33,8 @@ from labweb.runs.api import render
 from labweb.runs.models import HostEvent, Job, Run
 from labweb.workflows import selectors as workflow_selectors
 
+_LONGEST_SHOWN = 40
+
 MOST_UL = 1e9
 """A cubic metre; more is a slip of the keys."""
 
@@ -91,9 +93,21 @@ def visible(run_id: UUID, user: User) -> Run:
         NotFoundError: There is none, or it uses something they may not know of.
     """
     run = selectors.find_run(run_id)
-    if not visible_runs(run.lab, user).filter(pk=run_id).exists():
+    if not _is_seen(run, user):
         raise NotFoundError(f"no run {run_id}", code="run.not_found")
     return run
+
+
+def visible_job(job_id: UUID, user: User) -> Job:
+    """Return a job of a run the user may see; raises as `visible`."""
+    job = selectors.find_job(job_id)
+    if not _is_seen(job.run, user):
+        raise NotFoundError(f"no job {job_id}", code="job.not_found")
+    return job
+
+
+def _is_seen(run: Run, user: User) -> bool:
+    return visible_runs(run.lab, user).filter(pk=run.pk).exists()
 
 
 def visible_runs(lab: Lab, user: User) -> QuerySet[Run]:
@@ -115,8 +129,14 @@ class Runs(Endpoint):
         """List runs, newest first."""
         rows = visible_runs(resource_selectors.the_lab(), user_of(request))
         states = [s for s in request.query_params.get("state", "").split(",") if s]
-        if not set(states) <= set(RunState):
-            raise DefinitionError("state lists states of runs", code="http.query")
+        unknown = [s for s in states if s not in set(RunState)]
+        if unknown:
+            known = ", ".join(RunState)
+            text = (
+                f"there is no state {unknown[0][:_LONGEST_SHOWN]!r} of runs; state lists some of "
+                f"{known}, with commas between"
+            )
+            raise DefinitionError(text, code="http.query")
         if states:
             rows = rows.filter(state__in=states)
         with one_moment():
@@ -127,7 +147,7 @@ class Runs(Endpoint):
         """Start a version, or ask for approval where a policy wants it."""
         user = user_of(request)
         wanted = body(request, StartRun)
-        version = workflow_selectors.find_version(wanted.version_id)
+        version = workflow_selectors.visible_version(wanted.version_id, user)
         run = services.start_run(
             version,
             actor=user,
@@ -243,6 +263,7 @@ class PauseRun(Endpoint):
     def post(self, request: Request, run_id: UUID) -> Response:
         """Let nothing more of the run begin, and return it."""
         user = user_of(request)
+        visible(run_id, user)
         services.pause_run(run_id, actor=user)
         return Response(render.render_run(selectors.find_run(run_id), user))
 
@@ -255,6 +276,7 @@ class ResumeRun(Endpoint):
     def post(self, request: Request, run_id: UUID) -> Response:
         """Let the run go on, and return it."""
         user, seen = user_of(request), body(request, Resume)
+        visible(run_id, user)
         services.resume_run(run_id, actor=user, departures=seen.departures, pauses=seen.pauses)
         return Response(render.render_run(selectors.find_run(run_id), user))
 
@@ -267,6 +289,7 @@ class AbortRun(Endpoint):
     def post(self, request: Request, run_id: UUID) -> Response:
         """Have the run end, and return it."""
         user, reason = user_of(request), body(request, Reason).reason
+        visible(run_id, user)
         services.abort_run(run_id, actor=user, reason=reason)
         return Response(render.render_run(selectors.find_run(run_id), user))
 
@@ -304,6 +327,7 @@ class RecoverJob(Endpoint):
         """Carry out a person's choice and return the run."""
         user = user_of(request)
         wanted = body(request, Choice)
+        visible_job(job_id, user)
         job = services.recover_job(
             job_id,
             actor=user,
@@ -312,6 +336,17 @@ class RecoverJob(Endpoint):
             moved_nl=_by_hand_nl(wanted.moved_ul),
             params=wanted.params,
         )
+        return Response(render.render_run(selectors.find_run(job.run_id), user))
+
+
+class ConfirmJob(Endpoint):
+    """What a person confirms before a job is sent."""
+
+    def post(self, request: Request, job_id: UUID) -> Response:
+        """Let the job go, and return the run."""
+        user = user_of(request)
+        visible_job(job_id, user)
+        job = services.confirm_job(job_id, actor=user)
         return Response(render.render_run(selectors.find_run(job.run_id), user))
 
 
@@ -337,6 +372,7 @@ class ResolveJob(Endpoint):
             then=answer.then or "",
             then_moved_nl=_by_hand_nl(answer.then_moved_ul),
         )
+        visible_job(job_id, user)
         services.resolve_job(
             job_id,
             actor=user,

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from uuid import UUID
 
 from django.db.models import Q, QuerySet
 
 from labweb.domain.crutd.operations import TransferResource
+from labweb.domain.errors import NotFoundError
 from labweb.domain.runs.custody import next_hands
 from labweb.domain.runs.session import SessionState
 from labweb.enrollment import selectors as enrollment_selectors
@@ -51,6 +53,18 @@ def open_move_of(resource_id: UUID) -> Custody | None:
     """Return the move that a vessel is on."""
     rows = Custody.objects.select_related("origin", "target", "place", "asked_by")
     return rows.filter(resource_id=resource_id, ended_at__isnull=True).first()
+
+
+def find_move(custody_id: UUID, seen: Collection[UUID]) -> Custody:
+    """Return a move of one of the resources.
+
+    Raises:
+        NotFoundError: There is none, or it is of another.
+    """
+    row = Custody.objects.filter(pk=custody_id).first()
+    if row is None or row.resource_id not in seen:
+        raise NotFoundError(f"no move {custody_id}", code="custody.not_found")
+    return row
 
 
 def is_told(move: Custody) -> bool:

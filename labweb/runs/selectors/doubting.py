@@ -1,20 +1,32 @@
-"""What the readings of a device say of a job in doubt: those from before, and those since."""
+"""What a device's readings say of a job that is or was in doubt: from before, and since."""
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Iterable
 from uuid import UUID
 
 import msgspec
+from django.db.models import F
 
+from labweb.crutd import selectors as crutd_selectors
+from labweb.crutd.selectors import Ticket
 from labweb.domain.calibration.model import Correction, Quantity
 from labweb.domain.runs.doubting import DIRECTIONS, PLUNGER, Measured, Plunger, measure
 from labweb.domain.runs.halting import INTERRUPTED, MAY_MOVE
-from labweb.runs.models import Attempt, HostEvent, Job
+from labweb.runs.models import Attempt, HostEvent, Job, Run
 from labweb.telemetry import selectors as telemetry_selectors
 
 STANDS_S = 1.0
 """A plunger that told the same for so long stands."""
+
+UNREAD = "unread"
+"""Where the evidence of a job keeps which tries were answered for before its device was read."""
+
+CONTRADICTED_BY = "contradicted_by"
+"""Where it keeps the tickets about answers that were read to be otherwise."""
+
+_MOST_LATER = 500
+"""Actions of its host after which nobody waits for a reading any more."""
 
 
 def asked_nl(job: Job) -> int:
@@ -29,8 +41,30 @@ def has_older_doubt(attempt: Attempt) -> bool:
     return others.filter(transaction__events__state="quarantined").exists()
 
 
+def unread_answers() -> list[Attempt]:
+    """Return the tries that a person answered for before their device was read; one query.
+
+    Of each host those among its last actions: what a plunger tells is soon about another one.
+    """
+    recent = Attempt.objects.filter(dseq__gt=F("host__last_dseq") - _MOST_LATER)
+    rows = recent.filter(job__evidence__has_key=UNREAD).order_by("pk")
+    found = rows.select_related("host", "job__device", "job__run")
+    return [one for one in found if str(one.pk) in one.job.evidence[UNREAD]]
+
+
+def contradicted(run: Run, jobs: Iterable[Job]) -> list[Ticket]:
+    """Return what is open of answers in a run that its devices contradict; one query, or none."""
+    known = [one for job in jobs for one in job.evidence.get(CONTRADICTED_BY, ())]
+    if not known:
+        return []
+    return list(crutd_selectors.open_tickets(run.lab).filter(pk__in=known))
+
+
 def measured_of(job: Job, attempt: Attempt) -> Measured | None:
-    """Return what the plunger says of a job in doubt; None: no plunger moves with it."""
+    """Return what the plunger says of a job that is or was in doubt; None: none moves with it.
+
+    What it tells once its device has begun something else says nothing of this job.
+    """
     tolerance_ul = _tolerance_ul(job)
     if job.action not in DIRECTIONS or not asked_nl(job) or tolerance_ul is None:
         return None
@@ -60,10 +94,15 @@ def _tolerance_ul(job: Job) -> float | None:
 def _before(job: Job, attempt: Attempt) -> float | None:
     """Return what was read just before the first byte, as the host wrote it down with the start."""
     rows = HostEvent.objects.filter(action_id=attempt.id, kind="started").order_by("-id")
-    body: dict[str, Any] = rows.values_list("body", flat=True).first() or {}
-    readings = (body.get("prestate") or {}).get("readings") or []
-    for device_id, status, value in readings:
-        if (device_id, status) == (str(job.device_id), PLUNGER):
+    started = rows.first()
+    return None if started is None else _read_with(started, job.device_id)
+
+
+def _read_with(started: HostEvent, device_id: UUID) -> float | None:
+    """Return where a plunger stood just before an action began, as its host wrote it down."""
+    readings = (started.body.get("prestate") or {}).get("readings") or []
+    for device, status, value in readings:
+        if (device, status) == (str(device_id), PLUNGER):
             return _volume(value)
     return None
 
@@ -75,7 +114,9 @@ def _after(job: Job, attempt: Attempt, tolerance_ul: float) -> tuple[float | Non
         return None, f"{name} has still to be halted, once it answers"
     doubts = HostEvent.objects.filter(action_id=attempt.id, kind="in_doubt").order_by("-id")
     since_s = doubts.values_list("at_s", flat=True).first()
-    told = [] if since_s is None else _told_since(job.device_id, since_s)
+    following = _following(job, attempt)
+    until_s = None if following is None else following.at_s
+    told = [] if since_s is None else _told_within(job.device_id, since_s, until_s)
     if told:
         last_s, last_ul = told[-1]
         late = [ul for at_s, ul in told if at_s >= last_s - STANDS_S]
@@ -87,11 +128,23 @@ def _after(job: Job, attempt: Attempt, tolerance_ul: float) -> tuple[float | Non
         value = _volume(evidence.get(PLUNGER))
         if value is not None:
             return value, ""
-    return None, f"{name} has not told it since"
+    value = None if following is None else _read_with(following, job.device_id)
+    return value, "" if value is not None else f"{name} has not told it since"
 
 
-def _told_since(device_id: UUID, since_s: float) -> list[tuple[float, float]]:
-    rows = telemetry_selectors.newest_samples(device_id, PLUNGER, since_s)
+def _following(job: Job, attempt: Attempt) -> HostEvent | None:
+    """Return the start of what its device did next; None: it has begun nothing since."""
+    later = Attempt.objects.filter(
+        job__device_id=job.device_id, host_id=attempt.host_id, dseq__gt=attempt.dseq
+    )
+    started = HostEvent.objects.filter(action_id__in=later.values("pk"), kind="started")
+    return started.order_by("id").first()
+
+
+def _told_within(
+    device_id: UUID, since_s: float, until_s: float | None
+) -> list[tuple[float, float]]:
+    rows = telemetry_selectors.newest_samples(device_id, PLUNGER, since_s, until_s)
     found = [(at_s, _volume(value)) for at_s, value in rows]
     return [(at_s, value) for at_s, value in reversed(found) if value is not None]
 

@@ -14,6 +14,7 @@ from labweb.domain.runs.locks import conflicts, lock_set
 from labweb.domain.runs.recovery import UNDONE
 from labweb.resources import selectors as resource_selectors
 from labweb.runs.models import Job, Run
+from labweb.runs.selectors.scheduling import asking
 
 LIVE = [
     RunState.QUEUED.value,
@@ -39,6 +40,15 @@ def runs_that_wait(runs: QuerySet[Run]) -> QuerySet[Run]:
     asking = Q(state=RunState.PAUSING.value, pk__in=open_jobs.values("run_id"))
     waiting = runs.filter(Q(state=RunState.PAUSED.value) | asking)
     return waiting.exclude(jobs__state=JobState.IN_DOUBT.value)
+
+
+def jobs_that_ask(runs: QuerySet[Run]) -> list[Job]:
+    """Return the jobs of runs that wait for nothing but a person who confirms them."""
+    rows = Job.objects.filter(run__in=runs.filter(state__in=LIVE), state=JobState.QUEUED.value)
+    rows = rows.filter(confirmed_at=None).exclude(asks="")
+    found = list(rows.select_related("run__version__workflow").order_by("state_at", "index"))
+    due = {run.pk: asking(run) for run in {job.run_id: job.run for job in found}.values()}
+    return [job for job in found if job.pk in due[job.run_id]]
 
 
 def runs_that_need(ids: Collection[UUID], *, besides: User) -> list[tuple[UUID, Run]]:

@@ -17,12 +17,16 @@ from labweb.domain.runs import doubting, recovery
 from labweb.domain.runs.departing import Departure
 from labweb.domain.runs.halting import LET_GO
 from labweb.domain.runs.job import FINAL, JobState
-from labweb.domain.runs.recovery import UNDONE, Choice, Ended, Later, Wait
+from labweb.domain.runs.recovery import UNDONE, Choice, Ended, Later, Partner, Wait
 from labweb.runs.models import Attempt, Job, Run
 
 
 def ended_job(job: Job) -> Ended:
     """Return a job that ended undone as the rules see it."""
+    return replace(_alone(job), partner=_partner_of(job))
+
+
+def _alone(job: Job) -> Ended:
     attempts = list(job.attempts.select_related("transaction").order_by("number"))
     last = attempts[-1].transaction if attempts else None
     failures = sum(bool(job.code) and one.transaction.code == job.code for one in attempts)
@@ -33,10 +37,24 @@ def ended_job(job: Job) -> Ended:
         recovery=job.recovery,
         has_moved=last is not None and _has_moved(last),
         is_liquid=job.operation.get("op") == "transfer_liquid",
+        is_mass=job.operation.get("op") == "transfer_mass",
         is_unknown=is_discarded(job) and job.operation.get("op") in _AMOUNTS,
         halted_by=job.halted_by,
         failures=max(failures, 1),
     )
+
+
+def partner_job(job: Job) -> Job | None:
+    """Return the job that has to begin at the same moment; None: it goes alone."""
+    return None if job.meets is None else Job.objects.get(run_id=job.run_id, index=job.meets)
+
+
+def _partner_of(job: Job) -> Partner | None:
+    other = partner_job(job)
+    if other is None:
+        return None
+    why_not = recovery.why_not_with(_alone(other), is_passed=bool(other.passed_by))
+    return Partner(sentence=other.sentence, why_not=why_not)
 
 
 _AMOUNTS = frozenset({"transfer_liquid", "transfer_mass"})
@@ -120,8 +138,9 @@ def has_paused(reasons: Iterable[Mapping[str, Any]], user: User) -> bool:
 
 
 def later_jobs(job: Job) -> list[Later]:
-    """Return the jobs of the run that come after a job in its plan."""
-    rows = Job.objects.filter(run_id=job.run_id, index__gt=job.index).order_by("index")
+    """Return the jobs of the run that come after a job in its plan, or go with it."""
+    behind = Q(index__gt=job.index) | Q(meets=job.index)
+    rows = Job.objects.filter(behind, run_id=job.run_id).order_by("index")
     return [
         Later(
             index=row.index,
@@ -129,6 +148,7 @@ def later_jobs(job: Job) -> list[Later]:
             state=JobState(row.state),
             after=tuple(row.after),
             uses=frozenset(operations.touched_ids(operations.from_json(row.operation))),
+            meets=row.meets,
         )
         for row in rows
     ]

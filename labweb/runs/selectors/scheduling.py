@@ -15,6 +15,7 @@ from labweb.common import disk
 from labweb.common.prepared import Given, Prepared, Question, together
 from labweb.domain.disk import Disk, Level
 from labweb.domain.errors import LabError, NotFoundError
+from labweb.domain.runs import scheduler
 from labweb.domain.runs.halt_state import UNDECIDED, HaltState
 from labweb.domain.runs.job import UNSTARTED, JobState, RunState
 from labweb.domain.runs.recovery import is_taken_away
@@ -89,6 +90,9 @@ _VIEW = (
     "run__lab_id",
     "choices",
     "halted_by",
+    "meets",
+    "asks",
+    "confirmed_at",
 )
 
 _VIEWS = Prepared(
@@ -109,6 +113,9 @@ def _view(  # noqa: PLR0913 - one column each
     lab_id: UUID,
     choices: list[dict[str, Any]],
     halted_by: str,
+    meets: int | None,
+    asks: str,
+    confirmed_at: datetime | None,
 ) -> JobView:
     is_carry = operation.get("op") == "transfer_resource"
     owners: frozenset[UUID] = frozenset()
@@ -121,12 +128,21 @@ def _view(  # noqa: PLR0913 - one column each
         state=JobState(state),
         after=tuple(after),
         host_id=host_id,
+        meets=meets,
         choice_host_ids=frozenset(UUID(one["host_id"]) for one in choices),
         owner_ids=owners,
         is_passed=bool(passed_by),
         is_carry=is_carry,
+        is_asking=bool(asks) and confirmed_at is None,
         is_taken_away=is_taken_away(JobState(state), halted_by),
     )
+
+
+def asking(run: Run) -> frozenset[UUID]:
+    """Return the jobs of a run that wait for nothing but a person who confirms them."""
+    if run.pause_reasons or run.is_given_up:
+        return frozenset()
+    return scheduler.asking(views(run.id))
 
 
 @dataclass(frozen=True, slots=True)

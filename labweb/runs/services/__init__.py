@@ -10,6 +10,7 @@ from labweb.runs.services.calibrating import (
     judge_ended,
     withdraw_calibration,
 )
+from labweb.runs.services.confirming import confirm_job
 from labweb.runs.services.control import (
     pause_run,
     reset_lab,
@@ -40,13 +41,15 @@ from labweb.runs.services.heads import heads_for_hosts, sign_heads
 from labweb.runs.services.ingest import ingest_events
 from labweb.runs.services.isolation import isolate_hosts
 from labweb.runs.services.picture import lab_view
+from labweb.runs.services.previewing import preview
 from labweb.runs.services.recovery import recover_job
 from labweb.runs.services.rehearsal import rehearse_dispatch, rehearse_start
+from labweb.runs.services.rereading import reread_answers
 from labweb.runs.services.reservations import end_reservation, reserve
 from labweb.runs.services.resolving import Beside, resolve_job
 from labweb.runs.services.schedule import dispatch_ready
 from labweb.runs.services.showing import show_device
-from labweb.runs.services.start import decide_request, preview, start_run
+from labweb.runs.services.start import decide_request, start_run
 from labweb.runs.services.state import announce
 
 __all__ = [
@@ -58,6 +61,7 @@ __all__ = [
     "begin_calibration",
     "begin_transfer",
     "confirm_arrival",
+    "confirm_job",
     "decide_calibration",
     "decide_request",
     "dispatch_ready",
@@ -89,6 +93,7 @@ __all__ = [
     "rehearse_start",
     "replace_driver",
     "replace_drivers",
+    "reread_answers",
     "reserve",
     "reset_lab",
     "resolve_job",

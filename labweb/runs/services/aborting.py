@@ -46,6 +46,7 @@ from labweb.runs import selectors
 from labweb.runs.models import Attempt, DeviceHalt, Job, Outbox, Run
 from labweb.runs.services import dispatch
 from labweb.runs.services.batches import recall_run
+from labweb.runs.services.confirming import tell_unbooked
 from labweb.runs.services.state import add_pause, announce, move_job, refresh_run
 
 _ENDED = {RunState.COMPLETE.value, RunState.ABORTED.value}
@@ -166,6 +167,7 @@ def stop_unstarted(run: Run, reason: str) -> None:
     """Let nothing of a run begin that a host does not have, or has given back."""
     states = [state.value for state in UNSTARTED]
     for job in Job.objects.filter(run=run, state__in=states).select_for_update(no_key=True):
+        tell_unbooked(job, reason)
         move_job(job, JobState.STOPPED, Mover.SERVER, message=reason)
 
 

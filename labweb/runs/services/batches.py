@@ -147,6 +147,7 @@ def _part(
     return BatchPart(
         batch_id=attempt.batch_id,
         after=[by_index[index] for index in job.after if index in by_index],
+        meets=None if job.meets is None else by_index[job.meets],
         on_disconnect=execution.on_disconnect,
         max_offline_s=execution.max_offline_s,
     )

@@ -177,6 +177,7 @@ def decide_calibration(
         None on matter. Plans that are made before keep the numbers that they were made with.
     """
     row = selectors.calibration_for_update(calibration_id)
+    approval_services.require_deciding(actor, row.device.lab)
     if row.state != Calibration.State.AWAITING or row.measured_at is None:
         raise StateError(f"this calibration is {row.state}", code="calibration.not_waiting")
     request = approval_selectors.about_calibration(row.id)

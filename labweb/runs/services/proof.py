@@ -13,10 +13,10 @@ from labweb.common.clock import now
 from labweb.domain.crutd import operations
 from labweb.domain.crutd.operations import TransferLiquid
 from labweb.domain.errors import Finding, PreconditionError, RevisionError
+from labweb.domain.recipes.agreement.contents import check_contents
+from labweb.domain.recipes.agreement.keeping import departs
 from labweb.domain.runs import departing
 from labweb.domain.runs.departing import Departure
-from labweb.domain.workflows.agreement.contents import check_contents
-from labweb.domain.workflows.agreement.keeping import departs
 from labweb.domain.workflows.passes.view import LabView
 from labweb.domain.workflows.steps import called
 from labweb.resources import selectors as resource_selectors

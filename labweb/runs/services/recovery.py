@@ -15,11 +15,11 @@ from labweb.common.clock import now
 from labweb.crutd import services as crutd_services
 from labweb.domain.approvals.roles import Permission
 from labweb.domain.crutd import operations
-from labweb.domain.crutd.operations import TransferLiquid, TransferResource
+from labweb.domain.crutd.operations import TransferLiquid, TransferMass, TransferResource
 from labweb.domain.errors import DefinitionError, StateError
 from labweb.domain.runs import recovery
 from labweb.domain.runs.halting import LET_GO
-from labweb.domain.runs.job import JobState, Mover, RunState
+from labweb.domain.runs.job import UNSTARTED, JobState, Mover, RunState
 from labweb.resources import selectors as resource_selectors
 from labweb.runs import selectors
 from labweb.runs.models import Job, Run
@@ -106,7 +106,17 @@ def _again(run: Run, job: Job) -> None:
             if later.state != JobState.COMPLETE.value:
                 later.after = sorted([*later.after, job.index])
                 later.save(update_fields=["after"])
+    _queue(job)
+    other = selectors.partner_job(job)
+    if other is not None and JobState(other.state) in recovery.UNDONE:
+        _queue(other)
+
+
+def _queue(job: Job) -> None:
+    """Queue a job again; what a person confirmed before it failed, somebody confirms once more."""
     left = selectors.evidence_left(job)
+    job.confirmed_by, job.confirmed_at = None, None
+    job.save(update_fields=["confirmed_by", "confirmed_at"])
     move_job(job, JobState.QUEUED, Mover.PERSON, code="", message="", passed_by="", evidence=left)
 
 
@@ -155,8 +165,16 @@ def _by_hand(job: Job, actor: User, moved_nl: int | None, note: str) -> int | No
             )
     elif moved_nl is not None:
         raise DefinitionError("nothing is poured by this job", code="run.bad_amount")
+    elif isinstance(operation, TransferMass):
+        told = f"by hand for {job.sentence}: {note}"
+        crutd_services.carry_out(
+            operation, lab=job.run.lab, actor_id=actor.pk, note=told, run_id=job.run_id
+        )
     job.passed_by = "hand"
     job.save(update_fields=["passed_by"])
+    other = selectors.partner_job(job)
+    if other is not None and JobState(other.state) in UNSTARTED:
+        move_job(other, JobState.STOPPED, Mover.SERVER, code="run.skipped", passed_by="hand")
     return moved_nl
 
 

@@ -16,7 +16,8 @@ from labweb.domain.workflows.plan import Plan
 from labweb.resources import selectors as resource_selectors
 from labweb.runs.models import Job, Run
 from labweb.runs.services.holding import declare
-from labweb.runs.services.start import preview, write_jobs
+from labweb.runs.services.previewing import preview
+from labweb.runs.services.start import write_jobs
 from labweb.runs.services.state import move_job
 
 _UNDER_WAY = {state.value for state in AT_EDGE} | {JobState.IN_DOUBT.value}
@@ -54,7 +55,7 @@ def change_step(run: Run, job: Job, params: Mapping[str, Any], *, actor: User) -
     old_digest = run.plan_digest
     made = _shifted(found.plan, len(jobs))
     write_jobs(run, made, JobState.HELD)
-    _keep_plan(run, made, document)
+    _keep_plan(run, made, found.proof.to_json(), document)
     return {
         "step_id": job.step_id,
         "before": before,
@@ -105,23 +106,35 @@ def _pass_over(job: Job) -> None:
 def _shifted(plan: Plan, by: int) -> Plan:
     jobs = tuple(
         msgspec.structs.replace(
-            job, index=job.index + by, after=tuple(index + by for index in job.after)
+            job,
+            index=job.index + by,
+            after=tuple(index + by for index in job.after),
+            meets=job.meets + by if isinstance(job.meets, int) else msgspec.UNSET,
         )
         for job in plan.jobs
     )
     return msgspec.structs.replace(plan, jobs=jobs)
 
 
-def _keep_plan(run: Run, made: Plan, document: Mapping[str, Any]) -> None:
-    """Put the new steps in the place of those that were left."""
+def _keep_plan(
+    run: Run, made: Plan, proved: Mapping[str, Any], document: Mapping[str, Any]
+) -> None:
+    """Put the new steps, and what is proved of them, in the place of those that were left."""
     plain = msgspec.to_builtins(made)
     fresh = {step["step_id"]: step for step in plain["steps"]}
+    before = run.plan.get("proved") or {"steps": [], "beyond": []}
+    kept = [one for one in before["steps"] if one not in fresh]
+    beyond = [one for one in before["beyond"] if one["step_id"] not in fresh]
     steps = [fresh.get(step["step_id"], step) for step in run.plan["steps"]]
     run.plan = {
         **run.plan,
         "steps": steps,
         "jobs": [*run.plan["jobs"], *plain["jobs"]],
         "document_now": dict(document),
+        "proved": {
+            "steps": [*kept, *proved["steps"]],
+            "beyond": [*beyond, *proved["beyond"]],
+        },
     }
     run.plan_digest = plans.digest(made)
     run.save(update_fields=["plan", "plan_digest"])

@@ -20,7 +20,12 @@ from labweb.crutd.services import Settlement
 from labweb.domain.approvals.roles import Permission
 from labweb.domain.crutd.decide import OutcomeKind
 from labweb.domain.errors import DefinitionError, LabError, PreconditionError, StateError
-from labweb.domain.runs.doubting import AFTERWARDS, contradiction
+from labweb.domain.runs.doubting import (
+    AFTERWARDS,
+    against_the_record,
+    contradiction,
+    is_worth_reading,
+)
 from labweb.domain.runs.edge import ANSWERS, ActionState, resolve
 from labweb.domain.runs.job import JobState, Mover
 from labweb.domain.runs.session import is_given_up
@@ -195,15 +200,21 @@ def _check_doubt(job: Job, attempt: Attempt, told: _Told) -> None:
 def _check_reading(job: Job, attempt: Attempt, told: _Told) -> str:
     """Return what the device reads against the answer, where the person answers despite it.
 
+    Where it has not been read yet the job keeps that, to be looked at again with the reading.
+
     Raises:
         PreconditionError: It reads otherwise, and nobody has said that they know.
     """
     measured = selectors.measured_of(job, attempt)
     if measured is None:
         return ""
-    found = contradiction(
-        measured, told.answer, asked_nl=selectors.asked_nl(job), moved_nl=told.moved_nl
-    )
+    asked_nl = selectors.asked_nl(job)
+    if is_worth_reading(measured, told.answer, asked_nl=asked_nl, moved_nl=told.moved_nl):
+        unread = [*job.evidence.get(selectors.UNREAD, ()), str(attempt.id)]
+        job.evidence = {**job.evidence, selectors.UNREAD: unread}
+        job.save(update_fields=["evidence"])
+        return ""
+    found = contradiction(measured, told.answer, asked_nl=asked_nl, moved_nl=told.moved_nl)
     if found is None:
         return ""
     if not told.despite_reading:
@@ -274,7 +285,10 @@ def _settle_here(job: Job, attempt: Attempt, actor: User, told: _Told, reading: 
         kept = replace(settlement, keep_quarantined=True)
         crutd_services.discard(attempt.transaction_id, kept)
     else:
-        crutd_services.settle(attempt.transaction_id, settlement)
+        try:
+            crutd_services.settle(attempt.transaction_id, settlement)
+        except StateError as error:
+            raise StateError(against_the_record(error), code=error.code) from error
     resolution = {
         **answer,
         "by": actor.printed_name,

@@ -8,8 +8,8 @@ from uuid import UUID
 
 from labweb.common import disk
 from labweb.domain.disk import Level
-from labweb.domain.runs.batch import find_batches
-from labweb.domain.runs.scheduler import JobView, may_begin, ready
+from labweb.domain.runs.batch import ALONE, find_batches
+from labweb.domain.runs.scheduler import JobView, may_begin, pair_of, ready
 from labweb.domain.workflows.plan import Execution
 from labweb.runs import selectors
 from labweb.runs.services.batches import dispatch_batch
@@ -71,8 +71,13 @@ def _dispatch_run(
     run_id: UUID, execution: Execution | None, views: Sequence[JobView], online: Collection[UUID]
 ) -> int:
     count = 0
-    for view in ready(views, online):
-        if view.choice_host_ids:
+    waiting = ready(views, online)
+    for view in waiting:
+        if view.meets is not None:
+            pair = pair_of(view, waiting) if execution is None else None
+            if pair is not None:
+                count += dispatch_batch(run_id, [one.id for one in pair], ALONE)
+        elif view.choice_host_ids:
             count += dispatch_by_role(run_id, view, online)
         elif execution is None or view.is_carry:
             count += (dispatch_carry if view.is_carry else dispatch_job)(run_id, view)

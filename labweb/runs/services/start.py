@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import timedelta
 from functools import partial
@@ -26,12 +26,16 @@ from labweb.crutd.selectors import reserved as reservations
 from labweb.domain.approvals.roles import Permission
 from labweb.domain.crutd import operations
 from labweb.domain.disk import check_room
-from labweb.domain.errors import Finding, PreconditionError, RevisionError, StateError
+from labweb.domain.errors import (
+    Finding,
+    PreconditionError,
+    RevisionError,
+    StateError,
+)
 from labweb.domain.runs.job import JobState, Mover, RunState
 from labweb.domain.workflows import plan as plans
-from labweb.domain.workflows.compile import LabView, compile_workflow
-from labweb.domain.workflows.plan import Choice, Plan, PlannedJob
-from labweb.domain.workflows.protocol import parse_workflow
+from labweb.domain.workflows.compile import LabView
+from labweb.domain.workflows.plan import Plan
 from labweb.enrollment import selectors as enrollment_selectors
 from labweb.enrollment.selectors import EdgeHost
 from labweb.resources import selectors as resource_selectors
@@ -40,91 +44,12 @@ from labweb.runs import selectors
 from labweb.runs.models import Job, Run
 from labweb.runs.selectors.holding import claims_of_plan
 from labweb.runs.services.picture import asking_view, hosts_in, lab_view, view_of
+from labweb.runs.services.previewing import named, preview, surely_touched
 from labweb.runs.services.proof import check_proved
 from labweb.runs.services.state import announce, move_job, refresh_run
 from labweb.workflows.selectors import WorkflowVersion
 
 _REQUEST_LIFE = timedelta(hours=24)
-
-
-@dataclass(frozen=True, slots=True)
-class Preview:
-    """What a start would mean now."""
-
-    plan: Plan
-    policies: tuple[str, ...]
-    """Names of the policies that want a person to look first."""
-
-
-def preview(
-    lab: Lab,
-    document: dict[str, Any],
-    *,
-    view: LabView | None = None,
-    reach: resource_selectors.Reach | None = None,
-    rules: Sequence[approval_selectors.Policy] | None = None,
-) -> Preview:
-    """Compile a workflow document against the lab as it is.
-
-    Args:
-        lab: The lab.
-        document: The workflow.
-        view: The lab as it was read already; None reads it.
-        reach: Where the asker has the permission that they need on all that the document
-            names and its plan uses; None: nobody asks.
-        rules: The policies that are in force; None reads them.
-
-    Raises:
-        ForbiddenError: They lack it on one of these. Told before anything is compiled where
-            the document names it: findings tell what is in the vessels they speak of.
-        ProtocolError: The document is malformed; findings list each place.
-        PlanningError: This lab cannot do it; findings list each reason.
-
-    Effect:
-        None.
-    """
-    view = view or lab_view(lab)
-    if reach is not None:
-        reach.require(_named(view, document))
-    plan = compile_workflow(parse_workflow(document), view)
-    if reach is not None:
-        reach.require(touched(plan))
-    names = tuple(policy.name for policy in approval_services.asking_policies(lab, plan, rules))
-    return Preview(plan, names)
-
-
-def touched(plan: Plan) -> set[UUID]:
-    """Return every resource a plan uses, on whichever device each job may be done."""
-    return {node for job in plan.jobs for way in job.ways() for node in _uses(way)}
-
-
-def _surely_touched(plan: Plan) -> set[UUID]:
-    """Return what it uses whichever device is chosen."""
-    return {node for job in plan.jobs for node in set.intersection(*map(_uses, job.ways()))}
-
-
-def _uses(way: PlannedJob | Choice) -> set[UUID]:
-    ids = set(way.locks)
-    if not isinstance(way.operation, operations.Read):
-        ids.update(operations.touched_ids(way.operation))
-    return ids
-
-
-def _named(view: LabView, document: dict[str, Any]) -> set[UUID]:
-    """Return the resources that a document names, by id or key."""
-    texts = set(_texts(document))
-    return {
-        node.id for node in view.tree.resources if str(node.id) in texts or f"@{node.key}" in texts
-    }
-
-
-def _texts(value: object) -> Iterator[str]:
-    if isinstance(value, str):
-        yield value.strip().lower()
-        yield value.strip()
-    elif isinstance(value, dict | list):
-        for child in value.values() if isinstance(value, dict) else value:
-            yield from _texts(child)
 
 
 @dataclass(frozen=True, slots=True)
@@ -164,12 +89,12 @@ def start_run(
     """
     scene = hold_scene(version.workflow.lab_id, actor)
     lab, view = scene.lab, scene.view
-    _refuse_second(version, actor, is_asked=is_asked)
+    _admit(version, scene, actor, is_asked=is_asked)
     found = preview(lab, version.document, view=view, reach=scene.reach, rules=scene.rules)
     _check_room(found.plan, scene.hosts)
     check_proved(version, view)
     crutd_services.refuse_reserved_by_others(
-        _surely_touched(found.plan), actor_id=actor.pk, is_any=scene.is_any_reserved
+        surely_touched(found.plan), actor_id=actor.pk, is_any=scene.is_any_reserved
     )
     plan_digest = _seen_digest(found.plan, seen_digest)
     policies = found.policies if wish is None else (*found.policies, wish.rule)
@@ -177,7 +102,7 @@ def start_run(
         lab=lab,
         number=scene.run_number,
         version=version,
-        plan=msgspec.to_builtins(found.plan),
+        plan=found.to_json(),
         plan_digest=plan_digest,
         claims=_claimed(found.plan, view),
         state=(RunState.AWAITING_APPROVAL if policies else RunState.QUEUED).value,
@@ -228,7 +153,6 @@ def hold_scene(lab_id: UUID, actor: User) -> Scene:
 
     Raises:
         NotFoundError: There is no such lab.
-        PreconditionError: It is stopped.
     """
     may = Permission.RUN
     labs, allowed, rules, reserved, numbers, *answers = together(
@@ -240,9 +164,6 @@ def hold_scene(lab_id: UUID, actor: User) -> Scene:
         *asking_view(lab_id),
     )
     lab = resource_selectors.locked(labs, lab_id)
-    if lab.is_stopped:
-        finding = Finding("run.lab_stopped", "the lab is stopped: a person has to reset it first")
-        raise PreconditionError(finding.message, code=finding.code, findings=[finding])
     ids = resource_selectors.allowed_of(allowed, actor, may)
     return Scene(
         lab=lab,
@@ -253,6 +174,15 @@ def hold_scene(lab_id: UUID, actor: User) -> Scene:
         view=view_of(lab, answers),
         hosts=hosts_in(answers),
     )
+
+
+def _admit(version: WorkflowVersion, scene: Scene, actor: User, *, is_asked: bool) -> None:
+    """Refuse who may not start it before anything is told of the lab and of other runs."""
+    scene.reach.require(named(scene.view, version.document))
+    if scene.lab.is_stopped:
+        finding = Finding("run.lab_stopped", "the lab is stopped: a person has to reset it first")
+        raise PreconditionError(finding.message, code=finding.code, findings=[finding])
+    _refuse_second(version, actor, is_asked=is_asked)
 
 
 def _check_room(plan: Plan, hosts: Mapping[UUID, EdgeHost]) -> None:
@@ -323,6 +253,8 @@ def _inserting_jobs(run: Run, plan: Plan, state: JobState) -> list[Question[Any]
             corrections=msgspec.to_builtins(job.corrections),
             choices=msgspec.to_builtins(job.choices or ()),
             after=list(job.after),
+            meets=job.meets if isinstance(job.meets, int) else None,
+            asks=job.asks or "",
             locks=[str(node) for node in job.locks],
             recovery=job.recovery,
             estimate_s=job.estimate_s,

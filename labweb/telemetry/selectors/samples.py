@@ -70,10 +70,12 @@ def samples(device_ids: Iterable[UUID], since: float, until: float) -> QuerySet[
 
 
 def newest_samples(
-    device_id: UUID, status: str, since: float, most: int = 50
+    device_id: UUID, status: str, since: float, until: float | None = None, most: int = 50
 ) -> list[tuple[float, Any]]:
     """Return (seconds, value) of one status from a moment on, the newest first."""
     rows = Sample.objects.filter(device_id=device_id, status=status, at__gt=since)
+    if until is not None:
+        rows = rows.filter(at__lt=until)
     return list(rows.order_by("-at").values_list("at", "value")[:most])
 
 

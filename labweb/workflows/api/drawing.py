@@ -36,6 +36,7 @@ class Steps(Endpoint):
                 "canonical": dimension.canonical,
                 "suffix": dimension.suffix,
                 "units": list(dimension.units),
+                "spellings": dict(dimension.spellings),
             }
             for name, dimension in DIMENSIONS.items()
         }
@@ -104,12 +105,13 @@ class Drafts(Endpoint):
 
     def put(self, request: Request, workflow_id: UUID) -> Response:
         """Save the draft over the revision the caller saw."""
-        draft = body(request, Draft)
+        user, draft = user_of(request), body(request, Draft)
+        selectors.find_visible(workflow_id, user)
         row = services.save_draft(
             workflow_id,
             document=draft.document,
             revision=draft.revision,
-            actor=user_of(request),
+            actor=user,
         )
         return Response({"revision": row.draft_revision})
 
@@ -128,9 +130,10 @@ class Versions(Endpoint):
 
     def post(self, request: Request, workflow_id: UUID) -> Response:
         """Freeze the draft as a version."""
-        wanted = body(request, NewVersion)
+        user, wanted = user_of(request), body(request, NewVersion)
+        selectors.find_visible(workflow_id, user)
         version = services.save_version(
-            workflow_id, note=wanted.note, revision=wanted.revision, actor=user_of(request)
+            workflow_id, note=wanted.note, revision=wanted.revision, actor=user
         )
         return Response(render_version(version), status=201)
 

@@ -12,7 +12,7 @@ from rest_framework.response import Response
 from labweb.accounts.api import Endpoint
 from labweb.accounts.selectors import user_of
 from labweb.common.requests import body
-from labweb.domain.workflows.opening import Asked
+from labweb.domain.recipes.opening import Asked
 from labweb.resources import selectors as resource_selectors
 from labweb.workflows import services
 from labweb.workflows.api.drawing import render_version

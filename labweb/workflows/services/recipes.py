@@ -22,10 +22,10 @@ from labweb.domain.approvals.roles import Permission
 from labweb.domain.errors import DefinitionError, Finding, LockedError, ProtocolError
 from labweb.domain.graph.lab_file.model import LabFile
 from labweb.domain.graph.rig.lab import render_graph
-from labweb.domain.workflows.agreement.contents import render_proved
-from labweb.domain.workflows.opening import Asked
+from labweb.domain.recipes.agreement.contents import render_proved
+from labweb.domain.recipes.opening import Asked
+from labweb.domain.recipes.recipe_on_rig import digest
 from labweb.domain.workflows.protocol import parse_workflow, render_workflow, resolve_keys
-from labweb.domain.workflows.recipe_on_rig import digest
 from labweb.resources import selectors as resource_selectors
 from labweb.resources.selectors import Lab
 from labweb.workflows.models import WorkflowVersion

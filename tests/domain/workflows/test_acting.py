@@ -44,6 +44,24 @@ def test_heating_with_a_hold_ends_with_everything_off() -> None:
     )
 
 
+def test_a_device_of_two_nodes_heats_by_the_one_and_stirs_by_the_other() -> None:
+    """heater ──thermal── pot ──mechanical── stirrer,  one device for both"""
+    bench = a_bench()
+    bench.add("own_heater", "heater")
+    bench.add("own_stirrer", "stirrer")
+    bench.vessel("pot")
+    bench.tube("own_heater:", "pot:", medium=Medium.THERMAL)
+    bench.tube("own_stirrer:", "pot:", medium=Medium.MECHANICAL)
+    bench.device("plate", HEATER, {"heater": "own_heater", "stirrer": "own_stirrer"})
+    params = {"temperature": "60 °C", "stir_speed": "400 rpm"}
+    plan = plan_of(bench, flow(step("h", "heat_chill", vessel="@pot", **params)))
+    acted = {job.action: job.operation for job in plan.jobs}
+    assert acted == {
+        "stir": Update(resource_id=id_of("own_stirrer"), data={"speed_setpoint_rpm": 400.0}),
+        "heat_to": Update(resource_id=id_of("own_heater"), data={"temperature_setpoint_c": 60.0}),
+    }
+
+
 def test_heating_without_a_hold_leaves_the_heater_on() -> None:
     plan = plan_of(
         a_bench(), flow(step("h", "heat_chill", vessel="@reactor", temperature="333.15 K"))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from fractions import Fraction
 
-from labweb.domain.workflows.on_rig.matter import Matter, Share
+from labweb.domain.recipes.on_rig.matter import Matter, Share
 
 ACID, OTHER, SALT = ("acid", False), ("other", False), ("salt", True)
 

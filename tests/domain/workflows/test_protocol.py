@@ -126,6 +126,24 @@ def test_the_most_that_is_read_of_a_dimension_is_read_and_no_more(name: str) -> 
     assert caught.value.code == "unit.too_large"
 
 
+@pytest.mark.parametrize(
+    ("reference", "is_one"),
+    [
+        ("@flask_3 M acid", True),
+        ("@a", True),
+        ("@", False),
+        ("@ a", False),
+        ("@a@b", False),
+        ("@a\nb", False),
+        ("a b", False),
+        ("@" + 80 * "a", False),
+    ],
+)
+def test_the_key_of_a_resource_may_have_blanks_within(reference: str, is_one: bool) -> None:
+    found = codes(flow(step("h", "heat_chill", vessel=reference, temperature="50 °C")))
+    assert found == ([] if is_one else ["protocol.bad_reference"])
+
+
 def test_temperatures_may_be_negative_but_not_below_absolute_zero() -> None:
     cold = step("h", "heat_chill", vessel="@reactor", temperature="-78 °C")
     colder = step("h", "heat_chill", vessel="@reactor", temperature="-300 °C")
@@ -143,7 +161,7 @@ def test_missing_and_unknown_parameters_are_all_listed() -> None:
     }
 
 
-@pytest.mark.parametrize("reference", ["water", "@", "", 3, None, "@a b", "{}" * 30])
+@pytest.mark.parametrize("reference", ["water", "@", "", 3, None, "@ a", "{}" * 30])
 def test_a_vessel_is_named_by_id_or_key_and_nothing_else(reference: object) -> None:
     value = flow(step("t", "transfer", source=reference, target="@flask", volume="1 mL"))
     assert codes(value) == ["protocol.bad_reference"]

@@ -82,3 +82,20 @@ def test_measuring_steps_give_a_value() -> None:
 def test_the_palette_is_plain_json() -> None:
     assert json.loads(json.dumps(palette())) == palette()
     assert [entry["kind"] for entry in palette()] == list(STEP_KINDS)
+
+
+@pytest.mark.parametrize("kind", [kind for kind, one in STEP_KINDS.items() if one.matter])
+def test_what_a_step_does_to_matter_names_parameters_of_it(kind: str) -> None:
+    operation = STEP_KINDS[kind]
+    matter = operation.matter
+    assert matter is not None
+    assert bool(matter.moves or matter.unproved)
+    assert bool(matter.moves) == bool(matter.source) == bool(matter.target)
+    named = {matter.source, matter.target, matter.stated} - {""}
+    assert all(operation.parameter(name) is not None for name in named)
+
+
+def test_a_step_that_may_name_a_pump_says_what_it_does_to_matter() -> None:
+    pumping = [one for one in STEP_KINDS.values() if one.parameter("pump") is not None]
+    assert {one.kind for one in pumping} >= {"transfer", "separate", "filter", "push_gas"}
+    assert all(one.matter is not None for one in pumping)

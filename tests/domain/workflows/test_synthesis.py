@@ -12,6 +12,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from functools import cache
 from typing import Any
 
@@ -20,12 +21,13 @@ import pytest
 
 from labweb.domain.crutd.operations import React, TransferLiquid
 from labweb.domain.errors import Finding, ProtocolError
+from labweb.domain.graph.topology import Medium
+from labweb.domain.recipes.xdl.declared import Declared, read_declared
+from labweb.domain.recipes.xdl.read import read_xdl
+from labweb.domain.recipes.xdl.to_workflow import to_workflow
+from labweb.domain.recipes.xdl.unfold import unfold
 from labweb.domain.workflows.compile import check_plan, compile_workflow
 from labweb.domain.workflows.plan import Plan
-from labweb.domain.workflows.xdl.declared import Declared, read_declared
-from labweb.domain.workflows.xdl.read import read_xdl
-from labweb.domain.workflows.xdl.to_workflow import to_workflow
-from labweb.domain.workflows.xdl.unfold import unfold
 from tests.domain.workflows.station import (
     DECLARED,
     LAB,
@@ -33,6 +35,7 @@ from tests.domain.workflows.station import (
     recipe_document,
     station,
     station_file,
+    view_of,
     workflow,
 )
 
@@ -142,6 +145,19 @@ def test_a_vessel_is_evacuated_and_left_under_the_gas() -> None:
     turns = [job.args["port_index"] for job in plan.jobs if job.action == "select_port"]
     assert turns == [1, 2, 1, 2]
     assert [job.action for job in plan.jobs].count("evacuate_to") == 2
+
+
+def test_a_vessel_is_evacuated_by_the_tube_that_also_drains_it() -> None:
+    """vacuum ──1│valve│common ──liquid── reactor, as on the rigs of Chemputers"""
+    lab = station_file()
+    tubes = tuple(
+        replace(one, medium=Medium.LIQUID) if one.key == "reactor_valve_gas" else one
+        for one in lab.connections
+    )
+    assert tubes != lab.connections
+    plan = compile_workflow(workflow(refilling()), view_of(replace(lab, connections=tubes), {}))
+    turns = [job.args["port_index"] for job in plan.jobs if job.action == "select_port"]
+    assert turns == [1, 2, 1, 2]
 
 
 @pytest.mark.parametrize(

@@ -150,18 +150,6 @@ def test_a_transfer_that_needs_two_pumps_is_refused_and_says_where_it_breaks() -
     assert moved_nl(plan_of(bench, relayed), "pump_2", "vial") == 1_000_000
 
 
-def test_no_pump_is_passed_through_even_when_two_valves_are_joined() -> None:
-    # water ── 1│valve 1│6 ── 6│valve 2│1 ── flask
-    bench = Bench()
-    bench.vessel("water", 10_000_000)
-    bench.vessel("flask")
-    bench.pump(1, {1: ("water", 0)})
-    bench.pump(2, {1: ("flask", 0)})
-    bench.tube("valve_1:6", "valve_2:6", 10)
-    value = flow(transfer("t", "water", "flask", "1 mL"))
-    assert codes_of(bench, value) == [("t", "plan.needs_relay")]
-
-
 def test_a_pump_that_nobody_drives_is_named() -> None:
     bench = a_bench()
     bench.vessel("island")

@@ -239,7 +239,7 @@ def test_a_hotplate_that_reboots_while_it_heats_ends_the_action_and_says_what_it
         error = doing.failure()
     assert error.code == "device.setpoint_lost"
     assert error.effect is Effect.PARTIAL
-    assert "temperature_setpoint_c reads 0, and 40 was set" in error.message
+    assert "the temperature set-point reads 0 °C; 40 °C was set" in error.message
     assert "temperature_c" in error.context
 
 

@@ -37,6 +37,21 @@ def test_a_turn_that_fails_on_its_way_leaves_it_nowhere_known(play: Play) -> Non
     assert device.port_index() is None
 
 
+def test_a_lab_that_counts_from_1_turns_to_the_same_place_by_another_number(play: Play) -> None:
+    device = ChemputerValve(play(text=DONE), {"first_port_index": 1})
+    assert device.select_port(4).evidence == {"port_index": 4}
+    assert device.port_index() == 4
+    for port in (0, 7):
+        with pytest.raises(PreconditionError):
+            device.select_port(port)
+
+
+def test_an_error_of_the_valve_is_told(play: Play) -> None:
+    text = "> read_errors\\x00\n< ERRORS: {}\\x00\n"
+    device = ChemputerValve(play(text=text.format(0) + text.format(32)), {})
+    assert [device.has_error(), device.has_error()] == [False, True]
+
+
 @pytest.mark.parametrize("port", [-1, 6])
 def test_ports_are_numbered_as_on_the_valve(play: Play, port: int) -> None:
     with pytest.raises(PreconditionError):

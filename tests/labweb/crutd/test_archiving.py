@@ -12,7 +12,7 @@ from labweb.crutd import services as crutd_services
 from labweb.crutd.models import Event
 from labweb.resources.models import Connection, Resource
 from tests.builders import Bench, off
-from tests.labweb.crutd.hand import done, node, pour, refused
+from tests.labweb.crutd.hand import done, node, post, pour, refused, rows
 from tests.labweb.crutd.test_places import archived, created, moved
 from tests.labweb.web import call, signed_in
 
@@ -146,3 +146,15 @@ def test_who_restores_does_not_say_the_pose(bench: Bench) -> None:
     answer = call(client, "POST", "/api/v1/operations", {"operation": operation})
     assert answer.status_code == 422
     assert Resource.objects.get(key="flask_1").is_archived
+
+
+def test_what_is_in_the_archive_is_not_archived_again_nor_what_stands_in_it(bench: Bench) -> None:
+    assert done(bench, created(bench, "rack", "tube_rack"))["summary"] == "Rack: added to the lab"
+    done(bench, created(bench, "tube_9", "tube", "rack", capacity_ul=1000))
+    done(bench, archived(bench, "rack"))
+    for key, name in (("rack", "Rack"), ("tube_9", "Tube 9")):
+        before = rows()
+        status, told = post(bench, archived(bench, key))
+        assert (status, told["code"], told["effect"]) == (409, "crutd.archived", "none")
+        assert told["message"] == f"{name} is in the Archive already: nothing was done"
+        assert rows() == before

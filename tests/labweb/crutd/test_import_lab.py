@@ -133,9 +133,9 @@ def test_a_graph_is_bound_imported_and_comes_back_deep_equal(graph: Path, tmp_pa
     told = json.loads(run("import_lab", str(graph), "--json", "--bind", str(BINDING)))
     assert (told["verdict"], told["format"]) == ("imported", "uni_lab_os")
     assert told["kinds"] == {
-        **{"foreign": 1, "lab": 1, "rotary_valve": 1, "syringe_pump": 1, "vessel": 1}
+        **{"foreign": 1, "lab": 1, "rotary_valve": 1, "syringe_pump": 1, "vessel": 1, "timer": 2}
     }
-    assert told["counts"]["devices"] == 1
+    assert told["counts"]["devices"] == 3
     assert [note["subject"] for note in told["notes"] if note["code"] == "binding.unmapped"] == [
         "thing"
     ]

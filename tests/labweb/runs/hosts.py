@@ -17,6 +17,7 @@ from labweb.domain.runs import acting, edge, halting, relay, standing, taking
 from labweb.domain.runs.acting import Scene, Started
 from labweb.domain.runs.edge import ActionState, Report
 from labweb.domain.runs.journal import ActionRow
+from labweb.domain.runs.meeting import partner_of
 from labweb.domain.runs.moment import Moment
 from labweb.enrollment import services as enrollment_services
 from labweb.runs import services
@@ -96,19 +97,33 @@ class Host:
 
         Conditions are judged only on the readings that are given, before and after the act.
         """
-        for row in self.disk.rows(ActionState.ACCEPTED):
+        rows = self.disk.rows(ActionState.ACCEPTED)
+        # Of two that meet, the second has to be ready before the first may start both.
+        for row in (*rows, *(one for one in rows if partner_of(one.do))):
             with self.write() as tx:
                 scene = Scene(pid=1, driver_digest="d", judged=judged(row.do.pre, before))
-                found = acting.start(tx, row, row.do, at=self.now(), scene=scene)
+                start = acting.start if partner_of(row.do) is None else acting.start_both
+                found = start(tx, row, row.do, at=self.now(), scene=scene)
             if isinstance(found, Started):
                 amount = row.do.operation.get("amount_nl")
                 done = report or Report(ok=True, moved_nl=amount)
+                self._receive(row)
                 with self.write() as tx:
                     acting.write_end(tx, row, done, judged(row.do.post, after))
                 return True
             if found.kind == edge.REJECT:
                 return True
         return False
+
+    def _receive(self, giver: ActionRow) -> None:
+        """End well what has begun together with an action, if anything has."""
+        partner_id = partner_of(giver.do)
+        if partner_id is None:
+            return
+        with self.write() as tx:
+            row = tx.action(partner_id)
+            assert row is not None
+            acting.write_end(tx, row, Report(ok=True), [])
 
     def begin(self) -> ActionRow:
         """Start the next action that may, and leave it under way."""

@@ -7,9 +7,11 @@ from uuid import uuid4
 import pytest
 
 from labweb.crutd.models import ResourceLock
+from labweb.domain.errors import StateError
 from labweb.domain.runs import standing
 from labweb.domain.runs.edge import Report
 from labweb.enrollment import services as enrollment_services
+from labweb.resources.models import Resource
 from labweb.runs import services
 from labweb.runs.models import Attempt, Job, Outbox, Run
 from labweb.workflows.models import WorkflowVersion
@@ -137,6 +139,33 @@ def test_a_failed_member_gives_the_rest_back_and_a_retry_goes_on(
     host.tell()
     assert Run.objects.get(pk=run.pk).state == "complete"
     assert [entry["choice"] for entry in Run.objects.get(pk=run.pk).recoveries] == ["retry"]
+
+
+def test_an_answer_that_the_record_contradicts_is_refused_and_the_doubt_stays(
+    run: Run, host: Host, bench: Bench
+) -> None:
+    services.dispatch_ready()
+    host.take()
+    host.tell()
+    bench.host.__class__.objects.filter(pk=bench.host.pk).update(state="isolated")
+    admin = bench.people["admin"]
+    services.fence_host(bench.host.id, actor=admin, reason="the machine burnt")
+    other = a_user("admin", on=bench.node("lab"), name="other")
+    services.fence_host(bench.host.id, actor=other, reason="I saw it too")
+
+    def answer(job: Job, told: str) -> None:
+        services.resolve_job(job.id, actor=admin, answer=told, moved_nl=None, note="I looked")
+
+    drawn, given = [job for job in run.jobs.order_by("index") if "amount_nl" in job.operation][:2]
+    answer(drawn, "did_not")
+    with pytest.raises(StateError) as refusal:
+        answer(given, "happened")
+    assert refusal.value.code == "crutd.contradiction"
+    assert ", which held 0.00 mL. Answer that nobody can tell" in refusal.value.message
+    assert Job.objects.get(pk=given.pk).state == "in_doubt"
+    answer(given, "discard")
+    assert Job.objects.get(pk=given.pk).state == "aborted"
+    assert Resource.objects.get(pk=given.operation["target_id"]).quarantined_by is not None
 
 
 def test_a_fence_of_two_puts_every_member_in_doubt_and_people_answer_for_them(

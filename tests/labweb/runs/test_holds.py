@@ -277,6 +277,19 @@ def test_another_person_does_nothing_by_hand_to_what_a_run_holds(bench: Bench, r
     assert post(bench, pour(bench, "water", "flask_2", 1_000_000), role=role)[0] == 201
 
 
+def test_a_hold_on_something_in_a_place_is_told_in_a_plain_sentence(bench: Bench) -> None:
+    edge = an_edge(bench)
+    run = a_run(bench, move("a", "water", "reactor_1"), move("b", "water", "reactor_1"))
+    end_step(edge, run, "a")
+    _, looked = post(bench, archive(bench, "heater_1"), role="admin", at="/check")
+    told = [one["message"] for one in looked["findings"] if one["code"] == "crutd.held_by_run"]
+    heater, who = bench.node("heater_1").name, bench.people["chemist"].printed_name
+    assert told == [
+        f"run #{run.number} of {who} holds something that stands in {heater} until its step 2 has "
+        f"ended: wait for that step, or ask {who} to abort the run"
+    ]
+
+
 def test_nobody_archives_what_a_run_holds_and_its_operator_may_pour(bench: Bench) -> None:
     edge = an_edge(bench)
     run = a_run(bench, move("a", "water", "reactor_1"), move("b", "water", "reactor_1"))

@@ -11,7 +11,7 @@ from labweb.domain.messages import Signed
 from labweb.runs import services
 from labweb.runs.api.render import render_run
 from labweb.runs.models import Attempt, Job, Outbox, Run
-from labweb.runs.services import dispatch, start
+from labweb.runs.services import dispatch, previewing
 from tests.builders import a_lab, an_edge
 
 WRITTEN = (Run, Job, AuditEntry, Transaction, ResourceLock, Attempt, Outbox)
@@ -75,7 +75,7 @@ def test_a_rehearsal_that_meets_a_fault_of_our_own_says_so_and_ends(
     def broken(*_: object, **__: object) -> None:
         raise KeyError("x")
 
-    monkeypatch.setattr(start, "compile_workflow", broken)
+    monkeypatch.setattr(previewing, "compile_workflow", broken)
     assert not services.rehearse_dispatch()
     assert not services.rehearse_start()
     assert "is not rehearsed" in caplog.text

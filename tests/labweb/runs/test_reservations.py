@@ -158,6 +158,7 @@ def test_only_its_holder_and_approvers_end_it(bench: Bench) -> None:
         ({"minutes": 0}, "reservation.length"),
         ({"minutes": -5}, "reservation.length"),
         ({"minutes": 24 * 60 + 1}, "reservation.length"),
+        ({"minutes": 1_000_001}, "reservation.length"),
         ({"minutes": 10**30}, "http.body"),
         ({"minutes": "30"}, "http.body"),
         ({"reason": " "}, "reservation.reason"),
@@ -173,6 +174,8 @@ def test_a_bad_request_is_refused_and_changes_nothing(
 ) -> None:
     status, told = asked(bench, "water", **changed)
     assert (status // 100, told["code"]) == (4, code)
+    if code == "reservation.length":
+        assert "lasts from 1 to 1440 minutes, which is 24 hours" in told["message"]
     assert not ResourceReservation.objects.exists()
 
 

@@ -9,8 +9,11 @@ from uuid import uuid4
 import pytest
 
 from labweb.accounts.models import AuditEntry
+from labweb.crutd.models import Holding, Ticket
 from labweb.domain.crutd.decide import Outcome, OutcomeKind
-from labweb.runs.models import Attempt, Job, Outbox, Run
+from labweb.resources.models import Resource
+from labweb.runs import services
+from labweb.runs.models import Attempt, HostEvent, Job, Outbox, Run
 from labweb.telemetry.models import Sample
 from tests.builders import Bench, Edge, a_started_run, an_edge, to_transfer
 from tests.labweb.web import call, signed_in
@@ -142,6 +145,75 @@ def test_an_answer_that_agrees_needs_no_acknowledgement(bench: Bench, run: Run, 
     job = lost(edge, to_transfer(run, edge), after_ul=3_500.0)
     job = resolved(bench, edge, job, "partly", moved_ul=3_500.0, despite_reading=True)
     assert "despite_reading" not in job.evidence["resolution"]
+
+
+def read_since(job: Job, after_ul: float) -> None:
+    """Let the device tell where its plunger stands, once it answers again."""
+    for at in (12.0, 13.0, 14.0):
+        Sample.objects.create(device_id=job.device_id, status="volume_ul", at=at, value=after_ul)
+
+
+def held_of(bench: Bench) -> dict[str, int]:
+    rows = Holding.objects.filter(resource__lab=bench.lab)
+    return {f"{row.resource_id} {row.lot_id}": row.amount_nl for row in rows}
+
+
+@pytest.mark.parametrize(
+    ("said", "words"),
+    [
+        ("happened", "5.000 mL moved from {0} to {1}, and the plunger says 2.500 mL"),
+        ("did_not", "nothing moved from {0} to {1}, and the plunger says 2.500 mL"),
+    ],
+)
+def test_a_reading_that_comes_after_the_answer_and_contradicts_it_is_asked_about(
+    bench: Bench, run: Run, edge: Edge, said: str, words: str
+) -> None:
+    job = resolved(bench, edge, lost(edge, to_transfer(run, edge)), said)
+    assert services.reread_answers() == 0, "it is not read yet"
+    held = held_of(bench)
+    read_since(job, 2_500.0)
+    assert services.reread_answers() == 1
+    names = [Resource.objects.get(pk=job.operation[end]).name for end in ("source_id", "target_id")]
+    more, less = names if said == "happened" else reversed(names)
+    client = signed_in(bench.people["chemist"])
+    needs = client.get("/api/v1/home").json()["needs_you"]
+    [need] = [one for one in needs if one["kind"] == "ticket"]
+    who = bench.people["chemist"].printed_name
+    assert need["title"] == f"Pump 1 reads otherwise than {who} answered before it was read"
+    assert words.format(*names) in need["detail"]
+    assert f"{more} holds 2.500 mL more than the record says, and {less} 2.500" in need["detail"]
+    [card] = client.get(f"/api/v1/runs/{run.id}").json()["contradicted"]
+    assert need["url"] == f"/lab?ticket={card['ticket_id']}"
+    ticket = client.get(f"/api/v1/tickets/{card['ticket_id']}").json()
+    assert {one["name"] for one in ticket["resources"]} == set(names)
+    assert held_of(bench) == held, "the record is a person's to correct"
+    assert services.reread_answers() == 0, "it is asked once"
+
+
+def test_a_reading_that_comes_after_the_answer_and_agrees_asks_nobody(
+    bench: Bench, run: Run, edge: Edge
+) -> None:
+    job = resolved(bench, edge, lost(edge, to_transfer(run, edge)), "partly", moved_ul=2_500.0)
+    read_since(job, 2_500.0)
+    assert services.reread_answers() == 0
+    assert not Ticket.objects.exists()
+    assert "unread" not in Job.objects.get(pk=job.pk).evidence
+
+
+def test_a_reading_counts_though_the_action_is_tried_again_and_only_until_then(
+    bench: Bench, run: Run, edge: Edge
+) -> None:
+    job = resolved(bench, edge, lost(edge, to_transfer(run, edge)), "did_not", then="retry")
+    client = signed_in(bench.people["chemist"])
+    assert call(client, "POST", f"/api/v1/runs/{run.id}/resume", {}).status_code == 200
+    again = to_transfer(run, edge)
+    edge.report("accepted", again.id)
+    readings = [[str(job.device_id), "volume_ul", 2_500.0]]
+    edge.report("started", again.id, pid=1, prestate={"readings": readings})
+    started_s = HostEvent.objects.get(action_id=again.id, kind="started").at_s
+    Sample.objects.create(device_id=job.device_id, status="volume_ul", at=started_s + 1, value=0.0)
+    assert services.reread_answers() == 1
+    assert "the plunger says 2.500 mL" in Ticket.objects.get().message
 
 
 def test_an_answer_to_another_doubt_is_refused(bench: Bench, run: Run, edge: Edge) -> None:

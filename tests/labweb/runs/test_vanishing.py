@@ -74,7 +74,7 @@ def test_a_stirrer_that_was_reset_between_steps_pauses_its_run_and_asks_about_th
     run.refresh_from_db()
     job = stirring(run)
     assert job.halted_by == "edge.setpoint_lost"
-    assert job.message.startswith("speed_setpoint_rpm reads 0, and 400 was set")
+    assert job.message.startswith("the speed set-point reads 0 rpm; 400 rpm was set")
     assert [one["kind"] for one in run.pause_reasons] == ["lost"]
     assert Job.objects.get(run=run, action="heat_to").halted_by == "", "the heat still stands"
     shown = signed_in(bench.people["chemist"]).get(f"/api/v1/runs/{run.id}").json()
@@ -110,7 +110,7 @@ def test_the_record_says_that_what_was_set_is_unknown_and_why_at_host_and_server
     assert differences(bench.lab) == []
     assert not Ticket.objects.exists()
     event = Event.objects.filter(body__code="edge.setpoint_lost").latest("seq")
-    assert "reads 0, and 400 was set" in event.body["message"]
+    assert "reads 0 rpm; 400 rpm was set" in event.body["message"]
 
 
 def test_a_loss_is_told_once_and_not_while_another_action_of_its_sort_acts(
@@ -208,7 +208,7 @@ def test_a_device_that_an_ended_run_left_on_is_watched_and_a_person_asked_to_loo
     host.tell()
     ticket = Ticket.objects.get(code="device.left_on")
     assert ticket.message.startswith(f"run #{run.number} has ended and left Heater 1 on. Now ")
-    assert "reads 900, and 400 was set" in ticket.message
+    assert "reads 900 rpm; 400 rpm was set" in ticket.message
     assert stirring(run).halted_by == ""
 
 

@@ -298,3 +298,14 @@ def test_the_schema_names_what_each_address_takes(bench: Bench) -> None:
     }
     plain = {re.sub(r"\{.*?\}", "{}", path): names for path, names in told.items()}
     assert plain == {re.sub(r"<.*?>", "{}", route): set(VIEWS[route].queries) for route in READ}
+
+
+def test_a_state_of_runs_that_there_is_not_is_refused_with_those_that_there_are(
+    bench: Bench,
+) -> None:
+    told = read(signed_in(bench.people["observer"]), "/api/v1/runs?state=running,foo", status=422)
+    assert told["code"] == "http.query"
+    assert told["message"] == (
+        "there is no state 'foo' of runs; state lists some of draft, awaiting_approval, queued, "
+        "running, pausing, paused, completing, complete, aborted, with commas between"
+    )

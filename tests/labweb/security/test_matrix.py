@@ -215,6 +215,7 @@ API: dict[tuple[str, str], tuple[tuple[str, ...], Any]] = {
     ("POST", "runs/<run>/pause"): (WORKERS, {}),
     ("POST", "runs/<run>/resume"): (WORKERS, {}),
     ("POST", "runs/<run>/abort"): (WORKERS, {"reason": "enough"}),
+    ("POST", "jobs/<job>/confirm"): (WORKERS, {}),
     ("POST", "jobs/<job>/recover"): (WORKERS, {"choice": "retry", "note": "freed"}),
     ("POST", "jobs/<job>/resolve"): (WORKERS, {"answer": "did_not", "note": "dry"}),
     ("GET", "approvals"): (MEMBERS, None),
@@ -246,6 +247,15 @@ def ids(bench: Bench, settings: Settings, tmp_path: Path) -> dict[str, str]:
     return one_of_each(bench)
 
 
+def let_ask(bench: Bench, ids: dict[str, str]) -> None:
+    """Let the job wait for nothing but a person who confirms it."""
+    asked = bench.lab.runs.get(pk=ids["run"]).jobs.filter(pk=ids["job"])
+    if asked.get().state != "queued":
+        asked.update(state="rejected")
+    asked.update(state="queued", asks="Closed?", after=[], confirmed_by=None, confirmed_at=None)
+    bench.lab.runs.filter(pk=ids["run"]).update(pause_reasons=[])
+
+
 def prepare(bench: Bench, route: str, ids: dict[str, str]) -> None:
     """Bring about what the act needs, for this call alone."""
     chemist = bench.people["chemist"]
@@ -271,6 +281,8 @@ def prepare(bench: Bench, route: str, ids: dict[str, str]) -> None:
             source_id=bench.node("acid").id, target_id=dipped, amount_nl=20_000_000
         )
         crutd_services.carry_out(water, lab=bench.lab, actor_id=chemist.pk)
+    if route == "jobs/<job>/confirm":
+        let_ask(bench, ids)
     if route == "jobs/<job>/recover":
         undone = bench.lab.runs.get(pk=ids["run"]).jobs.get(pk=ids["job"])
         undone.state = "rejected"

@@ -171,7 +171,8 @@ def test_five_wrong_passwords_close_the_name_to_that_address_alone(bench: Bench)
         assert (answer.status_code, code_of(answer)) == (403, "session.wrong")
     answer = sign_in("chemist", PASSWORD)
     assert (answer.status_code, code_of(answer)) == (429, "http.throttled")
-    assert int(answer["Retry-After"]) > 0
+    assert 290 < int(answer["Retry-After"]) <= 300
+    assert json.loads(answer.content)["message"].endswith("try again in 5 minutes")
     assert sign_in("chemist", PASSWORD, address="192.0.2.2").status_code == 200
     assert sign_in("approver", PASSWORD).status_code == 200
 

@@ -129,7 +129,7 @@ def test_a_run_inside_may_be_started_seen_and_paused(bench: Bench, client: Clien
 def test_a_run_outside_may_not_be_started_nor_touched(bench: Bench, client: Client) -> None:
     version = bench.version("Move 5 mL of water")
     answer = call(client, "POST", f"{API}/runs", {"version_id": str(version.id)})
-    assert (answer.status_code, code_of(answer)) == (403, "governance.forbidden")
+    assert (answer.status_code, code_of(answer)) == (404, "workflow.no_version")
     assert not Run.objects.exists()
     run = a_started_run(bench)
     an_edge(bench)
@@ -139,9 +139,9 @@ def test_a_run_outside_may_not_be_started_nor_touched(bench: Bench, client: Clie
         (f"runs/{run.id}/resume", {}),
         (f"runs/{run.id}/abort", {"reason": "mine"}),
         (f"jobs/{job}/resolve", {"answer": "happened", "note": "trust me"}),
-        ("lab/stop", {}),
     ):
-        assert call(client, "POST", f"{API}/{path}", body).status_code == 403, path
+        assert call(client, "POST", f"{API}/{path}", body).status_code == 404, path
+    assert call(client, "POST", f"{API}/lab/stop", {}).status_code == 403
     assert Run.objects.get().state == "running"
 
 
@@ -200,3 +200,21 @@ def test_an_id_that_a_client_sends_along_is_refused_not_obeyed(bench: Bench) -> 
         answer = call(client, "POST", f"{API}/runs", {"version_id": version, extra: "x"})
         assert (answer.status_code, code_of(answer)) == (422, "http.body")
     assert not Run.objects.exists()
+
+
+def test_who_has_a_role_on_a_part_is_offered_nothing_that_takes_it_on_the_whole_lab(
+    bench: Bench, guest: User, client: Client
+) -> None:
+    a_user("observer", on=bench.node("lab"), name=guest.username)
+    for role in ("approver", "admin"):
+        a_user(role, on=bench.node("balance_1"), name=guest.username)
+    an_edge(bench)
+    (host,) = read(client, f"{API}/hosts")["hosts"]
+    may = read(client, f"{API}/hosts/{host['id']}")["can"]
+    assert may == {"fence": False, "readmit": False, "revoke": False}
+    a_started_run(bench, HEAT)
+    (asked,) = read(client, f"{API}/approvals")["requests"]
+    assert asked["can_decide"] is False
+    assert asked["why_not"] == "deciding needs the role approver on the whole lab"
+    decision = f"{API}/approvals/{asked['id']}/decision"
+    assert call(client, "POST", decision, {"is_approved": True}).status_code == 403

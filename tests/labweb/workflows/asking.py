@@ -10,7 +10,7 @@ from django.http import HttpResponse
 from django.test import Client
 
 from labweb.workflows.models import WorkflowVersion
-from tests.domain.workflows.xdl.test_opening import WATER
+from tests.domain.recipes.test_opening import WATER
 from tests.labweb.web import call
 
 API = "/api/v1/recipes"

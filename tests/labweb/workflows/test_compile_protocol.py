@@ -14,10 +14,10 @@ from typing import Any
 import pytest
 from django.core.management import CommandError, call_command
 
-from labweb.domain.workflows.recipe_plan import compile_recipe
-from tests.domain.workflows.xdl.plans import bench, recipe
-from tests.domain.workflows.xdl.test_wastes import clean, stirred, two_wastes
-from tests.domain.workflows.xdl.test_wastes import text as recipe_of_wastes
+from labweb.domain.recipes.recipe_plan import compile_recipe
+from tests.domain.recipes.plans import bench, recipe
+from tests.domain.recipes.test_wastes import clean, stirred, two_wastes
+from tests.domain.recipes.test_wastes import text as recipe_of_wastes
 
 ROOT = Path(__file__).parents[3]
 COMMAND = "labweb.workflows.management.commands.compile_protocol"
@@ -119,13 +119,10 @@ def test_advice_is_a_graph_that_compiles_and_is_written_only_when_asked(
 ) -> None:
     graph, target = without_water(), tmp_path / "better.json"
     code, out, _ = called(tmp_path, capsys, recipe(ADD), graph, "--json")
-    assert code == 2
-    assert "advice" not in json.loads(out)
-    code, out, _ = called(tmp_path, capsys, recipe(ADD), graph, "--json", "--advise")
     assert (code, target.exists()) == (2, False)
     advice = json.loads(out)["advice"]
     assert [change["change"] for change in advice["changes"]] == ["add_flask"]
-    options = ("--advise", "--write-graph", str(target))
+    options = ("--write-graph", str(target))
     code, out, _ = called(tmp_path, capsys, recipe(ADD), graph, *options)
     assert code == 2
     assert "1  Add flask flask_water of 100 mL for water at port" in out
@@ -141,12 +138,13 @@ def test_advice_is_a_graph_that_compiles_and_is_written_only_when_asked(
 def test_without_advice_it_is_said_why(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     text = recipe('Transfer from_vessel="reactor" to_vessel="filter" volume="all"')
     graph = json.dumps(bench())
-    code, out, _ = called(tmp_path, capsys, text, graph, "--json", "--advise")
+    code, out, _ = called(tmp_path, capsys, text, graph, "--json")
     assert code == 2
     assert [f["code"] for f in json.loads(out)["advice"]["findings"]] == ["plan.no_advice"]
-    assert "plan.no_advice" in called(tmp_path, capsys, text, graph, "--advise")[2]
-    alone = ("--write-graph", str(tmp_path / "x.json"))
-    assert called(tmp_path, capsys, text, graph, *alone)[0] == 1
+    assert "plan.no_advice" in called(tmp_path, capsys, text, graph)[2]
+    target = tmp_path / "x.json"
+    assert called(tmp_path, capsys, text, graph, "--write-graph", str(target))[0] == 2
+    assert not target.exists()
 
 
 def other_port(action: dict[str, Any]) -> None:
@@ -183,7 +181,7 @@ def test_a_plan_of_which_one_action_is_wrong_is_not_shown(
     files = (str(tmp_path / "recipe.xdl"), "--lab", str(tmp_path / "graph.json"))
     call_command("compile_protocol", *files, "--json")
     assert json.loads(capsys.readouterr().out)["ok"]
-    monkeypatch.setattr("labweb.domain.workflows.recipe_on_rig.compile_recipe", altered)
+    monkeypatch.setattr("labweb.domain.recipes.recipe_on_rig.compile_recipe", altered)
     with pytest.raises(CommandError, match=r"plan\.not_proved") as caught:
         call_command("compile_protocol", *files, "--json")
     assert caught.value.returncode == 2

@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from tests.domain.workflows.rigs import chemputer
+from tests.domain.recipes.rigs import chemputer
 
 ROOT = Path(__file__).parents[3]
 GRAPH = chemputer("flask_a:0 > valve_1:0", "pump_1:0 = valve_1:-1", "valve_1:5 > waste_b:0")

@@ -13,9 +13,9 @@ import pytest
 from django.core.management import CommandError, call_command
 
 from labweb.domain.graph.lab_file.read import read_lab
-from labweb.domain.workflows.graph_formats.convert import Target
+from labweb.domain.recipes.graph_formats.convert import Target
 from tests.architecture.project import ROOT
-from tests.domain.workflows.xdl.test_opening import ROW, STARTER
+from tests.domain.recipes.test_opening import ROW, STARTER
 
 
 def convert(tmp_path: Path, raw: bytes, *options: str) -> bytes:

@@ -11,8 +11,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.domain.workflows.interpret.bench import GRAPH, plan
-from tests.domain.workflows.interpret.plans import GAS, PIPELINED, RIGHT
+from tests.domain.proof.bench import GRAPH, plan
+from tests.domain.proof.plans import GAS, PIPELINED, RIGHT
 
 ROOT = Path(__file__).parents[3]
 

@@ -16,7 +16,7 @@ from labweb.runs.services import decide_request, pause_run, resume_run, start_ru
 from labweb.workflows.models import Workflow, WorkflowVersion
 from labweb.workflows.services import save_draft, save_version
 from tests.builders import Bench, an_edge, to_transfer
-from tests.domain.workflows.xdl.test_opening import WATER
+from tests.domain.recipes.test_opening import WATER
 from tests.labweb.crutd.hand import delivery, done
 from tests.labweb.web import call, code_of
 from tests.labweb.workflows.asking import kept, packed, post

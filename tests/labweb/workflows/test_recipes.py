@@ -15,11 +15,11 @@ from django.test import Client
 from labweb.accounts.models import User
 from labweb.common.recipes import __main__ as process
 from labweb.domain.errors import LockedError
-from labweb.domain.workflows.opening import Asked
+from labweb.domain.recipes.opening import Asked
 from labweb.workflows.models import Workflow, WorkflowVersion
 from labweb.workflows.services import recipes
 from tests.builders import Bench
-from tests.domain.workflows.xdl.test_opening import RECIPE, ROW, WATER, without
+from tests.domain.recipes.test_opening import RECIPE, ROW, WATER, without
 from tests.labweb.web import code_of, signed_in
 from tests.labweb.workflows.asking import opened, packed, post
 
@@ -96,12 +96,12 @@ def test_a_vessel_that_the_lab_does_not_have_keeps_nothing(bench: Bench, chemist
     assert Workflow.objects.count() == before
 
 
-def test_what_a_workflow_cannot_say_is_refused_whole(bench: Bench, chemist: Client) -> None:
+def test_what_the_lab_cannot_do_is_refused_whole(bench: Bench, chemist: Client) -> None:
     before = Workflow.objects.count()
     answer = post(chemist, "keep", name="Ester", recipe=packed(RECIPE))
     found = json.loads(answer.content)
     assert answer.status_code == 422
-    assert {f["code"] for f in found["findings"]} >= {"xdl.not_in_workflow"}
+    assert {f["code"] for f in found["findings"]} >= {"plan.no_reagent"}
     assert all(f["context"].get("line") for f in found["findings"])
     assert Workflow.objects.count() == before
 

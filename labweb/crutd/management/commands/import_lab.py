@@ -16,19 +16,21 @@ from django.core.management.base import BaseCommand, CommandError
 from labweb.common.bulk import without_collector
 from labweb.crutd.services import check_time_zone, import_lab
 from labweb.domain.errors import Finding, LabError
-from labweb.domain.graph.lab_file.bind import apply_binding
 from labweb.domain.graph.lab_file.bindings import read_binding
-from labweb.domain.graph.lab_file.detect import Document, Format
 from labweb.domain.graph.lab_file.model import LabFile
 from labweb.domain.graph.lab_file.uni_lab_os.report import report
+from labweb.domain.recipes.graph_formats.document import Document, Format
 
-DEFAULT_BINDING = Path(__file__).parents[4] / "fixtures" / "bindings" / "uni_lab_os.json"
+BINDINGS = Path(__file__).parents[4] / "fixtures" / "bindings"
 
 
 class Command(BaseCommand):
     """`manage.py import_lab`."""
 
-    help = "Import a lab file of labweb or Uni-Lab-OS. A file that is refused changes nothing."
+    help = (
+        "Import a lab file of labweb, Uni-Lab-OS or a Chemputer. A file that is refused changes "
+        "nothing."
+    )
 
     def add_arguments(self, parser: ArgumentParser) -> None:
         """Declare the options."""
@@ -77,10 +79,10 @@ class Command(BaseCommand):
             import_lab(lab_file, actor=None, source=source)
 
     def _read(self, document: Document, bind: Path | None) -> LabFile:
-        lab_file = document.read()
         if bind is None and document.format is Format.LABWEB:
-            return lab_file
-        return apply_binding(lab_file, read_binding((bind or DEFAULT_BINDING).read_bytes()))[0]
+            return document.read()
+        path = bind or BINDINGS / f"{document.format}.json"
+        return document.bound(read_binding(path.read_bytes()))[0]
 
     def _report(self, folder: Path, *, is_json: bool) -> None:
         if not folder.is_dir():

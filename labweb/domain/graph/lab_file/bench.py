@@ -12,7 +12,7 @@ from labweb.domain.graph.lab_file.guard import refuse
 from labweb.domain.graph.lab_file.model import DeviceEntry, LabFile, Material
 from labweb.domain.graph.topology import Connection, Medium, PortRef
 from labweb.domain.resources.contents import LotId
-from labweb.domain.resources.kinds import is_vessel
+from labweb.domain.resources.kinds import KINDS, is_vessel
 from labweb.domain.resources.node import Resource
 
 SCHEMA = "labweb.bench/1"
@@ -85,6 +85,13 @@ CARRIER_BY_MODEL: Mapping[str, str | None] = {
     "chinwe_separator": "tcp",
 }
 """Model of simulated instrument → what carries its bytes; None needs no carrier."""
+
+_BARE_PUMPS = frozenset({"chemputer_pump"})
+"""Models of a pump with one outlet and no valve."""
+
+_OUTLET, _COMMON = "outlet", "common"
+_CENTRE = "-1"
+"""What a Chemputer valve calls its common port; the others are 0 to 5 on it."""
 
 ASSUMED_DENSITY_MG_UL = 1.0
 ASSUMED_TARE_MG = 0.0
@@ -169,6 +176,11 @@ def instrument_id(device: DeviceEntry) -> str:
     The name is part of file names, so a key with other letters than A–Z cannot serve.
     """
     return device.key if _INSTRUMENT_ID.fullmatch(device.key) else str(device.id)
+
+
+def _is_plumbed(resource: Resource) -> bool:
+    """Tell whether liquid comes to an instrument through a port of its own."""
+    return resource.kind == "syringe_pump" or KINDS[resource.kind].conducts
 
 
 def _carrier(device: DeviceEntry) -> str | None:
@@ -294,15 +306,30 @@ class _Bench:
             resource = self.lab.tree.by_id[far.resource_id]
             other = self.owners.get(far.resource_id)
             behind = self._behind(resource)
+            port = self._port_on(device, own)
             if self._is_store(resource):
-                yield own.port, {"vessel": resource.key}
+                yield port, {"vessel": resource.key}
             elif behind is not None:
-                yield own.port, {"vessel": behind.key, "through": resource.key}
-            elif other is not None:
-                end = {"instrument": instrument_id(other), "port": far.port}
-                yield own.port, end | {"capacity_ul": self._tube_ul(tube)}
+                yield port, {"vessel": behind.key, "through": resource.key}
+            elif other is not None and _is_plumbed(resource):
+                end = {"instrument": instrument_id(other), "port": self._port_on(other, far)}
+                yield port, end | {"capacity_ul": self._tube_ul(tube)}
             else:
                 self.unattached.append(f"port {own.port} of {device.key}: {resource.key}")
+
+    def _port_on(self, device: DeviceEntry, end: PortRef) -> str:
+        """Return what an instrument itself calls a port of the lab."""
+        model = "" if device.simulator is None else device.simulator.model
+        if model in _BARE_PUMPS:
+            return _OUTLET
+        resource = self.lab.tree.by_id[end.resource_id]
+        if resource.kind != "rotary_valve":
+            return end.port
+        if model != "chemputer_valve":
+            return _COMMON if end.port == resource.config.get("common_port") else end.port
+        if not end.port.isdecimal():
+            return _CENTRE
+        return str(int(end.port) - int(device.config.get("first_port_index", 0)))
 
     def _behind(self, resource: Resource) -> Resource | None:
         """Return the vessel into which a cartridge leads."""

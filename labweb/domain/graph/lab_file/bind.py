@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
+from itertools import count, islice
 from typing import Any
 from uuid import UUID
 
@@ -28,6 +29,7 @@ from labweb.domain.graph.lab_file.model import (
     Simulator,
     entry_id,
 )
+from labweb.domain.graph.lab_file.tubing import largest_port, name_media, tubes_of
 from labweb.domain.graph.lab_file.uni_lab_os.reader import Stock
 from labweb.domain.graph.lab_file.uni_lab_os.resources import (
     Place,
@@ -38,7 +40,7 @@ from labweb.domain.graph.lab_file.uni_lab_os.resources import (
 from labweb.domain.graph.lab_file.uni_lab_os.words import FORMAT
 from labweb.domain.graph.topology import Medium, PortRef
 from labweb.domain.resources.contents import LotId
-from labweb.domain.resources.kinds import is_vessel
+from labweb.domain.resources.kinds import KINDS, Nature, is_vessel
 from labweb.domain.resources.node import Resource
 
 UNBOUND = "binding.unbound"
@@ -48,11 +50,19 @@ UNMAPPED = "binding.unmapped"
 """Code of the note on a class that nobody mapped."""
 
 
-def apply_binding(lab: LabFile, binding: Binding) -> tuple[LabFile, tuple[Finding, ...]]:
+def apply_binding(
+    lab: LabFile, binding: Binding, nodes: Mapping[UUID, Mapping[str, Any]] | None = None
+) -> tuple[LabFile, tuple[Finding, ...]]:
     """Give an imported lab its kinds and devices.
 
     A device is made only when everything that its rule names is there. Export still
     gives back the file that was imported.
+
+    Args:
+        lab: Imported, without devices.
+        binding: What classes are, and which nodes make a device.
+        nodes: Resource → node of the graph as its file has it; None: a lab of Uni-Lab-OS, whose
+            resources carry theirs.
 
     Returns:
         The lab, in mode sim, and notes on every node that stayed foreign or unbound.
@@ -62,7 +72,9 @@ def apply_binding(lab: LabFile, binding: Binding) -> tuple[LabFile, tuple[Findin
     """
     notes: list[Finding] = []
     kinded = _apply_classes(lab, binding, notes)
-    bound = _Binder(kinded, binding, notes).bind()
+    kinded = replace(kinded, connections=name_media(kinded, binding.tubes))
+    raw = {r.id: to_node(r) for r in kinded.resources if is_imported(r)} if nodes is None else nodes
+    bound = _Binder(kinded, binding, raw, notes).bind()
     findings = check_lab(bound)
     if findings:
         raise refuse_all(findings, f"the binding of {lab.name!r}")
@@ -83,7 +95,8 @@ def _apply_classes(lab: LabFile, binding: Binding, notes: list[Finding]) -> LabF
         node = to_node(resource) if is_imported(resource) else None
         rule = None if node is None else binding.class_rule(node.get("class"))
         if node is not None and rule is None and resource.kind == "foreign":
-            text = f"{resource.key}: class {node.get('class')!r} is mapped to no kind"
+            why = binding.why_unbound(node.get("class")) or "it is mapped to no kind"
+            text = f"{resource.key}: class {node.get('class')!r}: {why}"
             notes.append(Finding(UNMAPPED, text, resource.key))
         if node is None or rule is None:
             resources.append(resource)
@@ -130,6 +143,37 @@ def _rekind(
     return rebuilt
 
 
+def _timers(lab: LabFile, binding: Binding, host: HostEntry) -> list[tuple[Resource, DeviceEntry]]:
+    """Give the host its timers, under the root; an export of the graph leaves them out."""
+    taken = {*lab.tree.by_key, *(device.key for device in lab.devices)}
+    free = (key for number in count(1) if (key := f"timer_{number}") not in taken)
+    root = next(resource for resource in lab.resources if resource.parent_id is None)
+    return [_timer(lab, root.id, host, key) for key in islice(free, binding.host.timers_count)]
+
+
+def _timer(lab: LabFile, root_id: UUID, host: HostEntry, key: str) -> tuple[Resource, DeviceEntry]:
+    name = f"{key.replace('_', ' ').capitalize()} of the host"
+    resource = Resource(
+        id=entry_id(lab.id, "resource", key),
+        key=key,
+        name=name,
+        kind="timer",
+        nature=KINDS["timer"].nature,
+        parent_id=root_id,
+        extra={FORMAT: {"synthetic": True}} if FORMAT in lab.extra else {},
+    )
+    device = DeviceEntry(
+        id=entry_id(lab.id, "device", key),
+        key=key,
+        name=name,
+        host_id=host.id,
+        driver="drivers.virtual.timer:HostTimer",
+        nodes={"timer": resource.id},
+        simulator=Simulator(model="timer"),
+    )
+    return resource, device
+
+
 def _forget(stock: Stock, resource_id: UUID) -> None:
     gone: Mapping[LotId, int] = stock.contents.pop(resource_id, {})
     stock.lots = [lot for lot in stock.lots if LotId(str(lot.id)) not in gone]
@@ -145,12 +189,21 @@ class _Candidate:
 class _Binder:
     """One run over the device rules of a binding."""
 
-    def __init__(self, lab: LabFile, binding: Binding, notes: list[Finding]) -> None:
+    def __init__(
+        self,
+        lab: LabFile,
+        binding: Binding,
+        raw: Mapping[UUID, Mapping[str, Any]],
+        notes: list[Finding],
+    ) -> None:
         self.lab = lab
         self.binding = binding
         self.notes = notes
-        self.raw = {r.id: to_node(r) for r in lab.resources if is_imported(r)}
+        self.raw = raw
         self.taken = {node for device in lab.devices for node in device.nodes.values()}
+        self.tried: set[UUID] = set(self.taken)
+        """Nodes that a rule was for, whether they became a device or not: no other is tried."""
+
         self.reasons: dict[UUID, list[str]] = {}
 
     def bind(self) -> LabFile:
@@ -164,6 +217,7 @@ class _Binder:
         for rule in self.binding.devices:
             for candidate in self._candidates(rule):
                 device = self._device(rule, candidate, host)
+                self.tried.update(resource.id for resource in candidate.nodes.values())
                 if device is not None:
                     devices.append(device)
                     self.taken.update(device.nodes.values())
@@ -171,9 +225,20 @@ class _Binder:
         hosts = self.lab.hosts
         if devices and host.key not in {known.key for known in hosts}:
             hosts = (*hosts, host)
-        return replace(self.lab, devices=tuple(devices), hosts=hosts)
+        timers = _timers(self.lab, self.binding, host) if devices else []
+        return replace(
+            self.lab,
+            resources=(*self.lab.resources, *(resource for resource, _ in timers)),
+            devices=(*devices, *(device for _, device in timers)),
+            hosts=hosts,
+        )
 
     def _note_left_over(self) -> None:
+        for resource_id, node in self.raw.items():
+            resource = self.lab.tree.by_id[resource_id]
+            why = self.binding.why_unbound(node.get("class"))
+            if why is not None and KINDS[resource.kind].nature is Nature.ACTION:
+                self._blame([resource], why)
         for resource_id, reasons in self.reasons.items():
             if resource_id not in self.taken:
                 resource = self.lab.tree.by_id[resource_id]
@@ -188,15 +253,15 @@ class _Binder:
         return [
             self.lab.tree.by_id[resource_id]
             for resource_id, node in self.raw.items()
-            if resource_id not in self.taken
+            if resource_id not in self.tried
             and any(is_match(node.get("class"), pattern) for pattern in patterns)
         ]
 
     def _candidates(self, rule: DeviceRule) -> Iterator[_Candidate]:
         roles = list(rule.roles)
         firsts = self._of_classes(rule.roles[roles[0]])
-        if rule.join is None:
-            yield from (_Candidate({roles[0]: first}) for first in firsts)
+        if rule.join is None or rule.join.by == "node":
+            yield from (_Candidate(dict.fromkeys(roles, first)) for first in firsts)
             return
         seconds = self._of_classes(rule.roles[roles[1]])
         first_ids = {first.id for first in firsts}
@@ -270,9 +335,12 @@ class _Binder:
 
     def _value(self, rule: ValueRule, nodes: Mapping[str, Resource]) -> Any:  # noqa: ANN401 - JSON
         resource = nodes[rule.role] if rule.role else next(iter(nodes.values()))
-        value = find_value(rule, self.raw[resource.id])
+        if rule.tubes:
+            value, wanted = largest_port(self.lab, resource), "tube at a numbered port"
+        else:
+            value, wanted = find_value(rule, self.raw[resource.id]), rule.named
         if value is None:
-            raise LabFileError(f"{resource.key} has no {rule.field}", code="binding.value")
+            raise LabFileError(f"{resource.key} has no {wanted}", code="binding.value")
         return value
 
     def _values(
@@ -284,15 +352,16 @@ class _Binder:
         """Raise unless each tube is at the common port or at a number of its own."""
         valve = nodes[selector.role]
         count = int(self._value(selector.count, nodes))
+        common = selector.common_port
+        neither = "not" if common is None else f"neither {common!r} nor"
         used: dict[str, set[PortRef]] = {}
-        for own, far in self._links(valve, [Medium.LIQUID]):
+        for own, far in tubes_of(self.lab, valve):
             used.setdefault(own.port, set()).add(far)
         for port, far_ends in used.items():
             is_numbered = port.isascii() and port.isdigit() and 1 <= int(port) <= count
-            if port != selector.common_port and not is_numbered:
+            if port != common and not is_numbered:
                 raise LabFileError(
-                    f"port {port!r} of {valve.key} is neither {selector.common_port!r} nor a "
-                    f"number from 1 to {count}",
+                    f"port {port!r} of {valve.key} is {neither} a number from 1 to {count}",
                     code="binding.port",
                 )
             if len(far_ends) > 1:

@@ -5,7 +5,8 @@ A binding is data. Its rules speak of classes, links and fields, never of names 
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from collections.abc import Mapping
+from typing import Annotated, Any, Literal, TypeVar
 
 import msgspec
 from msgspec import Meta
@@ -16,6 +17,7 @@ from labweb.domain.graph.topology import Medium
 from labweb.domain.resources.kinds import KINDS
 
 _LARGEST = 1e9
+_T = TypeVar("_T")
 
 SCHEMA = "labweb.binding/1"
 """Version of binding files that this package reads."""
@@ -26,7 +28,7 @@ class _Rule(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
 
 
 class ValueRule(_Rule, frozen=True, kw_only=True):
-    """Where a value comes from: a field of a node, or the binding itself."""
+    """Where a value comes from: a field of a node, its tubes, or the binding itself."""
 
     value: Any = None
     """The value; `field` is then not used."""
@@ -34,8 +36,12 @@ class ValueRule(_Rule, frozen=True, kw_only=True):
     role: str | None = None
     """Node that has the field; not needed in a rule of one class."""
 
-    field: str | None = None
-    """Path in the node as the foreign file has it, `config.max_volume`."""
+    field: str | list[str] | None = None
+    """Path in the node as the foreign file has it, `config.max_volume`; of several the first
+    that the node has."""
+
+    tubes: bool = False
+    """The largest number of a port of the node that a link leads to; then without `field`."""
 
     scale: Annotated[float, Meta(gt=0)] | None = None
     """Factor into our unit: 1000 from mL to µL. The field must then be a number."""
@@ -45,6 +51,11 @@ class ValueRule(_Rule, frozen=True, kw_only=True):
 
     otherwise: Any = None
     """Value when the node has no such field; without it the rule does not apply."""
+
+    @property
+    def named(self) -> str:
+        """Return the field, for sentences."""
+        return self.field if isinstance(self.field, str) else " or ".join(self.field or ())
 
 
 class ClassRule(_Rule, frozen=True, kw_only=True):
@@ -58,10 +69,11 @@ class ClassRule(_Rule, frozen=True, kw_only=True):
 class JoinRule(_Rule, frozen=True, kw_only=True):
     """How the nodes of one device hang together."""
 
-    by: Literal["link", "vessel"]
-    """`link`: the second role is linked to the first. `vessel`: both to one vessel."""
+    by: Literal["link", "vessel", "node"]
+    """`link`: the second role is linked to the first. `vessel`: both to one vessel. `node`: one
+    node plays both."""
 
-    media: list[Medium]
+    media: list[Medium] = msgspec.field(default_factory=list)
     ports: dict[str, str] = msgspec.field(default_factory=dict)
     """Role → port at which its end of the link must be."""
 
@@ -70,7 +82,9 @@ class SelectorRule(_Rule, frozen=True, kw_only=True):
     """The node that selects ports: all but the common one are numbered from 1."""
 
     role: str
-    common_port: str
+    common_port: str | None = None
+    """None: the pump itself is behind all ports."""
+
     count: ValueRule
 
 
@@ -100,29 +114,46 @@ class HostRule(_Rule, frozen=True, kw_only=True):
 
     key: str
     name: str
+    timers_count: Annotated[int, Meta(ge=0, le=16)] = 0
+    """Timers of the host: they need no instrument, and a graph has none."""
 
 
 class Binding(_Rule, frozen=True, kw_only=True):
     """A whole binding file."""
 
     schema: Literal["labweb.binding/1"]
-    format: Literal["uni_lab_os"]
+    format: Literal["uni_lab_os", "chemputer"]
     about: str = ""
     host: HostRule
+    tubes: list[str] = msgspec.field(default_factory=list)
+    """Types of link that are a tube where both ends hold or conduct liquid, and else carry what
+    the instrument at an end does: heat, stirring, vacuum."""
+
+    unbound: dict[str, str] = msgspec.field(default_factory=dict)
+    """Class, as a name or a pattern with `*` → why no device is made of it."""
+
     classes: dict[str, ClassRule]
     """Class, as a name or a pattern with `*` → what it is. An exact name goes first."""
 
     devices: list[DeviceRule]
-    """Tried in order; a node that one rule took is not offered to the next."""
+    """Tried in order; a node that one rule was for is not offered to the next, even where it lacks
+    something and no device is made."""
 
     def class_rule(self, name: object) -> ClassRule | None:
         """Return the rule of a class; None when nobody mapped it."""
-        if not isinstance(name, str) or not name:
-            return None
-        if name in self.classes:
-            return self.classes[name]
-        found = [rule for pattern, rule in self.classes.items() if is_match(name, pattern)]
-        return found[0] if found else None
+        return _match(name, self.classes)
+
+    def why_unbound(self, name: object) -> str | None:
+        """Return why no device is made of a class; None when the binding does not say."""
+        return _match(name, self.unbound)
+
+
+def _match(name: object, rules: Mapping[str, _T]) -> _T | None:
+    if not isinstance(name, str) or not name:
+        return None
+    if name in rules:
+        return rules[name]
+    return next((rule for pattern, rule in rules.items() if is_match(name, pattern)), None)
 
 
 def is_match(name: object, pattern: str) -> bool:
@@ -169,13 +200,20 @@ def _check(binding: Binding) -> list[Finding]:
             Finding("binding.unknown_role", f"{rule.name}: there is no role {role!r}", rule.name)
             for role in sorted(str(name) for name in named - roles)
         ]
-        if rule.selector is not None and rule.selector.count.form != "whole":
-            text = f"{rule.name}: the count of a selector has the form whole"
-            findings.append(Finding("binding.form", text, rule.name))
+        findings += _check_selector(rule)
         if (len(roles) > 1) != (rule.join is not None) or len(roles) > 2 or not roles:
             text = f"{rule.name}: one role without join, or two roles with one"
             findings.append(Finding("binding.roles", text, rule.name))
     return findings
+
+
+def _check_selector(rule: DeviceRule) -> list[Finding]:
+    count = None if rule.selector is None else rule.selector.count
+    is_counted = count is None or count.tubes or count.form == "whole"
+    if is_counted or (count is not None and type(count.value) is int):
+        return []
+    text = f"{rule.name}: the count of a selector has the form whole"
+    return [Finding("binding.form", text, rule.name)]
 
 
 def _values(rule: DeviceRule) -> list[ValueRule]:
@@ -183,7 +221,7 @@ def _values(rule: DeviceRule) -> list[ValueRule]:
     return [*values, rule.selector.count] if rule.selector else values
 
 
-def find_value(rule: ValueRule, node: dict[str, Any]) -> Any:  # noqa: ANN401 - JSON
+def find_value(rule: ValueRule, node: Mapping[str, Any]) -> Any:  # noqa: ANN401 - JSON
     """Return the value that a rule means for a node; None when there is none.
 
     Raises:
@@ -191,17 +229,23 @@ def find_value(rule: ValueRule, node: dict[str, Any]) -> Any:  # noqa: ANN401 - 
     """
     if rule.field is None:
         return rule.value
-    found: Any = node
-    for part in rule.field.split("."):
-        found = found.get(part) if isinstance(found, dict) else None
+    paths = [rule.field] if isinstance(rule.field, str) else rule.field
+    found = next((one for path in paths if (one := _at(path, node)) is not None), None)
     if found is None:
         return rule.otherwise
     if rule.scale is None:
         return _formed(rule, found)
     if isinstance(found, bool) or not isinstance(found, int | float) or not 0 < found < _LARGEST:
-        raise LabFileError(f"{rule.field} is {found!r}, no positive number", code="binding.value")
+        raise LabFileError(f"{rule.named} is {found!r}, no positive number", code="binding.value")
     scaled = found * rule.scale
     return int(scaled) if float(scaled).is_integer() else scaled
+
+
+def _at(path: str, node: Mapping[str, Any]) -> Any:  # noqa: ANN401 - JSON
+    found: Any = node
+    for part in path.split("."):
+        found = found.get(part) if isinstance(found, Mapping) else None
+    return found
 
 
 def _formed(rule: ValueRule, found: object) -> object:
@@ -215,5 +259,5 @@ def _formed(rule: ValueRule, found: object) -> object:
         "number": is_whole or isinstance(found, float),
     }
     if not fits[rule.form]:
-        raise LabFileError(f"{rule.field} is {found!r}, not {rule.form}", code="binding.value")
+        raise LabFileError(f"{rule.named} is {found!r}, not {rule.form}", code="binding.value")
     return found

@@ -46,24 +46,43 @@ def rig_of_lab(raw: bytes) -> Rig:
         LabFileError: As `read_lab`.
     """
     lab = read_lab(raw)
-    selecting = {
-        device.nodes["valve"]
-        for device in lab.devices
-        if "valve" in device.nodes and device.nodes["valve"] == device.nodes.get("pump")
-    }
     keys = {resource.id: resource.key for resource in lab.resources}
-    tubes = tuple(tube_of_connection(connection, keys) for connection in lab.connections)
-    roles = {node: role for device in lab.devices for role, node in sorted(device.nodes.items())}
+    bare = rig_of(lab.resources, lab.connections, [device.nodes for device in lab.devices])
+    said = {one.key: _attributes(lab, one, keys) for one in lab.resources}
+    elements = tuple(
+        replace(one, attributes={**one.attributes, **said[one.key]}) for one in bare.elements
+    )
+    return replace(bare, elements=elements, text=raw.decode("utf-8-sig"))
+
+
+def rig_of(
+    resources: Iterable[Resource],
+    connections: Iterable[Connection],
+    nodes: Iterable[Mapping[str, UUID]],
+) -> Rig:
+    """Return the plumbing of a lab as it stands, without what is in its vessels.
+
+    Args:
+        resources: Everything that a connection joins, and what else is asked about.
+        connections: Those between these resources.
+        nodes: For each device, its resources by their role in the driver.
+    """
+    resources, nodes = tuple(resources), tuple(nodes)
+    selecting = {
+        one["valve"] for one in nodes if "valve" in one and one["valve"] == one.get("pump")
+    }
+    keys = {resource.id: resource.key for resource in resources}
+    tubes = tuple(tube_of_connection(connection, keys) for connection in connections)
+    roles = {node: role for one in nodes for role, node in sorted(one.items())}
     elements = tuple(
         replace(
             _ported(_element(resource, roles.get(resource.id), resource.id in selecting), tubes),
             kind=_class_of(resource, roles.get(resource.id)),
-            attributes=_attributes(lab, resource, keys) | {"is_driven": resource.id in roles},
+            attributes=_told(resource, keys) | {"is_driven": resource.id in roles},
         )
-        for resource in lab.resources
+        for resource in resources
     )
-    defects = find_defects(elements, tubes)
-    return Rig(RigFormat.LABWEB, elements, tubes, defects, {}, raw.decode("utf-8-sig"))
+    return Rig(RigFormat.LABWEB, elements, tubes, find_defects(elements, tubes))
 
 
 def render_graph(lab: LabFile) -> bytes:
@@ -117,11 +136,15 @@ def _attributes(lab: LabFile, resource: Resource, keys: Mapping[UUID, str]) -> d
         }
         for lot, amount_nl in lab.contents.get(resource.id, {}).items()
     ]
+    return _told(resource, keys) | {"data": {"liquid": liquid}}
+
+
+def _told(resource: Resource, keys: Mapping[UUID, str]) -> dict[str, Any]:
+    """Return what is said of a resource beside the plumbing, but for its contents."""
     parent = keys.get(resource.parent_id) if resource.parent_id else None
     said = {"gas_type": resource.config.get("gas"), "chemical": resource.config.get("filling")}
-    told = {name: value for name, value in said.items() if value}
-    own = {"config": dict(resource.config), "parent": parent, "data": {"liquid": liquid}}
-    return own | told
+    own = {"config": dict(resource.config), "parent": parent}
+    return own | {name: value for name, value in said.items() if value}
 
 
 def element_of_resource(resource: Resource, *, selects: bool = False) -> Element:

@@ -49,7 +49,7 @@ def read_rig(raw: bytes) -> Rig:
             end is not in the file (`graph.dangling_link`), and node or link that is none;
             or the file is no graph at all.
     """
-    if raw.lstrip(b"\xef\xbb\xbf \t\r\n")[:1] == b"<":
+    if is_graphml(raw):
         document = read_graphml(raw)
         return _build(document.value, RigFormat.GRAPHML, document.text)
     value = decode_json(raw)
@@ -58,6 +58,11 @@ def read_rig(raw: bytes) -> Rig:
     if not isinstance(value, Mapping) or not isinstance(value.get("nodes"), list):
         raise refuse("lab_file.no_nodes", 'the file has no list "nodes", so it is no graph')
     return _build(value, RigFormat.NODE_LINK, None)
+
+
+def is_graphml(raw: bytes) -> bool:
+    """Tell whether a file begins as XML does."""
+    return raw.lstrip(b"\xef\xbb\xbf \t\r\n")[:1] == b"<"
 
 
 def unpacked(raw: bytes) -> bytes:

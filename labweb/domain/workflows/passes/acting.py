@@ -38,11 +38,8 @@ ROOM_C = 20.0
 
 STIR_S = 3.0
 READ_S = 5.0
-_SWITCHED = (
-    ("heater", "stop_heating"),
-    ("thermostat", "stop_control"),
-    ("stirrer", "stop_stirring"),
-)
+_HEATED = (("heater", "stop_heating"), ("thermostat", "stop_control"))
+_SWITCHED = (*_HEATED, ("stirrer", "stop_stirring"))
 SWITCH_S = 2.0
 
 
@@ -67,7 +64,7 @@ def plan_heat_chill(step: Step, drafting: Drafting) -> DraftStep:
             step,
             heater,
             "heat_to" if plays(heater, "heater") else "reach_temperature",
-            {"temperature_c": target_c, "tolerance_c": _tolerance_c(step, HEAT_TOLERANCE_C)},
+            {"temperature_c": target_c, "tolerance_c": _reached_c(step)},
             sentence=f"Bring {name} to {target_c:g} °C",
             locks=(vessel,),
             estimate_s=ramp_s(drafting, heater, vessel, target_c),
@@ -110,6 +107,13 @@ def _tolerance_c(step: Step, usual_c: float) -> float:
     if "accuracy" not in step.params:
         return usual_c
     return min(usual_c, parse(step.params["accuracy"], ACCURACIES[Quantity.TEMPERATURE]))
+
+
+def _reached_c(step: Step) -> float:
+    """Return how near the reading has to come before the set point counts as reached."""
+    if "tolerance" not in step.params:
+        return _tolerance_c(step, HEAT_TOLERANCE_C)
+    return _tolerance_c(step, parse(step.params["tolerance"], "temperature_difference"))
 
 
 def _off(heater: Device) -> str:
@@ -156,13 +160,24 @@ def plan_stir(step: Step, drafting: Drafting) -> DraftStep:
 
 def plan_stop(step: Step, drafting: Drafting) -> DraftStep:
     """Switch off the heater and the stirrer that a vessel stands on, whichever there are."""
+    return _switch_off(step, drafting, _SWITCHED, "heats or stirs")
+
+
+def plan_stop_heat(step: Step, drafting: Drafting) -> DraftStep:
+    """Switch off what heats or chills a vessel, and leave the stirrer as it is."""
+    return _switch_off(step, drafting, _HEATED, "heats or chills")
+
+
+def _switch_off(
+    step: Step, drafting: Drafting, roles: tuple[tuple[str, str], ...], what: str
+) -> DraftStep:
     vessel = UUID(step.params["vessel"])
     jobs: list[DraftJob | None] = []
-    for role, action in _SWITCHED:
+    for role, action in roles:
         found = carriers(drafting, vessel, role)
         jobs += [_stop(step, drafting, device, action, vessel) for device in found]
     if not jobs:
-        message = f"{drafting.name(vessel)} stands on nothing that heats or stirs"
+        message = f"{drafting.name(vessel)} stands on nothing that {what}"
         drafting.refuse(step, "plan.no_device", message, "params.vessel")
     return draft_of(step, jobs)
 
@@ -269,10 +284,8 @@ def wait_job(  # noqa: PLR0913 - as for any job; all but three are keywords
 
     `duration` is the field of the step that says how long.
     """
-    timer = _free_timer(step, drafting)
+    timer = free_timer(step, drafting, f"params.{duration}")
     if timer is None:
-        message = "no device of this lab is a timer"
-        drafting.refuse(step, "plan.no_device", message, f"params.{duration}", role="timer")
         return None
     duration_s = parse(step.params[duration], "time")
     return drafting.job(
@@ -288,10 +301,15 @@ def wait_job(  # noqa: PLR0913 - as for any job; all but three are keywords
     )
 
 
-def _free_timer(step: Step, drafting: Drafting) -> Device | None:
-    """Return the first timer no step uses that may run at the same time, else the first."""
+def free_timer(step: Step, drafting: Drafting, at: str) -> Device | None:
+    """Return the first timer no step uses that may run at the same time, else the first.
+
+    A finding is noted in a lab that has none.
+    """
     timers = [device for device in drafting.view.devices_by_key if plays(device, "timer")]
     if not timers:
+        message = "no device of this lab is a timer"
+        drafting.refuse(step, "plan.no_device", message, at, role="timer")
         return None
     earlier = drafting.earlier[step.id]
     users = drafting.timer_users
@@ -336,6 +354,7 @@ PLANNERS: Mapping[str, Callable[[Step, Drafting], DraftStep]] = {
     "start_stir": plan_start_stir,
     "stir": plan_stir,
     "stop_stir": plan_stop_stir,
+    "stop_heat": plan_stop_heat,
     "stop_heat_stir": plan_stop,
     "wait": plan_wait,
     "weigh": plan_weigh,

@@ -11,14 +11,12 @@ from uuid import UUID
 
 from labweb.domain.crutd.operations import TransferLiquid
 from labweb.domain.enrollment.device import Device
-from labweb.domain.graph.topology import Medium
 from labweb.domain.resources.contents import total_nl
 from labweb.domain.units import parse
 from labweb.domain.workflows.passes.acting import draft_of, ramp_s, wait_job
 from labweb.domain.workflows.passes.draft import Drafting, DraftJob, DraftStep
 from labweb.domain.workflows.passes.layering import stated_lots
-from labweb.domain.workflows.passes.roles import plays
-from labweb.domain.workflows.passes.serving import find_carrier
+from labweb.domain.workflows.passes.serving import condenses, find_carrier, find_vacuum
 from labweb.domain.workflows.protocol import Step
 
 BATH_TOLERANCE_C = 2.0
@@ -39,11 +37,11 @@ def plan_evaporate(step: Step, drafting: Drafting) -> DraftStep:
     params = step.params
     vessel, receiver = UUID(params["vessel"]), UUID(params["receiver"])
     evaporator = find_carrier(step, drafting, vessel, "rotary_evaporator")
-    vacuum = _find_vacuum(step, drafting, vessel)
+    vacuum = find_vacuum(step, drafting, vessel)
     gone = stated_lots(step, drafting, vessel, "boils_off")
     if evaporator is None or vacuum is None or gone is None:
         return DraftStep(step=step)
-    if not _condenses(drafting, vessel, receiver):
+    if not condenses(drafting, vessel, receiver):
         message = f"no way for vapour leads from {drafting.name(vessel)} into it"
         drafting.refuse(step, "plan.no_condenser", message, "params.receiver")
         return DraftStep(step=step)
@@ -57,6 +55,8 @@ def plan_evaporate(step: Step, drafting: Drafting) -> DraftStep:
         target_id=receiver,
         amount_nl=total_nl(gone),
         parts_nl={str(lot): part for lot, part in gone.items()},
+        # What boils off is vapour: no solid goes with it.
+        keeps=tuple(UUID(lot) for lot in sorted(drafting.solids(vessel))),
     )
 
     def one(
@@ -85,32 +85,3 @@ def plan_evaporate(step: Step, drafting: Drafting) -> DraftStep:
         one(evaporator, "stop_heating", {}, "Stop heating the bath", SWITCH_S),
     ]
     return draft_of(step, jobs)
-
-
-def _find_vacuum(step: Step, drafting: Drafting, vessel: UUID) -> Device | None:
-    view = drafting.view
-    joined = [
-        view.device_by_node[end.resource_id]
-        for way in view.graph.by_resource.get(vessel, ())
-        if way.medium is Medium.VACUUM
-        for end in (way.source, way.target)
-        if end.resource_id in view.device_by_node
-    ]
-    found = [device for device in joined if plays(device, "vacuum_controller")]
-    if len(found) == 1:
-        return found[0]
-    code = "plan.ambiguous_device" if found else "plan.no_device"
-    message = (
-        f"{len(found)} vacuum controllers are joined to {drafting.name(vessel)}, one is needed"
-    )
-    drafting.refuse(step, code, message, "params.vessel", role="vacuum_controller")
-    return None
-
-
-def _condenses(drafting: Drafting, vessel: UUID, receiver: UUID) -> bool:
-    return any(
-        way.medium is Medium.GAS
-        and way.source.resource_id == vessel
-        and way.target.resource_id == receiver
-        for way in drafting.view.graph.by_resource.get(vessel, ())
-    )

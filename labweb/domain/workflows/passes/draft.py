@@ -66,6 +66,12 @@ class DraftJob:
     corrections: tuple[Correction, ...] = ()
     """Arguments that a calibration has changed, as asked and as sent."""
 
+    meets_next: bool = False
+    """It begins at the same moment as the job after it, which receives what this one gives."""
+
+    asks: str = ""
+    """What a person has to confirm before it is sent to a host; empty: nothing."""
+
     choices: tuple[DraftJob, ...] = ()
     """The same on each device that may do it, corrected; empty: on this one alone."""
 
@@ -79,8 +85,8 @@ class DraftStep:
     whole: TransferLiquid | None = None
     """For a step that moves liquid: the move as the person asked for it."""
 
-    pump_id: UUID | None = None
-    """For a step that moves liquid: the syringe that does it."""
+    pump_ids: tuple[UUID, ...] = ()
+    """For a step that moves liquid: the syringes that do it, in the order of flow."""
 
     empties: bool = False
     """The step empties the syringe, so the syringe has to hold something before it."""
@@ -100,6 +106,9 @@ class Drafting:
     contents: Callable[[UUID], Contents]
     """What a vessel holds at this point of the plan."""
 
+    masses: Callable[[UUID], Contents]
+    """What a vessel holds by then of what is counted by mass, in micrograms."""
+
     products: dict[str, LotId] = field(default_factory=dict)
     """By key: the lots that reactions of this plan make."""
 
@@ -117,6 +126,22 @@ class Drafting:
     def lot(self, key: str) -> LotId | None:
         """Return the lot of that key, one of this plan too; None: there is none."""
         return self.products.get(key) or self.view.lots.get(key)
+
+    def key_of(self, lot: LotId) -> str:
+        """Return what a person calls a lot: its key, else its id."""
+        known = {**self.view.lots, **self.products}
+        return next((key for key, one in known.items() if one == lot), str(lot))
+
+    def solids(self, vessel: UUID) -> dict[LotId, int]:
+        """Return the solid lots in a vessel at this point of the plan, in micrograms."""
+        known = {} if self.view.facts is None else self.view.facts.lots
+        found = {}
+        for lot, amount_ug in self.masses(vessel).items():
+            made = self.phases.get(self.key_of(lot))
+            phase = known[lot].phase if lot in known else made
+            if amount_ug and phase is not Phase.GAS:
+                found[lot] = amount_ug
+        return found
 
     def name(self, resource_id: UUID) -> str:
         """Return what a person calls a resource."""

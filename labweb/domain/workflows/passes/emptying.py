@@ -44,7 +44,9 @@ def plan_empty_syringe(step: Step, drafting: Drafting) -> DraftStep:
     if not jobs or len(made) < len(jobs):
         return DraftStep(step=step, whole=whole)
     notes = dead_volume_notes(leg)
-    return DraftStep(step=step, jobs=made, whole=whole, pump_id=pump_id, empties=True, notes=notes)
+    return DraftStep(
+        step=step, jobs=made, whole=whole, pump_ids=(pump_id,), empties=True, notes=notes
+    )
 
 
 def syringe_empty(name: str, step: Step) -> Finding:

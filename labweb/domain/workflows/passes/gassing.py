@@ -23,6 +23,9 @@ from labweb.domain.workflows.passes.roles import plays
 from labweb.domain.workflows.protocol import Step
 
 PRESSURE_TOLERANCE_RATIO = 0.1
+_LETS_GAS_THROUGH = (Medium.GAS, Medium.VACUUM, Medium.LIQUID)
+"""What a way between valve and vessel may be for: rigs evacuate by the tube that also drains."""
+
 TURN_S, PUMP_DOWN_S, STOP_S = 2.0, 60.0, 2.0
 MOST_ROUNDS = 20
 
@@ -123,7 +126,7 @@ def _find_valve(drafting: Drafting, vessel: UUID, gas: UUID) -> _GasValve | None
         common = str(resource.config.get("common_port", COMMON_PORT))
         far: dict[str, UUID] = {}
         for way in view.graph.by_resource.get(node, ()):
-            if way.medium is Medium.GAS:
+            if way.medium in _LETS_GAS_THROUGH:
                 ends = (way.source, way.target)
                 own, other = ends if ends[0].resource_id == node else ends[::-1]
                 far[own.port] = other.resource_id

@@ -16,10 +16,9 @@ from labweb.domain.errors import UnitError
 from labweb.domain.resources.contents import LotId, remove, take, total_nl
 from labweb.domain.units import parse_volume_nl, render_volume
 from labweb.domain.workflows.passes.acting import wait_job
+from labweb.domain.workflows.passes.chaining import choose_way, make_passes
 from labweb.domain.workflows.passes.draft import Drafting, DraftJob, DraftStep
-from labweb.domain.workflows.passes.pumping import choose_way
 from labweb.domain.workflows.passes.splitting import split_strokes
-from labweb.domain.workflows.passes.strokes import dead_volume_notes, make_strokes
 from labweb.domain.workflows.protocol import Step
 from labweb.domain.workflows.unit_operations import ALL
 
@@ -41,37 +40,34 @@ def plan_separate(step: Step, drafting: Drafting) -> DraftStep:
         amount_nl=amount_nl,
         parts_nl={str(lot): part for lot, part in layer.items()},
     )
-    pumping = choose_way(step, drafting, whole)
-    if pumping is None:
-        return DraftStep(step=step, whole=whole)
-    strokes = make_strokes(step, drafting, pumping.device, pumping.pump_id)
-    if strokes is None:
+    chain = choose_way(step, drafting, whole)
+    passes = None if chain is None else make_passes(step, drafting, chain)
+    if passes is None:
         return DraftStep(step=step, whole=whole)
     text = f"Let the layers in {drafting.name(vessel)} part"
     jobs: list[DraftJob | None] = [
         wait_job(step, drafting, (vessel,), sentence=text, duration="settle_for")
     ]
-    parts, left = split_strokes(amount_nl, strokes.stroke_nl), dict(layer)
+    parts, left = split_strokes(amount_nl, passes.stroke_nl), dict(layer)
     for place, part_nl in enumerate(parts, start=1):
         text = f", stroke {place} of {len(parts)}" if len(parts) > 1 else ""
         drawn = take(left, part_nl)
         left = remove(left, drawn)
-        draw = TransferLiquid(
+        part = TransferLiquid(
             source_id=vessel,
-            target_id=pumping.pump_id,
+            target_id=target,
             amount_nl=part_nl,
-            parts_nl={str(lot): part for lot, part in drawn.items()},
+            parts_nl={str(lot): nl for lot, nl in drawn.items()},
         )
-        push = TransferLiquid(source_id=pumping.pump_id, target_id=target, amount_nl=part_nl)
-        jobs += strokes.draw(draw, pumping.into, text) + strokes.push(push, pumping.out, text)
+        jobs += passes.move(part, text)
     if None in jobs:
         return DraftStep(step=step, whole=whole)
     return DraftStep(
         step=step,
         jobs=tuple(job for job in jobs if job is not None),
         whole=whole,
-        pump_id=pumping.pump_id,
-        notes=dead_volume_notes(pumping.into, pumping.out),
+        pump_ids=passes.chain.pump_ids,
+        notes=passes.chain.notes,
     )
 
 

@@ -76,6 +76,10 @@ class Ledger:
         """Return what a vessel holds at this point of the plan."""
         return self._states[resource_id].contents
 
+    def weighs(self, resource_id: UUID) -> Contents:
+        """Return what a vessel holds by mass at this point of the plan, in micrograms."""
+        return self._states[resource_id].masses
+
     def _is_possible(self, draft: DraftStep, whole: TransferLiquid) -> bool:
         if draft.empties and not self.holds(whole.source_id):
             name = self._states[whole.source_id].name
@@ -91,15 +95,14 @@ class Ledger:
     def _is_syringe_as_wanted(self, draft: DraftStep) -> bool:
         if draft.empties:
             return True
-        syringe_id = draft.pump_id
-        for job in draft.jobs:
-            if job.action == "initialize":
-                syringe_id = next(iter(_touched(job.operation)))
-        if syringe_id is None or syringe_id not in self._states:
-            return True
-        if syringe_id in self._tainted:
+        wanted = {
+            next(iter(_touched(job.operation))) for job in draft.jobs if job.action == "initialize"
+        }
+        known = [one for one in (*draft.pump_ids, *wanted) if one in self._states]
+        if not self._tainted.isdisjoint(known):
             return False
-        return self.check_empty(syringe_id, draft.step)
+        filled = [one for one in dict.fromkeys(known) if not self.check_empty(one, draft.step)]
+        return not filled
 
     def check_empty(self, syringe_id: UUID, step: Step) -> bool:
         """Tell whether a syringe is empty by the record; note it when it is not."""

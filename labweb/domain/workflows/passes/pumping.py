@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from uuid import UUID
 
 from labweb.domain.calibration.model import Quantity
-from labweb.domain.crutd.operations import TransferLiquid
 from labweb.domain.enrollment.device import Device
 from labweb.domain.errors import Finding, NoRouteError
 from labweb.domain.graph.routing import Route, find_route, is_numbered
@@ -15,7 +14,6 @@ from labweb.domain.graph.topology import Connection, Medium, PortRef
 from labweb.domain.resources.kinds import is_vessel
 from labweb.domain.units import parse
 from labweb.domain.workflows.passes.correcting import check_accuracy, largest_stroke_nl
-from labweb.domain.workflows.passes.draft import Drafting
 from labweb.domain.workflows.passes.roles import acting_node, plays, setting
 from labweb.domain.workflows.passes.splitting import count_strokes, split_strokes
 from labweb.domain.workflows.passes.view import LabView
@@ -69,55 +67,25 @@ def pump_node(view: LabView, device: Device) -> UUID | None:
     return syringes[0] if len(syringes) == 1 else None
 
 
-def choose_way(step: Step, drafting: Drafting, whole: TransferLiquid) -> Pumping | None:
-    """Find the pump of a step that moves liquid; note why there is none."""
-    wanted = None
-    if "pump" in step.params:
-        wanted = drafting.view.find_device(UUID(step.params["pump"]))
-        if wanted is None:
-            message = "no device of this lab drives the pump that is asked for"
-            drafting.refuse(step, "plan.no_device", message, "params.pump")
-            return None
-    through = UUID(step.params["through"]) if "through" in step.params else None
-    source, target = whole.source_id, whole.target_id
-    unfit: list[Finding] = []
-    answer = choose_pump(
-        drafting.view,
-        source,
-        target,
-        whole.amount_nl,
-        wanted,
-        through=through,
-        check=lambda way: _note(unfit, _check_share(step, drafting.view, way, whole.amount_nl)),
-    )
-    if isinstance(answer, Finding) and unfit:
-        for finding in unfit:
-            drafting.refuse(step, finding.code, finding.message, "params.accuracy")
-        return None
-    if isinstance(answer, Finding):
-        at = "params.target" if wanted is None else "params.pump"
-        drafting.refuse(step, answer.code, answer.message, at, **answer.context)
-        return None
-    return answer
-
-
-def _note(noted: list[Finding], found: list[Finding]) -> list[Finding]:
-    noted += found
-    return found
-
-
-def _check_share(step: Step, view: LabView, way: Pumping, amount_nl: int) -> list[Finding]:
+def check_share(
+    step: Step, view: LabView, device: Device, pump_id: UUID, amount_nl: int
+) -> list[Finding]:
     """List why a pump is not known to be as accurate as the step needs, stroke by stroke."""
     if "accuracy" not in step.params:
         return []
-    state = view.state(way.pump_id)
+    state = view.state(pump_id)
     syringe_nl = 0 if state is None else state.capacity_nl or 0
-    stroke_nl = largest_stroke_nl(way.device, syringe_nl)
+    stroke_nl = largest_stroke_nl(device, syringe_nl)
     is_planned = stroke_nl > 0 and count_strokes(amount_nl, stroke_nl) <= MOST_STROKES
     parts = split_strokes(amount_nl, stroke_nl) if is_planned else (amount_nl,)
     volumes_ul = [part / 1000 for part in sorted(set(parts))]
     wanted = parse(step.params["accuracy"], "share")
-    return check_accuracy(way.device, Quantity.VOLUME, volumes_ul, wanted)
+    return check_accuracy(device, Quantity.VOLUME, volumes_ul, wanted)
+
+
+def pump_nodes(devices: Iterable[Device], view: LabView) -> list[tuple[Device, UUID]]:
+    """Return those of the devices that can pump, with the syringe of each."""
+    return [(device, node) for device in devices if (node := pump_node(view, device)) is not None]
 
 
 def choose_pump(  # noqa: PLR0913 - what is moved, and by which way it may go
@@ -139,8 +107,7 @@ def choose_pump(  # noqa: PLR0913 - what is moved, and by which way it may go
         The pump with its legs, or the finding that says why no single pump can do it.
         The finding's subject is left empty.
     """
-    devices = view.devices_by_key if wanted is None else (wanted,)
-    pumps = [(device, node) for device in devices if (node := pump_node(view, device)) is not None]
+    pumps = pump_nodes(view.devices_by_key if wanted is None else (wanted,), view)
     if not pumps:
         whose = "no device of this lab is" if wanted is None else f"{wanted.name} is not"
         return Finding("plan.no_device", f"{whose} a driven syringe pump")
@@ -184,17 +151,39 @@ def _try_pump(
         out = _find_way_out(view, pump_id, target, through)
     except NoRouteError as error:
         return Finding(error.code, error.message, "", error.context)
-    ends = (into.ports[-1], out.ports[0])
-    problem = _check_pump_ports(view, device, pump_id, ends)
+    problem = _check_pump_ports(view, device, pump_id, (into.ports[-1], out.ports[0]))
     if problem is not None:
         return problem
     legs = []
-    for route, end in ((into, ends[0]), (out, ends[1])):
-        turns = _turns(view, device, route, end)
-        if isinstance(turns, Finding):
-            return turns
-        legs.append(Leg(route=route, turns=turns))
+    for route in (into, out):
+        leg = make_leg(view, route, {pump_id: device})
+        if isinstance(leg, Finding):
+            return leg
+        legs.append(leg)
     return Pumping(device=device, pump_id=pump_id, into=legs[0], out=legs[1])
+
+
+def make_leg(view: LabView, route: Route, pumps: Mapping[UUID, Device]) -> Leg | Finding:
+    """Return a way with all that is turned for it, the valves of the syringes at its ends too.
+
+    Args:
+        view: The lab.
+        route: The way.
+        pumps: By syringe, the device that moves it.
+
+    Returns:
+        The leg, or a finding whose subject is left empty.
+    """
+    for end in (route.ports[0], route.ports[-1]):
+        device = pumps.get(end.resource_id)
+        if device is None:
+            continue
+        is_drawn = end is route.ports[-1]
+        problem = _check_pump_ports(view, device, end.resource_id, (end,), draws=is_drawn)
+        if problem is not None:
+            return problem
+    turns = _turns(view, route, pumps)
+    return turns if isinstance(turns, Finding) else Leg(route=route, turns=turns)
 
 
 def _find_way_out(view: LabView, pump_id: UUID, target: UUID, through: UUID | None) -> Route:
@@ -225,11 +214,7 @@ def find_outlet(view: LabView, device: Device, pump_id: UUID, target: UUID) -> L
         out = find_route(view.graph, view.tree, pump_id, target)
     except NoRouteError as error:
         return Finding(error.code, error.message, "", error.context)
-    problem = _check_pump_ports(view, device, pump_id, (out.ports[0],), draws=False)
-    if problem is not None:
-        return problem
-    turns = _turns(view, device, out, out.ports[0])
-    return turns if isinstance(turns, Finding) else Leg(route=out, turns=turns)
+    return make_leg(view, out, {pump_id: device})
 
 
 def _check_pump_ports(
@@ -271,9 +256,7 @@ def _leads(connection: Connection, pump_id: UUID, *, inwards: bool) -> bool:
     return end.resource_id == pump_id
 
 
-def _turns(
-    view: LabView, device: Device, route: Route, pump_end: PortRef
-) -> tuple[Turn, ...] | Finding:
+def _turns(view: LabView, route: Route, pumps: Mapping[UUID, Device]) -> tuple[Turn, ...] | Finding:
     turns = []
     for position in route.valves:
         driven_by = view.device_by_node.get(position.valve_id)
@@ -282,8 +265,10 @@ def _turns(
             message = f"{name} is on the way, and no device of this lab turns it"
             return Finding("plan.no_device", message)
         turns.append(Turn(driven_by, position.valve_id, position.port_index))
-    if is_numbered(pump_end.port) and _selects(device, pump_end.resource_id):
-        turns.append(Turn(device, pump_end.resource_id, int(pump_end.port)))
+    for end in (route.ports[0], route.ports[-1]):
+        device = pumps.get(end.resource_id)
+        if device is not None and is_numbered(end.port) and _selects(device, end.resource_id):
+            turns.append(Turn(device, end.resource_id, int(end.port)))
     for turn in turns:
         count = setting(turn.device, "ports_count")
         if count is not None and turn.port_index > count:

@@ -6,10 +6,10 @@ from uuid import UUID
 
 from labweb.domain.crutd.operations import TransferLiquid
 from labweb.domain.units import parse_volume_nl, render_volume
+from labweb.domain.workflows.passes.chaining import choose_way, make_passes
 from labweb.domain.workflows.passes.draft import Drafting, DraftJob, DraftStep
-from labweb.domain.workflows.passes.pumping import MOST_STROKES, choose_way
+from labweb.domain.workflows.passes.pumping import MOST_STROKES
 from labweb.domain.workflows.passes.splitting import count_strokes, split_strokes
-from labweb.domain.workflows.passes.strokes import make_strokes
 from labweb.domain.workflows.protocol import Step
 
 
@@ -25,23 +25,18 @@ def plan_push_gas(step: Step, drafting: Drafting) -> DraftStep:
         drafting.refuse(step, "plan.no_gas", message, "params.gas")
         return DraftStep(step=step)
     whole = TransferLiquid(source_id=gas, target_id=target, amount_nl=amount_nl)
-    pumping = choose_way(step, drafting, whole)
-    if pumping is None:
+    chain = choose_way(step, drafting, whole)
+    passes = None if chain is None else make_passes(step, drafting, chain, is_gas=True)
+    if passes is None:
         return DraftStep(step=step)
-    strokes = make_strokes(step, drafting, pumping.device, pumping.pump_id, is_gas=True)
-    if strokes is None:
-        return DraftStep(step=step)
-    if count_strokes(amount_nl, strokes.stroke_nl) > MOST_STROKES:
+    if count_strokes(amount_nl, passes.stroke_nl) > MOST_STROKES:
         message = f"{render_volume(amount_nl)} of gas takes more than {MOST_STROKES} strokes"
         drafting.refuse(step, "plan.too_many_strokes", message, "params.volume")
         return DraftStep(step=step)
     jobs: list[DraftJob | None] = []
-    pump_id = pumping.pump_id
-    for part_nl in split_strokes(amount_nl, strokes.stroke_nl):
-        draw = TransferLiquid(source_id=gas, target_id=pump_id, amount_nl=part_nl)
-        push = TransferLiquid(source_id=pump_id, target_id=target, amount_nl=part_nl)
-        jobs += strokes.draw(draw, pumping.into) + strokes.push(push, pumping.out)
+    for part_nl in split_strokes(amount_nl, passes.stroke_nl):
+        jobs += passes.move(TransferLiquid(source_id=gas, target_id=target, amount_nl=part_nl))
     made = tuple(job for job in jobs if job is not None)
     if len(made) < len(jobs):
         return DraftStep(step=step)
-    return DraftStep(step=step, jobs=made, pump_id=pump_id)
+    return DraftStep(step=step, jobs=made, pump_ids=passes.chain.pump_ids)

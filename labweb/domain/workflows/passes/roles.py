@@ -65,11 +65,16 @@ def plays(device: Device, role: str) -> bool:
 
 
 def acting_node(device: Device, action: str) -> UUID | None:
-    """Return the resource that acts: the node of the action's role, or the only one."""
+    """Return the resource that acts: the node of the action's role, or the only one.
+
+    A driver of two trades, as a heater that stirs, may act through a node for each of them.
+    """
     role = device.spec.action(action).role
     if role in device.nodes:
         return device.nodes[role]
-    nodes = set(device.nodes.values())
+    able = {name for name, offer in OFFERS.items() if action in offer.actions}
+    nodes = {node for name, node in device.nodes.items() if name in able}
+    nodes = nodes or set(device.nodes.values())
     return nodes.pop() if len(nodes) == 1 else None
 
 

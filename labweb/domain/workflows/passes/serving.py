@@ -6,6 +6,7 @@ from uuid import UUID
 
 from labweb.domain.calibration.model import Quantity
 from labweb.domain.enrollment.device import Device
+from labweb.domain.graph.topology import Medium
 from labweb.domain.units import parse
 from labweb.domain.workflows.passes.correcting import ACCURACIES, check_accuracy, in_force
 from labweb.domain.workflows.passes.draft import Drafting
@@ -76,3 +77,34 @@ def is_accurate(
     for finding in found:
         drafting.refuse(step, finding.code, finding.message, "params.accuracy")
     return not found
+
+
+def find_vacuum(step: Step, drafting: Drafting, vessel: UUID) -> Device | None:
+    """Return the one controller of the vacuum on a vessel; note when it is not one."""
+    view = drafting.view
+    joined = [
+        view.device_by_node[end.resource_id]
+        for way in view.graph.by_resource.get(vessel, ())
+        if way.medium is Medium.VACUUM
+        for end in (way.source, way.target)
+        if end.resource_id in view.device_by_node
+    ]
+    found = [device for device in joined if plays(device, "vacuum_controller")]
+    if len(found) == 1:
+        return found[0]
+    code = "plan.ambiguous_device" if found else "plan.no_device"
+    message = (
+        f"{len(found)} vacuum controllers are joined to {drafting.name(vessel)}, one is needed"
+    )
+    drafting.refuse(step, code, message, "params.vessel", role="vacuum_controller")
+    return None
+
+
+def condenses(drafting: Drafting, vessel: UUID, receiver: UUID) -> bool:
+    """Tell whether a one-way tube for gas leads from a vessel to one that condenses its vapour."""
+    return any(
+        way.medium is Medium.GAS
+        and way.source.resource_id == vessel
+        and way.target.resource_id == receiver
+        for way in drafting.view.graph.by_resource.get(vessel, ())
+    )

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from uuid import UUID
 
 from labweb.domain.crutd.conditions import Condition
-from labweb.domain.crutd.operations import TransferLiquid, Update
+from labweb.domain.crutd.operations import Operation, TransferLiquid, Update
 from labweb.domain.enrollment.device import Device
 from labweb.domain.units import parse, render_volume
 from labweb.domain.workflows.passes.correcting import largest_stroke_nl
@@ -55,6 +55,17 @@ class Strokes:
         turns = [self._turn(turn, text) for turn in leg.turns]
         return [*turns, self._move("dispense", operation, leg, text)]
 
+    def pass_on(
+        self, operation: TransferLiquid, leg: Leg, receiver: Strokes, text: str = ""
+    ) -> list[DraftJob | None]:
+        """Turn the valves between two syringes, then push as the next one draws."""
+        turns = [self._turn(turn, text) for turn in leg.turns]
+        give = self._move("dispense", operation, leg, text)
+        received = Update(resource_id=operation.target_id, data={})
+        receive = receiver._move("aspirate", operation, leg, text, booked=received)
+        given = None if give is None else replace(give, meets_next=True)
+        return [*turns, given, receive]
+
     def _turn(self, turn: Turn, text: str) -> DraftJob | None:
         name = self.drafting.name(turn.node_id)
         return self.drafting.job(
@@ -67,7 +78,14 @@ class Strokes:
             estimate_s=TURN_S,
         )
 
-    def _move(self, action: str, operation: TransferLiquid, leg: Leg, text: str) -> DraftJob | None:
+    def _move(
+        self,
+        action: str,
+        operation: TransferLiquid,
+        leg: Leg,
+        text: str,
+        booked: Operation | None = None,
+    ) -> DraftJob | None:
         device, drafting = self.device, self.drafting
         is_draw = action == "aspirate"
         amount_ul = operation.amount_nl / 1000
@@ -87,7 +105,7 @@ class Strokes:
             {"volume_ul": amount_ul, "rate_ul_s": self.rate_ul_s},
             sentence=f"{verb} {render_volume(operation.amount_nl)} {way} "
             f"{drafting.name(far)}{text}",
-            operation=_of_gas(operation, is_draw=is_draw) if self.is_gas else operation,
+            operation=_of_gas(operation, is_draw=is_draw) if self.is_gas else booked or operation,
             pre=pre,
             post=[self._syringe_holds(amount_ul if is_draw else 0.0, "pump.syringe_volume")],
             locks={*leg.route.resource_ids, *(t.node_id for t in leg.turns), *seen}

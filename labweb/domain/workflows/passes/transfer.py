@@ -7,12 +7,13 @@ from uuid import UUID
 from labweb.domain.crutd.operations import TransferLiquid
 from labweb.domain.resources.contents import total_nl
 from labweb.domain.units import parse_volume_nl, render_volume
+from labweb.domain.workflows.passes.chaining import choose_way, make_passes
 from labweb.domain.workflows.passes.confirming import MAY_STAY_UNCONFIRMED, may_confirm
 from labweb.domain.workflows.passes.draft import Drafting, DraftJob, DraftStep, MassCheck
-from labweb.domain.workflows.passes.pumping import MOST_STROKES, choose_way
+from labweb.domain.workflows.passes.pumping import MOST_STROKES
 from labweb.domain.workflows.passes.roles import plays
 from labweb.domain.workflows.passes.splitting import count_strokes, split_strokes
-from labweb.domain.workflows.passes.strokes import check_fineness, dead_volume_notes, make_strokes
+from labweb.domain.workflows.passes.strokes import check_fineness
 from labweb.domain.workflows.protocol import Step
 from labweb.domain.workflows.unit_operations import ALL
 
@@ -33,37 +34,34 @@ def plan_transfer(step: Step, drafting: Drafting) -> DraftStep:
         return DraftStep(step=step)
     whole = TransferLiquid(source_id=source, target_id=target, amount_nl=amount_nl)
     mass_check = _mass_check(step, drafting, target)
-    pumping = choose_way(step, drafting, whole)
-    if pumping is None:
+    chain = choose_way(step, drafting, whole)
+    passes = None if chain is None else make_passes(step, drafting, chain, mass_check)
+    if passes is None:
         return DraftStep(step=step, whole=whole)
-    strokes = make_strokes(step, drafting, pumping.device, pumping.pump_id, mass_check)
-    if strokes is None:
-        return DraftStep(step=step, whole=whole)
-    count = count_strokes(amount_nl, strokes.stroke_nl)
+    count = count_strokes(amount_nl, passes.stroke_nl)
     if count > MOST_STROKES:
         message = (
             f"{render_volume(amount_nl)} takes {count} strokes of "
-            f"{render_volume(strokes.stroke_nl)}; at most {MOST_STROKES} are planned"
+            f"{render_volume(passes.stroke_nl)}; at most {MOST_STROKES} are planned"
         )
         drafting.refuse(step, "plan.too_many_strokes", message, "params.volume")
         return DraftStep(step=step, whole=whole)
-    parts = split_strokes(amount_nl, strokes.stroke_nl)
-    check_fineness(step, drafting, pumping.device, strokes.syringe_nl, parts)
+    parts = split_strokes(amount_nl, passes.stroke_nl)
+    for one in passes.strokes:
+        check_fineness(step, drafting, one.device, one.syringe_nl, parts)
     jobs: list[DraftJob | None] = []
-    pump_id = pumping.pump_id
     for place, part_nl in enumerate(parts, start=1):
         text = f", stroke {place} of {len(parts)}" if len(parts) > 1 else ""
-        draw = TransferLiquid(source_id=source, target_id=pump_id, amount_nl=part_nl)
-        push = TransferLiquid(source_id=pump_id, target_id=target, amount_nl=part_nl)
-        jobs += strokes.draw(draw, pumping.into, text) + strokes.push(push, pumping.out, text)
+        part = TransferLiquid(source_id=source, target_id=target, amount_nl=part_nl)
+        jobs += passes.move(part, text)
         if None in jobs:
             return DraftStep(step=step, whole=whole)
     return DraftStep(
         step=step,
         jobs=tuple(job for job in jobs if job is not None),
         whole=whole,
-        pump_id=pumping.pump_id,
-        notes=dead_volume_notes(pumping.into, pumping.out),
+        pump_ids=passes.chain.pump_ids,
+        notes=passes.chain.notes,
     )
 
 

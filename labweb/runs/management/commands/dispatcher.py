@@ -104,6 +104,7 @@ class Watch:
             services.note_silence,
             self._tell_silent,
             services.judge_ended,
+            services.reread_answers,
             services.switch_waiting,
             telemetry_services.ring_incoming,
             telemetry_services.roll_up,

@@ -10,13 +10,12 @@ from typing import Any
 from django.core.management.base import BaseCommand, CommandError
 
 from labweb.domain.errors import LabError
-from labweb.domain.graph.lab_file.bind import apply_binding
 from labweb.domain.graph.lab_file.bindings import read_binding
-from labweb.domain.graph.lab_file.detect import Document, Format
 from labweb.domain.graph.lab_file.model import LabFile
+from labweb.domain.recipes.graph_formats.document import Document, Format
 from labweb.runs.services.seed import seed
 
-DEFAULT_BINDING = Path(__file__).parents[4] / "fixtures" / "bindings" / "uni_lab_os.json"
+BINDINGS = Path(__file__).parents[4] / "fixtures" / "bindings"
 
 
 class Command(BaseCommand):
@@ -54,11 +53,10 @@ class Command(BaseCommand):
     def _read(self, path: Path, bind: Path | None) -> LabFile:
         raw = path.read_bytes()
         document = Document(raw, path.stem)
-        lab_file = document.read()
         if document.format is Format.LABWEB:
-            return lab_file
-        binding = read_binding((bind or DEFAULT_BINDING).read_bytes())
-        bound, notes = apply_binding(lab_file, binding)
+            return document.read()
+        path = bind or BINDINGS / f"{document.format}.json"
+        bound, notes = document.bound(read_binding(path.read_bytes()))
         for note in notes:
             self.stdout.write(f"note: {note.subject}: {note.message}")
         return bound

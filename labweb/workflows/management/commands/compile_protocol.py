@@ -11,15 +11,16 @@ from typing import Any
 
 from django.core.management.base import CommandError
 
+from labweb.common.clock import SystemClock
 from labweb.domain.errors import Finding, LabError, LabFileError, UnitError
 from labweb.domain.graph.rig.read import read_rig
+from labweb.domain.recipes.advise.search import Advice, advise
+from labweb.domain.recipes.recipe_on_rig import digest, plan_recipe, read_recipe
+from labweb.domain.recipes.recipe_plan import Wish
+from labweb.domain.recipes.xdl.declared import bindings, read_declared
+from labweb.domain.recipes.xdl.markup import MAX_BYTES
+from labweb.domain.recipes.xdl.to_workflow import parse_pairs
 from labweb.domain.units import parse_volume_nl
-from labweb.domain.workflows.advise.search import Advice, advise
-from labweb.domain.workflows.recipe_on_rig import digest, plan_recipe, read_recipe
-from labweb.domain.workflows.recipe_plan import Wish
-from labweb.domain.workflows.xdl.declared import bindings, read_declared
-from labweb.domain.workflows.xdl.markup import MAX_BYTES
-from labweb.domain.workflows.xdl.to_workflow import parse_pairs
 from labweb.workflows.management.commands.compile_transfers import read_graph
 from labweb.workflows.management.file_command import MANY, FileCommand
 
@@ -34,7 +35,8 @@ class Command(FileCommand):
     help = (
         "Compile a recipe in XDL (XML or JSON) against the physical graph of a lab: every pump, "
         "valve and device in order, with time, amounts and what a person does. Exit code: 0 there "
-        "is a plan, 2 it is refused with every reason, 1 a file cannot be read. Needs no database."
+        "is a plan, 2 it is refused with every reason, and with what to change on the rig where "
+        "that helps, 1 a file cannot be read. Needs no database."
     )
 
     def add_arguments(self, parser: ArgumentParser) -> None:
@@ -71,13 +73,10 @@ class Command(FileCommand):
         parser.add_argument("--equiv-reference", default="", help="reagent that counts equivalents")
         parser.add_argument("--equiv-amount", default="", help="how much of it is one equivalent")
         parser.add_argument(
-            "--advise", action="store_true", help="where it does not fit: say what to change"
-        )
-        parser.add_argument(
             "--write-graph",
             type=Path,
             metavar="FILE",
-            help="with --advise: write the changed graph",
+            help="where the recipe does not fit: write the graph with what has to be changed",
         )
         parser.add_argument("--json", action="store_true", help="print plan or findings as JSON")
 
@@ -114,7 +113,7 @@ class Command(FileCommand):
         try:
             plan = plan_recipe(recipe, rig, wish, head).plan
         except LabError as error:
-            advice = advise(recipe, rig, wish) if options["advise"] else None
+            advice = advise(recipe, rig, wish, SystemClock())
             self._print(error, as_json=options["json"], advice=advice)
             _write_graph(advice, options["write_graph"])
             raise CommandError(f"{error.code}: {error.message}", returncode=REFUSED) from error
@@ -158,15 +157,11 @@ class Command(FileCommand):
 
 def _check_options(options: dict[str, Any]) -> None:
     path = options["write_graph"]
-    if path is None:
-        return
-    if not options["advise"]:
-        raise CommandError("--write-graph writes what --advise finds: give both")
-    if path.exists():
+    if path is not None and path.exists():
         raise CommandError(f"{path} is there already: nothing is written over")
 
 
-def _write_graph(advice: Advice | list[Finding] | None, path: Path | None) -> None:
+def _write_graph(advice: Advice | list[Finding], path: Path | None) -> None:
     if path is None or not isinstance(advice, Advice):
         return
     try:

@@ -16,7 +16,7 @@ from labweb.domain.errors import Finding, LabFileError
 from labweb.domain.graph.lab_file.guard import MAX_BYTES
 from labweb.domain.graph.rig.model import Rig
 from labweb.domain.graph.rig.read import read_rig, unpacked
-from labweb.domain.workflows.rig_transfers import MOST_LINE_BYTES, compile_line
+from labweb.domain.recipes.rig_transfers import MOST_LINE_BYTES, compile_line
 from labweb.workflows.management.file_command import FileCommand
 
 REFUSED = 2

@@ -14,15 +14,15 @@ from django.core.management.base import CommandError
 from labweb.domain.errors import Finding, LabError, LabFileError
 from labweb.domain.graph.rig.model import Rig
 from labweb.domain.graph.rig.read import read_rig
-from labweb.domain.workflows.agreement.check import check_same
-from labweb.domain.workflows.agreement.weaving import weave_rinses
-from labweb.domain.workflows.recipe_on_rig import digest, plan_recipe, read_recipe, workflow_of
-from labweb.domain.workflows.recipe_plan import Wish
-from labweb.domain.workflows.xdl.declared import bindings, read_declared
-from labweb.domain.workflows.xdl.markup import MAX_BYTES
-from labweb.domain.workflows.xdl.recipe import Recipe
-from labweb.domain.workflows.xdl.to_workflow import parse_pairs
-from labweb.domain.workflows.xdl.write import VERSIONS, render_as
+from labweb.domain.recipes.agreement.check import check_same
+from labweb.domain.recipes.agreement.weaving import weave_rinses
+from labweb.domain.recipes.recipe_on_rig import digest, plan_recipe, read_recipe, workflow_of
+from labweb.domain.recipes.recipe_plan import Wish
+from labweb.domain.recipes.xdl.declared import bindings, read_declared
+from labweb.domain.recipes.xdl.markup import MAX_BYTES
+from labweb.domain.recipes.xdl.recipe import Recipe
+from labweb.domain.recipes.xdl.to_workflow import parse_pairs
+from labweb.domain.recipes.xdl.write import VERSIONS, render_as
 from labweb.workflows.management.commands.compile_transfers import read_graph
 from labweb.workflows.management.file_command import MANY, FileCommand
 

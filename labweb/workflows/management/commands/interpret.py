@@ -16,10 +16,10 @@ from labweb.domain.errors import Finding, LabError, LabFileError, ProtocolError
 from labweb.domain.graph.lab_file.guard import MAX_BYTES
 from labweb.domain.graph.rig.model import Rig
 from labweb.domain.graph.rig.read import read_rig
-from labweb.domain.workflows.interpret.execute import check_plan
-from labweb.domain.workflows.interpret.plan import parse_plan
-from labweb.domain.workflows.interpret.plumbing import Plumbing
-from labweb.domain.workflows.interpret.request import check_answer
+from labweb.domain.proof.execute import check_plan
+from labweb.domain.proof.plan import parse_plan
+from labweb.domain.proof.plumbing import Plumbing
+from labweb.domain.proof.request import check_answer
 from labweb.workflows.management.commands.compile_transfers import read_graph
 from labweb.workflows.management.file_command import FileCommand
 

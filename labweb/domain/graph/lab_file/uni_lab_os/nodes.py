@@ -56,7 +56,8 @@ class Graph:
     top: Mapping[str, Any]
     """Everything of the file beside nodes and links."""
 
-    findings: list[Finding] = field(default_factory=list)
+    notes: list[Finding] = field(default_factory=list)
+    """Children that nodes list and the file does not hold: their classes make them at run time."""
 
 
 def read_graph(raw: bytes) -> Graph:
@@ -87,7 +88,24 @@ def read_graph(raw: bytes) -> Graph:
         raise refuse_all(findings, "the graph")
     placed = {"nodes", links_field}
     top = {name: part for name, part in value.items() if name not in placed}
-    return Graph(nodes, links, links_field, top)
+    return Graph(nodes, links, links_field, top, _made_later(nodes))
+
+
+def _made_later(nodes: Iterable[Node]) -> list[Finding]:
+    """Note each child that is listed and has no node of its own."""
+    nodes = list(nodes)
+    known = {node.key for node in nodes}
+    return [
+        Finding(
+            "uni_lab_os.made_later",
+            f"{node.key}: its child {child!r} is not in the file: its class makes it at run time, "
+            "so nothing is known of it here",
+            node.key,
+        )
+        for node in nodes
+        for child in node.raw.get("children") or ()
+        if _key(child) not in known
+    ]
 
 
 def _why_no_graph(value: object) -> tuple[str, str, str]:
@@ -160,6 +178,8 @@ def _nodes(values: list[Mapping[str, Any]], findings: list[Finding]) -> list[Nod
     for key, value in keyed:
         parent = _own_parent(key, value, by_uuid, findings)
         lister = listed.get(key)
+        if parent is not None and parent not in counts and lister is not None:
+            parent = lister  # What it names is made at run time, in the node that lists it.
         if parent is not None and parent not in counts:
             message = f"parent {parent!r} of {key!r} is not in the file"
             findings.append(Finding("tree.dangling_parent", message, key))
@@ -195,10 +215,10 @@ def _listed_parents(
         children = value.get("children")
         for child in children if isinstance(children, list) else ():
             child_key = _key(child)
-            if child_key is None or child_key not in known:
-                message = f"{key!r} lists the child {child!r}, which is not in the file"
+            if child_key is None:
+                message = f"{key!r} lists the child {child!r}, which is no id"
                 findings.append(Finding("tree.dangling_child", message, key))
-            else:
+            elif child_key in known:
                 listers[child_key].append(key)
     for child_key, parents in listers.items():
         if len(set(parents)) > 1:

@@ -64,7 +64,7 @@ def read_uni_lab_os(raw: bytes, name: str) -> LabFile:
     graph = read_graph(raw)
     lab = lab_id(name)
     stock = Stock(lab)
-    notes: list[Finding] = []
+    notes: list[Finding] = list(graph.notes)
     resources = _resources(graph, lab, name, stock, notes)
     by_key = {resource.key: resource.id for resource in resources}
     result = LabFile(

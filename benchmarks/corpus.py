@@ -1,0 +1,199 @@
+"""Every recipe of a folder on its rig: is it compiled, is its plan proved, would it start?
+
+`python -m benchmarks.corpus FOLDER [--start]` prints one line of JSON for each recipe beside a rig
+(`corpus_pairs`), and the totals last. No database is asked, and nothing moves.
+
+Compiled and proved is what `manage.py compile_protocol` does. To start, the recipe becomes the
+workflow that a browser would save of it, with the vessels and flasks of that plan; the graph
+becomes a lab (`corpus_lab`) in which a person has filled the flasks as the plan says; and the
+workflow is planned and proved there as the server does at each start. A recipe without a proved
+plan is not started.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from benchmarks.corpus_lab import jars_of, lab_of
+from benchmarks.corpus_pairs import Pair, find_pairs
+from labweb.domain.errors import Finding, LabError
+from labweb.domain.graph.rig.read import read_rig, unpacked
+from labweb.domain.recipes.opening import Asked, workflow_from
+from labweb.domain.recipes.recipe_on_rig import digest, plan_recipe, read_recipe
+from labweb.domain.recipes.xdl.recipe import Recipe, Step
+from labweb.domain.workflows.compile import compile_workflow
+from labweb.domain.workflows.protocol import parse_workflow, resolve_keys
+from labweb.domain.workflows.proving import Proof, prove_plan
+
+_UNPROVED = "plan.not_proved"
+
+
+@dataclass(kw_only=True)
+class Judged:
+    """What became of one recipe on its rig."""
+
+    is_compiled: bool = False
+    is_proved: bool = False
+    is_started: bool | None = None
+    """None: nobody tried."""
+
+    beyond_count: int = 0
+    """Steps of the workflow that change matter and that no proof covers."""
+
+    findings: list[dict[str, str]] = field(default_factory=list)
+
+    def to_json(self, pair: Pair, folder: Path) -> dict[str, Any]:
+        """Render one line. `ran` is None: nothing is run."""
+        return {
+            "recipe": str(pair.recipe.relative_to(folder)),
+            "rig": str(pair.rig.relative_to(folder)),
+            "compiled": self.is_compiled,
+            "proved": self.is_proved,
+            "started": self.is_started,
+            "ran": None,
+            "findings": self.findings,
+        }
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Judge a folder; exit code 2 when it is none, or holds no recipe beside a rig."""
+    parser = argparse.ArgumentParser(
+        prog="python -m benchmarks.corpus",
+        description="Compile and prove every recipe of a folder on the rig beside it.",
+    )
+    parser.add_argument("folder", type=Path, help="folder of recipes beside their rigs")
+    parser.add_argument("--start", action="store_true", help="plan each as a start would")
+    options = parser.parse_args(arguments)
+    pairs = find_pairs(options.folder) if options.folder.is_dir() else []
+    if not pairs:
+        sys.stderr.write(f"{options.folder}: no recipe lies there beside a rig\n")
+        return 2
+    told = []
+    for pair in pairs:
+        told.append(judge(pair, is_started=options.start))
+        print(json.dumps(told[-1].to_json(pair, options.folder), ensure_ascii=False), flush=True)
+    print(json.dumps({"totals": totals(told)}, ensure_ascii=False))
+    return 0
+
+
+def judge(pair: Pair, *, is_started: bool) -> Judged:
+    """Compile one recipe, prove its plan, and start it on paper if that is asked."""
+    judged = Judged()
+    recipe = None
+    try:
+        asked = _asked(pair)
+        graph = unpacked(asked.graph)
+        rig = read_rig(graph)
+        recipe = read_recipe(asked.recipe, rig)
+        wish = asked.wish(recipe, asked.stated())
+        plan = plan_recipe(recipe, rig, wish, asked.head(digest(graph))).plan
+    except LabError as error:
+        judged.is_compiled = error.code == _UNPROVED
+        judged.findings += _told("compile", error, _steps_of(recipe))
+        return judged
+    judged.is_compiled = judged.is_proved = True
+    if is_started:
+        _start(pair, plan, recipe, judged)
+    return judged
+
+
+def _asked(pair: Pair, bind: Mapping[str, str] | None = None) -> Asked:
+    declared = pair.declared()
+    return Asked(
+        name=pair.recipe.stem,
+        recipe=pair.recipe.read_bytes(),
+        graph=pair.rig.read_bytes(),
+        declared=b"" if declared is None else declared.read_bytes(),
+        bind=bind or {},
+    )
+
+
+def _start(pair: Pair, plan: Mapping[str, Any], recipe: Recipe, judged: Judged) -> None:
+    names = _steps_of(recipe)
+    try:
+        asked = _asked(pair, _bound(plan, recipe))
+        document = workflow_from(asked)["document"]
+        names |= {step["id"]: step["kind"] for step in document["steps"]}
+        proof = _proved(document, asked, plan)
+    except LabError as error:
+        judged.is_started = False
+        judged.findings += _told("start", error, names)
+        return
+    judged.is_started, judged.beyond_count = True, len(proof.beyond)
+
+
+def _bound(plan: Mapping[str, Any], recipe: Recipe) -> dict[str, str]:
+    """Return the vessel or flask of each name that one alone stands for, as far as declared."""
+    bound = {**plan["bindings"]["vessels"], **plan["bindings"]["reagents"]}
+    declared = {one.id for one in recipe.synthesis.hardware}
+    declared |= {one.id for one in recipe.synthesis.reagents}
+    found = {n: key for n, key in bound.items() if isinstance(key, str) and n in declared}
+    return found | {lot: key for lot, key in jars_of(plan).items() if lot in declared}
+
+
+def _proved(document: dict[str, Any], asked: Asked, plan: Mapping[str, Any]) -> Proof:
+    view = lab_of(asked.graph, asked.name, plan)
+    workflow = resolve_keys(parse_workflow(document), view.tree)
+    proof = prove_plan(workflow, compile_workflow(workflow, view), view)
+    proof.require()
+    return proof
+
+
+def _told(at: str, error: LabError, names: Mapping[str, str]) -> list[dict[str, str]]:
+    findings = error.findings or (Finding(error.code, error.message),)
+    return [
+        {
+            "at": at,
+            "code": one.code,
+            "message": one.message,
+            "step": names.get(str(one.context.get("line", "")), names.get(one.subject, "")),
+            "subject": one.subject,
+        }
+        for one in findings
+    ]
+
+
+def _steps_of(recipe: Recipe | None) -> dict[str, str]:
+    """Return the name of the step in each line, or at each path, of a recipe."""
+    if recipe is None:
+        return {}
+    procedures = [*recipe.syntheses, *recipe.blueprints.values()]
+    steps = [step for one in procedures for step in _all(one.steps)]
+    lines = {str(step.place.line): step.name for step in steps if step.place.line}
+    return lines | {str(step.place): step.name for step in steps}
+
+
+def _all(steps: Iterable[Step]) -> Iterator[Step]:
+    for step in steps:
+        yield step
+        yield from _all(step.children)
+
+
+def totals(judged: list[Judged]) -> dict[str, Any]:
+    """Count, and rank what refuses: where, by which code, at which step, of how many recipes."""
+    refusals = Counter(
+        told for one in judged for told in {(f["at"], f["code"], f["step"]) for f in one.findings}
+    )
+    ranked = sorted(refusals.items(), key=lambda entry: (-entry[1], entry[0]))
+    return {
+        "pairs": len(judged),
+        "compiled": sum(one.is_compiled for one in judged),
+        "proved": sum(one.is_proved for one in judged),
+        "started": sum(one.is_started is True for one in judged),
+        "steps_beyond_proof": sum(one.beyond_count for one in judged),
+        "refusals": [
+            {"at": at, "code": code, "step": step, "recipes": count}
+            for (at, code, step), count in ranked
+        ],
+    }
+
+
+if __name__ == "__main__":
+    sys.exit(main())

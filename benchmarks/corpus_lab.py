@@ -1,0 +1,126 @@
+"""The lab of a graph file, with the devices that its binding gives it."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Mapping
+from dataclasses import replace
+from datetime import date
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from labweb.domain.graph.lab_file.bindings import Binding, read_binding
+from labweb.domain.graph.lab_file.model import LabFile, Lot, Material, entry_id
+from labweb.domain.recipes.graph_formats.document import Document, Format
+from labweb.domain.resources.contents import LotId, Phase
+from labweb.domain.resources.kinds import Nature
+from labweb.domain.resources.node import Resource
+from labweb.domain.workflows.first_day import view_of_file
+from labweb.domain.workflows.passes.view import LabView
+from tests.domain.workflows.station import specs
+
+ROOT = Path(__file__).parents[1]
+DAY = date(2026, 5, 4)
+
+
+@cache
+def _binding(format_: Format) -> Binding:
+    return read_binding((ROOT / f"fixtures/bindings/{format_.value}.json").read_bytes())
+
+
+def lab_of(raw: bytes, name: str, plan: Mapping[str, Any]) -> LabView:
+    """Return the lab of a graph once a person has filled its flasks as a plan says.
+
+    Args:
+        raw: The graph.
+        name: What the lab is called where the graph does not say.
+        plan: As `docs/plan.md` says it, of a recipe on this graph.
+
+    Raises:
+        LabFileError: The graph cannot be read, or is no lab.
+    """
+    document = Document(raw, name)
+    if document.format is Format.LABWEB:
+        lab = document.read()
+    else:
+        lab = document.bound(_binding(document.format))[0]
+        for material, vessel, volume_ul in _filled(plan):
+            lab = _fill(lab, material, vessel, volume_ul)
+        for material, jar in jars_of(plan).items():
+            lab = _put_jar(lab, material, jar, plan)
+    return view_of_file(lab, specs(), on=DAY)
+
+
+def jars_of(plan: Mapping[str, Any]) -> dict[str, str]:
+    """Return the key of the jar that a person has of each solid of a plan."""
+    claims = (step["does"] for step in plan["steps"])
+    lots = dict.fromkeys(does["lot"] for does in claims if does["kind"] == "add_solid")
+    return {lot: f"jar_{number}" for number, lot in enumerate(lots, start=1)}
+
+
+def _put_jar(lab: LabFile, name: str, jar: str, plan: Mapping[str, Any]) -> LabFile:
+    """Bring a jar in that holds what a plan needs of a solid, and say what its vessels take."""
+    claims = [one["does"] for one in plan["steps"] if one["does"]["kind"] == "add_solid"]
+    mass_ug = sum(does["mass_ug"] for does in claims if does["lot"] == name)
+    targets = {does["to"] for does in claims}
+    all_mg = sum(does["mass_ug"] for does in claims) / 1000
+    root = next(one for one in lab.resources if one.parent_id is None)
+    lab = _held_by_mass(lab, targets, all_mg)
+    new = Resource(
+        id=entry_id(lab.id, "resource", jar),
+        key=jar,
+        name=f"Jar of {name}",
+        kind="bottle",
+        nature=Nature.RESOURCE,
+        parent_id=root.id,
+        config={"capacity_mg": all_mg},
+    )
+    materials = {one.key: one for one in lab.materials}
+    material = materials.get(
+        name, Material(id=entry_id(lab.id, "material", name), key=name, name=name)
+    )
+    key = f"{jar}/{name}"
+    lot = Lot(id=entry_id(lab.id, "lot", key), key=key, material_id=material.id, phase=Phase.SOLID)
+    return replace(
+        lab,
+        resources=(*lab.resources, new),
+        materials=tuple({**materials, name: material}.values()),
+        lots=(*lab.lots, lot),
+        masses={**lab.masses, new.id: {LotId(str(lot.id)): mass_ug}},
+    )
+
+
+def _held_by_mass(lab: LabFile, vessels: Collection[str], most_mg: float) -> LabFile:
+    """Say how much solid vessels take, where nobody has."""
+    return replace(
+        lab,
+        resources=tuple(
+            replace(one, config={"capacity_mg": most_mg, **one.config})
+            if one.key in vessels
+            else one
+            for one in lab.resources
+        ),
+    )
+
+
+def _filled(plan: Mapping[str, Any]) -> Iterator[tuple[str, str, float]]:
+    for does in (step["does"] for step in plan["steps"]):
+        if does["kind"] == "fill":
+            yield does["lot"], does["to"], does["volume_ul"]
+
+
+def _fill(lab: LabFile, name: str, vessel: str, volume_ul: float) -> LabFile:
+    """Put a new lot of a material into a vessel."""
+    known = {one.key: one for one in lab.materials}
+    new = Material(id=entry_id(lab.id, "material", name), key=name, name=name)
+    material = known.get(name, new)
+    key = f"{vessel}/{name}/{len(lab.lots)}"
+    lot = Lot(id=entry_id(lab.id, "lot", key), key=key, material_id=material.id)
+    place = lab.tree.by_key[vessel].id
+    held = {**lab.contents.get(place, {}), LotId(str(lot.id)): round(volume_ul * 1000)}
+    return replace(
+        lab,
+        materials=tuple({**known, name: material}.values()),
+        lots=(*lab.lots, lot),
+        contents={**lab.contents, place: held},
+    )

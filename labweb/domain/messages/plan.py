@@ -1,0 +1,400 @@
+"""The words of a plan: every field that it may have, and no other."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Annotated, Literal
+
+import msgspec
+from msgspec import Meta
+
+Text = Annotated[str, Meta(min_length=1, max_length=500)]
+Sentence = Annotated[str, Meta(max_length=10_000)]
+Amount = Annotated[float, Meta(ge=0, le=1e13)]
+Positive = Annotated[float, Meta(gt=0, le=1e13)]
+Duration = Annotated[float, Meta(ge=0, le=1e9)]
+Celsius = Annotated[float, Meta(ge=-273.15, le=10_000)]
+StepId = Annotated[int, Meta(ge=1)]
+Percent = Annotated[float, Meta(ge=0, le=100)]
+Speed = Annotated[float, Meta(gt=0, le=1e6)]
+
+
+class Strict(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """An object without unknown fields."""
+
+
+class Lot(Strict, frozen=True):
+    """One lot in a vessel before the first step."""
+
+    lot: Text
+    phase: Literal["liquid", "solid"]
+    volume_ul: Amount | None = None
+    mass_ug: Amount | None = None
+
+
+class Recipe(Strict, frozen=True):
+    """The recipe that a plan was made from."""
+
+    id: Text
+    sha256: Annotated[str, Meta(pattern="^[0-9a-f]{64}$")]
+
+
+class Bindings(Strict, frozen=True):
+    """Which vessel of the graph stands for which of the recipe."""
+
+    vessels: dict[str, Text] = {}
+    reagents: dict[str, Text | list[Text]] = {}
+
+
+class Totals(Strict, frozen=True):
+    """Sums over the whole plan."""
+
+    duration_s: Duration | None = None
+    critical_path_s: Duration | None = None
+    delivered_ul: dict[str, dict[str, Amount]] | None = None
+    delivered_ug: dict[str, dict[str, Amount]] | None = None
+    needed_ul: dict[str, Amount] | None = None
+    needed_ug: dict[str, Amount] | None = None
+    by_hand_count: Annotated[int, Meta(ge=0)] | None = None
+    primed_ul: dict[str, Amount] | None = None
+
+
+class Of(Strict, frozen=True):
+    """Step of the recipe that a step of the plan comes from."""
+
+    operation: Text
+    line: int | None = None
+    column: int | None = None
+    act: int | None = None
+    queue: str | None = None
+    """Queue of the recipe; None: it is in none, and waits for all of them."""
+
+    beside: str | None = None
+    """It runs beside all that is in no queue, under this name."""
+
+
+class RawAction(Strict, frozen=True):
+    """An action whose parameters are not read yet."""
+
+    device: Text
+    action: Text
+    parameters: dict[str, object] = {}
+
+
+class RawStep(Strict, frozen=True):
+    """A step whose claim and actions are not read yet."""
+
+    id: StepId
+    of: Of
+    does: dict[str, object]
+    actions: list[object]
+    after: list[StepId]
+    estimate_s: Duration
+    skip_if: list[StepId] = []
+
+
+class RawPlan(Strict, frozen=True):
+    """A plan whose steps are not read yet."""
+
+    plan: Literal[1]
+    recipe: Recipe
+    graph_sha256: Annotated[str, Meta(pattern="^[0-9a-f]{64}$")]
+    bindings: Bindings
+    contents: dict[str, list[Lot]]
+    capacities_ul: dict[str, Positive]
+    steps: list[object]
+    totals: Totals
+    notes: list[Sentence]
+    groups: dict[str, list[Text]] = {}
+    keeps_apart: bool = False
+
+
+class Parameters(Strict, frozen=True):
+    """Parameters of an action; here none. A field that an action lacks reads as None."""
+
+
+class Port(Parameters, frozen=True):
+    """Where a valve is turned to."""
+
+    port: Text
+
+
+class Stroke(Parameters, frozen=True):
+    """One movement of a plunger."""
+
+    volume_ul: Positive
+    rate_ul_s: Positive
+
+
+class Draw(Stroke, frozen=True):
+    """A stroke that may end early."""
+
+    until: Literal["empty", "boundary"] | None = None
+    of: dict[Text, Amount] | None = None
+    """Lots of the layer that it draws, in µL, as a person has stated them; unset: what is there."""
+
+
+class Wait(Parameters, frozen=True):
+    """How long nothing happens."""
+
+    duration_s: Duration
+
+
+class Stirring(Parameters, frozen=True):
+    """How fast something turns."""
+
+    speed_rpm: Speed
+
+
+class Temperature(Parameters, frozen=True):
+    """What a heater or chiller is set to."""
+
+    temperature_c: Celsius
+
+
+class Window(Parameters, frozen=True):
+    """Between which temperatures waiting ends."""
+
+    low_c: Celsius
+    high_c: Celsius
+
+
+class Pressure(Parameters, frozen=True):
+    """How far a pump draws a line down; unset: as far as it gets."""
+
+    pressure_mbar: Amount | None = None
+
+
+class Supply(Parameters, frozen=True):
+    """What a pneumatic controller joins to a port."""
+
+    port: Text
+    supply: Literal["vacuum", "gas", "none"]
+
+
+class Boiling(Parameters, frozen=True):
+    """How long something is boiled down."""
+
+    duration_s: Duration | None = None
+    most_s: Duration | None = None
+
+
+class Watching(Parameters, frozen=True):
+    """What the reading does at the boundary; unset: any change of it counts."""
+
+    reading: Literal["rises", "falls"] | None = None
+
+
+class Light(Parameters, frozen=True):
+    """What is known of a light."""
+
+    wavelength_nm: Positive | None = None
+    color: Text | None = None
+    power_w: Positive | None = None
+    intensity_percent: Percent | None = None
+
+
+class Quantity(Parameters, frozen=True):
+    """What is measured, and between which readings it is done."""
+
+    quantity: Text
+    low: float | None = None
+    high: float | None = None
+
+
+class Spinning(Parameters, frozen=True):
+    """How fast and how long a centrifuge spins."""
+
+    duration_s: Duration
+    speed_rpm: Speed | None = None
+    acceleration_g: Speed | None = None
+    temperature_c: Celsius | None = None
+
+
+class Microwave(Parameters, frozen=True):
+    """What microwaves heat a vessel to, and how long."""
+
+    temperature_c: Celsius
+    duration_s: Duration
+    power_w: Positive | None = None
+
+
+class Distilling(Parameters, frozen=True):
+    """What boils over, and when it ends."""
+
+    from_: Text = msgspec.field(name="from")
+    to: Text
+    duration_s: Duration | None = None
+    vapour_c: Celsius | None = None
+
+
+class HandFill(Parameters, frozen=True):
+    """Liquid that a person fills in."""
+
+    vessel: Text
+    lot: Text
+    volume_ul: Positive
+    text: Sentence
+
+
+class HandSolid(Parameters, frozen=True):
+    """Solid that a person adds."""
+
+    vessel: Text
+    lot: Text
+    mass_ug: Positive
+    text: Sentence
+
+
+class HandVessel(Parameters, frozen=True):
+    """What a person does at a vessel."""
+
+    vessel: Text
+    text: Sentence
+
+
+class HandCheck(Parameters, frozen=True):
+    """What a person confirms."""
+
+    text: Sentence
+    vessel: Text | None = None
+    least_ul: Positive | None = None
+    """At least so much is in the vessel; the two stand together or not at all."""
+
+
+class Become(Parameters, frozen=True):
+    """What, by a person's word, comes of the liquids in a vessel, there or in `to`: µL by lot."""
+
+    vessel: Text
+    takes: dict[Text, Amount]
+    gives: dict[Text, Amount] = {}
+    to: Text | None = None
+
+
+TIMER, BY_HAND, DECLARED = "@timer", "@by_hand", "@declared"
+PARAMETERS: Mapping[str, type[Parameters]] = {
+    "set_port": Port,
+    "open": Parameters,
+    "close": Parameters,
+    "aspirate": Draw,
+    "dispense": Stroke,
+    "wait": Wait,
+    "stir": Stirring,
+    "stop_stirring": Parameters,
+    "set_temperature": Temperature,
+    "await_temperature": Window,
+    "stop_temperature": Parameters,
+    "start_vacuum": Pressure,
+    "stop_vacuum": Parameters,
+    "vent": Parameters,
+    "set_supply": Supply,
+    "start_rotation": Stirring,
+    "stop_rotation": Parameters,
+    "lower_flask": Parameters,
+    "raise_flask": Parameters,
+    "evaporate": Boiling,
+    "watch_boundary": Watching,
+    "stop_watching": Parameters,
+    "start_light": Light,
+    "stop_light": Parameters,
+    "measure": Quantity,
+    "start_ultrasound": Parameters,
+    "stop_ultrasound": Parameters,
+    "heat_by_microwave": Microwave,
+    "spin": Spinning,
+    "distill": Distilling,
+}
+"""Action of a device → its parameters."""
+
+HAND_PARAMETERS: Mapping[str, type[Parameters]] = {
+    "fill": HandFill,
+    "add_solid": HandSolid,
+    "empty": HandVessel,
+    "watch": HandVessel,
+    "stop_watching": HandVessel,
+    "check": HandCheck,
+}
+"""What a person does → its parameters."""
+
+DECLARED_PARAMETERS: Mapping[str, type[Parameters]] = {"become": Become}
+
+
+class Claim(Strict, frozen=True):
+    """What a step says of itself; each kind has the fields that `CLAIMS` gives it."""
+
+    kind: Text
+    vessel: Text | None = None
+    from_: Text | None = msgspec.field(default=None, name="from")
+    to: Text | None = None
+    lot: Text | None = None
+    lots: dict[Text, Amount] | None = None
+    takes: dict[Text, Amount] | None = None
+    gives: dict[Text, Amount] | None = None
+    volume_ul: Positive | None = None
+    mass_ug: Positive | None = None
+    all: Literal[True] | None = None
+    most_ul: Amount | None = None
+    through: list[Text] | None = None
+    lower_to: Text | None = None
+    upper_to: Text | None = None
+    lower_through: list[Text] | None = None
+    upper_through: list[Text] | None = None
+    speed_rpm: Speed | None = None
+    temperature_c: Celsius | None = None
+    low_c: Celsius | None = None
+    high_c: Celsius | None = None
+    duration_s: Duration | None = None
+    most_s: Duration | None = None
+    pressure_mbar: Amount | None = None
+    gas: Text | None = None
+    also: list[Text] | None = None
+    quantity: Text | None = None
+    low: float | None = None
+    high: float | None = None
+    acceleration_g: Speed | None = None
+    power_w: Positive | None = None
+    vapour_c: Celsius | None = None
+    wavelength_nm: Positive | None = None
+    color: Text | None = None
+    intensity_percent: Percent | None = None
+    text: Sentence | None = None
+
+
+CLAIMS: Mapping[str, tuple[str, str]] = {
+    "fill": ("to lot volume_ul", ""),
+    "add_solid": ("to lot mass_ug", ""),
+    "empty": ("vessel", ""),
+    "transfer": ("from to", "volume_ul lot lots all most_ul through"),
+    "separate": ("vessel lower_to upper_to most_ul", "lower_through upper_through"),
+    "filter": ("vessel to most_ul", ""),
+    "stir": ("vessel speed_rpm", ""),
+    "stop_stir": ("vessel", ""),
+    "heat": ("vessel temperature_c", ""),
+    "reach": ("vessel low_c high_c", ""),
+    "stop_heat": ("vessel", ""),
+    "wait": ("duration_s", ""),
+    "vacuum": ("vessel", "pressure_mbar also"),
+    "vent": ("vessel", "gas also"),
+    "gas": ("vessel gas", ""),
+    "stop_gas": ("vessel", "gas"),
+    "rotate": ("vessel speed_rpm", ""),
+    "stop_rotate": ("vessel", ""),
+    "lower": ("vessel", ""),
+    "raise": ("vessel", ""),
+    "evaporate": ("vessel", "duration_s most_s"),
+    "light": ("vessel", "wavelength_nm color power_w intensity_percent"),
+    "stop_light": ("vessel", ""),
+    "measure": ("vessel quantity", "low high"),
+    "sonicate": ("vessel", ""),
+    "stop_sonicate": ("vessel", ""),
+    "microwave": ("vessel temperature_c duration_s", "power_w"),
+    "spin": ("vessel duration_s", "speed_rpm acceleration_g temperature_c"),
+    "distill": ("vessel to", "duration_s vapour_c"),
+    "clean": ("from to volume_ul", "lot through"),
+    "prime": ("from to volume_ul lot", ""),
+    "flush": ("from to volume_ul", ""),
+    "push": ("from to volume_ul", ""),
+    "become": ("vessel takes", "gives to"),
+    "ask": ("text", ""),
+}
+"""Kind of a claim → fields that it must have, and fields that it may have."""

@@ -1,0 +1,108 @@
+"""Expands unfolded acts into basic operations over the vessels of the recipe.
+
+Loops and what runs beside stay a tree, for how they run is a matter of time and sensors. At the
+end everything that was switched on and never off is switched off.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+from labweb.domain.recipes.xdl.acts import Act
+from labweb.domain.recipes.xdl.expansion.basic import BasicOperation, Field, Kind
+from labweb.domain.recipes.xdl.expansion.operations_table import OPERATIONS
+from labweb.domain.recipes.xdl.expansion.reading import ActReading
+from labweb.domain.recipes.xdl.findings import Findings
+from labweb.domain.recipes.xdl.read import refusal
+
+_OFF = {
+    Kind.START_STIR: Kind.STOP_STIR,
+    Kind.SET_TEMPERATURE: Kind.STOP_TEMPERATURE,
+    Kind.START_VACUUM: Kind.STOP_VACUUM,
+    Kind.START_GAS: Kind.STOP_GAS,
+    Kind.START_ROTATION: Kind.STOP_ROTATION,
+    Kind.START_LIGHT: Kind.STOP_LIGHT,
+    Kind.START_ULTRASOUND: Kind.STOP_ULTRASOUND,
+}
+"""What ends what was begun."""
+
+_IDLE = frozenset({Kind.STOP_STIR, Kind.STOP_TEMPERATURE})
+"""Said to make sure; dropped for a vessel that is never begun with."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Expansion:
+    """One act with the basic operations it is made of."""
+
+    act: Act
+    operations: tuple[BasicOperation, ...] = ()
+    children: tuple[Expansion, ...] = ()
+    """For a blueprint, a loop and an Async."""
+
+    unheeded: tuple[str, ...] = ()
+    """Properties that the recipe gives and none of the operations does."""
+
+
+def expand(acts: tuple[Act, ...]) -> tuple[Expansion, ...]:
+    """Expand the acts of a recipe.
+
+    Raises:
+        ProtocolError: `xdl.left_open`, `xdl.word_unresolved`, `xdl.range_not_exact`,
+            `xdl.not_expanded`; `findings` list everything that no table can fill in.
+    """
+    told = Findings()
+    expanded = tuple(_expanded(act, told) for act in acts)
+    if told.all:
+        raise refusal(told.all)
+    begun = {
+        (_OFF[o.kind], o.fields.get("vessel")) for o in all_operations(expanded) if o.kind in _OFF
+    }
+    kept = tuple(_without_idle(one, begun) for one in expanded)
+    end = tuple(_shutdown(kept))
+    return (*kept, Expansion(act=Act(name="Shutdown"), operations=end)) if end else kept
+
+
+def all_operations(expanded: tuple[Expansion, ...]) -> Iterator[BasicOperation]:
+    """Yield the basic operations in the order of the recipe, each loop once."""
+    for one in expanded:
+        yield from one.operations
+        yield from all_operations(one.children)
+
+
+def _expanded(act: Act, told: Findings) -> Expansion:
+    children = tuple(_expanded(child, told) for child in act.children)
+    operation = OPERATIONS.get(act.name)
+    if act.is_blueprint or (operation is not None and operation.expand is None and children):
+        undone = tuple(name for name in ("on_finish",) if name in act.values)
+        return Expansion(act=act, children=children, unheeded=undone)
+    if operation is None or operation.expand is None:
+        message = f"nothing says what {act.name} does with matter"
+        told.tell("xdl.not_expanded", message, act.place)
+        return Expansion(act=act)
+    reading = ActReading(act, told)
+    operations = tuple(operation.expand(reading))
+    left = reading.unheeded()
+    return Expansion(act=act, operations=operations, children=children, unheeded=left)
+
+
+def _without_idle(one: Expansion, begun: set[tuple[Kind, Field]]) -> Expansion:
+    kept = tuple(
+        o
+        for o in one.operations
+        if o.kind not in _IDLE or (o.kind, o.fields.get("vessel")) in begun
+    )
+    children = tuple(_without_idle(child, begun) for child in one.children)
+    return replace(one, operations=kept, children=children)
+
+
+def _shutdown(expanded: tuple[Expansion, ...]) -> Iterator[BasicOperation]:
+    running: dict[tuple[Kind, Field], BasicOperation] = {}
+    for operation in all_operations(expanded):
+        vessel = operation.fields.get("vessel")
+        if operation.kind in _OFF:
+            running[_OFF[operation.kind], vessel] = operation
+        else:
+            running.pop((operation.kind, vessel), None)
+    for (kind, vessel), begun in running.items():
+        yield BasicOperation(kind=kind, fields={"vessel": vessel}, place=begun.place)

@@ -1,0 +1,222 @@
+"""Which syringes pass liquid on from one to the next, where no single pump reaches both ends.
+
+```text
+flask ─▶ valve 1 ─▶ syringe 1 ─▶ valve 1 ═▶ valve 2 ─▶ syringe 2 ─▶ valve 2 ─▶ reactor
+```
+
+Between two syringes there is no vessel: one plunger pushes while the next one draws.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from heapq import heappop, heappush
+from itertools import pairwise
+from uuid import UUID
+
+import msgspec
+
+from labweb.domain.crutd.operations import TransferLiquid
+from labweb.domain.enrollment.device import Device
+from labweb.domain.errors import Finding, NoRouteError
+from labweb.domain.graph.routing import Route, find_route
+from labweb.domain.workflows.passes.draft import Drafting, DraftJob, MassCheck
+from labweb.domain.workflows.passes.pumping import (
+    Leg,
+    Pumping,
+    check_share,
+    choose_pump,
+    make_leg,
+    pump_nodes,
+)
+from labweb.domain.workflows.passes.strokes import Strokes, dead_volume_notes, make_strokes
+from labweb.domain.workflows.passes.view import LabView
+from labweb.domain.workflows.protocol import Step
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Chain:
+    """Syringes in the order of flow, with the ways into, between and out of them."""
+
+    pumps: tuple[tuple[Device, UUID], ...]
+    legs: tuple[Leg, ...]
+    """One more than there are syringes."""
+
+    @property
+    def pump_ids(self) -> tuple[UUID, ...]:
+        """Return the syringes in the order of flow."""
+        return tuple(node for _, node in self.pumps)
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Say which tubes on the way have a dead volume that nobody stated."""
+        return dead_volume_notes(*self.legs)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Passes:
+    """Makes the jobs of one step along a chain, stroke by stroke; one that is refused is None."""
+
+    chain: Chain
+    strokes: tuple[Strokes, ...]
+
+    @property
+    def stroke_nl(self) -> int:
+        """Return the largest volume that every syringe of the chain takes at once."""
+        return min(one.stroke_nl for one in self.strokes)
+
+    def move(self, whole: TransferLiquid, text: str = "") -> list[DraftJob | None]:
+        """Move one stroke from the source through all syringes to the target."""
+        stops = [whole.source_id, *self.chain.pump_ids, whole.target_id]
+        hops = [
+            TransferLiquid(source_id=start, target_id=end, amount_nl=whole.amount_nl)
+            for start, end in pairwise(stops)
+        ]
+        # What is stated of lots holds of what leaves the source.
+        hops[0] = msgspec.structs.replace(whole, target_id=stops[1])
+        legs = self.chain.legs
+        jobs = self.strokes[0].draw(hops[0], legs[0], text)
+        for place, (giver, receiver) in enumerate(pairwise(self.strokes), start=1):
+            jobs += giver.pass_on(hops[place], legs[place], receiver, text)
+        return jobs + self.strokes[-1].push(hops[-1], legs[-1], text)
+
+
+def make_passes(
+    step: Step,
+    drafting: Drafting,
+    chain: Chain,
+    mass_check: MassCheck | None = None,
+    *,
+    is_gas: bool = False,
+) -> Passes | None:
+    """Find volumes and rate of a step; note what is wrong and return None.
+
+    All syringes of a chain move at the rate of the slowest.
+    """
+    last = chain.pumps[-1]
+    made = [  # only what leaves the last syringe arrives on a balance
+        make_strokes(step, drafting, *one, mass_check if one == last else None, is_gas=is_gas)
+        for one in chain.pumps
+    ]
+    found = [one for one in made if one is not None]
+    if len(found) < len(made):
+        return None
+    rate_ul_s = min(one.rate_ul_s for one in found)
+    alike = tuple(replace(one, rate_ul_s=rate_ul_s) for one in found)
+    return Passes(chain=chain, strokes=alike)
+
+
+def choose_way(step: Step, drafting: Drafting, whole: TransferLiquid) -> Chain | None:
+    """Find the pump of a step that moves liquid, or the chain of them; note why there is none.
+
+    A step that names its pump, or a cartridge to go through, is done by a single pump.
+    """
+    wanted = None
+    if "pump" in step.params:
+        wanted = drafting.view.find_device(UUID(step.params["pump"]))
+        if wanted is None:
+            message = "no device of this lab drives the pump that is asked for"
+            drafting.refuse(step, "plan.no_device", message, "params.pump")
+            return None
+    through = UUID(step.params["through"]) if "through" in step.params else None
+    source, target = whole.source_id, whole.target_id
+    unfit: list[Finding] = []
+
+    def check(device: Device, node: UUID) -> list[Finding]:
+        found = check_share(step, drafting.view, device, node, whole.amount_nl)
+        unfit.extend(found)
+        return found
+
+    answer = choose_pump(
+        drafting.view,
+        source,
+        target,
+        whole.amount_nl,
+        wanted,
+        through=through,
+        check=lambda way: check(way.device, way.pump_id),
+    )
+    if isinstance(answer, Pumping):
+        return Chain(pumps=((answer.device, answer.pump_id),), legs=(answer.into, answer.out))
+    if wanted is None and through is None and not unfit:
+        chain = find_chain(drafting.view, source, target)
+        if chain is not None and all(not check(*pump) for pump in chain.pumps):
+            return chain
+    for finding in unfit:
+        drafting.refuse(step, finding.code, finding.message, "params.accuracy")
+    if not unfit:
+        at = "params.target" if wanted is None else "params.pump"
+        drafting.refuse(step, answer.code, answer.message, at, **answer.context)
+    return None
+
+
+def find_chain(view: LabView, source: UUID, target: UUID) -> Chain | None:
+    """Find the chain with the fewest syringes, and of those the one that wastes least.
+
+    Two syringes that move together are driven by one host, which alone can start both at the
+    same moment. Ties go to the devices whose keys sort first.
+    """
+    pumps = pump_nodes(view.devices_by_key, view)
+    outs = [_route(view, node, target) for _, node in pumps]
+    queue: list[tuple[int, int, tuple[str, ...], tuple[int, ...]]] = []
+    for place, (device, node) in enumerate(pumps):
+        into = _route(view, source, node)
+        if into is not None:
+            heappush(queue, (1, into.dead_volume_nl, (device.key,), (place,)))
+    seen: set[int] = set()
+    while queue:
+        count, dead_nl, keys, places = heappop(queue)
+        last = places[-1]
+        if last == len(pumps):
+            found = _render(view, source, target, [pumps[place] for place in places[:-1]])
+            if found is not None:
+                return found
+            continue
+        if last in seen:
+            continue
+        seen.add(last)
+        out = outs[last]
+        if out is not None:
+            ended = (*places, len(pumps))
+            heappush(queue, (count, dead_nl + out.dead_volume_nl, keys, ended))
+        for place, between in _onward(view, pumps, last, seen):
+            wasted_nl = dead_nl + between.dead_volume_nl
+            key = pumps[place][0].key
+            heappush(queue, (count + 1, wasted_nl, (*keys, key), (*places, place)))
+    return None
+
+
+def _onward(
+    view: LabView, pumps: list[tuple[Device, UUID]], last: int, seen: set[int]
+) -> Iterator[tuple[int, Route]]:
+    device, node = pumps[last]
+    for place, (other, beyond) in enumerate(pumps):
+        if place in seen or other.host_id != device.host_id:
+            continue
+        between = _route(view, node, beyond)
+        if between is not None:
+            yield place, between
+
+
+def _route(view: LabView, source: UUID, target: UUID) -> Route | None:
+    try:
+        return find_route(view.graph, view.tree, source, target)
+    except NoRouteError:
+        return None
+
+
+def _render(
+    view: LabView, source: UUID, target: UUID, pumps: list[tuple[Device, UUID]]
+) -> Chain | None:
+    """Return the chain with its valves; None: one of them cannot be turned as it has to be."""
+    devices = {node: device for device, node in pumps}
+    stops = [source, *(node for _, node in pumps), target]
+    legs = []
+    for start, end in pairwise(stops):
+        route = _route(view, start, end)
+        leg = None if route is None else make_leg(view, route, devices)
+        if not isinstance(leg, Leg):
+            return None
+        legs.append(leg)
+    return Chain(pumps=tuple(pumps), legs=tuple(legs))

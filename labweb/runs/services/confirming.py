@@ -1,0 +1,81 @@
+"""What a person confirms before a job is sent: a question is answered, a solid is weighed in."""
+
+from __future__ import annotations
+
+from functools import partial
+from uuid import UUID
+
+from django.db.transaction import atomic, on_commit
+
+from labweb.accounts import services as account_services
+from labweb.accounts.selectors import User
+from labweb.common.clock import now
+from labweb.common.wake import wake_dispatcher
+from labweb.crutd import services as crutd_services
+from labweb.domain.approvals.roles import Permission
+from labweb.domain.crutd import operations
+from labweb.domain.crutd.operations import TransferMass
+from labweb.domain.errors import PreconditionError, StateError
+from labweb.resources import selectors as resource_selectors
+from labweb.runs import selectors
+from labweb.runs.models import Job
+from labweb.runs.services.state import announce
+
+
+@atomic
+def confirm_job(job_id: UUID, *, actor: User) -> Job:
+    """Let a job that waits for a person be dispatched.
+
+    Raises:
+        PreconditionError: What the job moves cannot be booked now, or is in use elsewhere.
+        StateError: The job asks nothing, its turn has not come or is over, its run is paused or
+            given up, or somebody has confirmed it before. Nothing was written.
+        ForbiddenError: The actor may not run things on what the run uses.
+
+    Effect:
+        None yet. What the job moves by hand is written into the record when it is complete.
+    """
+    run = selectors.run_for_update(selectors.find_job(job_id).run_id)
+    job = selectors.job_for_update(job_id)
+    used = {UUID(node) for one in run.jobs.all() for node in one.locks}
+    resource_selectors.require(actor, Permission.RUN, used)
+    if not job.asks:
+        raise StateError(f"{job.sentence!r} asks nobody", code="run.asks_nobody")
+    if job.confirmed_by is not None:
+        text = f"{job.confirmed_by.printed_name} has confirmed it already"
+        raise StateError(text, code="run.confirmed_before")
+    if run.pause_reasons or run.is_given_up or job.id not in selectors.asking(run):
+        text = f"{job.sentence!r} waits for nobody now: run #{run.number} is {run.state}"
+        raise StateError(text, code="run.not_asking")
+    _check_bookable(job, actor)
+    job.confirmed_by, job.confirmed_at = actor, now()
+    job.save(update_fields=["confirmed_by", "confirmed_at"])
+    detail = {"run_id": str(run.id), "asked": job.asks}
+    account_services.write_audit("job.confirm", str(job.id), actor=actor, detail=detail)
+    wake_dispatcher()
+    on_commit(partial(announce, run.id, job.id))
+    return selectors.find_job(job.id)
+
+
+def _check_bookable(job: Job, actor: User) -> None:
+    """Refuse what the record would refuse, while nobody has confirmed it."""
+    operation = operations.from_json(job.operation)
+    found = crutd_services.check_operation(
+        operation, lab=job.run.lab, actor_id=actor.pk, run_id=job.run_id
+    )
+    if found:
+        raise PreconditionError(found[0].message, code=found[0].code, findings=found)
+
+
+def tell_unbooked(job: Job, why: str) -> None:
+    """Open a ticket for a solid that a person has weighed in and that no event books any more."""
+    operation = operations.from_json(job.operation)
+    if job.confirmed_at is None or not isinstance(operation, TransferMass):
+        return
+    by = "" if job.confirmed_by is None else f" by {job.confirmed_by.printed_name}"
+    text = (
+        f"{job.sentence}: it was confirmed{by} and is not on record, because {why}. Take stock of "
+        "both vessels"
+    )
+    detail = {"job_id": str(job.id), "resource_id": str(operation.target_id)}
+    crutd_services.open_ticket(job.run.lab, "run.not_booked", text, detail)

@@ -1,0 +1,191 @@
+"""What is solid stays on a filter, and what is wet dries; the plumbing is drawn in `solids`."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+from msgspec.structs import replace
+
+from labweb.domain.crutd.operations import TransferLiquid
+from labweb.domain.workflows.compile import compile_workflow
+from labweb.domain.workflows.proving import prove_plan
+from tests.domain.workflows.solids import (
+    WET,
+    codes,
+    drying,
+    filter_file,
+    filter_lab,
+    filtering,
+    on,
+    planned,
+    steps,
+)
+
+
+def drawn(jobs: Any) -> list[TransferLiquid]:  # noqa: ANN401 - jobs of a plan
+    return [one.operation for one in jobs if isinstance(one.operation, TransferLiquid)]
+
+
+def test_all_liquid_of_a_filter_is_drawn_off_and_the_solid_that_is_stated_stays() -> None:
+    plan, proof = planned(steps(filtering()), filter_lab(WET))
+    moves = drawn(plan.jobs)
+    (salt,) = (str(lot.id) for lot in filter_file().lots if lot.key == "salt")
+    assert sum(one.amount_nl for one in moves[::2]) == 30_000_000
+    assert {tuple(map(str, one.keeps)) for one in moves[::2]} == {(salt,)}
+    assert not any(one.keeps for one in moves[1::2])
+    assert not proof.findings
+    assert proof.covered == ("s0",)
+    assert not proof.beyond
+
+
+def test_where_nothing_is_solid_by_the_record_the_plan_says_that_all_passes() -> None:
+    lab = filter_file(is_plain=True)
+    document = steps(("filter", {"vessel": "@separator", "target": "@waste"}))
+    plan = compile_workflow(on(document, lab), filter_lab(WET, lab))
+    assert any("all of it passes the filter" in note for note in plan.notes)
+
+
+@pytest.mark.parametrize(
+    ("step", "code"),
+    [
+        (filtering(stays={}), "plan.solid_not_stated"),
+        (filtering(stays={"salt": "200 mg"}), "plan.solid_not_stated"),
+        (filtering(stays={"gold": "all"}), "plan.no_lot"),
+        (filtering(stays={"salt": "all", "sand": "all"}), "crutd.insufficient_mass"),
+        (filtering(stays={"salt": "all", "ether": "all"}), "crutd.insufficient_mass"),
+        (filtering(vessel="@crude"), "plan.no_filter"),
+        (filtering(target="@bottle_dcm"), "plan.needs_relay"),
+        (drying(), "plan.not_empty"),
+        (drying(dries_off={}), "plan.not_empty"),
+        (drying(dries_off={"ether": "all"}), "plan.no_condenser"),
+        (drying(receiver="@crude"), "plan.no_condenser"),
+        (drying(dries_off={"ether": "all"}, receiver="@waste"), "plan.no_condenser"),
+        (
+            drying(dries_off={"ether": "31 mL"}, receiver="@crude"),
+            "crutd.insufficient_volume",
+        ),
+        (drying(vessel="@reactor"), "plan.no_device"),
+        (
+            ("transfer", {"source": "@separator", "target": "@waste", "volume": "1 mL"}),
+            "crutd.wrong_phase",
+        ),
+    ],
+)
+def test_what_is_not_stated_or_cannot_be_is_refused(step: Any, code: str) -> None:  # noqa: ANN401 - a step
+    assert code in codes(steps(step), filter_lab(WET))
+
+
+def test_a_filter_without_liquid_has_nothing_to_draw_off() -> None:
+    assert "crutd.insufficient_volume" in codes(steps(filtering()), filter_lab())
+
+
+def test_a_way_that_leaves_above_the_frit_is_refused() -> None:
+    lab = filter_file(port="side")
+    document = steps(filtering())
+    with pytest.raises(Exception, match="not below its frit"):
+        compile_workflow(on(document, lab), filter_lab(WET, lab))
+
+
+def test_after_a_filtration_a_solid_dries_without_a_statement() -> None:
+    plan, proof = planned(steps(filtering(), drying()), filter_lab(WET))
+    dry = [job for job in plan.jobs if job.step_id == "s1"]
+    assert [job.action for job in dry] == ["evacuate_to", "wait", "vent"]
+    assert dry[0].args["pressure_kpa"] == pytest.approx(40.0)
+    assert not drawn(dry)
+    assert sum(job.estimate_s for job in dry) > 600
+    assert not proof.findings
+    assert proof.covered == ("s0",)
+
+
+def test_what_dries_off_goes_into_the_trap_at_the_end_of_the_time() -> None:
+    step = drying(dries_off={"ether": "20 mL"}, receiver="@crude")
+    plan, proof = planned(steps(step), filter_lab(WET))
+    (moved,) = drawn(plan.jobs)
+    assert moved.amount_nl == 20_000_000
+    assert not proof.findings
+    assert proof.covered == ("s0",)
+
+
+def test_a_plan_that_dries_off_another_amount_is_not_proved() -> None:
+    step = drying(dries_off={"ether": "20 mL"}, receiver="@crude")
+    workflow, view = on(steps(step)), filter_lab(WET)
+    plan = compile_workflow(workflow, view)
+    jobs = tuple(
+        replace(
+            job,
+            operation=replace(
+                job.operation,
+                amount_nl=10_000_000,
+                parts_nl=dict.fromkeys(job.operation.parts_nl, 10_000_000),
+            ),
+        )
+        if isinstance(job.operation, TransferLiquid)
+        else job
+        for job in plan.jobs
+    )
+    found = prove_plan(workflow, replace(plan, jobs=jobs), view).findings
+    assert {one.code for one in found} == {"plan.not_proved"}
+
+
+def test_a_plan_that_draws_only_a_part_of_a_filter_is_not_proved() -> None:
+    workflow, view = on(steps(filtering())), filter_lab(WET)
+    plan = compile_workflow(workflow, view)
+    strokes = [job for job in plan.jobs if job.action in {"aspirate", "dispense"}]
+    left = {job.index for job in strokes[-2:]}
+    less = replace(plan, jobs=tuple(job for job in plan.jobs if job.index not in left))
+    found = prove_plan(workflow, less, view).findings
+    assert any("may be left in" in one.message for one in found)
+
+
+def test_a_plan_that_draws_a_filter_empty_above_its_frit_is_not_proved() -> None:
+    """The paper knows the solid and the port: the same jobs on other plumbing carry it along."""
+    document, view = steps(filtering()), filter_lab(WET)
+    plan = compile_workflow(on(document), view)
+    other = filter_lab(WET, filter_file(port="side"))
+    found = prove_plan(on(document), plan, other).findings
+    assert any("solids leave" in one.message for one in found)
+
+
+def test_solids_stay_in_a_flask_that_is_boiled_down() -> None:
+    step = drying(dries_off={"ether": "all"}, receiver="@crude")
+    plan, _ = planned(steps(step), filter_lab(WET))
+    (moved,) = drawn(plan.jobs)
+    assert len(moved.keeps) == 1
+
+
+def test_heating_is_switched_off_and_the_stirrer_goes_on() -> None:
+    document = steps(("stop_heat", {"vessel": "@reactor"}))
+    plan = compile_workflow(on(document), filter_lab())
+    assert [job.action for job in plan.jobs] == ["stop_control"]
+    assert codes(steps(("stop_heat", {"vessel": "@separator"})), filter_lab()) == {"plan.no_device"}
+
+
+def test_a_temperature_is_reached_as_near_as_the_step_says() -> None:
+    warm = {"vessel": "@reactor", "temperature": "40 °C"}
+    for more, tolerance_c in (({}, 1.0), ({"tolerance": "0.5 K"}, 0.5)):
+        plan = compile_workflow(on(steps(("heat_chill", {**warm, **more}))), filter_lab())
+        assert plan.jobs[0].args["tolerance_c"] == tolerance_c
+        assert plan.jobs[0].post[0].tolerance == tolerance_c
+
+
+def test_a_solid_that_a_reaction_makes_stays_on_the_filter() -> None:
+    react = {
+        "vessel": "@separator",
+        "duration": "1 h",
+        "consumed": {"ether": "10 mL"},
+        "product": "crystals",
+        "material": "sodium_chloride",
+        "mass": "7 g",
+        "residue": "60 mg",
+        "reason": "a test",
+    }
+    made = ("react", react)
+    unsaid = steps(made, filtering())
+    assert "plan.solid_not_stated" in codes(unsaid, filter_lab(WET))
+    stays = {"salt": "all", "crystals": "all"}
+    plan, proof = planned(steps(made, filtering(stays=stays)), filter_lab(WET))
+    moves = [one for one in drawn(plan.jobs) if one.keeps]
+    assert {len(one.keeps) for one in moves} == {2}
+    assert sum(one.amount_nl for one in moves) == 20_000_000
+    assert not proof.findings
