@@ -21,7 +21,7 @@ from labweb.common.clock import now
 from labweb.crutd import services as crutd_services
 from labweb.crutd.models import RunHold
 from labweb.domain.crutd.decide import Outcome, OutcomeKind
-from labweb.domain.crutd.operations import TransferLiquid
+from labweb.domain.crutd.operations import Read, TransferLiquid, to_json
 from labweb.enrollment.models import EdgeHost
 from labweb.runs import services as run_services
 from labweb.runs.models import Attempt, Calibration
@@ -252,7 +252,9 @@ def let_ask(bench: Bench, ids: dict[str, str]) -> None:
     asked = bench.lab.runs.get(pk=ids["run"]).jobs.filter(pk=ids["job"])
     if asked.get().state != "queued":
         asked.update(state="rejected")
-    asked.update(state="queued", asks="Closed?", after=[], confirmed_by=None, confirmed_at=None)
+    look = to_json(Read(device_id=bench.node("timer_1").id))
+    asked.update(state="queued", asks="Closed?", operation=look, after=[])
+    asked.update(confirmed_by=None, confirmed_at=None)
     bench.lab.runs.filter(pk=ids["run"]).update(pause_reasons=[])
 
 
