@@ -17,18 +17,20 @@ import json
 import sys
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from benchmarks.corpus_lab import jars_of, lab_of
+from benchmarks.corpus_lab import jars_of, lab_of, view_of
 from benchmarks.corpus_pairs import Pair, find_pairs
 from labweb.domain.errors import Finding, LabError
+from labweb.domain.graph.rig.lab import render_graph
 from labweb.domain.graph.rig.read import read_rig, unpacked
 from labweb.domain.recipes.opening import Asked, workflow_from
 from labweb.domain.recipes.recipe_on_rig import digest, plan_recipe, read_recipe
 from labweb.domain.recipes.xdl.recipe import Recipe, Step
 from labweb.domain.workflows.compile import compile_workflow
+from labweb.domain.workflows.passes.view import LabView
 from labweb.domain.workflows.protocol import parse_workflow, resolve_keys
 from labweb.domain.workflows.proving import Proof, prove_plan
 
@@ -118,10 +120,11 @@ def _asked(pair: Pair, bind: Mapping[str, str] | None = None) -> Asked:
 def _start(pair: Pair, plan: Mapping[str, Any], recipe: Recipe, judged: Judged) -> None:
     names = _steps_of(recipe)
     try:
-        asked = _asked(pair, _bound(plan, recipe))
+        lab = lab_of(unpacked(pair.rig.read_bytes()), pair.recipe.stem, plan)
+        asked = replace(_asked(pair, _bound(plan, recipe)), graph=render_graph(lab))
         document = workflow_from(asked)["document"]
         names |= {step["id"]: step["kind"] for step in document["steps"]}
-        proof = _proved(document, asked, plan)
+        proof = _proved(document, view_of(lab))
     except LabError as error:
         judged.is_started = False
         judged.findings += _told("start", error, names)
@@ -138,8 +141,7 @@ def _bound(plan: Mapping[str, Any], recipe: Recipe) -> dict[str, str]:
     return found | {lot: key for lot, key in jars_of(plan).items() if lot in declared}
 
 
-def _proved(document: dict[str, Any], asked: Asked, plan: Mapping[str, Any]) -> Proof:
-    view = lab_of(asked.graph, asked.name, plan)
+def _proved(document: dict[str, Any], view: LabView) -> Proof:
     workflow = resolve_keys(parse_workflow(document), view.tree)
     proof = prove_plan(workflow, compile_workflow(workflow, view), view)
     proof.require()

@@ -12,7 +12,7 @@ from typing import Any
 from labweb.domain.graph.lab_file.bindings import Binding, read_binding
 from labweb.domain.graph.lab_file.model import LabFile, Lot, Material, entry_id
 from labweb.domain.recipes.graph_formats.document import Document, Format
-from labweb.domain.resources.contents import LotId, Phase
+from labweb.domain.resources.contents import LotId, Phase, total_nl
 from labweb.domain.resources.kinds import Nature
 from labweb.domain.resources.node import Resource
 from labweb.domain.workflows.first_day import view_of_file
@@ -28,7 +28,7 @@ def _binding(format_: Format) -> Binding:
     return read_binding((ROOT / f"fixtures/bindings/{format_.value}.json").read_bytes())
 
 
-def lab_of(raw: bytes, name: str, plan: Mapping[str, Any]) -> LabView:
+def lab_of(raw: bytes, name: str, plan: Mapping[str, Any]) -> LabFile:
     """Return the lab of a graph once a person has filled its flasks as a plan says.
 
     Args:
@@ -48,6 +48,11 @@ def lab_of(raw: bytes, name: str, plan: Mapping[str, Any]) -> LabView:
             lab = _fill(lab, material, vessel, volume_ul)
         for material, jar in jars_of(plan).items():
             lab = _put_jar(lab, material, jar, plan)
+    return lab
+
+
+def view_of(lab: LabFile) -> LabView:
+    """Return what the planner sees of a lab on its first day."""
     return view_of_file(lab, specs(), on=DAY)
 
 
@@ -118,6 +123,17 @@ def _fill(lab: LabFile, name: str, vessel: str, volume_ul: float) -> LabFile:
     lot = Lot(id=entry_id(lab.id, "lot", key), key=key, material_id=material.id)
     place = lab.tree.by_key[vessel].id
     held = {**lab.contents.get(place, {}), LotId(str(lot.id)): round(volume_ul * 1000)}
+    # A person who fills in more than a flask takes brings a larger one.
+    most_ul = total_nl(held) / 1000
+    lab = replace(
+        lab,
+        resources=tuple(
+            replace(one, config={**one.config, "capacity_ul": most_ul})
+            if one.id == place and most_ul > one.config.get("capacity_ul", most_ul)
+            else one
+            for one in lab.resources
+        ),
+    )
     return replace(
         lab,
         materials=tuple({**known, name: material}.values()),

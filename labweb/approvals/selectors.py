@@ -64,6 +64,15 @@ def find_request(request_id: UUID) -> ApprovalRequest:
     return row
 
 
+def approved_of_run(run_id: UUID) -> frozenset[str]:
+    """Return the names of the policies for which a person has approved a run."""
+    approved = ApprovalRequest.State.APPROVED
+    rows = ApprovalRequest.objects.filter(run_id=run_id, state=approved)
+    return frozenset(
+        name for policies in rows.values_list("policies", flat=True) for name in policies
+    )
+
+
 def decision_hash(prev: str, row: Decision) -> str:
     """Return the SHA-256 that binds a decision to all before it."""
     fields = {

@@ -95,6 +95,9 @@ class Job(Base):
     asks = models.TextField(blank=True, default="")
     """What a person has to confirm before it is sent to a host; empty: nothing."""
 
+    states = models.JSONField(null=True)
+    """What a person states in its place, as `Statement` of the plan; null: nothing."""
+
     confirmed_at = models.DateTimeField(null=True)
     confirmed_by = models.ForeignKey("accounts.User", models.PROTECT, null=True, related_name="+")
     locks = models.JSONField(default=list)
@@ -109,8 +112,7 @@ class Job(Base):
     """Both when it happened, by the server's clock."""
 
     uncertainty_s = models.FloatField(null=True)
-    """At most so far are they wrong; null: the server timed them itself, or they are from before
-    that was measured."""
+    """They are wrong by no more; null: timed by the server, or older than this column."""
 
     is_bounded = models.BooleanField(default=False)
     """No clock told one of them: it lies between its cause and its reception."""
@@ -120,12 +122,10 @@ class Job(Base):
     message = models.TextField(blank=True)
     evidence = models.JSONField(default=dict)
     passed_by = models.CharField(max_length=10, blank=True)
-    """`skip` or `hand`: a person said that the run goes on though it ended undone; `change`:
-    other jobs took its place."""
+    """`skip`, `hand`: it ended undone, and a person goes on; `change`: others took its place."""
 
     halted_by = models.CharField(max_length=20, blank=True, default="")
-    """Why its device was halted after it was complete, which took away what it had set;
-    `let_go`: a person goes on without it. Empty: it stands, or it sets nothing that lasts."""
+    """Why a halt took away what it had set; `let_go`: a person goes on. Empty: it stands."""
 
     class Meta:
         ordering = ["index"]

@@ -225,9 +225,13 @@ export function useRecover(jobId: string): UseMutationResult<Run, Error, Recover
   });
 }
 
-export function useConfirmJob(jobId: string): UseMutationResult<Run, Error, undefined> {
+/** Confirm what a job asks, or state amounts by the key of a lot in its place. */
+export function useConfirmJob(
+  jobId: string,
+): UseMutationResult<Run, Error, Record<string, string> | null> {
   return useAct({
-    mutationFn: () => call<Run>("POST", `/jobs/${jobId}/confirm`, {}),
+    mutationFn: (stated) =>
+      call<Run>("POST", `/jobs/${jobId}/confirm`, stated === null ? {} : { stated }),
     onSuccess: setRun,
     onError: refreshRuns,
   });

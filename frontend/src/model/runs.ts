@@ -63,7 +63,8 @@ export function stepProgress(run: Pick<Run, "plan" | "jobs" | "is_given_up">): S
 }
 
 /** The halt that ends an aborted run takes away what its steps had set: they were done all the same. */
-function stateOf(jobs: readonly Job[], isGivenUp: boolean): StepState {
+function stateOf(all: readonly Job[], isGivenUp: boolean): StepState {
+  const jobs = all.filter((job) => job.passed_by !== "change");
   if (jobs.some((job) => job.state === "in_doubt")) return "doubt";
   const left = jobs.filter((job) => !job.passed_by);
   if (left.some((job) => ["aborted", "stopped", "rejected"].includes(job.state))) return "failed";

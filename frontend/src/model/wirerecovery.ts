@@ -37,9 +37,18 @@ export interface RecoveryCard {
   params: Record<string, unknown>;
 }
 
+/** A lot of which a person says how much of it is meant. */
+export interface LotThere {
+  key: string;
+  name: string;
+  held_ul: number;
+}
+
 /** What a person confirms before a job is sent, and who has. */
 export interface Asks {
   text: string;
+  /** What they state of each lot of a vessel in its place, once it is due. */
+  states: { label: string; lots: LotThere[] } | null;
   is_due: boolean;
   confirmed_by: string | null;
   confirmed_at: Iso | null;

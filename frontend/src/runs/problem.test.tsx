@@ -1,5 +1,5 @@
 // @vitest-environment jsdom
-import { screen, waitFor } from "@testing-library/react";
+import { fireEvent, screen, waitFor } from "@testing-library/react";
 import { expect, test } from "vitest";
 import { aJob, aRun, iso } from "@/model/samples";
 import { serve, show } from "@/testpage";
@@ -150,6 +150,7 @@ test("an action that was given up is not told as one that did nothing", () => {
 test("a run that waits for a person says what to confirm, and says so to the server once", async () => {
   const asks = {
     text: "Is the stopcock closed?",
+    states: null,
     is_due: true,
     confirmed_by: null,
     confirmed_at: null,
@@ -169,9 +170,53 @@ test("a run that waits for a person says what to confirm, and says so to the ser
   await waitFor(() => expect(screen.getByTestId("asks-confirm")).toBeEnabled());
 });
 
+test("amounts of lots are stated in the place of a job; what is left empty is not sent", async () => {
+  const lots = [
+    { key: "brine-1", name: "Brine", held_ul: 10_000 },
+    { key: "ether-1", name: "Ether", held_ul: 20_000 },
+  ];
+  const asks = {
+    text: "Which lots lie in the lower layer of Separator?",
+    states: { label: "Lower layer", lots },
+    is_due: true,
+    confirmed_by: null,
+    confirmed_at: null,
+  };
+  const job = aJob(0, "a", "queued", { asks });
+  const run = aRun([job], { state: "running" });
+  const refusal = { code: "crutd.insufficient_volume", message: "Separator holds 10 mL" };
+  const sent = serve((_path, method) => (method === "POST" ? [409, refusal] : [200, run]));
+  show(<Problems run={run} job={null} />);
+  expect(screen.queryByTestId("asks-confirm")).toBeNull();
+  expect(screen.getByTestId("asks-state")).toBeDisabled();
+  expect(screen.getAllByTestId("asks-lot")[1]).toHaveTextContent("Ether ether-1");
+  fireEvent.click(screen.getAllByText("All")[0] as HTMLElement);
+  fireEvent.change(screen.getByTestId("asks-amount-ether-1"), { target: { value: "  " } });
+  fireEvent.click(screen.getByTestId("asks-state"));
+  const posted = () => sent.filter((one) => one.method === "POST");
+  await waitFor(() => expect(posted()).toHaveLength(1));
+  expect(posted()[0]?.body).toEqual({ stated: { "brine-1": "all" } });
+  await waitFor(() => expect(screen.getByTestId("refused")).toBeVisible());
+  expect(screen.getByTestId("asks-amount-brine-1")).toHaveValue("all");
+});
+
+test("of a vessel that holds nothing by the record nothing can be stated", () => {
+  serve(() => [200, { devices: [] }]);
+  const states = { label: "Boils off", lots: [] };
+  const asks = { text: "What?", states, is_due: true, confirmed_by: null, confirmed_at: null };
+  show(<Problems run={aRun([aJob(0, "a", "queued", { asks })])} job={null} />);
+  expect(screen.getByTestId("asks-card")).toHaveTextContent("holds no liquid");
+});
+
 test("who may not run things sees the question and a button that says why it is off", () => {
   serve(() => [200, { devices: [] }]);
-  const asks = { text: "Go on?", is_due: true, confirmed_by: null, confirmed_at: null };
+  const asks = {
+    text: "Go on?",
+    states: null,
+    is_due: true,
+    confirmed_by: null,
+    confirmed_at: null,
+  };
   const run = aRun([aJob(0, "a", "queued", { asks })], { state: "running" });
   show(<Problems run={{ ...run, can: { ...run.can, confirm: false } }} job={null} />);
   expect(screen.getByTestId("asks-confirm")).toBeDisabled();
@@ -179,7 +224,13 @@ test("who may not run things sees the question and a button that says why it is 
 
 test("what is not due yet, or is confirmed, asks nobody", () => {
   serve(() => [200, { devices: [] }]);
-  const asks = { text: "Go on?", is_due: false, confirmed_by: "Li Na", confirmed_at: iso(1) };
+  const asks = {
+    text: "Go on?",
+    states: null,
+    is_due: false,
+    confirmed_by: "Li Na",
+    confirmed_at: iso(1),
+  };
   show(<Problems run={aRun([aJob(0, "a", "queued", { asks })])} job={null} />);
   expect(screen.queryByTestId("asks-card")).toBeNull();
 });

@@ -128,6 +128,14 @@ export const words = {
       "Confirm when this is true or done. The run then goes on at once. If it cannot be done, abort the run.",
     confirm: "Confirm",
     mayNot: "Confirming needs the role chemist on what the run uses.",
+    aboutLots:
+      "Type an amount for each lot, such as 12 mL, or press All. An empty field means none of it. The rest of the run is then planned and proved again, and goes on.",
+    lot: "Lot",
+    held: "In the vessel",
+    all: "All",
+    state: "Go on with these amounts",
+    nothing: "Type an amount for at least one lot.",
+    empty: "By the record the vessel holds no liquid. Take stock of it at Lab, then come back.",
   },
   waitsForRun: (text: string) => `${text}. This run goes on by itself.`,
   holds: {

@@ -30,7 +30,7 @@ from labweb.domain.recipes.recipe_on_rig import (
     workflow_of,
 )
 from labweb.domain.recipes.recipe_plan import Wish, expand_recipe
-from labweb.domain.recipes.rig_choices import unstirred, with_waste, without_jars
+from labweb.domain.recipes.rig_choices import unstirred, with_receivers, with_waste, without_jars
 from labweb.domain.recipes.xdl.declared import Declared, bindings, read_declared
 from labweb.domain.recipes.xdl.expansion.expand import all_operations
 from labweb.domain.recipes.xdl.findings import Findings
@@ -210,6 +210,7 @@ def workflow_from(asked: Asked) -> dict[str, Any]:
     wish, head = asked.wish(recipe, stated), asked.head(digest(raw))
     plan = plan_recipe(recipe, rig, without_jars(wish, recipe, rig), head).plan
     known = with_waste(stated or Declared(), plan, Equipment(rig))
+    known = with_receivers(known, plan, Equipment(rig))
     document = workflow_of(
         recipe,
         wish,

@@ -1,4 +1,7 @@
-"""What the workflow of a recipe takes from its rig: its only waste, its stirrers, and no jars."""
+"""What the workflow of a recipe takes from its rig: its only waste, its stirrers, and no jars.
+
+Where vapour condenses the rig says, too.
+"""
 
 from __future__ import annotations
 
@@ -33,6 +36,14 @@ def unstirred(plan: Mapping[str, Any], rig: Rig) -> set[str]:
         step["does"].get("vessel") for step in plan["steps"] if step["does"]["kind"] == "stir"
     }
     return {one.key for one in rig.elements} - stirred
+
+
+def with_receivers(stated: Declared, plan: Mapping[str, Any], equipment: Equipment) -> Declared:
+    """Take the flasks that vapour runs into on the rig, where nobody stated others."""
+    vessels = plan["bindings"]["vessels"]
+    led = {name: equipment.collecting(key) for name, key in vessels.items()}
+    known = {name: key for name, key in led.items() if key in equipment.vessels}
+    return msgspec.structs.replace(stated, receivers=known | stated.receivers)
 
 
 def with_waste(stated: Declared, plan: Mapping[str, Any], equipment: Equipment) -> Declared:

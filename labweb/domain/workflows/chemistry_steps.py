@@ -10,6 +10,7 @@ from labweb.domain.workflows.unit_operations import (
     UnitOperation,
     advanced,
     device,
+    later,
     lots,
     optional,
     quantity,
@@ -102,10 +103,12 @@ CHEMISTRY_STEPS = (
         parameters=(
             vessel("vessel", "Vessel", "Separator in which they part."),
             vessel("target", "Lower layer to", "Vessel the lower layer is poured into."),
-            lots(
-                "lower",
-                "Lower layer",
-                "What of each lot lies in it, by its key: brine-1: all, thf-1: 2 mL.",
+            later(
+                lots(
+                    "lower",
+                    "Lower layer",
+                    "What of each lot lies in it, by its key: brine-1: all, thf-1: 2 mL.",
+                )
             ),
             quantity("settle_for", "time", "Settle for", "How long they part, such as 5 min."),
             advanced(device("through", ["cartridge"], "Through", "Cartridge on its way.")),
@@ -131,7 +134,9 @@ CHEMISTRY_STEPS = (
             quantity("pressure", "pressure", "Pressure", "Such as 50 mbar."),
             quantity("speed", "speed", "Rotation", "Such as 120 rpm."),
             quantity("duration", "time", "Duration", "How long, such as 30 min."),
-            lots("boils_off", "Boils off", "What of each lot leaves, by its key: ether-1: all."),
+            later(
+                lots("boils_off", "Boils off", "What of each lot leaves, by its key: ether-1: all.")
+            ),
         ),
         clauses=("Evaporate {vessel} at {temperature} and {pressure} for {duration}",),
     ),

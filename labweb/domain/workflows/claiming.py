@@ -90,6 +90,15 @@ class Reading:
     def step(self, step: Step, jobs: Sequence[PlannedJob]) -> proved.Step | None:
         """Return a step as the proof reads it; None: it moves no matter, or is beyond it."""
         touched = {node for job in jobs for node in changed(job)}
+        later = STEP_KINDS[step.kind].left_open(step.params)
+        if later is not None:
+            nodes = touched | {UUID(step.params[name]) for name in _ends(step)}
+            why = (
+                f"a person states '{later.label}' during the run; what is left is planned again "
+                "and proved then"
+            )
+            self._leave(step, nodes, why)
+            return None
         claim = self._claim(step, jobs)
         if claim is None:
             self._without_claim(step, jobs, touched)

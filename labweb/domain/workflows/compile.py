@@ -121,6 +121,7 @@ def _draft(
     rank = {step_id: place for place, step_id in enumerate(order)}
     drafts = [correct_step(draft, drafting) for draft in drafts]
     findings += [f for f in drafting.findings + ledger.findings if f not in findings]
+    findings = [f for f in findings if not (record.is_too_early(f) or ledger.is_too_early(f))]
     return drafts, prepare, sorted(findings, key=lambda f: rank.get(f.subject, -1))
 
 
@@ -175,9 +176,10 @@ def _render(
 ) -> Plan:
     jobs = [_planned(job, index, ()) for index, job in enumerate(prepare)]
     zeroed = {job.device.id: index for index, job in enumerate(prepare)}
-    last: dict[str, int] = {}
+    last: dict[str, set[int]] = {}
     for draft in drafts:
-        before = {last[edge.source] for edge in workflow.edges if edge.target == draft.step.id}
+        sources = [edge.source for edge in workflow.edges if edge.target == draft.step.id]
+        before = {index for source in sources for index in last[source]}
         before |= {zeroed[job.device.id] for job in draft.jobs if job.device.id in zeroed}
         is_met = False
         for job in draft.jobs:
@@ -190,7 +192,7 @@ def _render(
                 meets = index + 1 if is_met else None
                 jobs.append(_planned(job, index, tuple(sorted(before)), meets=meets))
                 before = {index}
-            last[draft.step.id] = index
+        last[draft.step.id] = before
     steps = [_planned_step(draft, lab, jobs) for draft in drafts]
     notes = dict.fromkeys(note for draft in drafts for note in draft.notes)
     return Plan(
@@ -219,6 +221,7 @@ def _planned(
         choices=tuple(_choice(one) for one in job.choices) or UNSET,
         meets=UNSET if meets is None else meets,
         asks=job.asks or UNSET,
+        states=job.states or UNSET,
     )
 
 

@@ -27,6 +27,19 @@ class Choice(msgspec.Struct, frozen=True, kw_only=True):
     corrections: tuple[Correction, ...] = ()
 
 
+class Statement(msgspec.Struct, frozen=True, kw_only=True):
+    """What of each lot in a vessel a person states during the run."""
+
+    field: str
+    """Parameter of the step that takes it."""
+
+    label: str
+    """What a person calls that parameter."""
+
+    resource_id: UUID
+    """The vessel."""
+
+
 class PlannedJob(msgspec.Struct, frozen=True, kw_only=True):
     """One action on one device, with its one Transaction."""
 
@@ -69,6 +82,10 @@ class PlannedJob(msgspec.Struct, frozen=True, kw_only=True):
 
     asks: str | msgspec.UnsetType = msgspec.UNSET
     """What a person has to confirm before it is sent to a host; unset: nothing."""
+
+    states: Statement | msgspec.UnsetType = msgspec.UNSET
+    """What a person states in its place: all that is left of the run is planned again with it,
+    and this job is never sent; unset: nothing."""
 
     @property
     def receives(self) -> bool:

@@ -84,6 +84,9 @@ class StepParameter:
     takes_all: bool = False
     """`all` may stand in the place of a volume."""
 
+    may_come_later: bool = False
+    """Left out, a person states it during the run, when the turn of its step comes."""
+
     @property
     def is_vessel(self) -> bool:
         """Tell whether this names a vessel, which material ports carry."""
@@ -190,6 +193,11 @@ class UnitOperation:
         """Return the parameter of that name, or None."""
         return next((p for p in self.parameters if p.name == name), None)
 
+    def left_open(self, params: Mapping[str, Any]) -> StepParameter | None:
+        """Return what a person states during the run, since a step says nothing of it yet."""
+        later = (p for p in self.parameters if p.may_come_later and p.name not in params)
+        return next(later, None)
+
     @property
     def inputs(self) -> tuple[StepPort, ...]:
         """Ports an edge may end at."""
@@ -270,6 +278,12 @@ def lots(name: str, label: str, help_text: str) -> StepParameter:
     """Return a parameter that is an amount by the key of a lot."""
     sort = ParameterSort.AMOUNTS
     return StepParameter(name=name, sort=sort, label=label, help=help_text)
+
+
+def later(parameter: StepParameter) -> StepParameter:
+    """Let a parameter be left out until the run, when a person states it."""
+    text = f"{parameter.help} Left empty, it is asked for during the run."
+    return replace(parameter, is_required=False, may_come_later=True, help=text)
 
 
 def switch(name: str, label: str, help_text: str) -> StepParameter:

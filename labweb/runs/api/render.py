@@ -57,8 +57,11 @@ def render_rows(runs: Iterable[Run]) -> list[dict[str, Any]]:
 def _row(run: Run, jobs: list[Job], holds: list[dict[str, Any]]) -> dict[str, Any]:
     steps = run.plan["steps"]
     left = [job for job in jobs if JobState(job.state) not in FINAL]
-    open_steps = {job.step_id for job in jobs if job.state != JobState.COMPLETE.value}
-    done = [step for step in steps if step["step_id"] not in open_steps]
+    present = [job for job in jobs if job.passed_by != "change"]
+    # What depends on amounts that a person states during the run may have no jobs yet.
+    begun = {job.step_id for job in present}
+    undone = {job.step_id for job in present if job.state != JobState.COMPLETE.value}
+    done = [step for step in steps if step["step_id"] in begun - undone]
     current = next((job for job in left if job.state != JobState.QUEUED.value), None)
     version = run.version
     ended = run.state in _ENDED
@@ -195,6 +198,7 @@ def _asks(job: Job, asking: Collection[UUID]) -> dict[str, Any] | None:
     by = job.confirmed_by
     return {
         "text": job.asks,
+        "states": selectors.to_state(job) if job.id in asking else None,
         "is_due": job.id in asking,
         "confirmed_by": None if by is None else by.printed_name,
         "confirmed_at": iso(job.confirmed_at),

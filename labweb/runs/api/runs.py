@@ -339,14 +339,24 @@ class RecoverJob(Endpoint):
         return Response(render.render_run(selectors.find_run(job.run_id), user))
 
 
+class Confirmation(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """What a person confirms, or states in the place of a job."""
+
+    stated: dict[str, str] | None = None
+    """Amount by the key of a lot, where the job asks for that: `{"brine": "all"}`."""
+
+
 class ConfirmJob(Endpoint):
-    """What a person confirms before a job is sent."""
+    """What a person confirms or states before a job is sent."""
+
+    bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": Confirmation}
 
     def post(self, request: Request, job_id: UUID) -> Response:
-        """Let the job go, and return the run."""
+        """Let the job go, or plan the rest again with what is stated; return the run."""
         user = user_of(request)
+        wanted = body(request, Confirmation)
         visible_job(job_id, user)
-        job = services.confirm_job(job_id, actor=user)
+        job = services.confirm_job(job_id, actor=user, stated=wanted.stated)
         return Response(render.render_run(selectors.find_run(job.run_id), user))
 
 

@@ -98,6 +98,7 @@ from labweb.runs.selectors.scheduling import to_schedule as to_schedule
 from labweb.runs.selectors.scheduling import views as views
 from labweb.runs.selectors.silence import silent_devices as silent_devices
 from labweb.runs.selectors.silence import standing_jobs as standing_jobs
+from labweb.runs.selectors.stating import to_state as to_state
 
 
 def runs_of(lab: Lab) -> QuerySet[Run]:

@@ -1,35 +1,55 @@
-"""What a person confirms before a job is sent: a question is answered, a solid is weighed in."""
+"""What a person confirms or states before a job is sent.
+
+```text
+confirm   the job is sent: a question is answered, a solid is weighed in
+state     the job is passed over: all that is left is planned again with what was stated
+```
+"""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import partial
+from typing import Any
 from uuid import UUID
 
 from django.db.transaction import atomic, on_commit
 
 from labweb.accounts import services as account_services
 from labweb.accounts.selectors import User
+from labweb.approvals import selectors as approval_selectors
 from labweb.common.clock import now
 from labweb.common.wake import wake_dispatcher
 from labweb.crutd import services as crutd_services
 from labweb.domain.approvals.roles import Permission
 from labweb.domain.crutd import operations
 from labweb.domain.crutd.operations import TransferMass
-from labweb.domain.errors import PreconditionError, StateError
+from labweb.domain.errors import DefinitionError, PreconditionError, StateError
+from labweb.domain.runs.job import JobState
 from labweb.resources import selectors as resource_selectors
 from labweb.runs import selectors
 from labweb.runs.models import Job
-from labweb.runs.services.state import announce
+from labweb.runs.services.replan import change_step
+from labweb.runs.services.state import announce, refresh_run
 
 
 @atomic
-def confirm_job(job_id: UUID, *, actor: User) -> Job:
-    """Let a job that waits for a person be dispatched.
+def confirm_job(job_id: UUID, *, actor: User, stated: Mapping[str, str] | None = None) -> Job:
+    """Let a job that waits for a person be dispatched, or take its place with what is stated.
+
+    Args:
+        job_id: The job.
+        actor: Who confirms or states.
+        stated: Amount by the key of a lot, where the job asks for that: `{"brine": "all"}`.
 
     Raises:
+        DefinitionError: Lots are stated of a job that asks for none, or none of one that does.
         PreconditionError: What the job moves cannot be booked now, or is in use elsewhere.
+        ProtocolError, PlanningError: What is left of the run cannot be planned, or not be
+            proved, with what was stated; findings list each reason.
         StateError: The job asks nothing, its turn has not come or is over, its run is paused or
-            given up, or somebody has confirmed it before. Nothing was written.
+            given up, or somebody has confirmed it before; another step of the run is under way
+            while the rest is to be planned again. Nothing was written.
         ForbiddenError: The actor may not run things on what the run uses.
 
     Effect:
@@ -47,14 +67,34 @@ def confirm_job(job_id: UUID, *, actor: User) -> Job:
     if run.pause_reasons or run.is_given_up or job.id not in selectors.asking(run):
         text = f"{job.sentence!r} waits for nobody now: run #{run.number} is {run.state}"
         raise StateError(text, code="run.not_asking")
-    _check_bookable(job, actor)
+    _check_stated(job, stated)
+    detail: dict[str, Any] = {"run_id": str(run.id), "asked": job.asks}
     job.confirmed_by, job.confirmed_at = actor, now()
+    if job.states:
+        approved = approval_selectors.approved_of_run(run.id)
+        params = {job.states["field"]: dict(stated or {})}
+        detail |= change_step(
+            run, job, params, actor=actor, state=JobState.QUEUED, approved=approved
+        )
+        job.refresh_from_db(fields=["state", "state_at", "passed_by", "code"])
+    else:
+        _check_bookable(job, actor)
     job.save(update_fields=["confirmed_by", "confirmed_at"])
-    detail = {"run_id": str(run.id), "asked": job.asks}
-    account_services.write_audit("job.confirm", str(job.id), actor=actor, detail=detail)
+    act = "job.state" if job.states else "job.confirm"
+    account_services.write_audit(act, str(job.id), actor=actor, detail=detail)
+    refresh_run(run.id)
     wake_dispatcher()
     on_commit(partial(announce, run.id, job.id))
     return selectors.find_job(job.id)
+
+
+def _check_stated(job: Job, stated: Mapping[str, str] | None) -> None:
+    if job.states and not stated:
+        text = f"{job.asks} Say it of at least one lot, with its amount or 'all'"
+        raise DefinitionError(text, code="run.nothing_stated")
+    if stated and not job.states:
+        text = f"{job.sentence!r} asks for no amounts: confirm it without"
+        raise DefinitionError(text, code="run.bad_amount")
 
 
 def _check_bookable(job: Job, actor: User) -> None:

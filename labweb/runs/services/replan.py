@@ -1,8 +1,8 @@
-"""Plan what is left of a run anew, with other values for one step."""
+"""Plan what is left of a run again, with other values for one step."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from typing import Any
 
 import msgspec
@@ -23,10 +23,27 @@ from labweb.runs.services.state import move_job
 _UNDER_WAY = {state.value for state in AT_EDGE} | {JobState.IN_DOUBT.value}
 
 
-def change_step(run: Run, job: Job, params: Mapping[str, Any], *, actor: User) -> dict[str, Any]:
-    """Give the step of a job other values and plan all that is left of the run anew.
+def change_step(
+    run: Run,
+    job: Job,
+    params: Mapping[str, Any],
+    *,
+    actor: User,
+    state: JobState = JobState.HELD,
+    approved: Collection[str] = (),
+) -> dict[str, Any]:
+    """Give the step of a job other values and plan all that is left of the run again.
 
     The jobs that were left keep their rows, passed over; new ones take their place.
+
+    Args:
+        run: The run, locked.
+        job: A job of the step.
+        params: The values of the step that change, or that it did not have.
+        actor: Who changes them.
+        state: What the new jobs are in: held until the run is resumed, or queued.
+        approved: Policies for which a person has approved the run as it was with these values
+            still to come.
 
     Returns:
         The step, its values before and after, and the digests of both plans.
@@ -45,8 +62,8 @@ def change_step(run: Run, job: Job, params: Mapping[str, Any], *, actor: User) -
     document, before = _document_left(run, left, job.step_id, params)
     reach = resource_selectors.reach_of(actor, Permission.RUN)
     found = preview(run.lab, document, reach=reach)
-    if found.policies:
-        names = ", ".join(found.policies)
+    if asking := sorted(set(found.policies) - set(approved)):
+        names = ", ".join(asking)
         text = f"{names} wants a person to approve this: start it as a run of its own"
         raise StateError(text, code="run.needs_approval")
     for old in jobs:
@@ -54,7 +71,7 @@ def change_step(run: Run, job: Job, params: Mapping[str, Any], *, actor: User) -
             _pass_over(old)
     old_digest = run.plan_digest
     made = _shifted(found.plan, len(jobs))
-    write_jobs(run, made, JobState.HELD)
+    write_jobs(run, made, state)
     _keep_plan(run, made, found.proof.to_json(), document)
     return {
         "step_id": job.step_id,
@@ -69,12 +86,17 @@ def _steps_left(jobs: list[Job]) -> set[str]:
     for job in jobs:
         if job.state in _UNDER_WAY:
             raise StateError(f"{job.sentence!r} is under way: wait for it", code="run.under_way")
-    done = {job.step_id for job in jobs if job.state == JobState.COMPLETE.value}
+    # The zero of a pump is looked for once, before all steps, and is no half of any.
+    done = {
+        job.step_id
+        for job in jobs
+        if job.state == JobState.COMPLETE.value and job.action != "initialize"
+    }
     left = {
         job.step_id for job in jobs if job.state != JobState.COMPLETE.value and not job.passed_by
     }
     if left & done:
-        text = "a step is half done: it cannot be planned anew"
+        text = "a step is half done: it cannot be planned again"
         raise StateError(text, code="run.step_under_way")
     return left
 

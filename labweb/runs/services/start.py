@@ -255,6 +255,7 @@ def _inserting_jobs(run: Run, plan: Plan, state: JobState) -> list[Question[Any]
             after=list(job.after),
             meets=job.meets if isinstance(job.meets, int) else None,
             asks=job.asks or "",
+            states=msgspec.to_builtins(job.states) if job.states else None,
             locks=[str(node) for node in job.locks],
             recovery=job.recovery,
             estimate_s=job.estimate_s,

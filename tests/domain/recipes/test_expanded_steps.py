@@ -130,6 +130,15 @@ def test_an_evaporation_that_ends_by_itself_lasts_all_of_its_time_and_says_so() 
     assert any("it lasts all of its time" in note for note in notes_of(boil))
 
 
+def test_what_nobody_states_of_a_layer_is_left_to_the_run() -> None:
+    stated = Declared(waste="w", lower_layers=[["ether"]])
+    found = steps_of(SEPARATE.format(purpose="wash", phase="top"), stated)
+    assert [params.get("lower") for kind, params in found if kind == "separate"] == [
+        {"ether": "all"},
+        None,
+    ]
+
+
 @pytest.mark.parametrize(
     ("steps", "declared", "code"),
     [
@@ -138,11 +147,6 @@ def test_an_evaporation_that_ends_by_itself_lasts_all_of_its_time_and_says_so() 
         (
             SEPARATE.format(purpose="extract", phase="top"),
             Declared(waste="w", lower_layers=[["ether"]] * 2),
-            "xdl.not_declared",
-        ),
-        (
-            SEPARATE.format(purpose="wash", phase="top"),
-            Declared(waste="w", lower_layers=[["ether"]]),
             "xdl.not_declared",
         ),
         (SEPARATE.format(purpose="wash", phase="top"), None, "xdl.not_declared"),

@@ -193,4 +193,4 @@ def test_a_workflow_takes_the_keys_that_are_bound_or_is_refused_whole() -> None:
     assert found["proved"]["sources"] == {"water": "Water"}
     with pytest.raises(LabError) as refusal:
         workflow_from(Asked(name="acetylation", recipe=RECIPE, graph=ROW))
-    assert {finding.code for finding in refusal.value.findings} >= {"xdl.not_declared"}
+    assert {finding.code for finding in refusal.value.findings} >= {"xdl.not_a_key"}

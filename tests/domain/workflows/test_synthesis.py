@@ -209,13 +209,22 @@ def convert(declared: Declared) -> list[str]:
     return [finding.code for finding in caught.value.findings]
 
 
-@pytest.mark.parametrize(
-    "change",
-    [{"lower_layers": []}, {"boils_off": []}, {"receivers": {}}],
-)
-def test_what_a_recipe_leaves_open_must_be_declared(change: dict[str, Any]) -> None:
-    declared = msgspec.structs.replace(read_declared(DECLARED.read_bytes()), **change)
+def test_where_vapour_condenses_must_be_declared() -> None:
+    declared = msgspec.structs.replace(read_declared(DECLARED.read_bytes()), receivers={})
     assert set(convert(declared)) >= {"xdl.not_declared"}
+
+
+@pytest.mark.parametrize(
+    ("change", "kind"), [("lower_layers", "separate"), ("boils_off", "evaporate")]
+)
+def test_the_recipe_starts_with_lots_that_are_stated_during_the_run(change: str, kind: str) -> None:
+    """The recipe's own reactions take exact amounts, so that only what boils off is left open."""
+    declared = msgspec.structs.replace(read_declared(DECLARED.read_bytes()), **{change: []})
+    document = to_workflow(unfold(read_xdl(RECIPE.read_bytes())), name="R", declared=declared)
+    plan = compile_workflow(workflow(document), station())
+    asked = [job for job in plan.jobs if job.states]
+    steps = {step.step_id for step in plan.steps if step.kind == kind}
+    assert {job.step_id for job in asked} == steps
 
 
 def test_a_reaction_behind_a_step_that_is_not_there_is_told() -> None:

@@ -20,36 +20,12 @@ from labweb.domain.resources.contents import Phase
 from labweb.resources.models import Lot, Resource
 from labweb.runs import selectors, services
 from labweb.runs.models import Job, Run
-from labweb.workflows.models import WorkflowVersion
-from tests.builders import MOVE_WATER, Bench
+from tests.builders import Bench
+from tests.labweb.runs.drawn import a_run
 from tests.labweb.runs.hosts import Host
 from tests.labweb.web import call, code_of, read, signed_in
 
 QUESTION = "Is the stopcock closed?"
-
-
-def a_run(bench: Bench, *steps: tuple[str, dict[str, str]], **more: object) -> Run:
-    known = bench.version(MOVE_WATER)
-    rows = [
-        {"id": f"s{n}", "kind": kind, "params": params, "position": {"x": 0, "y": 0}}
-        for n, (kind, params) in enumerate(steps)
-    ]
-    edges = [
-        {"id": f"e{n}", "source": f"s{n}", "source_port": "done"}
-        | {"target": f"s{n + 1}", "target_port": "start"}
-        for n in range(len(rows) - 1)
-    ]
-    whole = {"schema": "labweb.workflow/1", "name": "Ask", "steps": rows, "edges": edges, **more}
-    made = WorkflowVersion.objects.create(
-        id=uuid4(),
-        workflow=known.workflow,
-        number=99,
-        document=whole,
-        author=known.author,
-        at=known.at,
-        digest=known.digest,
-    )
-    return services.start_run(made, actor=bench.people["chemist"])
 
 
 ASK = ("confirm", {"question": QUESTION})
@@ -88,6 +64,7 @@ def test_what_is_asked_waits_and_what_comes_after_it_too(
     assert asks[1] == {
         "text": QUESTION,
         "is_due": True,
+        "states": None,
         "confirmed_by": None,
         "confirmed_at": None,
     }

@@ -264,7 +264,9 @@ class _Writer:
             return key, str(int(port) + 1) if port.isdigit() else port
         if entry["kind"] in ("flask", "waste", "reactor", "vessel") and medium is Medium.LIQUID:
             known = self._ports.setdefault(key, {})
-            return key, known.setdefault(f"{far}/{port}", f"tube_{len(known) + 1}")
+            is_free = port and not port.isdigit() and port not in known.values()
+            name = port if is_free else _free(f"tube_{len(known) + 1}", known.values())
+            return key, known.setdefault(f"{far}/{port}", name)
         return key, port
 
 

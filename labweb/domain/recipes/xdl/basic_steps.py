@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from decimal import Decimal
 
 from labweb.domain.recipes.xdl.acts import Act
-from labweb.domain.recipes.xdl.declared import Declared, all_of
+from labweb.domain.recipes.xdl.declared import Declared, all_of, stated_at
 from labweb.domain.recipes.xdl.defaults_table import DEFAULTS
 from labweb.domain.recipes.xdl.expansion.basic import (
     BUFFER,
@@ -222,9 +222,11 @@ class BasicSteps:
         drawn: dict[str, object] = {
             "vessel": separator,
             "target": self._buffer(act) if is_back else lower,
-            "lower": all_of(self._lower(act)),
             "settle_for": f"{settle_s:f} s",
         }
+        lots = stated_at(self.declared.lower_layers, self._layers)
+        self._layers += 1
+        drawn |= {"lower": all_of(lots)} if lots else {}
         for side, values in (("lower", drawn), ("upper", rest := _all_of(separator, upper))):
             if fields.get(f"{side}_through"):
                 values["through"] = self._ref(act, fields, f"{side}_through")
@@ -232,16 +234,6 @@ class BasicSteps:
         made += [("transfer", rest, [])] if upper != separator else []
         back = _all_of(self._waiting, separator)
         return [*made, *([("transfer", back, [])] if is_back else [])]
-
-    def _lower(self, act: Act) -> list[str]:
-        """Return the lots in the lower layer of the next parting, as they are declared."""
-        place, lists = self._layers, self.declared.lower_layers
-        self._layers += 1
-        if place < len(lists):
-            return lists[place]
-        message = f"{act.name}: nobody declared lower_layers for it, and a recipe does not say"
-        self.told.tell("xdl.not_declared", message, act.place)
-        return []
 
     def _buffer(self, act: Act, place: int = 0) -> str:
         """Return the flask in which a layer waits: the recipe's own, else a declared one."""

@@ -57,10 +57,11 @@ class Declared(_Strict, frozen=True, kw_only=True):
     """Vessel of the recipe that evaporates or dries → key of the flask its vapour condenses in."""
 
     lower_layers: list[list[Key]] = []
-    """Keys of the lots in the lower layer, for each parting of the recipe in order."""
+    """Keys of the lots in the lower layer, for each parting of the recipe in order. None, or no
+    more entries: a person states them during the run."""
 
     boils_off: list[list[Key]] = []
-    """Keys of the lots that boil off, for each evaporation in order."""
+    """The same of the lots that boil off, for each evaporation in order."""
 
     stays: list[list[Key]] = []
     """Keys of the solid lots that stay on the filter, for each Filter and WashSolid in order."""
@@ -128,6 +129,11 @@ def _texts(steps: Iterable[Step]) -> Iterator[str]:
 
 def _refusal(findings: list[Finding]) -> ProtocolError:
     return ProtocolError(findings[0].message, code=_CODE, findings=findings)
+
+
+def stated_at(lists: list[list[str]], place: int) -> list[str]:
+    """Return what is stated of one place of a recipe; nothing: a person states it in the run."""
+    return lists[place] if place < len(lists) else []
 
 
 def all_of(lots: list[str]) -> dict[str, str]:

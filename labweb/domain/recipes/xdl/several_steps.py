@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 from labweb.domain.recipes.xdl.acts import Act
-from labweb.domain.recipes.xdl.declared import Declared, all_of
+from labweb.domain.recipes.xdl.declared import Declared, all_of, stated_at
 from labweb.domain.recipes.xdl.defaults_table import DEFAULTS
 from labweb.domain.recipes.xdl.findings import Findings
 from labweb.domain.recipes.xdl.standing import Made, Standing
@@ -111,30 +111,23 @@ class SeveralSteps:
             self.told.tell("xdl.not_declared", message, act.place)
         return f"@{self.declared.waste}"
 
-    def _next(self, act: Act, lists: list[list[str]], place: int, name: str) -> list[str]:
-        if place < len(lists):
-            return lists[place]
-        message = f"{act.name}: nobody declared {name} for it, and a recipe does not say"
-        self.told.tell("xdl.not_declared", message, act.place)
-        return []
-
     def _evaporate(self, act: Act, notes: list[str]) -> list[Made]:
-        gone = self._next(act, self.declared.boils_off, self._boiled, "boils_off")
+        gone = stated_at(self.declared.boils_off, self._boiled)
         self._boiled += 1
         called = str(act.values.get("vessel", ""))
         receiver = self.declared.receivers.get(called, "")
         if not receiver:
             message = f"Evaporate: nobody declared what the vapour of {called!r} condenses in"
             self.told.tell("xdl.not_declared", message, act.place)
-        values = {
+        values: dict[str, object] = {
             "vessel": self.key(act, "vessel"),
             "receiver": f"@{receiver}",
             "temperature": self._known(act, "temp", "rotavap.temperature", notes),
             "pressure": self.number(act, "pressure", "mbar"),
             "speed": self._known(act, "stir_speed", "rotavap.rotation_speed", notes),
             "duration": self.number(act, "time", "s"),
-            "boils_off": all_of(gone),
         }
+        values |= {"boils_off": all_of(gone)} if gone else {}
         if act.values.get("mode") == "auto":
             notes.append("mode auto: it lasts all of its time, for it does not end by itself")
         # What has condensed goes to the waste, as in a plan: the flask has room for the next.

@@ -25,7 +25,7 @@ BY_HAND_S = 120.0
 def plan_confirm(step: Step, drafting: Drafting) -> DraftStep:
     """Ask a question. Moves nothing."""
     question = str(step.params["question"]).strip()
-    job = _asked(step, drafting, question, sentence=f"Ask a person: {question}")
+    job = ask_person(step, drafting, question, sentence=f"Ask a person: {question}")
     return draft_of(step, [job])
 
 
@@ -43,7 +43,7 @@ def plan_add_solid(step: Step, drafting: Drafting) -> DraftStep:
         parts_ug={str(lot): part for lot, part in sorted(parts.items())},
     )
     text = sentence_text(step.kind, step.params, drafting.view.names)
-    job = _asked(
+    job = ask_person(
         step,
         drafting,
         f"{text}. Is it done?",
@@ -54,7 +54,7 @@ def plan_add_solid(step: Step, drafting: Drafting) -> DraftStep:
     return draft_of(step, [job])
 
 
-def _asked(
+def ask_person(
     step: Step,
     drafting: Drafting,
     question: str,

@@ -7,16 +7,18 @@ flask: ether, product ──▶ vapour ──▶ condenser ──▶ receiver: e
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from uuid import UUID
 
 from labweb.domain.crutd.operations import TransferLiquid
 from labweb.domain.enrollment.device import Device
-from labweb.domain.resources.contents import total_nl
+from labweb.domain.resources.contents import LotId, total_nl
 from labweb.domain.units import parse
 from labweb.domain.workflows.passes.acting import draft_of, ramp_s, wait_job
 from labweb.domain.workflows.passes.draft import Drafting, DraftJob, DraftStep
-from labweb.domain.workflows.passes.layering import stated_lots
+from labweb.domain.workflows.passes.layering import meant_lots
 from labweb.domain.workflows.passes.serving import condenses, find_carrier, find_vacuum
+from labweb.domain.workflows.passes.stating import ask_to_state
 from labweb.domain.workflows.protocol import Step
 
 BATH_TOLERANCE_C = 2.0
@@ -28,17 +30,31 @@ PRESSURE_TOLERANCE_RATIO = 0.1
 LIFT_S, PUMP_DOWN_S, VENT_S, SWITCH_S = 10.0, 60.0, 20.0, 2.0
 
 
-def plan_evaporate(step: Step, drafting: Drafting) -> DraftStep:
-    """Warm, turn, evacuate, wait, and let air in again; what boils off is stated.
+def condensed(
+    drafting: Drafting, vessel: UUID, receiver: UUID, gone: Mapping[LotId, int]
+) -> TransferLiquid:
+    """Return what goes from one vessel into another as vapour: no solid goes with it."""
+    return TransferLiquid(
+        source_id=vessel,
+        target_id=receiver,
+        amount_nl=total_nl(gone),
+        parts_nl={str(lot): part for lot, part in gone.items()},
+        keeps=tuple(UUID(lot) for lot in sorted(drafting.solids(vessel))),
+    )
 
-    The end of the wait writes down what went into the receiver. Broken off, nobody knows how
-    much that was, and both flasks are quarantined.
+
+def plan_evaporate(step: Step, drafting: Drafting) -> DraftStep:
+    """Warm, turn, evacuate, wait, and let air in again.
+
+    What boils off is stated, before the run or during it. The end of the wait writes down what
+    went into the receiver. Broken off, nobody knows how much that was, and both flasks are
+    quarantined.
     """
     params = step.params
     vessel, receiver = UUID(params["vessel"]), UUID(params["receiver"])
     evaporator = find_carrier(step, drafting, vessel, "rotary_evaporator")
     vacuum = find_vacuum(step, drafting, vessel)
-    gone = stated_lots(step, drafting, vessel, "boils_off")
+    later, gone = meant_lots(step, drafting, vessel, "boils_off")
     if evaporator is None or vacuum is None or gone is None:
         return DraftStep(step=step)
     if not condenses(drafting, vessel, receiver):
@@ -50,14 +66,6 @@ def plan_evaporate(step: Step, drafting: Drafting) -> DraftStep:
     bath = {"temperature_c": target_c, "tolerance_c": BATH_TOLERANCE_C}
     low = {"pressure_kpa": kpa, "tolerance_kpa": PRESSURE_TOLERANCE_RATIO * kpa}
     name = drafting.name(vessel)
-    boiled = TransferLiquid(
-        source_id=vessel,
-        target_id=receiver,
-        amount_nl=total_nl(gone),
-        parts_nl={str(lot): part for lot, part in gone.items()},
-        # What boils off is vapour: no solid goes with it.
-        keeps=tuple(UUID(lot) for lot in sorted(drafting.solids(vessel))),
-    )
 
     def one(
         device: Device, action: str, args: dict[str, float], text: str, takes_s: float
@@ -77,11 +85,14 @@ def plan_evaporate(step: Step, drafting: Drafting) -> DraftStep:
             drafting,
             (vessel, receiver, *evaporator.nodes.values(), *vacuum.nodes.values()),
             sentence=f"Let {name} boil down",
-            operation=boiled,
+            operation=condensed(drafting, vessel, receiver, gone),
         ),
         one(vacuum, "vent", {}, f"Let air into {name}", VENT_S),
         one(evaporator, "raise_flask", {}, f"Raise {name}", LIFT_S),
         one(evaporator, "stop_rotating", {}, f"Stop turning {name}", SWITCH_S),
         one(evaporator, "stop_heating", {}, "Stop heating the bath", SWITCH_S),
     ]
+    if later:
+        question = f"What of each lot in {name} will boil off?"
+        jobs = [ask_to_state(step, drafting, vessel, later, question), *jobs]
     return draft_of(step, jobs)

@@ -23,6 +23,7 @@ from labweb.domain.workflows.passes.roles import (
     recorded_data,
 )
 from labweb.domain.workflows.passes.view import LabView
+from labweb.domain.workflows.plan import Statement
 from labweb.domain.workflows.protocol import Step
 from labweb.domain.workflows.steps import STEP_KINDS
 
@@ -71,6 +72,9 @@ class DraftJob:
 
     asks: str = ""
     """What a person has to confirm before it is sent to a host; empty: nothing."""
+
+    states: Statement | None = None
+    """What a person states in its place; None: nothing."""
 
     choices: tuple[DraftJob, ...] = ()
     """The same on each device that may do it, corrected; empty: on this one alone."""

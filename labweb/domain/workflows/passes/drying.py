@@ -19,6 +19,7 @@ from labweb.domain.workflows.passes.boiling import (
     PRESSURE_TOLERANCE_RATIO,
     PUMP_DOWN_S,
     VENT_S,
+    condensed,
 )
 from labweb.domain.workflows.passes.draft import Drafting, DraftJob, DraftStep
 from labweb.domain.workflows.passes.layering import stated_lots
@@ -93,13 +94,4 @@ def _dried(step: Step, drafting: Drafting, vessel: UUID) -> TransferLiquid | Non
         message = f"no way for vapour leads from {drafting.name(vessel)} into it"
         drafting.refuse(step, "plan.no_condenser", message, "params.receiver")
         return None
-    if gone is None:
-        return None
-    return TransferLiquid(
-        source_id=vessel,
-        target_id=receiver,
-        amount_nl=total_nl(gone),
-        parts_nl={str(lot): part for lot, part in gone.items()},
-        # What dries off is vapour: no solid goes with it.
-        keeps=tuple(UUID(lot) for lot in sorted(drafting.solids(vessel))),
-    )
+    return None if gone is None else condensed(drafting, vessel, receiver, gone)

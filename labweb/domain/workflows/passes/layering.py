@@ -19,18 +19,20 @@ from labweb.domain.workflows.passes.acting import wait_job
 from labweb.domain.workflows.passes.chaining import choose_way, make_passes
 from labweb.domain.workflows.passes.draft import Drafting, DraftJob, DraftStep
 from labweb.domain.workflows.passes.splitting import split_strokes
+from labweb.domain.workflows.passes.stating import ask_to_state, half_of, left_open
 from labweb.domain.workflows.protocol import Step
-from labweb.domain.workflows.unit_operations import ALL
+from labweb.domain.workflows.unit_operations import ALL, StepParameter
 
 
 def plan_separate(step: Step, drafting: Drafting) -> DraftStep:
     """Wait until the layers have parted, then draw what the person says the lower one is.
 
-    Which lots lie in which layer is stated, never inferred. What is drawn beyond or short of
-    the boundary, a device does not see: the record follows what was stated.
+    Which lots lie in which layer is stated, never inferred: before the run, or during it. What
+    is drawn beyond or short of the boundary, a device does not see: the record follows what was
+    stated.
     """
     vessel, target = UUID(step.params["vessel"]), UUID(step.params["target"])
-    layer = stated_lots(step, drafting, vessel, "lower")
+    later, layer = meant_lots(step, drafting, vessel, "lower")
     if layer is None:
         return DraftStep(step=step)
     amount_nl = total_nl(layer)
@@ -44,10 +46,14 @@ def plan_separate(step: Step, drafting: Drafting) -> DraftStep:
     passes = None if chain is None else make_passes(step, drafting, chain)
     if passes is None:
         return DraftStep(step=step, whole=whole)
-    text = f"Let the layers in {drafting.name(vessel)} part"
+    name = drafting.name(vessel)
+    text = f"Let the layers in {name} part"
     jobs: list[DraftJob | None] = [
         wait_job(step, drafting, (vessel,), sentence=text, duration="settle_for")
     ]
+    if later:
+        question = f"Which lots lie in the lower layer of {name}, and how much of each?"
+        jobs.insert(0, ask_to_state(step, drafting, vessel, later, question))
     parts, left = split_strokes(amount_nl, passes.stroke_nl), dict(layer)
     for place, part_nl in enumerate(parts, start=1):
         text = f", stroke {place} of {len(parts)}" if len(parts) > 1 else ""
@@ -69,6 +75,21 @@ def plan_separate(step: Step, drafting: Drafting) -> DraftStep:
         pump_ids=passes.chain.pump_ids,
         notes=passes.chain.notes,
     )
+
+
+def meant_lots(
+    step: Step, drafting: Drafting, vessel: UUID, field: str
+) -> tuple[StepParameter | None, Mapping[LotId, int] | None]:
+    """Return what a step means of the lots of a vessel: what it states, else half of each.
+
+    Returns:
+        The parameter that a person states during the run; None: it is stated. And how much of
+        each lot; None: that is refused.
+    """
+    later = left_open(step)
+    if later is None:
+        return None, stated_lots(step, drafting, vessel, field)
+    return later, half_of(step, drafting, vessel)
 
 
 def stated_lots(

@@ -26,6 +26,7 @@ from labweb.domain.workflows.passes.draft import DraftJob, DraftStep, MassCheck
 from labweb.domain.workflows.passes.emptying import syringe_empty
 from labweb.domain.workflows.passes.view import LabView
 from labweb.domain.workflows.protocol import Step
+from labweb.domain.workflows.steps import STEP_KINDS
 
 MASS_TOLERANCE_RATIO = 0.01
 MASS_TOLERANCE_MG = 5.0
@@ -33,6 +34,18 @@ MASS_TOLERANCE_MG = 5.0
 
 MASS_TIMEOUT_S = 15.0
 """How long a balance may take to settle."""
+
+BY_CONTENTS = frozenset(
+    {
+        "crutd.insufficient_volume",
+        "crutd.insufficient_mass",
+        "crutd.capacity_exceeded",
+        "plan.no_lot",
+        "plan.not_empty",
+        "plan.nothing_there",
+    }
+)
+"""Findings that follow from what a vessel holds."""
 
 _AMOUNTS = frozenset({"crutd.insufficient_volume", "crutd.capacity_exceeded"})
 _DONE = Outcome(kind=OutcomeKind.DONE)
@@ -46,6 +59,10 @@ class Ledger:
         self._view = view
         self._states: dict[UUID, ResourceState] = dict(view.snapshot)
         self._tainted: set[UUID] = set()
+        self._open: set[str] = set()
+        self._opening: set[str] = set()
+        self._behind: set[str] = set()
+
         self._facts = view.facts
         self.findings: list[Finding] = []
 
@@ -55,6 +72,7 @@ class Ledger:
         A step that breaks leaves the record as it was, and its vessels open: what later
         steps would find in them is not judged, because it is not known.
         """
+        self._follow_open(draft)
         if draft.whole is not None and not self._is_possible(draft, draft.whole):
             self._taint(draft)
             return draft
@@ -64,13 +82,19 @@ class Ledger:
         if draft.whole is not None and not draft.jobs:
             self._taint(draft)
             return draft
-        jobs = []
+        jobs: list[DraftJob] = []
         for job in draft.jobs:
             if not self._apply(draft.step, job.operation):
                 self._taint(draft)
                 return draft
             jobs.append(self._weighed(draft.step, job))
         return replace(draft, jobs=tuple(jobs))
+
+    def is_too_early(self, finding: Finding) -> bool:
+        """Tell whether a finding follows from amounts that a person states during the run."""
+        if finding.subject in self._opening:
+            return finding.code == "crutd.capacity_exceeded"
+        return finding.subject in self._behind and finding.code in BY_CONTENTS
 
     def holds(self, resource_id: UUID) -> Contents:
         """Return what a vessel holds at this point of the plan."""
@@ -187,7 +211,20 @@ class Ledger:
         ids = {i for job in draft.jobs for i in _touched(job.operation)}
         if draft.whole is not None:
             ids |= {draft.whole.source_id, draft.whole.target_id}
-        self._tainted |= ids
+        if draft.step.id not in self._opening | self._behind:
+            self._tainted |= ids
+
+    def _follow_open(self, draft: DraftStep) -> None:
+        """Note the vessels whose contents depend on what a person states during the run."""
+        params, kind = draft.step.params, STEP_KINDS[draft.step.kind]
+        vessels = {params[p.name] for p in kind.parameters if p.is_vessel and p.name in params}
+        if not self._open.isdisjoint(vessels):
+            self._behind.add(draft.step.id)
+        elif kind.left_open(params):
+            self._opening.add(draft.step.id)
+        else:
+            return
+        self._open |= vessels
 
 
 def _made_lots(operation: React, facts: Facts) -> Iterator[LotState]:
