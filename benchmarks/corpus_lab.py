@@ -11,6 +11,7 @@ from typing import Any
 
 from labweb.domain.graph.lab_file.bindings import Binding, read_binding
 from labweb.domain.graph.lab_file.model import LabFile, Lot, Material, entry_id
+from labweb.domain.graph.topology import Medium
 from labweb.domain.recipes.graph_formats.document import Document, Format
 from labweb.domain.resources.contents import LotId, Phase, total_nl
 from labweb.domain.resources.kinds import Nature
@@ -48,7 +49,26 @@ def lab_of(raw: bytes, name: str, plan: Mapping[str, Any]) -> LabFile:
             lab = _fill(lab, material, vessel, volume_ul)
         for material, jar in jars_of(plan).items():
             lab = _put_jar(lab, material, jar, plan)
-    return lab
+    return _with_sizes(lab)
+
+
+def _with_sizes(lab: LabFile) -> LabFile:
+    """Say how much a receiver takes, where the graph does not: as much as the flask before it."""
+    sizes = {one.id: one.config.get("capacity_ul") for one in lab.resources}
+    before = {
+        tube.target.resource_id: sizes[tube.source.resource_id]
+        for tube in lab.connections
+        if tube.medium is Medium.GAS and sizes[tube.source.resource_id]
+    }
+    return replace(
+        lab,
+        resources=tuple(
+            replace(one, config={**one.config, "capacity_ul": before[one.id]})
+            if one.id in before and not sizes[one.id]
+            else one
+            for one in lab.resources
+        ),
+    )
 
 
 def view_of(lab: LabFile) -> LabView:

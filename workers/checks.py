@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from labweb.domain.crutd.operations import Read
 from labweb.domain.enrollment.admission import refusal
 from labweb.domain.messages import Do
 from labweb.domain.runs import batch, edge, standing
@@ -51,3 +52,14 @@ def problem(
         code, text = refusal(unit.config.admission, do.action, do.args)
         return Answer(edge.REJECT, code, text) if code else None
     return None
+
+
+def is_given_up(journal: Journal, row: ActionRow) -> bool:
+    """Say whether an action that only waits for a reading was cancelled, or the lab stopped.
+
+    What has moved or set anything is still given its time: its end is to be known.
+    """
+    if not isinstance(row.operation, Read):
+        return False
+    now = journal.action(row.action_id)
+    return now is not None and now.is_cancel_wanted

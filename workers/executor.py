@@ -308,15 +308,15 @@ class Executor:
     ) -> None:
         """Read the post-conditions and end the action. Nothing here makes a device move.
 
-        A process that is told to end meanwhile leaves the action as it is; the next one
-        reads again.
+        A process that is told to end meanwhile leaves the action as it is; the next reads again.
         """
-        stands = pairs.await_partner(self._journal, row, self._clock, is_over=self._is_closing)
+        over, cut = self._is_closing, partial(checks.is_given_up, self._journal, row)
+        stands = pairs.await_partner(self._journal, row, self._clock, is_over=over)
         if stands is Stand.FAILED:
             self._finish(row, meeting.failed(report), [])
         if stands is not Stand.GO_ON:
             return
-        post = self._reader.await_all(_conditions(do.post), before, is_over=self._is_closing)
+        post = self._reader.await_all(_conditions(do.post), before, is_over=over, is_cut=cut)
         if post is None:
             return
         self._finish(row, report, self._witness.back(row.action_id, post))

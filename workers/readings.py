@@ -25,6 +25,10 @@ OLDEST_READING_S = 3.0
 """A value of another line's device that is older tells nothing."""
 
 POLL_S = 0.05
+SLOWEST_POLL_S = 1.0
+POLL_RATIO = 0.01
+"""A condition is looked at again after that share of the time that it has taken by then."""
+
 SPARE_S = 1.0
 """What a wait is longer in real time where lab time runs faster."""
 
@@ -100,8 +104,9 @@ class Reader:
         before: Mapping[Key, Any],
         *,
         is_over: Callable[[], bool],
+        is_cut: Callable[[], bool] = lambda: False,
     ) -> list[tuple[Condition, Result]] | None:
-        """Judge the conditions, and give each its time to become true.
+        """Judge the conditions, and give each its time to become true, or until `is_cut`.
 
         A picture counts only when it was taken from here on: one from before the act, or
         from the middle of it, shows nothing of its end.
@@ -119,12 +124,13 @@ class Reader:
                 for one, result in found
                 if result.verdict is not Verdict.PASS and waited_s < one.timeout_s
             ]
-            if not hopeful:
+            if not hopeful or is_cut():
                 self._share(now)
                 return found
             if is_over():
                 return None
-            self._clock.wait(POLL_S)
+            # What is waited for by the hour is not looked at twenty times a second.
+            self._clock.wait(min(max(POLL_S, waited_s * POLL_RATIO), SLOWEST_POLL_S))
 
     def _share(self, now: Mapping[Key, Any]) -> None:
         """Let other lines see how an act has left the devices of this one.

@@ -102,3 +102,19 @@ def test_one_device_is_stopped_while_it_heats_and_its_run_asks_how_to_go_on(stac
     stack.client().wait_for_run(run["id"], lambda one: one["state"] == "paused", 30)
     stack.client().call("POST", f"runs/{run['id']}/abort", {"reason": "done with it"})
     stack.client().wait_for_run(run["id"], lambda one: one["state"] == "aborted", 30)
+
+
+def test_a_temperature_that_never_comes_is_waited_for_until_an_abort(stack: Stack) -> None:
+    """Waiting for hours ends within seconds, leaves nothing in doubt, and the next run goes on."""
+    vessel = stack.keys()["reactor_1"]
+    never = {"vessel": vessel, "lowest": "90 °C", "highest": "95 °C"}
+    run = stack.client().start_step("await_temperature", never)
+    stack.client().wait_for_run(
+        run["id"], lambda one: any(job["state"] == "completing" for job in one["jobs"]), 60
+    )
+    stack.client().call("POST", f"runs/{run['id']}/abort", {"reason": "it stays cold"})
+    ended = stack.client().wait_for_run(run["id"], lambda one: one["state"] == "aborted", 15)
+    assert (cut_off(ended)["code"], ended["in_doubt_count"]) == ("vessel.between_temperatures", 0)
+    here = {"vessel": vessel, "lowest": "0 °C", "highest": "80 °C"}
+    again = stack.client().start_step("await_temperature", here)
+    stack.client().wait_for_run(again["id"], lambda one: one["state"] == "complete", 60)

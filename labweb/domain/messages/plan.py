@@ -40,11 +40,11 @@ class Recipe(Strict, frozen=True):
 
 
 class Bindings(Strict, frozen=True):
-    """Which vessel of the graph stands for which of the recipe."""
+    """Which vessel of the graph stands for which of the recipe; `chosen` where it names none."""
 
     vessels: dict[str, Text] = {}
     reagents: dict[str, Text | list[Text]] = {}
-
+    chosen: list[dict[str, Text | int]] = []
 
 class Totals(Strict, frozen=True):
     """Sums over the whole plan."""

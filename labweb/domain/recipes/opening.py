@@ -15,9 +15,7 @@ from labweb.domain.graph.rig.model import Rig
 from labweb.domain.graph.rig.read import read_rig, unpacked
 from labweb.domain.ports import Clock
 from labweb.domain.recipes.advise.search import Advice, advise
-from labweb.domain.recipes.agreement.check import check_same
 from labweb.domain.recipes.agreement.proved import sources_of, vessels_of
-from labweb.domain.recipes.agreement.weaving import weave_rinses
 from labweb.domain.recipes.on_rig.binding import Binding, bind, may_be
 from labweb.domain.recipes.on_rig.equipment import Equipment, Sort
 from labweb.domain.recipes.on_rig.labels import alike
@@ -27,10 +25,10 @@ from labweb.domain.recipes.recipe_on_rig import (
     digest,
     plan_recipe,
     read_recipe,
-    workflow_of,
 )
 from labweb.domain.recipes.recipe_plan import Wish, expand_recipe
-from labweb.domain.recipes.rig_choices import unstirred, with_receivers, with_waste, without_jars
+from labweb.domain.recipes.rig_choices import without_jars
+from labweb.domain.recipes.workflow_on_rig import workflow_on_rig
 from labweb.domain.recipes.xdl.declared import Declared, bindings, read_declared
 from labweb.domain.recipes.xdl.expansion.expand import all_operations
 from labweb.domain.recipes.xdl.findings import Findings
@@ -208,19 +206,7 @@ def workflow_from(asked: Asked) -> dict[str, Any]:
     rig, stated = read_rig(raw), asked.stated()
     recipe = read_recipe(asked.recipe, rig, asked.blueprints)
     wish, head = asked.wish(recipe, stated), asked.head(digest(raw))
-    plan = plan_recipe(recipe, rig, without_jars(wish, recipe, rig), head).plan
-    known = with_waste(stated or Declared(), plan, Equipment(rig))
-    known = with_receivers(known, plan, Equipment(rig))
-    document = workflow_of(
-        recipe,
-        wish,
-        name=asked.name[:200],
-        declared=known,
-        on_rig=True,
-        unstirred=unstirred(plan, rig),
-    )
-    document = weave_rinses(plan, document)
-    check_same(plan, document, rig.pumps)
+    plan, document = workflow_on_rig(recipe, rig, wish, stated, head)
     proved = {
         "recipe_sha256": head["recipe"]["sha256"],
         "graph_sha256": head["graph_sha256"],

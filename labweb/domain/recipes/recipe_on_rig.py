@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,6 +12,7 @@ from labweb.domain.graph.rig.model import Rig
 from labweb.domain.proof.prove import prove
 from labweb.domain.recipes.on_rig.equipment import Equipment
 from labweb.domain.recipes.recipe_plan import Wish, check_single, compile_recipe
+from labweb.domain.recipes.xdl.chosen import OnRig
 from labweb.domain.recipes.xdl.declared import Declared
 from labweb.domain.recipes.xdl.json_form import parse_json
 from labweb.domain.recipes.xdl.markup import Document, parse_markup
@@ -111,8 +112,7 @@ def workflow_of(
     *,
     name: str,
     declared: Declared | None = None,
-    on_rig: bool = False,
-    unstirred: Collection[str] = (),
+    rig: OnRig | None = None,
 ) -> dict[str, Any]:
     """Turn a recipe into the plain data of a workflow; `wish.bind` gives the keys of the lab.
 
@@ -121,8 +121,7 @@ def workflow_of(
         wish: What is asked beside the recipe.
         name: What the workflow is called.
         declared: What a person states of lab and matter beside the recipe.
-        on_rig: What the plan of a rig rinses is woven in afterwards.
-        unstirred: Keys of vessels that nothing stirs there.
+        rig: What a proved plan says of its rig; None: there is none.
 
     Raises:
         ProtocolError: A workflow cannot say all of it; `findings` list what.
@@ -134,6 +133,4 @@ def workflow_of(
         equiv_reference=wish.equiv_reference,
         equiv_amount=wish.equiv_amount,
     )
-    return to_workflow(
-        acts, name=name, keys=wish.bind, declared=declared, on_rig=on_rig, unstirred=unstirred
-    )
+    return to_workflow(acts, name=name, keys=wish.bind, declared=declared, rig=rig)

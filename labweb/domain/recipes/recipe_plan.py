@@ -353,6 +353,7 @@ def _render(making: Making, contents: Mapping[str, Any]) -> dict[str, Any]:
         "bindings": {
             "vessels": dict(sorted(making.binding.vessels.items())),
             "reagents": {n: _flasks(making, n) for n in sorted(making.binding.reagents)},
+            **({"chosen": making.chosen} if making.chosen else {}),
         },
         "contents": dict(contents),
         "capacities_ul": {k: micro(c) for k, c in sorted(capacities.items()) if c},

@@ -1,7 +1,4 @@
-"""What the workflow of a recipe takes from its rig: its only waste, its stirrers, and no jars.
-
-Where vapour condenses the rig says, too.
-"""
+"""What the workflow of a recipe takes from its rig: stirrers, condensers, fillings, and no jars."""
 
 from __future__ import annotations
 
@@ -12,8 +9,9 @@ from typing import Any
 import msgspec
 
 from labweb.domain.graph.rig.model import Rig
-from labweb.domain.recipes.on_rig.equipment import Equipment, Sort
+from labweb.domain.recipes.on_rig.equipment import Equipment
 from labweb.domain.recipes.recipe_plan import Wish, expand_recipe
+from labweb.domain.recipes.xdl.chosen import OnRig
 from labweb.domain.recipes.xdl.declared import Declared
 from labweb.domain.recipes.xdl.expansion.basic import Kind
 from labweb.domain.recipes.xdl.expansion.expand import all_operations
@@ -30,12 +28,13 @@ def without_jars(wish: Wish, recipe: Recipe, rig: Rig) -> Wish:
     return replace(wish, bind=left)
 
 
-def unstirred(plan: Mapping[str, Any], rig: Rig) -> set[str]:
-    """Return the elements of a rig that a proved plan never stirs."""
+def on_rig(plan: Mapping[str, Any], rig: Rig) -> OnRig:
+    """Return what a proved plan says of its rig: what is never stirred, and what was chosen."""
     stirred = {
         step["does"].get("vessel") for step in plan["steps"] if step["does"]["kind"] == "stir"
     }
-    return {one.key for one in rig.elements} - stirred
+    unstirred = frozenset({one.key for one in rig.elements} - stirred)
+    return OnRig(unstirred, tuple(plan["bindings"].get("chosen", ())))
 
 
 def with_receivers(stated: Declared, plan: Mapping[str, Any], equipment: Equipment) -> Declared:
@@ -46,11 +45,14 @@ def with_receivers(stated: Declared, plan: Mapping[str, Any], equipment: Equipme
     return msgspec.structs.replace(stated, receivers=known | stated.receivers)
 
 
-def with_waste(stated: Declared, plan: Mapping[str, Any], equipment: Equipment) -> Declared:
-    """Take the waste that a proved plan pours into, where nobody stated one and it has but one."""
-    if stated.waste:
-        return stated
-    claims = (step["does"] for step in plan["steps"])
-    ends = {does.get(name) for does in claims for name in ("to", "lower_to", "upper_to")}
-    wastes = {one for one in ends if one and equipment.vessels.get(one) is Sort.WASTE}
-    return msgspec.structs.replace(stated, waste=wastes.pop()) if len(wastes) == 1 else stated
+def with_fillings(wish: Wish, recipe: Recipe, equipment: Equipment) -> Wish:
+    """Bind what a recipe calls a cartridge by its filling to the only cartridge that has it."""
+    operations = all_operations(expand_recipe(recipe, wish))
+    names = {"through", "lower_through", "upper_through"}
+    said = {str(value) for one in operations for n, value in one.fields.items() if n in names}
+    bound = dict(wish.bind)
+    for name in said - equipment.elements.keys() - bound.keys():
+        having = [key for key, filling in equipment.cartridges.items() if filling == name]
+        if len(having) == 1:
+            bound[name] = having[0]
+    return replace(wish, bind=bound)

@@ -170,5 +170,5 @@ def write_stop(tx: JournalWrite, stop: StopLab) -> None:
         tx.append("stop_latched", None, body)
         halting.write_halts(tx, halting.STOPPED)
         for row in tx.open_rows():
-            if row.st is ActionState.STARTED:
+            if row.st in {ActionState.STARTED, ActionState.ACTUATED}:
                 tx.want_cancel(row.action_id)

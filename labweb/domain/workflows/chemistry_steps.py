@@ -96,6 +96,17 @@ CHEMISTRY_STEPS = (
         clauses=("Stop heating {vessel}",),
     ),
     UnitOperation(
+        kind="await_temperature",
+        label="Wait for a temperature",
+        help="Go on once a vessel is warm or cold by itself, as its heater or chiller reads it.",
+        parameters=(
+            vessel("vessel", "Vessel", "Vessel on a heater or chiller, which is not switched."),
+            quantity("lowest", "temperature", "At least", "Such as 18 °C."),
+            quantity("highest", "temperature", "At most", "Such as 25 °C."),
+        ),
+        clauses=("Wait until {vessel} is between {lowest} and {highest}",),
+    ),
+    UnitOperation(
         kind="separate",
         matter=Matter(moves=Moves.LAYER, source="vessel", target="target", stated="lower"),
         label="Draw the lower layer",

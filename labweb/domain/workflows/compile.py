@@ -13,6 +13,7 @@ from labweb.domain.errors import Finding, InfeasibleError, ProtocolError
 from labweb.domain.workflows.edges import find_earlier, sort_steps
 from labweb.domain.workflows.passes.acting import PLANNERS
 from labweb.domain.workflows.passes.asking import plan_add_solid, plan_confirm
+from labweb.domain.workflows.passes.awaiting import plan_await_temperature
 from labweb.domain.workflows.passes.boiling import plan_evaporate
 from labweb.domain.workflows.passes.by_role import check_whole, plan_role_action
 from labweb.domain.workflows.passes.carrying import plan_carry
@@ -44,6 +45,7 @@ _PLANNERS = {
     "evaporate": plan_evaporate,
     "filter": plan_filter,
     "dry": plan_dry,
+    "await_temperature": plan_await_temperature,
     "confirm": plan_confirm,
     "add_solid": plan_add_solid,
     "evacuate_refill": plan_evacuate_refill,

@@ -57,6 +57,12 @@ def test_a_tolerance_is_how_near_the_temperature_has_to_come() -> None:
     assert stop[0] == "stop_heat_stir"
 
 
+def test_a_temperature_that_comes_by_itself_is_waited_for() -> None:
+    found = steps_of(WARM.format(more='active="false"'))
+    window = {"vessel": "@reactor", "lowest": "39 °C", "highest": "41 °C"}
+    assert ("await_temperature", window) in found
+
+
 def test_a_wider_tolerance_is_met_by_the_usual_one() -> None:
     wide = 'lower_temp_tolerance="5 °C" upper_temp_tolerance="5 °C"'
     assert "tolerance" not in steps_of(WARM.format(more=wide))[0][1]
@@ -142,7 +148,6 @@ def test_what_nobody_states_of_a_layer_is_left_to_the_run() -> None:
 @pytest.mark.parametrize(
     ("steps", "declared", "code"),
     [
-        (WARM.format(more='active="false"'), STATED, "xdl.not_in_workflow"),
         (WARM.format(more='lower_temp_tolerance="0 °C"'), STATED, "xdl.not_in_workflow"),
         (
             SEPARATE.format(purpose="extract", phase="top"),

@@ -9,6 +9,7 @@ import pytest
 
 from labweb.domain.errors import LabError, ProtocolError
 from labweb.domain.recipes.opening import Asked, workflow_from
+from labweb.domain.recipes.xdl.chosen import OnRig
 from labweb.domain.recipes.xdl.declared import Declared
 from labweb.domain.recipes.xdl.read import read_xdl
 from labweb.domain.recipes.xdl.to_workflow import to_workflow
@@ -106,7 +107,8 @@ def test_what_nothing_stirs_on_a_rig_is_done_without_stirring() -> None:
         '<Dissolve vessel="filter" solvent="ether" volume="8 mL" temp="40 °C" time="1 min"/>'
     )
     acts = unfold(read_xdl(recipe_of(said)))
-    steps = to_workflow(acts, name="still", declared=STATED, unstirred=["separator"])["steps"]
+    rig = OnRig(unstirred=frozenset({"separator"}))
+    steps = to_workflow(acts, name="still", declared=STATED, rig=rig)["steps"]
     assert not {step["kind"] for step in steps} & {"stir", "start_stir", "stop_stir"}
     assert [step["params"]["duration"] for step in steps if step["kind"] == "wait"] == [
         "60 s",

@@ -74,6 +74,10 @@ def _heat_chill(params: Params, standing: Standing, place: Place) -> Iterator[De
         yield from _stop_stir(params, standing, place) if is_stirred else ()
 
 
+def _await(_params: Params, _standing: Standing, _place: Place) -> Iterator[Deed]:
+    yield from ()
+
+
 def _wait(params: Params, standing: Standing, place: Place) -> Iterator[Deed]:
     yield deeds.wait(parse(params["duration"], "time"), standing, place)
 
@@ -138,6 +142,7 @@ _STEPS: Mapping[str, Callable[[Params, Standing, Place], Iterator[Deed]]] = {
     "stop_heat_stir": _stop_both,
     "stir": _stir,
     "heat_chill": _heat_chill,
+    "await_temperature": _await,
     "wait": _wait,
     "separate": _separate,
     "filter": _filter,

@@ -42,6 +42,14 @@ def choose_buffer(making: Making, source: str, place: Place, waits_in: str = "")
 
 def resolve(making: Making, name: str, source: str, place: Place, waits_in: str = "") -> str | None:
     """Return the vessel behind the name of a target, which may be a waste or a buffer."""
+    found = _resolve(making, name, source, place, waits_in)
+    if found is not None and name in (WASTE, BUFFER, KEPT):
+        at = {"line": place.line, "column": place.column} if place.line else {}
+        making.chosen.append({"stands_for": name, "key": found, **at})
+    return found
+
+
+def _resolve(making: Making, name: str, source: str, place: Place, waits_in: str) -> str | None:
     if name == WASTE:
         return choose_waste(making, source, place)
     if name == BUFFER:

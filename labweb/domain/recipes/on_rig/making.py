@@ -118,6 +118,9 @@ class Making:
     kept: list[str] = field(default_factory=list)
     """Where a phase collects over the rounds of a Separate: one vessel, or none yet."""
 
+    chosen: list[dict[str, Any]] = field(default_factory=list)
+    """Wastes and spare flasks that were taken, with the place of the recipe: `bindings.chosen`."""
+
     notes: dict[str, None] = field(default_factory=dict)
     lost: set[str] = field(default_factory=set)
     """Vessels whose contents cannot be followed any more, after something that was told."""

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from decimal import Decimal
 
 from labweb.domain.recipes.xdl.acts import Act
+from labweb.domain.recipes.xdl.chosen import Chosen
 from labweb.domain.recipes.xdl.declared import Declared, all_of, stated_at
 from labweb.domain.recipes.xdl.defaults_table import DEFAULTS
 from labweb.domain.recipes.xdl.expansion.basic import (
@@ -40,7 +41,6 @@ _REACHED_C = Decimal(str(HEAT_TOLERANCE_C))
 """How near `heat_chill` comes to a temperature before it goes on, unless it says how near."""
 
 _NOT_SAID: Mapping[Kind, str] = {
-    Kind.AWAIT_TEMPERATURE: "waits until a vessel is warm or cold by itself",
     Kind.SET_TEMPERATURE: "heats or chills and does not wait until it is warm or cold",
 }
 """Basic operation that no step does → what it does."""
@@ -51,6 +51,7 @@ class BasicSteps:
     """Turns acts into steps by way of their expansion, in the order of the recipe."""
 
     declared: Declared
+    chosen: Chosen
     key: Callable[[str, Act], str]
     """Reference of a name of the recipe, `@key`; tells where it is none."""
 
@@ -116,20 +117,19 @@ class BasicSteps:
                 return self._move(act, fields, "reagent", "vessel")
             case Kind.TRANSFER:
                 return self._move(act, fields, "source", "target")
-            case Kind.DRAW_FILTRATE:
-                return self._filter(act, fields)
-            case Kind.START_STIR:
-                return self._start_stir(act, fields)
             case Kind.STOP_STIR:
                 return self.standing.stop(self._ref(act, fields, "vessel"))
-            case Kind.STOP_TEMPERATURE:
-                return self._stop_heat(act, fields)
-            case Kind.WAIT:
-                return self._wait(act, fields)
-            case Kind.ASK:
-                return self._ask(act, fields)
-            case Kind.ADD_SOLID:
-                return self._add_solid(act, fields)
+        makers = {
+            Kind.DRAW_FILTRATE: self._filter,
+            Kind.START_STIR: self._start_stir,
+            Kind.STOP_TEMPERATURE: self._stop_heat,
+            Kind.AWAIT_TEMPERATURE: self._await,
+            Kind.WAIT: self._wait,
+            Kind.ASK: self._ask,
+            Kind.ADD_SOLID: self._add_solid,
+        }
+        if kind in makers:
+            return makers[kind](act, fields)
         what = _NOT_SAID.get(kind, f"does {kind.replace('_', ' ')}")
         self._refuse(act, f"has no step that {what}, as {act.name} does")
         return []
@@ -194,6 +194,14 @@ class BasicSteps:
         values |= {"tolerance": f"{near:f} K"} if near < _REACHED_C else {}
         return [("heat_chill", values, [])]
 
+    def _await(self, act: Act, fields: Heeded[Field]) -> list[Made]:
+        vessel = self._ref(act, fields, "vessel")
+        low, high = fields.get("low_c"), fields.get("high_c")
+        if not isinstance(low, Decimal) or not isinstance(high, Decimal):
+            return []
+        values = {"vessel": vessel, "lowest": f"{low:f} °C", "highest": f"{high:f} °C"}
+        return [("await_temperature", values, [])]
+
     def _stir(
         self, act: Act, fields: Heeded[Field], operations: list[BasicOperation]
     ) -> tuple[list[Made], int]:
@@ -236,8 +244,10 @@ class BasicSteps:
         return [*made, *([("transfer", back, [])] if is_back else [])]
 
     def _buffer(self, act: Act, place: int = 0) -> str:
-        """Return the flask in which a layer waits: the recipe's own, else a declared one."""
+        """Return the flask in which a layer waits: of the plan, the recipe, or a declaration."""
+        taken = self.chosen.take(act.place, KEPT if place else BUFFER)
         named = self.key(self._waits_in, act) if self._waits_in and not place else ""
+        named = f"@{taken}" if taken else named
         if not named or named == f"@{self.declared.waste}":
             if place >= len(self.declared.buffers):
                 message = f"{act.name}: nobody declared {place + 1} buffers, in which a layer waits"
@@ -325,10 +335,11 @@ class BasicSteps:
             return self._waiting if is_given_back else self._buffer(act, int(called == KEPT))
         if called != WASTE:
             return self.key(called, act)
-        if not self.declared.waste:
+        waste = self.declared.waste or self.chosen.take(act.place, WASTE)
+        if not waste:
             message = f"{act.name}: nobody declared the waste"
             self.told.tell("xdl.not_declared", message, act.place)
-        return f"@{self.declared.waste}"
+        return f"@{waste}"
 
     def _refuse(self, act: Act, what: str) -> None:
         self.told.tell("xdl.not_in_workflow", f"a workflow of labweb {what}", act.place)

@@ -10,8 +10,10 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 from labweb.domain.recipes.xdl.acts import Act
+from labweb.domain.recipes.xdl.chosen import Chosen
 from labweb.domain.recipes.xdl.declared import Declared, all_of, stated_at
 from labweb.domain.recipes.xdl.defaults_table import DEFAULTS
+from labweb.domain.recipes.xdl.expansion.basic import WASTE
 from labweb.domain.recipes.xdl.findings import Findings
 from labweb.domain.recipes.xdl.standing import Made, Standing
 from labweb.domain.recipes.xdl.values import Quantity
@@ -47,6 +49,7 @@ class SeveralSteps:
     """Turns acts into steps, in the order of the recipe."""
 
     declared: Declared
+    chosen: Chosen
     key: Callable[[Act, str], str]
     """Reference of what a property names, `@key`."""
 
@@ -105,11 +108,15 @@ class SeveralSteps:
         }
         return "evacuate_refill", values, notes
 
-    def _waste(self, act: Act) -> str:
-        if not self.declared.waste:
+    def _drain(self, act: Act, receiver: str) -> list[Made]:
+        """Return what empties the receiver, as in a plan: it has room for the next."""
+        waste = self.declared.waste or self.chosen.take(act.place, WASTE)
+        if not waste and self.chosen.is_planned:
+            return []
+        if not waste:
             message = f"{act.name}: nobody declared the waste"
             self.told.tell("xdl.not_declared", message, act.place)
-        return f"@{self.declared.waste}"
+        return [("transfer", {"source": f"@{receiver}", "target": f"@{waste}", "volume": ALL}, [])]
 
     def _evaporate(self, act: Act, notes: list[str]) -> list[Made]:
         gone = stated_at(self.declared.boils_off, self._boiled)
@@ -130,9 +137,7 @@ class SeveralSteps:
         values |= {"boils_off": all_of(gone)} if gone else {}
         if act.values.get("mode") == "auto":
             notes.append("mode auto: it lasts all of its time, for it does not end by itself")
-        # What has condensed goes to the waste, as in a plan: the flask has room for the next.
-        drain = {"source": f"@{receiver}", "target": self._waste(act), "volume": ALL}
-        return [("evaporate", values, notes), ("transfer", drain, [])]
+        return [("evaporate", values, notes), *self._drain(act, receiver)]
 
     def _filter_through(self, act: Act, notes: list[str]) -> list[Made]:
         made = [self._transfer(act, "from_vessel", "to_vessel", notes)]

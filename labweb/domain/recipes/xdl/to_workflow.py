@@ -7,13 +7,14 @@ to.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from decimal import Decimal
 from typing import Any
 
 from labweb.domain.recipes.xdl.acts import Act
 from labweb.domain.recipes.xdl.basic_steps import BasicSteps
+from labweb.domain.recipes.xdl.chosen import Chosen, OnRig
 from labweb.domain.recipes.xdl.declared import Declared
 from labweb.domain.recipes.xdl.findings import Findings
 from labweb.domain.recipes.xdl.markup import NOWHERE
@@ -48,8 +49,7 @@ def to_workflow(
     name: str,
     keys: Mapping[str, str] | None = None,
     declared: Declared | None = None,
-    on_rig: bool = False,
-    unstirred: Collection[str] = (),
+    rig: OnRig | None = None,
 ) -> dict[str, Any]:
     """Turn unfolded acts into the plain data of a workflow.
 
@@ -59,19 +59,17 @@ def to_workflow(
         keys: Vessel or reagent → key of the resource in the lab, where the name is no key.
         declared: What a person states of lab and matter beside the recipe. With it, steps that
             part layers, boil solvents off or let a gas in become steps too.
-        on_rig: The rinses of a plan come in afterwards (`agreement.weaving`), those that the
-            recipe asks for among them: a ResetHandling becomes no step here.
-        unstirred: Keys of vessels that nothing stirs on that rig, where the plan does without.
+        rig: What a proved plan says of its rig; None: there is no plan. The rinses of a plan come
+            in afterwards (`agreement.weaving`), those that the recipe asks for among them: a
+            ResetHandling becomes no step here.
 
     Raises:
         ProtocolError: `xdl.not_in_workflow`, `xdl.not_a_key`, `xdl.range_not_exact`,
             `xdl.not_declared` and what a workflow refuses; `findings` list all. No workflow
             comes of it.
     """
-    writer = _Writer(
-        {**({} if declared is None else declared.keys), **(keys or {})}, declared, on_rig
-    )
-    writer.standing.unstirred = frozenset(f"@{key}" for key in unstirred)
+    known = {**({} if declared is None else declared.keys), **(keys or {})}
+    writer = _Writer(known, declared, rig)
     writer.stop(writer.lay(acts))
     writer.check_declared()
     plain = {
@@ -91,7 +89,7 @@ def to_workflow(
 class _Writer:
     keys: dict[str, str]
     declared: Declared | None = None
-    on_rig: bool = False
+    rig: OnRig | None = None
     told: Findings = field(default_factory=Findings)
     steps: list[dict[str, Any]] = field(default_factory=list)
     edges: list[dict[str, str]] = field(default_factory=list)
@@ -102,11 +100,13 @@ class _Writer:
 
     def __post_init__(self) -> None:
         self.standing = Standing(self._number)
-        stated = self.declared or Declared()
-        self.basic = BasicSteps(stated, self._reference, self.told, self.standing)
+        unstirred = frozenset[str]() if self.rig is None else self.rig.unstirred
+        self.standing.unstirred = frozenset(f"@{key}" for key in unstirred)
+        stated, chosen = self.declared or Declared(), Chosen(self.rig)
+        self.basic = BasicSteps(stated, chosen, self._reference, self.told, self.standing)
         if self.declared is not None:
             self.several = SeveralSteps(
-                self.declared, self._key, self._number, self.told, self.standing
+                self.declared, chosen, self._key, self._number, self.told, self.standing
             )
 
     def stop(self, after: tuple[str, ...]) -> None:
@@ -217,7 +217,7 @@ class _Writer:
                 self.told.tell("xdl.not_in_workflow", message, act.place)
 
     def _simple(self, act: Act) -> list[Made]:
-        if act.name == "ResetHandling" and self.on_rig:
+        if act.name == "ResetHandling" and self.rig is not None:
             return []
         notes = self._comment(act)
         said = _SAID.get(act.name)

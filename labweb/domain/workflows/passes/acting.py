@@ -46,7 +46,7 @@ SWITCH_S = 2.0
 def plan_heat_chill(step: Step, drafting: Drafting) -> DraftStep:
     """Stir if asked, reach the temperature, and with a hold keep it and switch off."""
     vessel = UUID(step.params["vessel"])
-    heater = _find_heater(step, drafting, vessel)
+    heater = find_heater(step, drafting, vessel)
     wants_stir = "stir_speed" in step.params
     stirrer = find_carrier(step, drafting, vessel, "stirrer") if wants_stir else None
     if heater is None or (wants_stir and stirrer is None):
@@ -120,7 +120,7 @@ def _off(heater: Device) -> str:
     return "stop_heating" if plays(heater, "heater") else "stop_control"
 
 
-def _find_heater(step: Step, drafting: Drafting, vessel: UUID) -> Device | None:
+def find_heater(step: Step, drafting: Drafting, vessel: UUID) -> Device | None:
     """Return the hotplate or the thermostat of a vessel; note when it is not one."""
     role = "thermostat" if carriers(drafting, vessel, "thermostat") else "heater"
     return find_carrier(step, drafting, vessel, role)

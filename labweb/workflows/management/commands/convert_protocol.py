@@ -14,10 +14,9 @@ from django.core.management.base import CommandError
 from labweb.domain.errors import Finding, LabError, LabFileError
 from labweb.domain.graph.rig.model import Rig
 from labweb.domain.graph.rig.read import read_rig
-from labweb.domain.recipes.agreement.check import check_same
-from labweb.domain.recipes.agreement.weaving import weave_rinses
-from labweb.domain.recipes.recipe_on_rig import digest, plan_recipe, read_recipe, workflow_of
+from labweb.domain.recipes.recipe_on_rig import digest, read_recipe, workflow_of
 from labweb.domain.recipes.recipe_plan import Wish
+from labweb.domain.recipes.workflow_on_rig import workflow_on_rig
 from labweb.domain.recipes.xdl.declared import bindings, read_declared
 from labweb.domain.recipes.xdl.markup import MAX_BYTES
 from labweb.domain.recipes.xdl.recipe import Recipe
@@ -117,19 +116,16 @@ class Command(FileCommand):
         declared = None
         if options["declared"] is not None:
             declared = read_declared(_read(options["declared"]))
-        plain = workflow_of(
-            recipe, wish, name=name[:200], declared=declared, on_rig=rig is not None
-        )
-        if rig is not None:
+        if rig is None:
+            plain = workflow_of(recipe, wish, name=name[:200], declared=declared)
+        else:
             keys = {} if declared is None else bindings(declared, recipe)
             files = (options["source"], options["lab"])
             hashes = [digest(path.read_bytes()) for path in files]
             head = {"recipe": {"id": name, "sha256": hashes[0]}, "graph_sha256": hashes[1]}
             groups = {} if declared is None else declared.groups
             bound = replace(wish, bind={**keys, **wish.bind}, groups=groups)
-            plan = plan_recipe(recipe, rig, bound, head).plan
-            plain = weave_rinses(plan, plain)
-            check_same(plan, plain, rig.pumps)
+            _, plain = workflow_on_rig(recipe, rig, bound, declared, head)
         return json.dumps(plain, indent=2, ensure_ascii=False) + "\n"
 
     def _print(self, findings: Sequence[Finding], *, as_json: bool) -> None:
