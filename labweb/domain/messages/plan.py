@@ -46,6 +46,7 @@ class Bindings(Strict, frozen=True):
     reagents: dict[str, Text | list[Text]] = {}
     chosen: list[dict[str, Text | int]] = []
 
+
 class Totals(Strict, frozen=True):
     """Sums over the whole plan."""
 

@@ -243,3 +243,23 @@ def test_only_what_leaves_the_last_syringe_arrives_on_a_balance() -> None:
     plan = plan_of(bench, value)
     weighed = [job.sentence for job in plan.jobs if any("mass" in one.name for one in job.post)]
     assert weighed == ["Dispense 1.00 mL into Flask"]
+
+
+@pytest.mark.parametrize(
+    ("near", "far"),
+    [("valve_1:4", "valve_2:4"), ("valve_2:3", "valve_3:4"), ("valve_3:3", "flask:top")],
+)
+def test_a_chain_goes_once_through_the_cartridge_that_is_asked_for(near: str, far: str) -> None:
+    """Between two syringes as well as before the flask."""
+    bench = a_backbone()
+    bench.vessel("salt", kind="cartridge")
+    bench.tube(near, "salt:in", 10)
+    bench.tube("salt:out", far, 10)
+    document = flow(transfer("t", "water", "flask", "1 mL", through="@salt"))
+    plan = plan_of(bench, document)
+    ends = [int(end.rpartition(":")[2]) for end in (near, far) if end.startswith("valve")]
+    turned = [job.args["port_index"] for job in plan.jobs if job.action == "select_port"]
+    assert set(ends) <= set(turned)
+    assert len(moves(plan)) % 3 == 0
+    proof = prove_plan(read(bench, document), plan, bench.view())
+    assert (proof.findings, proof.covered) == ((), ("t",))

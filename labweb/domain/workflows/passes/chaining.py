@@ -10,6 +10,7 @@ Between two syringes there is no vessel: one plunger pushes while the next one d
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from heapq import heappop, heappush
 from itertools import pairwise
@@ -20,13 +21,14 @@ import msgspec
 from labweb.domain.crutd.operations import TransferLiquid
 from labweb.domain.enrollment.device import Device
 from labweb.domain.errors import Finding, NoRouteError
-from labweb.domain.graph.routing import Route, find_route
+from labweb.domain.graph.routing import Route
 from labweb.domain.workflows.passes.draft import Drafting, DraftJob, MassCheck
 from labweb.domain.workflows.passes.pumping import (
     Leg,
     Pumping,
     check_share,
     choose_pump,
+    find_way,
     make_leg,
     pump_nodes,
 )
@@ -110,7 +112,7 @@ def make_passes(
 def choose_way(step: Step, drafting: Drafting, whole: TransferLiquid) -> Chain | None:
     """Find the pump of a step that moves liquid, or the chain of them; note why there is none.
 
-    A step that names its pump, or a cartridge to go through, is done by a single pump.
+    A step that names its pump is done by that one alone.
     """
     wanted = None
     if "pump" in step.params:
@@ -139,8 +141,8 @@ def choose_way(step: Step, drafting: Drafting, whole: TransferLiquid) -> Chain |
     )
     if isinstance(answer, Pumping):
         return Chain(pumps=((answer.device, answer.pump_id),), legs=(answer.into, answer.out))
-    if wanted is None and through is None and not unfit:
-        chain = find_chain(drafting.view, source, target)
+    if wanted is None and not unfit:
+        chain = find_chain(drafting.view, source, target, through)
         if chain is not None and all(not check(*pump) for pump in chain.pumps):
             return chain
     for finding in unfit:
@@ -151,71 +153,93 @@ def choose_way(step: Step, drafting: Drafting, whole: TransferLiquid) -> Chain |
     return None
 
 
-def find_chain(view: LabView, source: UUID, target: UUID) -> Chain | None:
+def find_chain(view: LabView, source: UUID, target: UUID, through: UUID | None) -> Chain | None:
     """Find the chain with the fewest syringes, and of those the one that wastes least.
 
     Two syringes that move together are driven by one host, which alone can start both at the
-    same moment. Ties go to the devices whose keys sort first.
+    same moment. A cartridge lies on one of the ways: it is passed once. Ties go to the devices
+    whose keys sort first.
     """
     pumps = pump_nodes(view.devices_by_key, view)
-    outs = [_route(view, node, target) for _, node in pumps]
-    queue: list[tuple[int, int, tuple[str, ...], tuple[int, ...]]] = []
+    queue: list[_Way] = []
     for place, (device, node) in enumerate(pumps):
-        into = _route(view, source, node)
-        if into is not None:
-            heappush(queue, (1, into.dead_volume_nl, (device.key,), (place,)))
-    seen: set[int] = set()
+        for passes, into in _ways(view, source, node, through):
+            heappush(queue, (1, into.dead_volume_nl, (device.key,), (place,), (passes,)))
+    seen: set[tuple[int, bool]] = set()
     while queue:
-        count, dead_nl, keys, places = heappop(queue)
-        last = places[-1]
-        if last == len(pumps):
-            found = _render(view, source, target, [pumps[place] for place in places[:-1]])
+        way = heappop(queue)
+        places, passed = way[3:]
+        if places[-1] == len(pumps):
+            chosen = [pumps[place] for place in places[:-1]]
+            found = _render(view, (source, target), chosen, through, passed)
             if found is not None:
                 return found
-            continue
-        if last in seen:
-            continue
-        seen.add(last)
-        out = outs[last]
-        if out is not None:
-            ended = (*places, len(pumps))
-            heappush(queue, (count, dead_nl + out.dead_volume_nl, keys, ended))
-        for place, between in _onward(view, pumps, last, seen):
-            wasted_nl = dead_nl + between.dead_volume_nl
-            key = pumps[place][0].key
-            heappush(queue, (count + 1, wasted_nl, (*keys, key), (*places, place)))
+        elif (places[-1], any(passed)) not in seen:
+            seen.add((places[-1], any(passed)))
+            for further in _further(view, pumps, way, target, through):
+                heappush(queue, further)
     return None
 
 
+_Way = tuple[int, int, tuple[str, ...], tuple[int, ...], tuple[bool, ...]]
+"""Syringes so far, nL wasted, their keys, their places (the number of all: it has arrived), and
+for each way between them whether it goes through the cartridge."""
+
+
+def _further(
+    view: LabView,
+    pumps: list[tuple[Device, UUID]],
+    way: _Way,
+    target: UUID,
+    through: UUID | None,
+) -> Iterator[_Way]:
+    """Yield a way with one more leg: into the target, or into a syringe that is not on it yet."""
+    count, dead_nl, keys, places, passed = way
+    is_past = any(passed)
+    for passes, out in _ways(view, pumps[places[-1]][1], target, None if is_past else through):
+        if is_past or passes or through is None:
+            wasted_nl = dead_nl + out.dead_volume_nl
+            yield count, wasted_nl, keys, (*places, len(pumps)), (*passed, passes)
+    for place, passes, between in _onward(view, pumps, places[-1], None if is_past else through):
+        if place not in places:
+            wasted_nl = dead_nl + between.dead_volume_nl
+            more = (*keys, pumps[place][0].key)
+            yield count + 1, wasted_nl, more, (*places, place), (*passed, passes)
+
+
 def _onward(
-    view: LabView, pumps: list[tuple[Device, UUID]], last: int, seen: set[int]
-) -> Iterator[tuple[int, Route]]:
+    view: LabView, pumps: list[tuple[Device, UUID]], last: int, through: UUID | None
+) -> Iterator[tuple[int, bool, Route]]:
     device, node = pumps[last]
     for place, (other, beyond) in enumerate(pumps):
-        if place in seen or other.host_id != device.host_id:
-            continue
-        between = _route(view, node, beyond)
-        if between is not None:
-            yield place, between
+        if place != last and other.host_id == device.host_id:
+            for passes, between in _ways(view, node, beyond, through):
+                yield place, passes, between
 
 
-def _route(view: LabView, source: UUID, target: UUID) -> Route | None:
-    try:
-        return find_route(view.graph, view.tree, source, target)
-    except NoRouteError:
-        return None
+def _ways(
+    view: LabView, source: UUID, target: UUID, through: UUID | None
+) -> Iterator[tuple[bool, Route]]:
+    """Yield the way between two ends, and the one through a cartridge, as far as there are."""
+    for passes in (None, through) if through is not None else (None,):
+        with suppress(NoRouteError):
+            yield passes is not None, find_way(view, source, target, passes)
 
 
 def _render(
-    view: LabView, source: UUID, target: UUID, pumps: list[tuple[Device, UUID]]
+    view: LabView,
+    ends: tuple[UUID, UUID],
+    pumps: list[tuple[Device, UUID]],
+    through: UUID | None,
+    passed: tuple[bool, ...],
 ) -> Chain | None:
     """Return the chain with its valves; None: one of them cannot be turned as it has to be."""
     devices = {node: device for device, node in pumps}
-    stops = [source, *(node for _, node in pumps), target]
+    stops = [ends[0], *(node for _, node in pumps), ends[1]]
     legs = []
-    for start, end in pairwise(stops):
-        route = _route(view, start, end)
-        leg = None if route is None else make_leg(view, route, devices)
+    for (start, end), passes in zip(pairwise(stops), passed, strict=True):
+        route = find_way(view, start, end, through if passes else None)
+        leg = make_leg(view, route, devices)
         if not isinstance(leg, Leg):
             return None
         legs.append(leg)

@@ -148,7 +148,7 @@ def _try_pump(
 ) -> Pumping | Finding:
     try:
         into = find_route(view.graph, view.tree, source, pump_id)
-        out = _find_way_out(view, pump_id, target, through)
+        out = find_way(view, pump_id, target, through)
     except NoRouteError as error:
         return Finding(error.code, error.message, "", error.context)
     problem = _check_pump_ports(view, device, pump_id, (into.ports[-1], out.ports[0]))
@@ -186,15 +186,15 @@ def make_leg(view: LabView, route: Route, pumps: Mapping[UUID, Device]) -> Leg |
     return turns if isinstance(turns, Finding) else Leg(route=route, turns=turns)
 
 
-def _find_way_out(view: LabView, pump_id: UUID, target: UUID, through: UUID | None) -> Route:
-    """Find the way from a syringe into a vessel; through a cartridge only when that is asked.
+def find_way(view: LabView, source: UUID, target: UUID, through: UUID | None) -> Route:
+    """Find the way between two ends; through a cartridge only when that is asked.
 
     Raises:
         NoRouteError: There is none.
     """
     if through is None:
-        return find_route(view.graph, view.tree, pump_id, target)
-    near = find_route(view.graph, view.tree, pump_id, through)
+        return find_route(view.graph, view.tree, source, target)
+    near = find_route(view.graph, view.tree, source, through)
     far = find_route(view.graph, view.tree, through, target)
     return Route(
         (*near.ports, *far.ports),
