@@ -1,7 +1,8 @@
-"""Every recipe of a folder on its rig: is it compiled, is its plan proved, would it start?
+"""Every recipe of a folder on its rig: compiled, proved, would it start, does it run to its end?
 
-`python -m benchmarks.corpus FOLDER [--start]` prints one line of JSON for each recipe beside a rig
-(`corpus_pairs`), and the totals last. No database is asked, and nothing moves.
+`python -m benchmarks.corpus FOLDER [--start] [--run] [--speed N]` prints one line of JSON for each
+recipe beside a rig (`corpus_pairs`), and the totals last. Without `--run` no database is asked, and
+nothing moves; with it each recipe that would start is run in a lab of its own (`corpus_run`).
 
 Compiled and proved is what `manage.py compile_protocol` does. To start, the recipe becomes the
 workflow that a browser would save of it, with the vessels and flasks of that plan; the graph
@@ -23,7 +24,9 @@ from typing import Any
 
 from benchmarks.corpus_lab import jars_of, lab_of, view_of
 from benchmarks.corpus_pairs import Pair, find_pairs
+from benchmarks.corpus_run import Ran, run_on_lab
 from labweb.domain.errors import Finding, LabError
+from labweb.domain.graph.lab_file.model import LabFile
 from labweb.domain.graph.rig.lab import render_graph
 from labweb.domain.graph.rig.read import read_rig, unpacked
 from labweb.domain.recipes.opening import Asked, workflow_from
@@ -46,20 +49,25 @@ class Judged:
     is_started: bool | None = None
     """None: nobody tried."""
 
+    ran: Ran | None = None
+    """None: nobody ran it."""
+
     beyond_count: int = 0
     """Steps of the workflow that change matter and that no proof covers."""
 
     findings: list[dict[str, str]] = field(default_factory=list)
 
     def to_json(self, pair: Pair, folder: Path) -> dict[str, Any]:
-        """Render one line. `ran` is None: nothing is run."""
+        """Render one line. `ran` is None: it was not run."""
+        is_run = None if self.ran is None else self.ran.is_complete
         return {
             "recipe": str(pair.recipe.relative_to(folder)),
             "rig": str(pair.rig.relative_to(folder)),
             "compiled": self.is_compiled,
             "proved": self.is_proved,
             "started": self.is_started,
-            "ran": None,
+            "ran": is_run,
+            **({} if self.ran is None else self.ran.to_json()),
             "findings": self.findings,
         }
 
@@ -72,6 +80,12 @@ def main(arguments: list[str] | None = None) -> int:
     )
     parser.add_argument("folder", type=Path, help="folder of recipes beside their rigs")
     parser.add_argument("--start", action="store_true", help="plan each as a start would")
+    parser.add_argument(
+        "--run", action="store_true", help="run what starts, each in a lab of its own"
+    )
+    parser.add_argument(
+        "--speed", type=float, default=100.0, help="simulated seconds per second (100)"
+    )
     options = parser.parse_args(arguments)
     pairs = find_pairs(options.folder) if options.folder.is_dir() else []
     if not pairs:
@@ -79,14 +93,18 @@ def main(arguments: list[str] | None = None) -> int:
         return 2
     told = []
     for pair in pairs:
-        told.append(judge(pair, is_started=options.start))
+        speed = options.speed if options.run else None
+        told.append(judge(pair, is_started=options.start or options.run, speed=speed))
         print(json.dumps(told[-1].to_json(pair, options.folder), ensure_ascii=False), flush=True)
     print(json.dumps({"totals": totals(told)}, ensure_ascii=False))
     return 0
 
 
-def judge(pair: Pair, *, is_started: bool) -> Judged:
-    """Compile one recipe, prove its plan, and start it on paper if that is asked."""
+def judge(pair: Pair, *, is_started: bool, speed: float | None = None) -> Judged:
+    """Compile one recipe, prove its plan, and start it on paper if that is asked.
+
+    With a speed, in simulated seconds per second, what would start is run to its end as well.
+    """
     judged = Judged()
     recipe = None
     try:
@@ -102,7 +120,10 @@ def judge(pair: Pair, *, is_started: bool) -> Judged:
         return judged
     judged.is_compiled = judged.is_proved = True
     if is_started:
-        _start(pair, plan, recipe, judged)
+        started = _start(pair, plan, recipe, judged)
+        if started is not None and speed is not None:
+            judged.ran = run_on_lab(*started, speed=speed)
+            judged.findings += judged.ran.findings
     return judged
 
 
@@ -117,7 +138,10 @@ def _asked(pair: Pair, bind: Mapping[str, str] | None = None) -> Asked:
     )
 
 
-def _start(pair: Pair, plan: Mapping[str, Any], recipe: Recipe, judged: Judged) -> None:
+def _start(
+    pair: Pair, plan: Mapping[str, Any], recipe: Recipe, judged: Judged
+) -> tuple[LabFile, dict[str, Any]] | None:
+    """Return the lab and the workflow that would start; None: it would not."""
     names = _steps_of(recipe)
     try:
         lab = lab_of(unpacked(pair.rig.read_bytes()), pair.recipe.stem, plan)
@@ -128,8 +152,9 @@ def _start(pair: Pair, plan: Mapping[str, Any], recipe: Recipe, judged: Judged) 
     except LabError as error:
         judged.is_started = False
         judged.findings += _told("start", error, names)
-        return
+        return None
     judged.is_started, judged.beyond_count = True, len(proof.beyond)
+    return lab, document
 
 
 def _bound(plan: Mapping[str, Any], recipe: Recipe) -> dict[str, str]:
@@ -189,6 +214,7 @@ def totals(judged: list[Judged]) -> dict[str, Any]:
         "compiled": sum(one.is_compiled for one in judged),
         "proved": sum(one.is_proved for one in judged),
         "started": sum(one.is_started is True for one in judged),
+        "ran": sum(one.ran is not None and one.ran.is_complete for one in judged),
         "steps_beyond_proof": sum(one.beyond_count for one in judged),
         "refusals": [
             {"at": at, "code": code, "step": step, "recipes": count}

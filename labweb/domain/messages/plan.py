@@ -255,12 +255,11 @@ class HandVessel(Parameters, frozen=True):
 
 
 class HandCheck(Parameters, frozen=True):
-    """What a person confirms."""
+    """What a person confirms; of a vessel, that at least so much is in it."""
 
     text: Sentence
     vessel: Text | None = None
     least_ul: Positive | None = None
-    """At least so much is in the vessel; the two stand together or not at all."""
 
 
 class Become(Parameters, frozen=True):

@@ -39,6 +39,13 @@ def test_all_liquid_of_a_filter_is_drawn_off_and_the_solid_that_is_stated_stays(
     assert not proof.beyond
 
 
+def test_a_vacuum_behind_a_valve_is_joined_before_it_is_drawn() -> None:
+    plan = compile_workflow(on(steps(drying(vessel="@reactor"))), filter_lab())
+    acts = [(job.action, job.args.get("port_index")) for job in plan.jobs]
+    assert acts == [("select_port", 1), ("evacuate_to", None), ("wait", None), ("vent", None)]
+    assert len({node for job in plan.jobs[:3] for node in job.locks}) > 3
+
+
 def test_where_nothing_is_solid_by_the_record_the_plan_says_that_all_passes() -> None:
     lab = filter_file(is_plain=True)
     document = steps(("filter", {"vessel": "@separator", "target": "@waste"}))
@@ -65,7 +72,7 @@ def test_where_nothing_is_solid_by_the_record_the_plan_says_that_all_passes() ->
             drying(dries_off={"ether": "31 mL"}, receiver="@crude"),
             "crutd.insufficient_volume",
         ),
-        (drying(vessel="@reactor"), "plan.no_device"),
+        (drying(vessel="@crude"), "plan.no_device"),
         (
             ("transfer", {"source": "@separator", "target": "@waste", "volume": "1 mL"}),
             "crutd.wrong_phase",

@@ -16,8 +16,9 @@ from labweb.domain.resources.contents import LotId, total_nl
 from labweb.domain.units import parse
 from labweb.domain.workflows.passes.acting import draft_of, ramp_s, wait_job
 from labweb.domain.workflows.passes.draft import Drafting, DraftJob, DraftStep
+from labweb.domain.workflows.passes.evacuating import find_vacuum
 from labweb.domain.workflows.passes.layering import meant_lots
-from labweb.domain.workflows.passes.serving import condenses, find_carrier, find_vacuum
+from labweb.domain.workflows.passes.serving import condenses, find_carrier
 from labweb.domain.workflows.passes.stating import ask_to_state
 from labweb.domain.workflows.protocol import Step
 
@@ -79,15 +80,16 @@ def plan_evaporate(step: Step, drafting: Drafting) -> DraftStep:
         one(evaporator, "heat_bath_to", bath, f"Bring the bath to {target_c:g} °C", warm_s),
         one(evaporator, "rotate", {"speed_rpm": rpm}, f"Turn {name} at {rpm:g} rpm", SWITCH_S),
         one(evaporator, "lower_flask", {}, f"Lower {name} into the bath", LIFT_S),
-        one(vacuum, "evacuate_to", low, f"Evacuate {name} to {kpa:g} kPa", PUMP_DOWN_S),
+        *vacuum.join(step, drafting, vessel),
+        one(vacuum.device, "evacuate_to", low, f"Evacuate {name} to {kpa:g} kPa", PUMP_DOWN_S),
         wait_job(
             step,
             drafting,
-            (vessel, receiver, *evaporator.nodes.values(), *vacuum.nodes.values()),
+            (vessel, receiver, *evaporator.nodes.values(), *vacuum.nodes),
             sentence=f"Let {name} boil down",
             operation=condensed(drafting, vessel, receiver, gone),
         ),
-        one(vacuum, "vent", {}, f"Let air into {name}", VENT_S),
+        one(vacuum.device, "vent", {}, f"Let air into {name}", VENT_S),
         one(evaporator, "raise_flask", {}, f"Raise {name}", LIFT_S),
         one(evaporator, "stop_rotating", {}, f"Stop turning {name}", SWITCH_S),
         one(evaporator, "stop_heating", {}, "Stop heating the bath", SWITCH_S),

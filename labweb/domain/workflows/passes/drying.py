@@ -22,8 +22,9 @@ from labweb.domain.workflows.passes.boiling import (
     condensed,
 )
 from labweb.domain.workflows.passes.draft import Drafting, DraftJob, DraftStep
+from labweb.domain.workflows.passes.evacuating import find_vacuum
 from labweb.domain.workflows.passes.layering import stated_lots
-from labweb.domain.workflows.passes.serving import condenses, find_vacuum
+from labweb.domain.workflows.passes.serving import condenses
 from labweb.domain.workflows.protocol import Step
 
 _OFF = "dries_off"
@@ -45,12 +46,13 @@ def plan_dry(step: Step, drafting: Drafting) -> DraftStep:
         return DraftStep(step=step)
     name, kpa = drafting.name(vessel), parse(step.params["pressure"], "pressure")
     low = {"pressure_kpa": kpa, "tolerance_kpa": PRESSURE_TOLERANCE_RATIO * kpa}
-    locks = (vessel, *vacuum.nodes.values(), *(() if dried is None else (dried.target_id,)))
+    locks = (vessel, *vacuum.nodes, *(() if dried is None else (dried.target_id,)))
     text = f"Keep {name} under vacuum"
     jobs = [
-        _one(step, drafting, vacuum, "evacuate_to", low, f"Evacuate {name} to {kpa:g} kPa"),
+        *vacuum.join(step, drafting, vessel),
+        _one(step, drafting, vacuum.device, "evacuate_to", low, f"Evacuate {name} to {kpa:g} kPa"),
         wait_job(step, drafting, locks, sentence=text, operation=dried),
-        _one(step, drafting, vacuum, "vent", {}, f"Let air into {name}"),
+        _one(step, drafting, vacuum.device, "vent", {}, f"Let air into {name}"),
     ]
     return draft_of(step, jobs)
 

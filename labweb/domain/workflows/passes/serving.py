@@ -79,27 +79,6 @@ def is_accurate(
     return not found
 
 
-def find_vacuum(step: Step, drafting: Drafting, vessel: UUID) -> Device | None:
-    """Return the one controller of the vacuum on a vessel; note when it is not one."""
-    view = drafting.view
-    joined = [
-        view.device_by_node[end.resource_id]
-        for way in view.graph.by_resource.get(vessel, ())
-        if way.medium is Medium.VACUUM
-        for end in (way.source, way.target)
-        if end.resource_id in view.device_by_node
-    ]
-    found = [device for device in joined if plays(device, "vacuum_controller")]
-    if len(found) == 1:
-        return found[0]
-    code = "plan.ambiguous_device" if found else "plan.no_device"
-    message = (
-        f"{len(found)} vacuum controllers are joined to {drafting.name(vessel)}, one is needed"
-    )
-    drafting.refuse(step, code, message, "params.vessel", role="vacuum_controller")
-    return None
-
-
 def condenses(drafting: Drafting, vessel: UUID, receiver: UUID) -> bool:
     """Tell whether a one-way tube for gas leads from a vessel to one that condenses its vapour."""
     return any(
