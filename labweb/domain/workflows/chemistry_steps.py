@@ -13,6 +13,7 @@ from labweb.domain.workflows.unit_operations import (
     later,
     lots,
     optional,
+    port,
     quantity,
     text,
     vessel,
@@ -122,12 +123,14 @@ CHEMISTRY_STEPS = (
                 )
             ),
             quantity("settle_for", "time", "Settle for", "How long they part, such as 5 min."),
+            port("target_port", "Lower layer to"),
             advanced(device("through", ["cartridge"], "Through", "Cartridge on its way.")),
             advanced(quantity("flow_rate", "flow_rate", "Flow rate", "How fast it is drawn.")),
             advanced(device("pump", ["syringe_pump"], "Pump", "The pump that must do it.")),
         ),
         clauses=(
             "Let {vessel} settle for {settle_for}, draw its lower layer to {target}",
+            " into port {target_port}",
             " through {through}",
             " at {flow_rate}",
             " with {pump}",

@@ -8,6 +8,7 @@ from labweb.domain.workflows.unit_operations import (
     UnitOperation,
     advanced,
     device,
+    port,
     portion,
     quantity,
     switch,
@@ -42,6 +43,8 @@ TRANSFER = UnitOperation(
                 "How fast; a full syringe in 20 s when left empty.",
             )
         ),
+        port("source_port", "From"),
+        port("target_port", "To"),
         advanced(device("through", ["cartridge"], "Through", "Cartridge on its way.")),
         advanced(
             device(
@@ -72,6 +75,8 @@ TRANSFER = UnitOperation(
     ),
     clauses=(
         "Transfer {volume} from {source} to {target}",
+        " out of port {source_port}",
+        " into port {target_port}",
         " through {through}",
         " at {flow_rate}",
         " with {pump}",

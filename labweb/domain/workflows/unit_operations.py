@@ -274,6 +274,12 @@ def text(name: str, label: str, help_text: str) -> StepParameter:
     return StepParameter(name=name, sort=ParameterSort.TEXT, label=label, help=help_text)
 
 
+def port(name: str, of: str) -> StepParameter:
+    """Return a parameter that names a port of the vessel that another one names."""
+    help_text = f"Port of '{of}' by which it goes, such as top; any of them when left empty."
+    return advanced(text(name, f"Port of '{of}'", help_text))
+
+
 def lots(name: str, label: str, help_text: str) -> StepParameter:
     """Return a parameter that is an amount by the key of a lot."""
     sort = ParameterSort.AMOUNTS

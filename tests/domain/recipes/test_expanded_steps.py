@@ -136,6 +136,15 @@ def test_an_evaporation_that_ends_by_itself_lasts_all_of_its_time_and_says_so() 
     assert any("it lasts all of its time" in note for note in notes_of(boil))
 
 
+def test_ports_of_vessels_are_those_of_the_recipe() -> None:
+    one = '<Transfer from_vessel="reactor" to_vessel="separator" volume="1 mL" to_port="top"/>'
+    assert steps_of(one)[0][1]["target_port"] == "top"
+    ports = ' to_port="evaporate"/>'
+    both = SEPARATE.format(purpose="extract", phase="bottom").replace("/>", ports)
+    found = [p.get("target_port") for kind, p in steps_of(both) if kind == "separate"]
+    assert found == ["evaporate", "evaporate"]
+
+
 def test_what_nobody_states_of_a_layer_is_left_to_the_run() -> None:
     stated = Declared(waste="w", lower_layers=[["ether"]])
     found = steps_of(SEPARATE.format(purpose="wash", phase="top"), stated)
@@ -162,11 +171,6 @@ def test_what_nobody_states_of_a_layer_is_left_to_the_run() -> None:
         ),
         (
             '<Add vessel="reactor" reagent="ether" volume="1 mL" viscous="true"/>',
-            STATED,
-            "xdl.not_in_workflow",
-        ),
-        (
-            '<Transfer from_vessel="reactor" to_vessel="separator" volume="1 mL" to_port="2"/>',
             STATED,
             "xdl.not_in_workflow",
         ),

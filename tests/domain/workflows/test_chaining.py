@@ -245,6 +245,24 @@ def test_only_what_leaves_the_last_syringe_arrives_on_a_balance() -> None:
     assert weighed == ["Dispense 1.00 mL into Flask"]
 
 
+def test_liquid_goes_by_the_port_that_is_asked_for_or_not_at_all() -> None:
+    bench = Bench()
+    bench.vessel("water", 50_000_000)
+    bench.vessel("flask")
+    bench.pump(1, {1: ("water", 0)})
+    bench.tube("valve_1:2", "flask:top", 10)
+    bench.tube("valve_1:3", "flask:side", 500)
+    for port, turned in (("top", 2), ("side", 3)):
+        document = flow(transfer("t", "water", "flask", "1 mL", target_port=port))
+        plan = plan_of(bench, document)
+        turns = [job.args["port_index"] for job in plan.jobs if job.action == "select_port"]
+        assert turns == [1, turned]
+        assert prove_plan(read(bench, document), plan, bench.view()).findings == ()
+    for name, port in (("target_port", "bottom"), ("source_port", "top")):
+        document = flow(transfer("t", "water", "flask", "1 mL", **{name: port}))
+        assert codes_of(bench, document) == [("t", "plan.unknown_port")]
+
+
 @pytest.mark.parametrize(
     ("near", "far"),
     [("valve_1:4", "valve_2:4"), ("valve_2:3", "valve_3:4"), ("valve_3:3", "flask:top")],

@@ -143,6 +143,7 @@ class BasicSteps:
         }
         if fields.get("through"):
             values["through"] = self._ref(act, fields, "through")
+        values |= _ports(fields, source_port="from_port", target_port="to_port")
         return [("transfer", values, [])]
 
     def _filter(self, act: Act, fields: Heeded[Field]) -> list[Made]:
@@ -238,9 +239,12 @@ class BasicSteps:
         for side, values in (("lower", drawn), ("upper", rest := _all_of(separator, upper))):
             if fields.get(f"{side}_through"):
                 values["through"] = self._ref(act, fields, f"{side}_through")
+            if not (side == "lower" and is_back):
+                values.update(_ports(fields, target_port=f"{side}_port"))
         made: list[Made] = [("separate", drawn, [])]
         made += [("transfer", rest, [])] if upper != separator else []
         back = _all_of(self._waiting, separator)
+        back |= _ports(fields, target_port="lower_port") if is_back else {}
         return [*made, *([("transfer", back, [])] if is_back else [])]
 
     def _buffer(self, act: Act, place: int = 0) -> str:
@@ -347,6 +351,11 @@ class BasicSteps:
 
 def _all_of(source: str, target: str) -> dict[str, object]:
     return {"source": source, "target": target, "volume": ALL}
+
+
+def _ports(fields: Heeded[Field], **names: str) -> dict[str, str]:
+    """Return the ports that are named, by the parameter that takes each."""
+    return {name: str(fields[own]) for name, own in names.items() if fields.get(own) is not None}
 
 
 def _assumed(operations: list[BasicOperation]) -> Iterator[str]:

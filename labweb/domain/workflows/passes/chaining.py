@@ -22,6 +22,7 @@ from labweb.domain.crutd.operations import TransferLiquid
 from labweb.domain.enrollment.device import Device
 from labweb.domain.errors import Finding, NoRouteError
 from labweb.domain.graph.routing import Route
+from labweb.domain.graph.topology import Connection, PhysicalGraph, PortRef
 from labweb.domain.workflows.passes.draft import Drafting, DraftJob, MassCheck
 from labweb.domain.workflows.passes.pumping import (
     Leg,
@@ -123,15 +124,18 @@ def choose_way(step: Step, drafting: Drafting, whole: TransferLiquid) -> Chain |
             return None
     through = UUID(step.params["through"]) if "through" in step.params else None
     source, target = whole.source_id, whole.target_id
+    view = _by_ports(step, drafting, whole)
+    if view is None:
+        return None
     unfit: list[Finding] = []
 
     def check(device: Device, node: UUID) -> list[Finding]:
-        found = check_share(step, drafting.view, device, node, whole.amount_nl)
+        found = check_share(step, view, device, node, whole.amount_nl)
         unfit.extend(found)
         return found
 
     answer = choose_pump(
-        drafting.view,
+        view,
         source,
         target,
         whole.amount_nl,
@@ -142,7 +146,7 @@ def choose_way(step: Step, drafting: Drafting, whole: TransferLiquid) -> Chain |
     if isinstance(answer, Pumping):
         return Chain(pumps=((answer.device, answer.pump_id),), legs=(answer.into, answer.out))
     if wanted is None and not unfit:
-        chain = find_chain(drafting.view, source, target, through)
+        chain = find_chain(view, source, target, through)
         if chain is not None and all(not check(*pump) for pump in chain.pumps):
             return chain
     for finding in unfit:
@@ -151,6 +155,33 @@ def choose_way(step: Step, drafting: Drafting, whole: TransferLiquid) -> Chain |
         at = "params.target" if wanted is None else "params.pump"
         drafting.refuse(step, answer.code, answer.message, at, **answer.context)
     return None
+
+
+def _by_ports(step: Step, drafting: Drafting, whole: TransferLiquid) -> LabView | None:
+    """Return the lab with the tubes alone that a step lets liquid go by; None: that is refused."""
+    view = drafting.view
+    for name, vessel in (("source_port", whole.source_id), ("target_port", whole.target_id)):
+        wanted = step.params.get(name)
+        if wanted is None:
+            continue
+        tubes = view.graph.liquid.by_resource.get(vessel, ())
+        there = {end.port for tube in tubes for end in _ends_at(tube, vessel)}
+        if wanted not in there:
+            told = f"they are at {', '.join(sorted(there))}" if there else "it has none"
+            message = f"no tube for liquid is at port {wanted!r} of {drafting.name(vessel)}: {told}"
+            drafting.refuse(step, "plan.unknown_port", message, f"params.{name}")
+            return None
+        left = tuple(
+            tube
+            for tube in view.graph.connections
+            if all(end.port == wanted for end in _ends_at(tube, vessel))
+        )
+        view = replace(view, graph=PhysicalGraph(left))
+    return view
+
+
+def _ends_at(tube: Connection, vessel: UUID) -> list[PortRef]:
+    return [end for end in (tube.source, tube.target) if end.resource_id == vessel]
 
 
 def find_chain(view: LabView, source: UUID, target: UUID, through: UUID | None) -> Chain | None:
