@@ -1,6 +1,6 @@
 /** What a run waits for: a person who confirms something, states amounts, or acts by hand. */
 
-import { useState } from "react";
+import { useId, useState } from "react";
 import { useConfirmJob } from "@/api/commands";
 import { stepNumber } from "@/model/runs";
 import type { Job, Run } from "@/model/wire";
@@ -69,29 +69,15 @@ function StateLots({ run, job, lots }: { run: Run; job: Job; lots: readonly LotT
   return (
     <>
       <p className="s">{words.asks.aboutLots}</p>
-      <div className="widetable">
-        <table>
-          <thead>
-            <tr>
-              <th>{words.asks.lot}</th>
-              <th className="r">{words.asks.held}</th>
-              <th>{label}</th>
-              <th />
-            </tr>
-          </thead>
-          <tbody>
-            {lots.map((lot) => (
-              <LotRow
-                key={lot.key}
-                lot={lot}
-                label={label}
-                amount={amounts[lot.key] ?? ""}
-                set={(text) => setAmounts({ ...amounts, [lot.key]: text })}
-              />
-            ))}
-          </tbody>
-        </table>
-      </div>
+      <h3>{label}</h3>
+      {lots.map((lot) => (
+        <LotRow
+          key={lot.key}
+          lot={lot}
+          amount={amounts[lot.key] ?? ""}
+          set={(text) => setAmounts({ ...amounts, [lot.key]: text })}
+        />
+      ))}
       <Refused error={confirm.error} />
       <div className="acts2">
         <Button
@@ -109,34 +95,29 @@ function StateLots({ run, job, lots }: { run: Run; job: Job; lots: readonly LotT
   );
 }
 
-function LotRow(props: {
-  lot: LotThere;
-  label: string;
-  amount: string;
-  set: (text: string) => void;
-}) {
+function LotRow(props: { lot: LotThere; amount: string; set: (text: string) => void }) {
   const { lot, set } = props;
+  const id = useId();
   return (
-    <tr data-testid="asks-lot">
-      <td>
+    <div className="field lotrow" data-testid="asks-lot">
+      <label htmlFor={id}>
         {lot.name} <span className="mut t12">{lot.key}</span>
-      </td>
-      <td className="r">
-        <Volume nl={lot.held_ul * 1000} />
-      </td>
-      <td>
+      </label>
+      <div className="in">
         <input
+          id={id}
           className="inp"
-          aria-label={`${props.label}: ${lot.key}`}
           autoComplete="off"
+          aria-describedby={`${id}-help`}
           data-testid={`asks-amount-${lot.key}`}
           value={props.amount}
           onChange={(event) => set(event.target.value)}
         />
-      </td>
-      <td>
         <Button onClick={() => set("all")}>{words.asks.all}</Button>
-      </td>
-    </tr>
+      </div>
+      <p className="help" id={`${id}-help`}>
+        <Volume nl={lot.held_ul * 1000} /> {words.asks.held}
+      </p>
+    </div>
   );
 }

@@ -294,7 +294,9 @@ function needText(run: Run): string {
   if (run.ended_at || run.is_given_up) return "nothing";
   if (run.state === "awaiting_approval") return "approve the start";
   if (first?.kind === "doubt") return `resolve step ${stepNumber(run, first.job.step_id)} now`;
-  if (first?.kind === "failed") return "say what becomes of it";
+  if (first?.kind === "failed") return "decide how the run goes on";
   if (run.state === "paused") return "resume";
+  const asked = run.jobs.find((job) => job.asks?.is_due);
+  if (asked) return `answer at step ${stepNumber(run, asked.step_id)} now`;
   return "not foreseen";
 }

@@ -130,8 +130,7 @@ export const words = {
     mayNot: "Confirming needs the role chemist on what the run uses.",
     aboutLots:
       "Type an amount for each lot, such as 12 mL, or press All. An empty field means none of it. The rest of the run is then planned and proved again, and goes on.",
-    lot: "Lot",
-    held: "In the vessel",
+    held: "in the vessel",
     all: "All",
     state: "Go on with these amounts",
     nothing: "Type an amount for at least one lot.",

@@ -146,8 +146,6 @@ def render_run(run: Run, user: User) -> dict[str, Any]:
     attempts = {attempt.job_id: attempt for attempt in _attempts(run)}
     waiting = selectors.answers_under_way(attempt.id for attempt in attempts.values())
     ended = run.state in _ENDED
-    # Nobody decides about a run that was given up, and what it leaves undone may be hundreds.
-    is_left = ended or run.is_given_up
     asking = selectors.asking(run) if any(job.asks for job in jobs) else frozenset()
     may_run = Permission.RUN in allowed
     return {
@@ -157,7 +155,7 @@ def render_run(run: Run, user: User) -> dict[str, Any]:
         "jobs": [
             {
                 **render_job(job, attempts.get(job.id), names, waiting),
-                "recovery": None if is_left else selectors.recovery_of(job),
+                "recovery": None if ended or run.is_given_up else selectors.recovery_of(job),
                 "asks": _asks(job, asking),
             }
             for job in jobs

@@ -112,7 +112,7 @@ class Ledger:
         found = check(whole, self._states)
         tainted = self._tainted & {whole.source_id, whole.target_id}
         kept = [f for f in found if not (tainted and f.code in _AMOUNTS)]
-        self.findings += [_blame(finding, draft.step) for finding in kept]
+        self.findings += [self._blame(finding, draft.step) for finding in kept]
         # After a broken step the amounts are unknown: nothing is followed further.
         return not found and not tainted
 
@@ -158,7 +158,7 @@ class Ledger:
         facts = self._facts if isinstance(operation, React) else None
         found = check(operation, self._states, facts)
         if found:
-            self.findings += [_blame(finding, step) for finding in found]
+            self.findings += [self._blame(finding, step) for finding in found]
             return False
         self._before = {i: self._states[i].contents for i in _touched(operation)}
         self._write(settle(operation, self._states, _DONE))
@@ -166,6 +166,19 @@ class Ledger:
             made = {lot.id: lot for lot in _made_lots(operation, facts)}
             self._facts = replace(facts, lots={**facts.lots, **made})
         return True
+
+    def _blame(self, finding: Finding, step: Step) -> Finding:
+        """Turn a finding about a resource into one about the step that meets it, lots by key."""
+        resource_id = finding.context.get("resource_id", finding.subject)
+        named = [name for name, value in step.params.items() if value == resource_id]
+        field = "params.volume" if finding.code in _AMOUNTS and "volume" in step.params else ""
+        if not field and named:
+            field = f"params.{named[0]}"
+        message = finding.message
+        for key, lot in self._view.lots.items():
+            message = message.replace(str(lot), key)
+        context = {"field": field, **finding.context, "resource": finding.subject}
+        return Finding(finding.code, message, step.id, context)
 
     def _write(self, change: Change) -> None:
         for posting in change.postings:
@@ -269,14 +282,3 @@ def _touched(operation: Operation) -> Sequence[UUID]:
         return (operation.source_id, operation.target_id)
     found = getattr(operation, "resource_id", None) or getattr(operation, "device_id", None)
     return (found,) if found is not None else ()
-
-
-def _blame(finding: Finding, step: Step) -> Finding:
-    """Turn a finding about a resource into one about the step that meets it."""
-    resource_id = finding.context.get("resource_id", finding.subject)
-    named = [name for name, value in step.params.items() if value == resource_id]
-    field = "params.volume" if finding.code in _AMOUNTS and "volume" in step.params else ""
-    if not field and named:
-        field = f"params.{named[0]}"
-    context = {"field": field, **finding.context, "resource": finding.subject}
-    return Finding(finding.code, finding.message, step.id, context)
