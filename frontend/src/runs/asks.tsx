@@ -90,6 +90,15 @@ function StateLots({ run, job, lots }: { run: Run; job: Job; lots: readonly LotT
         >
           {confirm.isPending ? "Sending…" : words.asks.state}
         </Button>
+        <Button
+          large
+          testId="asks-none"
+          disabled={confirm.isPending}
+          why={run.can.confirm ? null : words.asks.mayNot}
+          onClick={() => confirm.mutate({})}
+        >
+          {words.asks.none}
+        </Button>
       </div>
     </>
   );

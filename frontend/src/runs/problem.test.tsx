@@ -198,6 +198,9 @@ test("amounts of lots are stated in the place of a job; what is left empty is no
   expect(posted()[0]?.body).toEqual({ stated: { "brine-1": "all" } });
   await waitFor(() => expect(screen.getByTestId("refused")).toBeVisible());
   expect(screen.getByTestId("asks-amount-brine-1")).toHaveValue("all");
+  fireEvent.click(screen.getByTestId("asks-none"));
+  await waitFor(() => expect(posted()).toHaveLength(2));
+  expect(posted()[1]?.body).toEqual({ stated: {} });
 });
 
 test("of a vessel that holds nothing by the record nothing can be stated", () => {

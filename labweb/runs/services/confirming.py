@@ -40,7 +40,8 @@ def confirm_job(job_id: UUID, *, actor: User, stated: Mapping[str, str] | None =
     Args:
         job_id: The job.
         actor: Who confirms or states.
-        stated: Amount by the key of a lot, where the job asks for that: `{"brine": "all"}`.
+        stated: Amount by the key of a lot, where the job asks for that: `{"brine": "all"}`. Of no
+            lot: there is nothing to do, and the step is left out.
 
     Raises:
         DefinitionError: Lots are stated of a job that asks for none, or none of one that does.
@@ -72,7 +73,7 @@ def confirm_job(job_id: UUID, *, actor: User, stated: Mapping[str, str] | None =
     job.confirmed_by, job.confirmed_at = actor, now()
     if job.states:
         approved = approval_selectors.approved_of_run(run.id)
-        params = {job.states["field"]: dict(stated or {})}
+        params = {job.states["field"]: dict(stated)} if stated else None
         detail |= change_step(
             run, job, params, actor=actor, state=JobState.QUEUED, approved=approved
         )
@@ -89,8 +90,8 @@ def confirm_job(job_id: UUID, *, actor: User, stated: Mapping[str, str] | None =
 
 
 def _check_stated(job: Job, stated: Mapping[str, str] | None) -> None:
-    if job.states and not stated:
-        text = f"{job.asks} Say it of at least one lot, with its amount or 'all'"
+    if job.states and stated is None:
+        text = f"{job.asks} Say it of each lot, with its amount or 'all'; of none: {{}}"
         raise DefinitionError(text, code="run.nothing_stated")
     if stated and not job.states:
         text = f"{job.sentence!r} asks for no amounts: confirm it without"

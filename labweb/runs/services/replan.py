@@ -2,23 +2,32 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
+from functools import partial
 from typing import Any
 
 import msgspec
+from django.db.transaction import on_commit
 
 from labweb.accounts.selectors import User
+from labweb.common.prepared import together
+from labweb.common.wake import wake_dispatcher
 from labweb.domain.approvals.roles import Permission
 from labweb.domain.errors import DefinitionError, StateError
 from labweb.domain.runs.job import AT_EDGE, FINAL, JobState, Mover
 from labweb.domain.workflows import plan as plans
 from labweb.domain.workflows.plan import Plan
+from labweb.domain.workflows.protocol import bind_materials, parse_workflow, render_workflow
 from labweb.resources import selectors as resource_selectors
 from labweb.runs.models import Job, Run
 from labweb.runs.services.holding import declare
 from labweb.runs.services.previewing import preview
 from labweb.runs.services.start import write_jobs
-from labweb.runs.services.state import move_job
+from labweb.runs.services.state import announce, moving
+
+_WAITING = {JobState.QUEUED.value, JobState.HELD.value, JobState.SUSPENDED.value}
+_BARE = {"device_action", "role_action"}
+"""Steps that are an action of a device as such."""
 
 _UNDER_WAY = {state.value for state in AT_EDGE} | {JobState.IN_DOUBT.value}
 
@@ -26,7 +35,7 @@ _UNDER_WAY = {state.value for state in AT_EDGE} | {JobState.IN_DOUBT.value}
 def change_step(
     run: Run,
     job: Job,
-    params: Mapping[str, Any],
+    params: Mapping[str, Any] | None,
     *,
     actor: User,
     state: JobState = JobState.HELD,
@@ -39,7 +48,8 @@ def change_step(
     Args:
         run: The run, locked.
         job: A job of the step.
-        params: The values of the step that change, or that it did not have.
+        params: The values of the step that change, or that it did not have; None: the step is
+            left out.
         actor: Who changes them.
         state: What the new jobs are in: held until the run is resumed, or queued.
         approved: Policies for which a person has approved the run as it was with these values
@@ -55,74 +65,119 @@ def change_step(
         ProtocolError, PlanningError: The values cannot be planned; findings list each reason.
         ForbiddenError: The actor may not run things on some resource of the new plan.
     """
-    if not params:
+    if params is not None and not params:
         raise DefinitionError("say which values change", code="run.no_change")
     jobs = list(Job.objects.filter(run=run).order_by("index"))
-    left = _steps_left(jobs)
-    document, before = _document_left(run, left, job.step_id, params)
+    whole = _document_of(run)
+    left = _steps_left(jobs, whole["steps"])
+    document, before = _document_left(whole, left, job.step_id, params)
+    told = {
+        "step_id": job.step_id,
+        "before": before,
+        "params": None if params is None else dict(params),
+        "plan_before": run.plan_digest,
+    }
+    passed = [one for one in jobs if one.step_id in left and _is_to_pass(one)]
+    if not document["steps"]:
+        _pass_over(run, passed)
+        return {**told, "plan_after": run.plan_digest}
     reach = resource_selectors.reach_of(actor, Permission.RUN)
     found = preview(run.lab, document, reach=reach)
     if asking := sorted(set(found.policies) - set(approved)):
         names = ", ".join(asking)
         text = f"{names} wants a person to approve this: start it as a run of its own"
         raise StateError(text, code="run.needs_approval")
-    for old in jobs:
-        if old.step_id in left and not old.passed_by:
-            _pass_over(old)
-    old_digest = run.plan_digest
+    _pass_over(run, passed)
     made = _shifted(found.plan, len(jobs))
     write_jobs(run, made, state)
     _keep_plan(run, made, found.proof.to_json(), document)
-    return {
-        "step_id": job.step_id,
-        "before": before,
-        "params": dict(params),
-        "plan_before": old_digest,
-        "plan_after": run.plan_digest,
-    }
+    return {**told, "plan_after": run.plan_digest}
 
 
-def _steps_left(jobs: list[Job]) -> set[str]:
+def _document_of(run: Run) -> dict[str, Any]:
+    """Return what the run does from its last plan on, each vessel named where an edge said it."""
+    whole = run.plan.get("document_now") or run.version.document
+    return render_workflow(bind_materials(parse_workflow(whole)))
+
+
+def _steps_left(jobs: list[Job], steps: Sequence[Mapping[str, Any]]) -> set[str]:
+    """Return the steps that are not done; one may have no jobs yet, for want of what is stated."""
+    kinds = {step["id"]: step["kind"] for step in steps}
+    undone: set[str] = set()
+    done: set[str] = set()
     for job in jobs:
         if job.state in _UNDER_WAY:
             raise StateError(f"{job.sentence!r} is under way: wait for it", code="run.under_way")
-    # The zero of a pump is looked for once, before all steps, and is no half of any.
-    done = {
-        job.step_id
-        for job in jobs
-        if job.state == JobState.COMPLETE.value and job.action != "initialize"
-    }
-    left = {
-        job.step_id for job in jobs if job.state != JobState.COMPLETE.value and not job.passed_by
-    }
-    if left & done:
+        if job.confirmed_at is not None and not job.states and job.state in _WAITING:
+            text = f"{job.sentence!r} was confirmed and is not sent yet: wait for it"
+            raise StateError(text, code="run.under_way")
+        # The zero of a pump is looked for once, before all steps, and is no half of any.
+        is_zero = job.action == "initialize" and kinds.get(job.step_id) not in _BARE
+        if job.state == JobState.COMPLETE.value:
+            done |= set() if is_zero else {job.step_id}
+        elif job.passed_by in ("skip", "hand"):
+            done.add(job.step_id)
+        elif not job.passed_by:
+            undone.add(job.step_id)
+    if undone & done:
         text = "a step is half done: it cannot be planned again"
         raise StateError(text, code="run.step_under_way")
-    return left
+    return kinds.keys() - done
 
 
 def _document_left(
-    run: Run, left: set[str], step_id: str, params: Mapping[str, Any]
+    whole: Mapping[str, Any], left: set[str], step_id: str, params: Mapping[str, Any] | None
 ) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Return the steps that are left as a document, and the step's values before."""
-    whole = run.plan.get("document_now") or run.version.document
+    """Return the steps that are left as a document, and the step's values before.
+
+    Without values the step itself is left out: what comes after it waits for what it waited for.
+    """
     steps, before = [], {}
     for step in whole["steps"]:
-        if step["id"] == step_id:
-            before = {name: step["params"].get(name) for name in params}
-            steps.append({**step, "params": {**step["params"], **params}})
+        if step["id"] == step_id and params is None:
+            before = dict(step["params"])
+        elif step["id"] == step_id:
+            before = {name: step["params"].get(name) for name in params or {}}
+            steps.append({**step, "params": {**step["params"], **(params or {})}})
         elif step["id"] in left:
             steps.append(step)
-    edges = [edge for edge in whole["edges"] if edge["source"] in left and edge["target"] in left]
+    edges = whole["edges"] if params is not None else _without(whole["edges"], step_id)
+    known = {step["id"] for step in steps}
+    edges = [one for one in edges if one["source"] in known and one["target"] in known]
     return {**whole, "steps": steps, "edges": edges}, before
 
 
-def _pass_over(job: Job) -> None:
-    if JobState(job.state) in FINAL:
-        job.passed_by = "change"
-        job.save(update_fields=["passed_by"])
-    else:
-        move_job(job, JobState.STOPPED, Mover.SERVER, code="run.replanned", passed_by="change")
+def _without(edges: Sequence[Mapping[str, Any]], step_id: str) -> list[dict[str, Any]]:
+    """Return the edges once a step is gone: those before it lead to those after it."""
+    before = dict.fromkeys(edge["source"] for edge in edges if edge["target"] == step_id)
+    after = dict.fromkeys(edge["target"] for edge in edges if edge["source"] == step_id)
+    order = {"source_port": "done", "target_port": "start"}
+    return [
+        *(dict(edge) for edge in edges if step_id not in (edge["source"], edge["target"])),
+        *(
+            {"id": f"{source}-{target}"[:80], "source": source, "target": target, **order}
+            for source in before
+            for target in after
+        ),
+    ]
+
+
+def _is_to_pass(job: Job) -> bool:
+    return not job.passed_by and job.state != JobState.COMPLETE.value
+
+
+def _pass_over(run: Run, jobs: Sequence[Job]) -> None:
+    """Let other jobs take the place of these; one exchange, however many they are."""
+    ended = [job.pk for job in jobs if JobState(job.state) in FINAL]
+    Job.objects.filter(pk__in=ended).update(passed_by="change")
+    stopped = [
+        moving(job, JobState.STOPPED, Mover.SERVER, code="run.replanned", passed_by="change")
+        for job in jobs
+        if JobState(job.state) not in FINAL
+    ]
+    together(*stopped)
+    wake_dispatcher()
+    on_commit(partial(announce, run.id))
 
 
 def _shifted(plan: Plan, by: int) -> Plan:

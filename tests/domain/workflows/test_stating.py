@@ -116,3 +116,19 @@ def test_a_plan_that_leaves_nothing_open_is_written_as_before() -> None:
     assert "states" not in str(digest(plan))
     assert all(not job.states for job in plan.jobs)
     assert (proof.covered, proof.beyond) == (("s0",), ())
+
+
+def test_what_is_drawn_from_another_vessel_is_judged_though_it_goes_into_an_open_one() -> None:
+    pour = {"source": "@reactor", "target": "@separator", "volume": "100 mL"}
+    document = workflow(steps(("separate", PARTS), ("transfer", pour)))
+    found = check_plan(document, station(separator=SEPARATOR))
+    assert {(one.code, one.subject) for one in found} == {("crutd.insufficient_volume", "s1")}
+
+
+def test_the_valve_before_a_vacuum_is_held_while_it_is_drawn() -> None:
+    dry = {"vessel": "@reactor", "pressure": "50 mbar", "duration": "10 min"}
+    plan, _ = planned(("dry", dry))
+    turn, *drawn = of_step(plan, "s0")
+    assert turn.action == "select_port"
+    valve = set(turn.locks)
+    assert all(valve <= set(job.locks) for job in drawn if job.action != "wait")

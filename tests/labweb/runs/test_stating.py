@@ -83,7 +83,6 @@ def test_nothing_is_stated_that_the_rest_of_the_run_cannot_do(bench: Bench, host
         return str(code_of(call(chemist, "POST", f"/api/v1/jobs/{asked.id}/confirm", body)))
 
     assert code({}) == "run.nothing_stated"
-    assert code({"stated": {}}) == "run.nothing_stated"
     assert code({"stated": {"gold": "all"}}) == "plan.no_lot"
     assert code({"stated": {"water_lot": "900 L"}}) == "crutd.insufficient_volume"
     assert code({"stated": {"water_lot": "three"}}) == "unit.unreadable"
@@ -110,3 +109,58 @@ def test_what_another_branch_does_is_waited_for(bench: Bench, host: Host) -> Non
     body = {"stated": {"water_lot": "3 mL"}}
     answer = call(chemist, "POST", f"/api/v1/jobs/{asked.id}/confirm", body)
     assert code_of(answer) == "run.under_way"
+
+
+def test_what_has_no_jobs_before_the_answer_is_done_after_it(bench: Bench, host: Host) -> None:
+    """Half of the water would run the reactor over: what comes after that has no jobs at first."""
+    water, reactor = str(bench.node("water").id), str(bench.node("reactor_1").id)
+    first = {"vessel": water, "target": reactor, "settle_for": "1 s"}
+    flask = str(bench.node("flask_1").id)
+    again = {
+        "vessel": reactor,
+        "target": flask,
+        "settle_for": "1 s",
+        "lower": {"water_lot": "2 mL"},
+    }
+    run = a_run(bench, ("separate", first), ("separate", again), WAIT)
+    finish(host)
+    assert not Job.objects.filter(run=run, step_id="s1", action="aspirate").exists()
+    stated = {"water_lot": "9 mL"}
+    services.confirm_job(due(run).id, actor=bench.people["chemist"], stated=stated)
+    finish(host)
+    assert Run.objects.get(pk=run.pk).state == "complete"
+    assert held_nl(bench, "flask_1") == 2_000_000
+
+
+def test_a_vessel_that_an_edge_fills_in_is_known_when_the_rest_is_planned(
+    bench: Bench, host: Host
+) -> None:
+    water, reactor = str(bench.node("water").id), str(bench.node("reactor_1").id)
+    pour = {"source": water, "target": str(bench.node("flask_1").id), "volume": "6 mL"}
+    part = {"target": reactor, "settle_for": "1 s"}
+    edge = {"id": "m", "source": "s0", "source_port": "target"}
+    edge |= {"target": "s1", "target_port": "vessel"}
+    run = a_run(bench, ("transfer", pour), ("separate", part), edges=[edge])
+    before = held_nl(bench, "reactor_1")
+    finish(host)
+    services.confirm_job(due(run).id, actor=bench.people["chemist"], stated={"water_lot": "2 mL"})
+    finish(host)
+    assert Run.objects.get(pk=run.pk).state == "complete"
+    assert held_nl(bench, "reactor_1") == before + 2_000_000
+
+
+@pytest.mark.parametrize("is_last", [False, True])
+def test_where_nothing_is_meant_the_step_is_left_out_and_the_run_goes_on(
+    bench: Bench, host: Host, is_last: bool
+) -> None:
+    vessel, target = str(bench.node("water").id), str(bench.node("reactor_1").id)
+    step = {"vessel": vessel, "target": target, "settle_for": "1 s"}
+    run = a_run(bench, WAIT, ("separate", step), *(() if is_last else (WAIT,)))
+    before = held_nl(bench, "reactor_1")
+    finish(host)
+    services.confirm_job(due(run).id, actor=bench.people["chemist"], stated={})
+    finish(host)
+    assert Run.objects.get(pk=run.pk).state == "complete"
+    assert held_nl(bench, "reactor_1") == before
+    waits = Job.objects.filter(run=run, action="wait", state="complete")
+    assert waits.count() == (1 if is_last else 2)

@@ -68,11 +68,13 @@ def plan_evaporate(step: Step, drafting: Drafting) -> DraftStep:
     low = {"pressure_kpa": kpa, "tolerance_kpa": PRESSURE_TOLERANCE_RATIO * kpa}
     name = drafting.name(vessel)
 
+    held = vacuum.nodes if vacuum.valve is not None else ()
+
     def one(
         device: Device, action: str, args: dict[str, float], text: str, takes_s: float
     ) -> DraftJob | None:
         return drafting.job(
-            step, device, action, args, sentence=text, locks=(vessel,), estimate_s=takes_s
+            step, device, action, args, sentence=text, locks=(vessel, *held), estimate_s=takes_s
         )
 
     warm_s = ramp_s(drafting, evaporator, vessel, target_c)

@@ -11,7 +11,6 @@ from collections.abc import Mapping
 from uuid import UUID
 
 from labweb.domain.crutd.operations import TransferLiquid
-from labweb.domain.enrollment.device import Device
 from labweb.domain.resources.contents import total_nl
 from labweb.domain.units import parse, render_volume
 from labweb.domain.workflows.passes.acting import draft_of, wait_job
@@ -22,7 +21,7 @@ from labweb.domain.workflows.passes.boiling import (
     condensed,
 )
 from labweb.domain.workflows.passes.draft import Drafting, DraftJob, DraftStep
-from labweb.domain.workflows.passes.evacuating import find_vacuum
+from labweb.domain.workflows.passes.evacuating import Vacuum, find_vacuum
 from labweb.domain.workflows.passes.layering import stated_lots
 from labweb.domain.workflows.passes.serving import condenses
 from labweb.domain.workflows.protocol import Step
@@ -50,9 +49,9 @@ def plan_dry(step: Step, drafting: Drafting) -> DraftStep:
     text = f"Keep {name} under vacuum"
     jobs = [
         *vacuum.join(step, drafting, vessel),
-        _one(step, drafting, vacuum.device, "evacuate_to", low, f"Evacuate {name} to {kpa:g} kPa"),
+        _one(step, drafting, vacuum, "evacuate_to", low, f"Evacuate {name} to {kpa:g} kPa"),
         wait_job(step, drafting, locks, sentence=text, operation=dried),
-        _one(step, drafting, vacuum.device, "vent", {}, f"Let air into {name}"),
+        _one(step, drafting, vacuum, "vent", {}, f"Let air into {name}"),
     ]
     return draft_of(step, jobs)
 
@@ -60,14 +59,16 @@ def plan_dry(step: Step, drafting: Drafting) -> DraftStep:
 def _one(
     step: Step,
     drafting: Drafting,
-    vacuum: Device,
+    vacuum: Vacuum,
     action: str,
     args: Mapping[str, float],
     text: str,
 ) -> DraftJob | None:
     takes_s = PUMP_DOWN_S if action == "evacuate_to" else VENT_S
-    locks = (UUID(step.params["vessel"]),)
-    return drafting.job(step, vacuum, action, args, sentence=text, locks=locks, estimate_s=takes_s)
+    locks = (UUID(step.params["vessel"]), *vacuum.nodes)
+    return drafting.job(
+        step, vacuum.device, action, args, sentence=text, locks=locks, estimate_s=takes_s
+    )
 
 
 def _is_stated(step: Step, drafting: Drafting, vessel: UUID) -> bool:

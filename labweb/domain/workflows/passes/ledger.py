@@ -61,7 +61,8 @@ class Ledger:
         self._tainted: set[UUID] = set()
         self._open: set[str] = set()
         self._opening: set[str] = set()
-        self._behind: set[str] = set()
+        self._behind: dict[str, frozenset[str]] = {}
+        """Steps on such vessels → those that were open before them."""
 
         self._facts = view.facts
         self.findings: list[Finding] = []
@@ -94,7 +95,11 @@ class Ledger:
         """Tell whether a finding follows from amounts that a person states during the run."""
         if finding.subject in self._opening:
             return finding.code == "crutd.capacity_exceeded"
-        return finding.subject in self._behind and finding.code in BY_CONTENTS
+        open_before = self._behind.get(finding.subject)
+        if open_before is None or finding.code not in BY_CONTENTS:
+            return False
+        where = finding.context.get("resource_id")
+        return where is None or str(where) in open_before
 
     def holds(self, resource_id: UUID) -> Contents:
         """Return what a vessel holds at this point of the plan."""
@@ -224,7 +229,7 @@ class Ledger:
         ids = {i for job in draft.jobs for i in _touched(job.operation)}
         if draft.whole is not None:
             ids |= {draft.whole.source_id, draft.whole.target_id}
-        if draft.step.id not in self._opening | self._behind:
+        if draft.step.id not in self._opening | self._behind.keys():
             self._tainted |= ids
 
     def _follow_open(self, draft: DraftStep) -> None:
@@ -232,7 +237,9 @@ class Ledger:
         params, kind = draft.step.params, STEP_KINDS[draft.step.kind]
         vessels = {params[p.name] for p in kind.parameters if p.is_vessel and p.name in params}
         if not self._open.isdisjoint(vessels):
-            self._behind.add(draft.step.id)
+            self._behind[draft.step.id] = frozenset(self._open)
+            # What is only drawn from stays as it is known.
+            vessels -= {params.get("source")} - self._open
         elif kind.left_open(params):
             self._opening.add(draft.step.id)
         else:

@@ -26,6 +26,8 @@ def plan_transfer(step: Step, drafting: Drafting) -> DraftStep:
     if is_all and not amount_nl:
         message = f"{drafting.name(source)} is empty by then: there is nothing to move"
         drafting.refuse(step, "crutd.insufficient_volume", message, "params.volume")
+        # Whether there is a way is known all the same, and said with it.
+        choose_way(step, drafting, TransferLiquid(source_id=source, target_id=target, amount_nl=1))
         return DraftStep(step=step)
     amount_nl = amount_nl or parse_volume_nl(step.params["volume"])
     if source == target:
