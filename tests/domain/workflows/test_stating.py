@@ -91,6 +91,14 @@ def test_amounts_that_depend_on_what_is_stated_refuse_nothing_yet() -> None:
     assert proof.findings == ()
 
 
+def test_a_vessel_that_an_open_one_is_emptied_into_is_not_too_small_yet() -> None:
+    pour = ("transfer", {"source": "@rotavap_flask", "target": "@reactor", "volume": "all"})
+    full = {"rotavap_flask": {"ether": 240_000.0}, "reactor": {"ether": 200_000.0}}
+    plan, proof = planned(("evaporate", BOILS), pour, **full)
+    assert [step.step_id for step in plan.steps] == ["s0", "s1"]
+    assert proof.findings == ()
+
+
 def test_amounts_elsewhere_are_refused_as_ever() -> None:
     dry = {"source": "@reactor", "target": "@separator", "volume": "1 mL"}
     document = workflow(steps(("evaporate", BOILS), ("transfer", dry)))

@@ -99,7 +99,9 @@ class Ledger:
         if open_before is None or finding.code not in BY_CONTENTS:
             return False
         where = finding.context.get("resource_id")
-        return where is None or str(where) in open_before
+        # How much arrives follows from how much there was to draw.
+        is_of_any = where is None or finding.code == "crutd.capacity_exceeded"
+        return is_of_any or str(where) in open_before
 
     def holds(self, resource_id: UUID) -> Contents:
         """Return what a vessel holds at this point of the plan."""
