@@ -1,4 +1,4 @@
-"""Published recipes run to their end on their own rigs of six pumps, by simulated instruments."""
+"""Published recipes run to their end on rigs of four and six pumps, by simulated instruments."""
 
 from __future__ import annotations
 
