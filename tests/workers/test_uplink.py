@@ -75,6 +75,8 @@ async def connected(host: Host, hub: Hub, key: HostKey, store: Store) -> AsyncIt
     finally:
         task.cancel()
         await asyncio.gather(task, return_exceptions=True)
+        # A connection that was cut on its way is closed by the loop, which needs a moment for it.
+        await asyncio.sleep(0.05)
 
 
 async def until(condition: Callable[[], object], within_s: float = 8.0) -> None:
