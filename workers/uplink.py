@@ -163,7 +163,7 @@ class Uplink:
             log.error("the journal does not take that the server is away: %s", error)
 
     async def _connect_once(self) -> None:
-        async with connect(
+        opening = connect(
             self._config.uplink_url,
             max_size=4 * MAX_FRAME_BYTES,
             open_timeout=HANDSHAKE_S,
@@ -173,10 +173,17 @@ class Uplink:
             proxy=None,
             ssl=self._identity.context(),
             server_hostname=server_name(self._identity),
-        ) as socket:
-            async with asyncio.timeout(HANDSHAKE_S):
-                await self._shake_hands(socket)
-            await self._talk(socket)
+        )
+        try:
+            async with opening as socket:
+                async with asyncio.timeout(HANDSHAKE_S):
+                    await self._shake_hands(socket)
+                await self._talk(socket)
+        except asyncio.CancelledError:
+            # Told to end while it waits for the server to close its end: this end is closed.
+            if hasattr(opening, "connection"):
+                opening.connection.transport.abort()
+            raise
 
     async def _shake_hands(self, socket: ClientConnection) -> None:
         challenge = await receive(socket)
