@@ -11,6 +11,7 @@ from labweb.domain.errors import InfeasibleError, ProtocolError
 from labweb.domain.workflows.compile import check_plan, compile_workflow
 from labweb.domain.workflows.plan import Plan, PlannedJob, digest
 from labweb.domain.workflows.proving import Proof, prove_plan
+from tests.domain.workflows.solids import steps
 from tests.domain.workflows.station import station, workflow
 
 SEPARATOR = {"brine": 10_000.0, "ether": 20_000.0}
@@ -24,19 +25,6 @@ BOILS = {
     "duration": "30 min",
 }
 OVER = {"source": "@separator", "target": "@reactor", "volume": "all"}
-
-
-def steps(*made: tuple[str, dict[str, Any]]) -> dict[str, Any]:
-    rows = [
-        {"id": f"s{n}", "kind": kind, "params": params, "position": {"x": 0, "y": 0}}
-        for n, (kind, params) in enumerate(made)
-    ]
-    edges = [
-        {"id": f"e{n}", "source": f"s{n}", "source_port": "done"}
-        | {"target": f"s{n + 1}", "target_port": "start"}
-        for n in range(len(rows) - 1)
-    ]
-    return {"schema": "labweb.workflow/1", "name": "Stated", "steps": rows, "edges": edges}
 
 
 def planned(*made: tuple[str, dict[str, Any]], **contents: dict[str, float]) -> tuple[Plan, Proof]:
