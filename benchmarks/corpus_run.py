@@ -17,6 +17,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import httpx
+
 from labweb.domain.graph.lab_file.model import LabFile
 from labweb.domain.graph.lab_file.render import render_lab
 from tests.system.stack import Client, Stack, is_over, running
@@ -69,7 +71,11 @@ def run_on_lab(
         with running(folder / "data", lab=folder / "lab.json", speed=speed) as stack:
             stack.wait_until_online(_ONLINE_WITHIN_S)
             began_s = time.monotonic()
-            _Person(stack, ran, began_s + within_s).see_through(document)
+            person = _Person(stack, ran, began_s + within_s)
+            try:
+                person.see_through(document)
+            except (httpx.HTTPError, AssertionError) as error:
+                person.tell("run.no_answer", f"the lab gave no answer: {error!r}"[:500], "")
             ran.wall_s = time.monotonic() - began_s
             ran.bytes_count = _count_bytes(stack)
     finally:
@@ -85,12 +91,13 @@ class _Person:
         self._client = stack.client()
 
     def see_through(self, document: Mapping[str, Any]) -> None:
+        """Start a workflow, and answer until its run has ended."""
         run = self._client.start_version(self._client.draw(_bound(document, self._stack.keys())))
         if run["approval"] is not None:
             approve(self._stack.client("approver"), run["approval"]["id"])
         while not is_over(run) and not run["in_doubt_count"] and not self._ran.findings:
             if time.monotonic() > self._until_s:
-                self._tell("run.late", f"it is {run['state']} after all the time", "")
+                self.tell("run.late", f"it is {run['state']} after all the time", "")
                 break
             asked = [job for job in run["jobs"] if (job["asks"] or {}).get("is_due")]
             for job in asked[:1]:
@@ -113,7 +120,7 @@ class _Person:
         if not answer.is_success:
             refusal = answer.json()
             for one in refusal["findings"] or [refusal]:
-                self._tell(one["code"], one["message"], job["step_id"])
+                self.tell(one["code"], one["message"], job["step_id"])
 
     def _judge(self, run: Mapping[str, Any]) -> None:
         done = [job for job in run["jobs"] if job["state"] == "complete"]
@@ -123,9 +130,10 @@ class _Person:
             return
         undone = (job for job in run["jobs"] if job["code"] and not job["passed_by"])
         for job in list(undone)[:5] or [{"code": "run.not_done", "message": "", "step_id": ""}]:
-            self._tell(job["code"], f"{job.get('sentence', '')}: {job['message']}", job["step_id"])
+            self.tell(job["code"], f"{job.get('sentence', '')}: {job['message']}", job["step_id"])
 
-    def _tell(self, code: str, message: str, subject: str) -> None:
+    def tell(self, code: str, message: str, subject: str) -> None:
+        """Note why the run did not come to its end."""
         told = {"at": "run", "code": code, "message": message, "step": "", "subject": subject}
         self._ran.findings.append(told)
 

@@ -14,7 +14,8 @@ from labweb.common.prepared import together
 from labweb.common.wake import wake_dispatcher
 from labweb.domain.approvals.roles import Permission
 from labweb.domain.errors import DefinitionError, StateError
-from labweb.domain.runs.job import AT_EDGE, FINAL, JobState, Mover
+from labweb.domain.runs.job import FINAL, JobState, Mover
+from labweb.domain.runs.replanning import Stood, document_left, steps_left
 from labweb.domain.workflows import plan as plans
 from labweb.domain.workflows.plan import Plan
 from labweb.domain.workflows.protocol import bind_materials, parse_workflow, render_workflow
@@ -24,12 +25,6 @@ from labweb.runs.services.holding import declare
 from labweb.runs.services.previewing import preview
 from labweb.runs.services.start import write_jobs
 from labweb.runs.services.state import announce, moving
-
-_WAITING = {JobState.QUEUED.value, JobState.HELD.value, JobState.SUSPENDED.value}
-_BARE = {"device_action", "role_action"}
-"""Steps that are an action of a device as such."""
-
-_UNDER_WAY = {state.value for state in AT_EDGE} | {JobState.IN_DOUBT.value}
 
 
 def change_step(
@@ -69,8 +64,8 @@ def change_step(
         raise DefinitionError("say which values change", code="run.no_change")
     jobs = list(Job.objects.filter(run=run).order_by("index"))
     whole = _document_of(run)
-    left = _steps_left(jobs, whole["steps"])
-    document, before = _document_left(whole, left, job.step_id, params)
+    left = steps_left(map(_stood, jobs), whole["steps"])
+    document, before = document_left(whole, left, job.step_id, params)
     told = {
         "step_id": job.step_id,
         "before": before,
@@ -100,66 +95,15 @@ def _document_of(run: Run) -> dict[str, Any]:
     return render_workflow(bind_materials(parse_workflow(whole)))
 
 
-def _steps_left(jobs: list[Job], steps: Sequence[Mapping[str, Any]]) -> set[str]:
-    """Return the steps that are not done; one may have no jobs yet, for want of what is stated."""
-    kinds = {step["id"]: step["kind"] for step in steps}
-    undone: set[str] = set()
-    done: set[str] = set()
-    for job in jobs:
-        if job.state in _UNDER_WAY:
-            raise StateError(f"{job.sentence!r} is under way: wait for it", code="run.under_way")
-        if job.confirmed_at is not None and not job.states and job.state in _WAITING:
-            text = f"{job.sentence!r} was confirmed and is not sent yet: wait for it"
-            raise StateError(text, code="run.under_way")
-        # The zero of a pump is looked for once, before all steps, and is no half of any.
-        is_zero = job.action == "initialize" and kinds.get(job.step_id) not in _BARE
-        if job.state == JobState.COMPLETE.value:
-            done |= set() if is_zero else {job.step_id}
-        elif job.passed_by in ("skip", "hand"):
-            done.add(job.step_id)
-        elif not job.passed_by:
-            undone.add(job.step_id)
-    if undone & done:
-        text = "a step is half done: it cannot be planned again"
-        raise StateError(text, code="run.step_under_way")
-    return kinds.keys() - done
-
-
-def _document_left(
-    whole: Mapping[str, Any], left: set[str], step_id: str, params: Mapping[str, Any] | None
-) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Return the steps that are left as a document, and the step's values before.
-
-    Without values the step itself is left out: what comes after it waits for what it waited for.
-    """
-    steps, before = [], {}
-    for step in whole["steps"]:
-        if step["id"] == step_id and params is None:
-            before = dict(step["params"])
-        elif step["id"] == step_id:
-            before = {name: step["params"].get(name) for name in params or {}}
-            steps.append({**step, "params": {**step["params"], **(params or {})}})
-        elif step["id"] in left:
-            steps.append(step)
-    edges = whole["edges"] if params is not None else _without(whole["edges"], step_id)
-    known = {step["id"] for step in steps}
-    edges = [one for one in edges if one["source"] in known and one["target"] in known]
-    return {**whole, "steps": steps, "edges": edges}, before
-
-
-def _without(edges: Sequence[Mapping[str, Any]], step_id: str) -> list[dict[str, Any]]:
-    """Return the edges once a step is gone: those before it lead to those after it."""
-    before = dict.fromkeys(edge["source"] for edge in edges if edge["target"] == step_id)
-    after = dict.fromkeys(edge["target"] for edge in edges if edge["source"] == step_id)
-    order = {"source_port": "done", "target_port": "start"}
-    return [
-        *(dict(edge) for edge in edges if step_id not in (edge["source"], edge["target"])),
-        *(
-            {"id": f"{source}-{target}"[:80], "source": source, "target": target, **order}
-            for source in before
-            for target in after
-        ),
-    ]
+def _stood(job: Job) -> Stood:
+    return Stood(
+        step_id=job.step_id,
+        sentence=job.sentence,
+        action=job.action,
+        state=JobState(job.state),
+        passed_by=job.passed_by,
+        is_confirmed=job.confirmed_at is not None and not job.states,
+    )
 
 
 def _is_to_pass(job: Job) -> bool:

@@ -67,7 +67,6 @@ def plan_evaporate(step: Step, drafting: Drafting) -> DraftStep:
     bath = {"temperature_c": target_c, "tolerance_c": BATH_TOLERANCE_C}
     low = {"pressure_kpa": kpa, "tolerance_kpa": PRESSURE_TOLERANCE_RATIO * kpa}
     name = drafting.name(vessel)
-
     held = vacuum.nodes if vacuum.valve is not None else ()
 
     def one(
