@@ -85,10 +85,14 @@ def lab(disk: SmallDisk) -> Iterator[Stack]:
 
 @pytest.fixture
 def stack(lab: Stack, disk: SmallDisk) -> Iterator[Stack]:
-    """Lend the lab, and give it room again, of which server and host then know."""
+    """Lend the lab, and give it room again, of which server and host then know.
+
+    What a test has left under way ends before the next one counts strokes.
+    """
     yield lab
     disk.clear()
     _wait_until(lambda: _health(lab)["disk"] == "ok" and _host(lab)["disk"]["level"] == "ok")
+    _wait_until(lambda: all(map(is_over, lab.client().get("runs")["runs"])), 90.0)
 
 
 def _wait_until(is_so: Callable[[], bool], within_s: float = BACK_WITHIN_S) -> None:
@@ -179,7 +183,8 @@ def test_a_disk_that_is_full_in_mid_stroke_ends_no_lab(stack: Stack, disk: Small
     outage.wait_until_moving()
     disk.fill()
     stack.kill("dispatcher")
-    _wait_until(lambda: _runs(stack, "dispatcher"))
+    # The server asks for its disk once a second.
+    _wait_until(lambda: _runs(stack, "dispatcher") and _health(stack)["disk"] == "full")
     began_s = time.monotonic()
     while time.monotonic() - began_s < FULL_S:
         assert stack.process.poll() is None
@@ -270,7 +275,7 @@ def test_lines_that_are_killed_on_a_full_disk_start_again_before_there_is_room(
 
     The last one of this lab: a halted stroke is left for a person.
     """
-    outage = Outage(stack)
+    outage = Outage(stack, "0.4 mL/min")  # it is still in its stroke when its line is killed
     outage.wait_until_moving()
     disk.fill()
     disk.fill_page_of(stack.data / "logs" / "edge-host.log")

@@ -30,12 +30,12 @@ ENDS_WITHIN_S = 150.0
 class Outage:
     """One transfer of water to waste, and what the instruments did for it."""
 
-    def __init__(self, stack: Stack) -> None:
+    def __init__(self, stack: Stack, rate: str = RATE) -> None:
         self.stack = stack
         stack.wait_until_online()
         self.before_nl = volume_nl(stack, "waste")
         self.counted = {pump: len(stack.actuations(pump)) for pump in ("pump_1", "pump_2")}
-        self.id = start(stack, VOLUME, flow_rate=RATE)["id"]
+        self.id = start(stack, VOLUME, flow_rate=rate)["id"]
 
     def wait_until_moving(self) -> None:
         """Wait until the plunger moves, as the instrument says and not the server."""

@@ -41,14 +41,24 @@ export interface RecoveryCard {
 export interface LotThere {
   key: string;
   name: string;
-  held_ul: number;
+  /** How much there is of a liquid; null: it is a solid. */
+  held_ul: number | null;
+  held_mg: number | null;
+}
+
+/** Lots of a vessel of which a person says how much is meant. */
+export interface States {
+  label: string;
+  /** With nothing of any lot the step is left out; else each lot is stated, "none" too. */
+  leaves_out: boolean;
+  lots: LotThere[];
 }
 
 /** What a person confirms before a job is sent, and who has. */
 export interface Asks {
   text: string;
   /** What they state of each lot of a vessel in its place, once it is due. */
-  states: { label: string; lots: LotThere[] } | null;
+  states: States | null;
   is_due: boolean;
   confirmed_by: string | null;
   confirmed_at: Iso | null;

@@ -4,10 +4,10 @@ import { useId, useState } from "react";
 import { useConfirmJob } from "@/api/commands";
 import { stepNumber } from "@/model/runs";
 import type { Job, Run } from "@/model/wire";
-import type { LotThere } from "@/model/wirerecovery";
+import type { LotThere, States } from "@/model/wirerecovery";
 import { Button, Refused } from "@/ui/controls";
 import { Glyph } from "@/ui/glyph";
-import { Volume } from "@/ui/number";
+import { Amount } from "@/ui/number";
 import { words } from "./words";
 
 export function AsksPerson({ run, job }: { run: Run; job: Job }) {
@@ -23,7 +23,7 @@ export function AsksPerson({ run, job }: { run: Run; job: Job }) {
       <div className="pb">
         <h2>{job.asks.text}</h2>
         {job.asks.states ? (
-          <StateLots run={run} job={job} lots={job.asks.states.lots} />
+          <StateLots run={run} job={job} states={job.asks.states} />
         ) : (
           <Confirm run={run} job={job} />
         )}
@@ -55,21 +55,21 @@ function Confirm({ run, job }: { run: Run; job: Job }) {
 }
 
 /** Amounts of the lots in a vessel: an empty field means none of it. */
-function StateLots({ run, job, lots }: { run: Run; job: Job; lots: readonly LotThere[] }) {
+function StateLots({ run, job, states }: { run: Run; job: Job; states: States }) {
   const confirm = useConfirmJob(job.id);
   const [amounts, setAmounts] = useState<Record<string, string>>({});
+  const { lots, leaves_out } = states;
   if (!lots.length) return <p className="s">{words.asks.empty}</p>;
-  const label = job.asks?.states?.label ?? "";
-  const stated = Object.fromEntries(
-    Object.entries(amounts)
-      .map(([key, text]): [string, string] => [key, text.trim()])
-      .filter(([, text]) => text),
-  );
-  const none = Object.keys(stated).length ? null : words.asks.nothing;
+  const typed = lots
+    .map((lot): [string, string] => [lot.key, (amounts[lot.key] ?? "").trim()])
+    .filter(([, text]) => text);
+  const of = (some: readonly [string, string][]) => Object.fromEntries(some);
+  const none = leaves_out ? {} : of(lots.map((lot) => [lot.key, "none"]));
+  const missing = leaves_out ? words.asks.nothing : words.asks.nothingOfSolids;
   return (
     <>
-      <p className="s">{words.asks.aboutLots}</p>
-      <h3>{label}</h3>
+      <p className="s">{leaves_out ? words.asks.aboutLots : words.asks.aboutSolids}</p>
+      <h3>{states.label}</h3>
       {lots.map((lot) => (
         <LotRow
           key={lot.key}
@@ -85,8 +85,8 @@ function StateLots({ run, job, lots }: { run: Run; job: Job; lots: readonly LotT
           large
           testId="asks-state"
           disabled={confirm.isPending}
-          why={run.can.confirm ? none : words.asks.mayNot}
-          onClick={() => confirm.mutate(stated)}
+          why={run.can.confirm ? (typed.length ? null : missing) : words.asks.mayNot}
+          onClick={() => confirm.mutate({ ...none, ...of(typed) })}
         >
           {confirm.isPending ? "Sending…" : words.asks.state}
         </Button>
@@ -95,9 +95,9 @@ function StateLots({ run, job, lots }: { run: Run; job: Job; lots: readonly LotT
           testId="asks-none"
           disabled={confirm.isPending}
           why={run.can.confirm ? null : words.asks.mayNot}
-          onClick={() => confirm.mutate({})}
+          onClick={() => confirm.mutate(none)}
         >
-          {words.asks.none}
+          {leaves_out ? words.asks.none : words.asks.noSolid}
         </Button>
       </div>
     </>
@@ -125,7 +125,7 @@ function LotRow(props: { lot: LotThere; amount: string; set: (text: string) => v
         <Button onClick={() => set("all")}>{words.asks.all}</Button>
       </div>
       <p className="help" id={`${id}-help`}>
-        <Volume nl={lot.held_ul * 1000} /> {words.asks.held}
+        <Amount nl={(lot.held_ul ?? 0) * 1000} ug={(lot.held_mg ?? 0) * 1000} /> {words.asks.held}
       </p>
     </div>
   );

@@ -172,12 +172,12 @@ test("a run that waits for a person says what to confirm, and says so to the ser
 
 test("amounts of lots are stated in the place of a job; what is left empty is not sent", async () => {
   const lots = [
-    { key: "brine-1", name: "Brine", held_ul: 10_000 },
-    { key: "ether-1", name: "Ether", held_ul: 20_000 },
+    { key: "brine-1", name: "Brine", held_ul: 10_000, held_mg: null },
+    { key: "ether-1", name: "Ether", held_ul: 20_000, held_mg: null },
   ];
   const asks = {
     text: "Which lots lie in the lower layer of Separator?",
-    states: { label: "Lower layer", lots },
+    states: { label: "Lower layer", leaves_out: true, lots },
     is_due: true,
     confirmed_by: null,
     confirmed_at: null,
@@ -203,9 +203,31 @@ test("amounts of lots are stated in the place of a job; what is left empty is no
   expect(posted()[1]?.body).toEqual({ stated: {} });
 });
 
+test("of solids each is stated: what is left empty goes as none", async () => {
+  const lots = [
+    { key: "salt-1", name: "Salt", held_ul: null, held_mg: 500 },
+    { key: "sand-1", name: "Sand", held_ul: null, held_mg: 20 },
+  ];
+  const states = { label: "Solids that go along", leaves_out: false, lots };
+  const asks = { text: "How?", states, is_due: true, confirmed_by: null, confirmed_at: null };
+  const run = aRun([aJob(0, "a", "queued", { asks })], { state: "running" });
+  const sent = serve(() => [200, run]);
+  show(<Problems run={run} job={null} />);
+  expect(screen.getAllByTestId("asks-lot")[0]).toHaveTextContent(/500\.00\smg in the vessel/);
+  fireEvent.change(screen.getByTestId("asks-amount-salt-1"), { target: { value: "200 mg" } });
+  fireEvent.click(screen.getByTestId("asks-state"));
+  const posted = () => sent.filter((one) => one.method === "POST");
+  await waitFor(() => expect(posted()).toHaveLength(1));
+  expect(posted()[0]?.body).toEqual({ stated: { "salt-1": "200 mg", "sand-1": "none" } });
+  await waitFor(() => expect(screen.getByTestId("asks-none")).toBeEnabled());
+  fireEvent.click(screen.getByText("None of any solid"));
+  await waitFor(() => expect(posted()).toHaveLength(2));
+  expect(posted()[1]?.body).toEqual({ stated: { "salt-1": "none", "sand-1": "none" } });
+});
+
 test("of a vessel that holds nothing by the record nothing can be stated", () => {
   serve(() => [200, { devices: [] }]);
-  const states = { label: "Boils off", lots: [] };
+  const states = { label: "Boils off", leaves_out: true, lots: [] };
   const asks = { text: "What?", states, is_due: true, confirmed_by: null, confirmed_at: null };
   show(<Problems run={aRun([aJob(0, "a", "queued", { asks })])} job={null} />);
   expect(screen.getByTestId("asks-card")).toHaveTextContent("holds no liquid");

@@ -130,11 +130,15 @@ export const words = {
     mayNot: "Confirming needs the role chemist on what the run uses.",
     aboutLots:
       "Type an amount for each lot, such as 12 mL, or press All. An empty field means none of it. The rest of the run is then planned and proved again, and goes on. If none of it is meant, leave the step out; if nothing of this can be done, abort the run.",
+    aboutSolids:
+      "Type a mass for each solid, such as 200 mg, or press All. An empty field means none of it. The rest of the run is then planned and proved again, and goes on. If nothing of this can be done, abort the run.",
     held: "in the vessel",
     all: "All",
     state: "Go on with these amounts",
     none: "None: leave the step out",
+    noSolid: "None of any solid",
     nothing: "Type an amount for at least one lot.",
+    nothingOfSolids: "Type a mass for at least one solid, or press the other button.",
     empty: "By the record the vessel holds no liquid. Take stock of it at Lab, then come back.",
   },
   waitsForRun: (text: string) => `${text}. This run goes on by itself.`,

@@ -167,9 +167,29 @@ def _check_liquid(
         )
     findings += _check_parts(operation, source, facts)
     findings += check_room(target, operation.amount_nl, Phase.LIQUID)
+    findings += _check_carried(operation, source, facts)
     keeps = frozenset(LotId(str(lot)) for lot in operation.keeps)
-    findings += _check_phases(source, Phase.LIQUID, facts, keeps)
+    stated = keeps | {LotId(lot) for lot in operation.carries_ug}
+    findings += _check_phases(source, Phase.LIQUID, facts, stated)
     return [*findings, *_check_lots(source, target, facts, keeps)]
+
+
+def _check_carried(
+    operation: TransferLiquid, source: ResourceState, facts: Facts | None
+) -> Iterator[Finding]:
+    """Refuse more of a solid to go along than there is; it needs no room of its own."""
+    if not operation.carries_ug or not source.knows_masses:
+        return
+    for lot, part in sorted(operation.carries_ug.items()):
+        there = source.masses.get(LotId(lot), 0)
+        if part > there:
+            yield Finding(
+                "crutd.insufficient_mass",
+                f"{source.name} holds {render_mass(there)} of {_name(LotId(lot), facts)}, "
+                f"asked for {render_mass(part)}",
+                source.name,
+                {"resource_id": str(source.id), "usable_ug": there, "lot_id": lot},
+            )
 
 
 def _check_parts(

@@ -36,6 +36,7 @@ from labweb.domain.crutd.operations import (
     Update,
     touched_ids,
 )
+from labweb.domain.crutd.parts import carried_parts, drawn_parts
 from labweb.domain.crutd.reaction import react_postings
 from labweb.domain.crutd.snapshot import ResourceState as ResourceState
 from labweb.domain.crutd.snapshot import Snapshot as Snapshot
@@ -44,8 +45,6 @@ from labweb.domain.resources.contents import (
     Contents,
     LotId,
     Phase,
-    add,
-    remove,
     take,
     total_nl,
 )
@@ -271,25 +270,16 @@ def _settle_poured(
             code="crutd.contradiction",
         )
     ends = (str(operation.source_id), str(operation.target_id))
-    drawn = drawn_parts(there, parts, moved)
-    return Change(state=TransactionState.COMMITTED, postings=_postings(drawn, phase, ends))
-
-
-def drawn_parts(there: Contents, wanted: Mapping[str, int], moved_nl: int) -> dict[LotId, int]:
-    """Return what went over of each lot when one layer was drawn.
-
-    Less than was wanted is the same share of each lot of the layer; what is more came, well
-    mixed, out of what lies next to it.
-
-    Example:
-        >>> brine, ether = LotId("brine"), LotId("ether")
-        >>> drawn_parts({brine: 10, ether: 10}, {"brine": 10}, 12)
-        {'brine': 10, 'ether': 2}
-    """
-    layer = {LotId(lot): part for lot, part in wanted.items() if part}
-    if moved_nl <= total_nl(layer):
-        return take(layer, moved_nl)
-    return add(layer, take(remove(there, layer), moved_nl - total_nl(layer)))
+    postings = _postings(drawn_parts(there, parts, moved), phase, ends)
+    if isinstance(operation, TransferLiquid) and operation.carries_ug:
+        carried = carried_parts(operation, moved)
+        if source.knows_masses and any(
+            part > source.masses.get(lot, 0) for lot, part in carried.items()
+        ):
+            text = f"more of a solid went along than {source.name} held"
+            raise StateError(text, code="crutd.contradiction")
+        postings += _postings(carried, Phase.SOLID, ends)
+    return Change(state=TransactionState.COMMITTED, postings=postings)
 
 
 def _settle_reacted(operation: React, snapshot: Snapshot, outcome: Outcome) -> Change:

@@ -86,6 +86,10 @@ class TransferLiquid(
     keeps: tuple[UUID, ...] = ()
     """Solid lots that stay, as somebody has said: on a filter, or where only vapour leaves."""
 
+    carries_ug: dict[str, Amount] = msgspec.field(default_factory=dict)
+    """Solid lots that go along, dissolved or suspended, and how much of each, as somebody has
+    said; what is left of them stays. A host, which keeps no record of solids, books the same."""
+
 
 class TransferResource(
     msgspec.Struct, frozen=True, tag="transfer_resource", tag_field="op", kw_only=True

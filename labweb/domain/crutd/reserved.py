@@ -23,5 +23,8 @@ def reservations(operation: Operation) -> tuple[Reservation, ...]:
         return ()
     source, target = str(operation.source_id), str(operation.target_id)
     if isinstance(operation, TransferLiquid):
-        return (Reservation(source, target, amount_nl=operation.amount_nl),)
+        liquid = Reservation(source, target, amount_nl=operation.amount_nl)
+        carried_ug = sum(operation.carries_ug.values())
+        solids = (Reservation(source, target, amount_ug=carried_ug),) if carried_ug else ()
+        return (liquid, *solids)
     return (Reservation(source, target, amount_ug=operation.amount_ug),)

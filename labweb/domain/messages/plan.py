@@ -134,6 +134,10 @@ class Draw(Stroke, frozen=True):
     of: dict[Text, Amount] | None = None
     """Lots of the layer that it draws, in µL, as a person has stated them; unset: what is there."""
 
+    solids: dict[Text, Amount] | None = None
+    """Solid lots that go along, dissolved, in µg, as a person has stated them, and no other;
+    unset: each in proportion, but for what a frit keeps back."""
+
 
 class Wait(Parameters, frozen=True):
     """How long nothing happens."""
@@ -317,84 +321,3 @@ HAND_PARAMETERS: Mapping[str, type[Parameters]] = {
 """What a person does → its parameters."""
 
 DECLARED_PARAMETERS: Mapping[str, type[Parameters]] = {"become": Become}
-
-
-class Claim(Strict, frozen=True):
-    """What a step says of itself; each kind has the fields that `CLAIMS` gives it."""
-
-    kind: Text
-    vessel: Text | None = None
-    from_: Text | None = msgspec.field(default=None, name="from")
-    to: Text | None = None
-    lot: Text | None = None
-    lots: dict[Text, Amount] | None = None
-    takes: dict[Text, Amount] | None = None
-    gives: dict[Text, Amount] | None = None
-    volume_ul: Positive | None = None
-    mass_ug: Positive | None = None
-    all: Literal[True] | None = None
-    most_ul: Amount | None = None
-    through: list[Text] | None = None
-    lower_to: Text | None = None
-    upper_to: Text | None = None
-    lower_through: list[Text] | None = None
-    upper_through: list[Text] | None = None
-    speed_rpm: Speed | None = None
-    temperature_c: Celsius | None = None
-    low_c: Celsius | None = None
-    high_c: Celsius | None = None
-    duration_s: Duration | None = None
-    most_s: Duration | None = None
-    pressure_mbar: Amount | None = None
-    gas: Text | None = None
-    also: list[Text] | None = None
-    quantity: Text | None = None
-    low: float | None = None
-    high: float | None = None
-    acceleration_g: Speed | None = None
-    power_w: Positive | None = None
-    vapour_c: Celsius | None = None
-    wavelength_nm: Positive | None = None
-    color: Text | None = None
-    intensity_percent: Percent | None = None
-    text: Sentence | None = None
-
-
-CLAIMS: Mapping[str, tuple[str, str]] = {
-    "fill": ("to lot volume_ul", ""),
-    "add_solid": ("to lot mass_ug", ""),
-    "empty": ("vessel", ""),
-    "transfer": ("from to", "volume_ul lot lots all most_ul through"),
-    "separate": ("vessel lower_to upper_to most_ul", "lower_through upper_through"),
-    "filter": ("vessel to most_ul", ""),
-    "stir": ("vessel speed_rpm", ""),
-    "stop_stir": ("vessel", ""),
-    "heat": ("vessel temperature_c", ""),
-    "reach": ("vessel low_c high_c", ""),
-    "stop_heat": ("vessel", ""),
-    "wait": ("duration_s", ""),
-    "vacuum": ("vessel", "pressure_mbar also"),
-    "vent": ("vessel", "gas also"),
-    "gas": ("vessel gas", ""),
-    "stop_gas": ("vessel", "gas"),
-    "rotate": ("vessel speed_rpm", ""),
-    "stop_rotate": ("vessel", ""),
-    "lower": ("vessel", ""),
-    "raise": ("vessel", ""),
-    "evaporate": ("vessel", "duration_s most_s"),
-    "light": ("vessel", "wavelength_nm color power_w intensity_percent"),
-    "stop_light": ("vessel", ""),
-    "measure": ("vessel quantity", "low high"),
-    "sonicate": ("vessel", ""),
-    "stop_sonicate": ("vessel", ""),
-    "microwave": ("vessel temperature_c duration_s", "power_w"),
-    "spin": ("vessel duration_s", "speed_rpm acceleration_g temperature_c"),
-    "distill": ("vessel to", "duration_s vapour_c"),
-    "clean": ("from to volume_ul", "lot through"),
-    "prime": ("from to volume_ul lot", ""),
-    "flush": ("from to volume_ul", ""),
-    "push": ("from to volume_ul", ""),
-    "become": ("vessel takes", "gives to"),
-    "ask": ("text", ""),
-}
-"""Kind of a claim → fields that it must have, and fields that it may have."""

@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 
 from labweb.domain.messages import plan as words
-from labweb.domain.messages.plan import Claim
+from labweb.domain.messages.claims import Claim
 from labweb.domain.proof.apparatus import devices_at
-from labweb.domain.proof.matter import NOTHING, Contents, Range
+from labweb.domain.proof.dissolved import check_solids, check_stays
+from labweb.domain.proof.matter import NOTHING, Contents
 from labweb.domain.proof.plan import mass_units, units
 from labweb.domain.proof.pneumatics import (
     PUMP_WORDS,
@@ -124,6 +125,7 @@ def _check_transfer(state: State, claim: Claim, before: Before) -> None:
         _check_volume(state, flows, claim.volume_ul)
     if claim.lots is not None:
         _check_lots(state, flows, claim.lots)
+    check_solids(state, claim)
     if claim.lot is None:
         return
     went = {lot for flow in flows for part in (flow.liquids, flow.solids) for lot in part}
@@ -186,13 +188,7 @@ def _check_filter(state: State, claim: Claim, before: Before) -> None:
     vessel = claim.vessel or ""
     _check_ends(state, state.record.flows, vessel, {claim.to}, [])
     _check_all(state, vessel, claim.most_ul, state.record.flows)
-    solids = before.contents.get(vessel, Contents()).solids
-    if _shown(solids) != _shown(state.held(vessel).solids):
-        fail(state, f"solids leave {vessel}")
-
-
-def _shown(amounts: Mapping[str, Range]) -> dict[str, Range]:
-    return {lot: amount for lot, amount in amounts.items() if amount.most}
+    check_stays(state, claim, before)
 
 
 def _check_separate(state: State, claim: Claim, before: Before) -> None:

@@ -9,7 +9,8 @@ from labweb.domain.errors import Finding
 from labweb.domain.graph.elements import Role
 from labweb.domain.graph.rig.model import Rig
 from labweb.domain.graph.rig.volumes import check_volumes
-from labweb.domain.messages.plan import BY_HAND, DECLARED, TIMER, Claim
+from labweb.domain.messages.claims import Claim
+from labweb.domain.messages.plan import BY_HAND, DECLARED, TIMER
 from labweb.domain.proof.apparatus import abilities, vessels_of
 from labweb.domain.proof.claims import check_claim
 from labweb.domain.proof.deeds import act

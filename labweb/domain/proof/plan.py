@@ -10,16 +10,15 @@ import msgspec
 
 from labweb.domain.errors import Finding, ProtocolError
 from labweb.domain.graph.lab_file.guard import decode_json
+from labweb.domain.messages.claims import CLAIMS, Claim
 from labweb.domain.messages.plan import (
     BY_HAND,
-    CLAIMS,
     DECLARED,
     DECLARED_PARAMETERS,
     HAND_PARAMETERS,
     PARAMETERS,
     TIMER,
     Bindings,
-    Claim,
     HandCheck,
     Lot,
     Parameters,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from labweb.domain.messages.plan import Claim
+from labweb.domain.messages.claims import Claim
 from labweb.domain.proof.apparatus import pumps_of
 from labweb.domain.proof.matter import Contents
 from labweb.domain.proof.state import State

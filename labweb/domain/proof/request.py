@@ -7,7 +7,8 @@ from typing import Any
 
 from labweb.domain.errors import Finding, LabError
 from labweb.domain.graph.lab_file.guard import decode_json
-from labweb.domain.messages.plan import TIMER, Claim
+from labweb.domain.messages.claims import Claim
+from labweb.domain.messages.plan import TIMER
 from labweb.domain.proof.execute import execute_alone
 from labweb.domain.proof.matter import UNITS_PER_NL, Contents, Range
 from labweb.domain.proof.plan import Action, Step, parse_groups

@@ -41,6 +41,8 @@ class Syringe:
     """Cartridges and manifolds on its way so far."""
 
     phases: set[str] = field(default_factory=set)
+    is_dissolved: bool = False
+    """A person has stated what goes along of each solid: no cartridge keeps it back."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from labweb.domain.graph.elements import Element, Role
 from labweb.domain.messages.plan import Draw, Port, Stroke
+from labweb.domain.proof.dissolved import BELOW_THE_FRIT, stop_solids, take_stated
 from labweb.domain.proof.matter import UNITS_PER_NL, Contents
 from labweb.domain.proof.plan import Action, units
 from labweb.domain.proof.plumbing import COLLECT, End, is_evaporator
@@ -255,11 +256,13 @@ def _is_pass(state: State, way: Way, partner: Way | None) -> bool:
 def _hand_over(state: State, *, giver: Way, taker: Way) -> None:
     source = state.syringe(giver.action.device)
     passed = source.passed + tuple(part for part in taker.passed)
-    origin, phases = source.origin, set(source.phases)
+    origin, phases, is_dissolved = source.origin, set(source.phases), source.is_dissolved
     taken = _push_out(state, giver)
     if taken is not None and origin is not None:
-        _stop_solids(state, taken, taker.passed)
-        _take_in(state, taker, taken, Syringe(0, Contents(), origin, passed, phases))
+        if not is_dissolved:
+            stop_solids(state, taken, taker.passed)
+        as_of = Syringe(0, Contents(), origin, passed, phases, is_dissolved)
+        _take_in(state, taker, taken, as_of)
 
 
 def _draw(state: State, way: Way) -> None:
@@ -267,34 +270,44 @@ def _draw(state: State, way: Way) -> None:
     if state.plumbing.is_gas(key):
         _take_in(state, way, Contents(), Syringe(0, Contents(), way.end, way.passed))
         return
-    held, until = state.held(key), way.stroke.until if isinstance(way.stroke, Draw) else None
-    element = state.plumbing.elements.get(key)
-    phases = set(state.phases.get(key, ()))
-    stays = element is not None and "filter" in element.kind.lower() and way.end.port == "bottom"
-    if until is None and way.volume > held.volume.least + TOLERANCE:
+    stroke, held = way.stroke, state.held(key)
+    draw = stroke if isinstance(stroke, Draw) else Draw(volume_ul=1, rate_ul_s=1)
+    phases = {LOWER} if draw.until == "boundary" else set(state.phases.get(key, ()))
+    if draw.until is None and way.volume > held.volume.least + TOLERANCE:
         state.complain(
             "interpret.dry_draw",
             f"{way.action.device} draws {microlitres(way.volume)} from {key}, which holds for "
             f"certain {microlitres(held.volume.least)}",
             vessel=key,
         )
-    stated = way.stroke.of if isinstance(way.stroke, Draw) else None
-    if until == "boundary":
-        taken = _draw_lower(state, way, held)
-        phases = {LOWER}
-    elif stated is not None:
-        parts = {lot: units(volume_ul) for lot, volume_ul in stated.items()}
+    taken = _taken(state, way, draw, held)
+    if draw.solids is None:
+        stop_solids(state, taken, way.passed)
+    else:
+        take_stated(state, key, taken, draw.solids)
+    as_of = Syringe(0, Contents(), way.end, way.passed, phases, draw.solids is not None)
+    _take_in(state, way, taken, as_of)
+
+
+def _taken(state: State, way: Way, draw: Draw, held: Contents) -> Contents:
+    """Take out of a vessel what a stroke draws: up to a boundary, as stated, or of all a share."""
+    key = way.end.key
+    if draw.until == "boundary":
+        return _draw_lower(state, way, held)
+    if draw.of is not None:
+        parts = {lot: units(volume_ul) for lot, volume_ul in draw.of.items()}
         state.see_there(key, parts)
         if sum(parts.values()) != way.volume:
             message = f"{way.action.device} draws another volume than that of the lots it names"
             state.complain("interpret.unclaimed", message, vessel=key)
-        taken = held.take_lots(parts)
-    else:
-        taken = held.take(way.volume, with_solids=not stays)
-        if not held.volume.most:
-            state.phases.pop(key, None)
-    _stop_solids(state, taken, way.passed)
-    _take_in(state, way, taken, Syringe(0, Contents(), way.end, way.passed, phases))
+        return held.take_lots(parts)
+    element = state.plumbing.elements.get(key)
+    is_filter = element is not None and "filter" in element.kind.lower()
+    stays = draw.solids is not None or (is_filter and way.end.port == BELOW_THE_FRIT)
+    taken = held.take(way.volume, with_solids=not stays)
+    if not held.volume.most:
+        state.phases.pop(key, None)
+    return taken
 
 
 def _draw_lower(state: State, way: Way, held: Contents) -> Contents:
@@ -313,16 +326,6 @@ def _draw_lower(state: State, way: Way, held: Contents) -> Contents:
     return held.take_lower_phase(way.volume)
 
 
-def _stop_solids(state: State, taken: Contents, passed: tuple[str, ...]) -> None:
-    """Leave solids in the first cartridge on the way."""
-    cartridge = next(
-        (key for key in passed if state.plumbing.elements[key].role is Role.CARTRIDGE), None
-    )
-    if cartridge is not None and taken.solids:
-        state.held(cartridge).add(Contents({}, taken.solids))
-        taken.solids = {}
-
-
 def _take_in(state: State, way: Way, taken: Contents, as_of: Syringe) -> None:
     syringe = state.syringe(way.action.device)
     if syringe.nominal and (syringe.origin, syringe.passed) != (as_of.origin, as_of.passed):
@@ -336,6 +339,7 @@ def _take_in(state: State, way: Way, taken: Contents, as_of: Syringe) -> None:
     _wet(state, way, taken, as_of.origin)
     syringe.origin, syringe.passed = as_of.origin, as_of.passed
     syringe.phases |= as_of.phases
+    syringe.is_dissolved = as_of.is_dissolved
     syringe.nominal += way.volume
     syringe.contents.add(taken)
     capacity_nl = state.plumbing.elements[way.action.device].capacity_nl
@@ -378,10 +382,12 @@ def _push_out(state: State, way: Way) -> Contents | None:
 def _push(state: State, way: Way) -> None:
     syringe = state.syringe(way.action.device)
     origin, passed, phases = syringe.origin, syringe.passed + way.passed, set(syringe.phases)
+    is_dissolved = syringe.is_dissolved
     taken = _push_out(state, way)
     if taken is None or origin is None:
         return
-    _stop_solids(state, taken, way.passed)
+    if not is_dissolved:
+        stop_solids(state, taken, way.passed)
     is_gas = state.plumbing.is_gas(origin.key)
     state.record.flows.append(
         Flow(origin, way.end, taken.volume, way.volume, passed, taken.liquids, taken.solids, is_gas)

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from uuid import UUID
 
 import msgspec
@@ -13,37 +13,33 @@ from labweb.domain.crutd.operations import (
     TransferLiquid,
     TransferMass,
 )
-from labweb.domain.crutd.snapshot import ResourceState
 from labweb.domain.errors import Finding
-from labweb.domain.graph.rig.lab import rig_of
-from labweb.domain.graph.rig.model import Rig
+from labweb.domain.messages.claims import Claim
 from labweb.domain.messages.plan import (
     BY_HAND,
     DECLARED,
     Become,
-    Claim,
     Draw,
     HandSolid,
     Port,
     Stroke,
 )
 from labweb.domain.proof import plan as proved
-from labweb.domain.proof.matter import UNITS_PER_NL, Contents
-from labweb.domain.resources.contents import LotId, Phase, total_nl
-from labweb.domain.resources.kinds import is_vessel
+from labweb.domain.resources.contents import total_nl
 from labweb.domain.units import parse_mass_ug, parse_volume_nl
+from labweb.domain.workflows.lab_on_paper import SYRINGE, solids_of
 from labweb.domain.workflows.on_paper import (
     NL_PER_UL,
     asked,
+    carried,
     changed,
-    contents,
     drawn,
+    micrograms,
     microlitres,
-    sized,
 )
 from labweb.domain.workflows.passes.roles import acting_node
 from labweb.domain.workflows.passes.view import LabView
-from labweb.domain.workflows.plan import PlannedJob
+from labweb.domain.workflows.plan import PlannedJob, Statement
 from labweb.domain.workflows.protocol import Step
 from labweb.domain.workflows.steps import STEP_KINDS, sentence_text
 from labweb.domain.workflows.unit_operations import ALL, Moves
@@ -52,7 +48,6 @@ NOT_PROVED = "plan.not_proved"
 
 _STROKES = frozenset({"aspirate", "dispense"})
 _MOVES = _STROKES | {"select_port"}
-_SYRINGE = "syringe_pump"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -77,25 +72,25 @@ class Reading:
         self.beyond: list[Beyond] = []
         self._lab = lab
         self._tainted = {
-            node
-            for node, state in lab.snapshot.items()
-            if state.kind == _SYRINGE and state.contents
+            node for node, state in lab.snapshot.items() if state.kind == SYRINGE and state.contents
         }
         """Resources whose contents nobody on paper knows."""
 
-        self._used: set[UUID] = set()
+        self.used: set[UUID] = set()
+        """Resources that what is read acts on, or in."""
+
         self._made: dict[str, str] = {}
         """Lots that reactions of this plan make → their keys, by which paper knows them."""
 
     def step(self, step: Step, jobs: Sequence[PlannedJob]) -> proved.Step | None:
         """Return a step as the proof reads it; None: it moves no matter, or is beyond it."""
         touched = {node for job in jobs for node in changed(job)}
-        later = STEP_KINDS[step.kind].left_open(step.params)
+        later = _left_open(step, jobs)
         if later is not None:
             nodes = touched | {UUID(step.params[name]) for name in _ends(step)}
             why = (
-                f"a person states '{later.label}' during the run; what is left is planned again "
-                "and proved then"
+                f"a person states '{later}' during the run; what is left is planned again and "
+                "proved then"
             )
             self._leave(step, nodes, why)
             return None
@@ -121,7 +116,7 @@ class Reading:
         else:
             groups = self._groups(step, jobs)
             self._check_record(step, jobs)
-        self._used |= nodes
+        self.used |= nodes
         known = (tuple(one for one in group if one is not None) for group in groups)
         return proved.Step(0, claim, tuple(group for group in known if group), (), 0.0)
 
@@ -172,11 +167,14 @@ class Reading:
                 return self._reaction(step, source)
             case Moves.FILTRATE:
                 most_ul = self._capacity_ul(UUID(step.params[ends[0]]))
-                return Claim(kind="filter", vessel=source, to=target, most_ul=most_ul)
+                stays = self._masses(step, "stays", {})
+                return Claim(kind="filter", vessel=source, to=target, most_ul=most_ul, stays=stays)
             case Moves.LAYER:
                 lots = self._stated(step, drawn(jobs))
                 ul = sum(lots.values())
+                gone = self._masses(step, "lower", carried(jobs, UUID(step.params[ends[0]])))
                 claim = Claim(kind="transfer", from_=source, to=target, volume_ul=ul, lots=lots)
+                claim = msgspec.structs.replace(claim, solids=gone)
             case Moves.SOLID:
                 lot = self._grain(UUID(step.params[ends[0]]))
                 ug = parse_mass_ug(step.params["mass"])
@@ -189,6 +187,9 @@ class Reading:
             case _:
                 ul = _volume_ul(step)
                 claim = Claim(kind="transfer", from_=source, to=target, volume_ul=ul)
+        if _moves(step) is Moves.LIQUID and "solids" in step.params:
+            gone = self._masses(step, "solids", carried(jobs, UUID(step.params[ends[0]])))
+            claim = msgspec.structs.replace(claim, solids=gone)
         through = [self._key(UUID(step.params["through"]))] if "through" in step.params else None
         return msgspec.structs.replace(claim, through=through)
 
@@ -220,6 +221,22 @@ class Reading:
                 found[lot] = ul
         return found
 
+    def _masses(self, step: Step, field: str, moved: Mapping[str, int]) -> dict[str, float]:
+        """Return the masses of solids that a step states, in µg by the name of the lot.
+
+        Where it states all of a lot, that is what the jobs move of it.
+        """
+        goes = {self._lot(one): float(ug) for one, ug in moved.items()}
+        found: dict[str, float] = {}
+        for key, text in step.params.get(field, {}).items():
+            lot = key if key in self._made.values() else str(self._lab.lots.get(key, key))
+            mass_ug = micrograms(text)
+            if mass_ug is not None:
+                found[lot] = mass_ug
+            elif text == ALL and lot in goes:
+                found[lot] = goes[lot]
+        return found
+
     def _lot(self, lot_id: object) -> str:
         """Return the name of a lot on paper: the key, where this plan makes it."""
         return self._made.get(str(lot_id), str(lot_id))
@@ -246,7 +263,7 @@ class Reading:
     def _grain(self, vessel: UUID) -> str:
         """Return the only solid lot that a vessel holds; "": it holds none, or several."""
         state = self._lab.state(vessel)
-        grains = [] if state is None else list(self._solids(state))
+        grains = [] if state is None else list(solids_of(self._lab, state))
         return str(grains[0]) if len(grains) == 1 else ""
 
     def _by_hand(self, job: PlannedJob) -> proved.Action | None:
@@ -265,7 +282,7 @@ class Reading:
             text = f"nothing of {self._lab.names[str(job.device_id)]} does {job.action}"
             self.findings.append(Finding(NOT_PROVED, not_done(step, self._lab, text), step.id))
             return None
-        self._used.add(node)
+        self.used.add(node)
         if job.action == "select_port":
             return proved.Action(
                 self._key(node), "set_port", Port(port=str(job.args["port_index"]))
@@ -273,8 +290,12 @@ class Reading:
         ul, rate = asked(job, "volume_ul"), asked(job, "rate_ul_s")
         stroke = Stroke(volume_ul=ul, rate_ul_s=rate)
         if job.action == "aspirate":
-            parts = job.operation.parts_nl if isinstance(job.operation, TransferLiquid) else {}
-            stroke = Draw(volume_ul=ul, rate_ul_s=rate, of=self._named(parts) or None)
+            moved, solids = job.operation, None
+            parts = moved.parts_nl if isinstance(moved, TransferLiquid) else {}
+            if isinstance(moved, TransferLiquid) and (moved.keeps or moved.carries_ug):
+                solids = {self._lot(lot): float(ug) for lot, ug in moved.carries_ug.items()}
+            of = self._named(parts) or None
+            stroke = Draw(volume_ul=ul, rate_ul_s=rate, of=of, solids=solids)
         return proved.Action(self._key(node), job.action, stroke)
 
     def _check_record(self, step: Step, jobs: Sequence[PlannedJob]) -> None:
@@ -311,7 +332,7 @@ class Reading:
 
     def _is_syringe(self, node: UUID) -> bool:
         state = self._lab.state(node)
-        return state is not None and state.kind == _SYRINGE
+        return state is not None and state.kind == SYRINGE
 
     def _capacity_ul(self, node: UUID) -> float:
         state = self._lab.state(node)
@@ -322,52 +343,12 @@ class Reading:
     def _key(self, node: UUID) -> str:
         return self._lab.tree.find(node).key
 
-    def _joined(self) -> set[UUID]:
-        ends = ((one.source, one.target) for one in self._lab.graph.connections)
-        return {end.resource_id for pair in ends for end in pair} | self._used
 
-    def rig(self) -> Rig:
-        """Return the plumbing of the lab, as far as anything is joined or used."""
-        known = [one for one in map(self._lab.tree.by_id.get, self._joined()) if one is not None]
-        there = {one.id for one in known}
-        joined = [
-            one
-            for one in self._lab.graph.connections
-            if {one.source.resource_id, one.target.resource_id} <= there
-        ]
-        resources = sorted(known, key=lambda one: one.key)
-        rig = rig_of(resources, joined, [device.nodes for device in self._lab.devices])
-        states = {self._key(node): self._lab.state(node) for node in there}
-        elements = (sized(one, states[one.key]) for one in rig.elements)
-        return replace(rig, elements=tuple(elements))
-
-    def contents(self) -> dict[str, Contents]:
-        """Return what is in the vessels that are used, before the first step."""
-        return {
-            self._key(node): contents(state.contents, self._solids(state))
-            for node, state in self._vessels()
-            if state.contents or self._solids(state)
-        }
-
-    def _solids(self, state: ResourceState) -> Mapping[LotId, int]:
-        """Return the lots of a vessel that are no gas, of those that are counted by mass."""
-        known = {} if self._lab.facts is None else self._lab.facts.lots
-        gases = {lot for lot, one in known.items() if one.phase is Phase.GAS}
-        return {lot: ug for lot, ug in state.masses.items() if ug and lot not in gases}
-
-    def capacities(self) -> dict[str, int]:
-        """Return how much these vessels hold, in the units of the proof."""
-        return {
-            self._key(node): state.capacity_nl * UNITS_PER_NL
-            for node, state in self._vessels()
-            if state.capacity_nl
-        }
-
-    def _vessels(self) -> Iterator[tuple[UUID, ResourceState]]:
-        for node in sorted(self._used):
-            state = self._lab.state(node)
-            if state is not None and is_vessel(state.kind) and state.kind != _SYRINGE:
-                yield node, state
+def _left_open(step: Step, jobs: Sequence[PlannedJob]) -> str | None:
+    """Return what a person states during the run, as they call it; None: nothing."""
+    later = STEP_KINDS[step.kind].left_open(step.params)
+    asked = (job.states.label for job in jobs if isinstance(job.states, Statement))
+    return next(asked, None) if later is None else later.label
 
 
 def _ends(step: Step) -> tuple[str, ...]:

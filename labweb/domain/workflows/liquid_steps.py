@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from labweb.domain.workflows.unit_operations import (
     Matter,
     Moves,
@@ -11,6 +13,7 @@ from labweb.domain.workflows.unit_operations import (
     port,
     portion,
     quantity,
+    solids,
     switch,
     vessel,
 )
@@ -42,6 +45,15 @@ TRANSFER = UnitOperation(
                 "Flow rate",
                 "How fast; a full syringe in 20 s when left empty.",
             )
+        ),
+        replace(
+            solids(
+                "solids",
+                "Solids that go along",
+                "What of each solid goes along with the liquid, dissolved or suspended, by the "
+                "keys of the lots: salt-1: 200 mg.",
+            ),
+            is_advanced=True,
         ),
         port("source_port", "From"),
         port("target_port", "To"),

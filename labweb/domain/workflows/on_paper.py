@@ -19,8 +19,9 @@ from labweb.domain.graph.elements import Element, Role
 from labweb.domain.proof.matter import UNITS_PER_NL, Contents, Range
 from labweb.domain.proof.plan import mass_units
 from labweb.domain.resources.contents import LotId, total_nl
-from labweb.domain.units import parse_volume_nl
+from labweb.domain.units import parse_mass_ug, parse_volume_nl
 from labweb.domain.workflows.plan import PlannedJob
+from labweb.domain.workflows.unit_operations import NONE
 
 NL_PER_UL = 1000
 
@@ -54,6 +55,27 @@ def drawn(jobs: Sequence[PlannedJob]) -> dict[str, int]:
         for lot, nl in parts.items():
             found[lot] = found.get(lot, 0) + nl
     return found
+
+
+def carried(jobs: Sequence[PlannedJob], source: UUID) -> dict[str, int]:
+    """Return what the jobs let go along of each solid in a vessel, in µg."""
+    found: dict[str, int] = {}
+    for job in jobs:
+        moved = job.operation
+        if isinstance(moved, TransferLiquid) and moved.source_id == source:
+            for lot, ug in moved.carries_ug.items():
+                found[lot] = found.get(lot, 0) + ug
+    return found
+
+
+def micrograms(text: str) -> int | None:
+    """Return the mass of a solid that a step states; None: it is a volume, or all."""
+    if text == NONE:
+        return 0
+    try:
+        return parse_mass_ug(text)
+    except UnitError:
+        return None
 
 
 def microlitres(text: str) -> float | None:

@@ -11,6 +11,7 @@ import msgspec
 from labweb.domain.calibration.model import Correction
 from labweb.domain.crutd.conditions import Condition
 from labweb.domain.crutd.operations import Operation
+from labweb.domain.resources.contents import Phase
 
 
 class Choice(msgspec.Struct, frozen=True, kw_only=True):
@@ -38,6 +39,12 @@ class Statement(msgspec.Struct, frozen=True, kw_only=True):
 
     resource_id: UUID
     """The vessel."""
+
+    phases: tuple[Phase, ...] = (Phase.LIQUID,)
+    """Which of its lots."""
+
+    leaves_out: bool = True
+    """With nothing of any lot there is nothing to do, and the step is left out."""
 
 
 class PlannedJob(msgspec.Struct, frozen=True, kw_only=True):

@@ -20,6 +20,7 @@ from labweb.domain.errors import Finding, InfeasibleError
 from labweb.domain.proof import plan as proved
 from labweb.domain.proof.execute import execute
 from labweb.domain.workflows.claiming import NOT_PROVED, Beyond, Reading, not_done
+from labweb.domain.workflows.lab_on_paper import capacities_of, contents_of, plumbing_of
 from labweb.domain.workflows.passes.view import LabView
 from labweb.domain.workflows.plan import Plan, PlannedJob
 from labweb.domain.workflows.protocol import Step, Workflow, bind_materials
@@ -87,10 +88,10 @@ def prove_plan(workflow: Workflow, plan: Plan, lab: LabView) -> Proof:
             replace(one, id=place, after=tuple(range(1, place)))
             for place, (_, one) in enumerate(read, start=1)
         ),
-        contents=reading.contents(),
-        capacities=reading.capacities(),
+        contents=contents_of(lab, reading.used),
+        capacities=capacities_of(lab, reading.used),
     )
-    state = execute(reading.rig(), paper)
+    state = execute(plumbing_of(lab, reading.used), paper)
     of = {f"step {place}": step for place, (step, _) in enumerate(read, start=1)}
     findings += [*reading.findings, *(_told(one, of, lab) for one in state.findings)]
     return Proof(

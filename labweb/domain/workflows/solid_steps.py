@@ -11,6 +11,7 @@ from labweb.domain.workflows.unit_operations import (
     lots,
     optional,
     quantity,
+    solids,
     vessel,
 )
 
@@ -19,17 +20,14 @@ SOLID_STEPS = (
         kind="filter",
         matter=Matter(moves=Moves.FILTRATE, source="vessel", target="target", stated="stays"),
         label="Filter",
-        help="Draw all liquid of a filter off at its bottom; what is solid stays on it.",
+        help="Draw all liquid of a filter off at its bottom; the solids stay on it as stated.",
         parameters=(
             vessel("vessel", "Filter", "Filter that is drawn empty."),
             vessel("target", "Filtrate to", "Vessel the liquid is poured into."),
-            optional(
-                lots(
-                    "stays",
-                    "Stays",
-                    "Solid lots that stay on the filter, by their keys: salt-1: all. Each that is "
-                    "in it has to be stated.",
-                )
+            solids(
+                "stays",
+                "Stays",
+                "What of each solid stays on the filter, by the keys of the lots: salt-1: all.",
             ),
             advanced(quantity("flow_rate", "flow_rate", "Flow rate", "How fast it is drawn.")),
             advanced(device("pump", ["syringe_pump"], "Pump", "The pump that must do it.")),

@@ -14,6 +14,9 @@ LONGEST_QUANTITY = 64
 ALL = "all"
 """All that is there, in the place of an amount."""
 
+NONE = "none"
+"""Nothing of it, in the place of the mass of a solid."""
+
 
 class PortKind(StrEnum):
     """What an edge between two ports means; only equal kinds connect."""
@@ -86,6 +89,9 @@ class StepParameter:
 
     may_come_later: bool = False
     """Left out, a person states it during the run, when the turn of its step comes."""
+
+    is_of_solids: bool = False
+    """It says what comes of the solids in a vessel; without any there is nothing to state."""
 
     @property
     def is_vessel(self) -> bool:
@@ -194,9 +200,9 @@ class UnitOperation:
         return next((p for p in self.parameters if p.name == name), None)
 
     def left_open(self, params: Mapping[str, Any]) -> StepParameter | None:
-        """Return what a person states during the run, since a step says nothing of it yet."""
-        later = (p for p in self.parameters if p.may_come_later and p.name not in params)
-        return next(later, None)
+        """Return what a person states during the run, whatever is in the vessel by then."""
+        later = (p for p in self.parameters if p.may_come_later and not p.is_of_solids)
+        return next((p for p in later if p.name not in params), None)
 
     @property
     def inputs(self) -> tuple[StepPort, ...]:
@@ -290,6 +296,12 @@ def later(parameter: StepParameter) -> StepParameter:
     """Let a parameter be left out until the run, when a person states it."""
     text = f"{parameter.help} Left empty, it is asked for during the run."
     return replace(parameter, is_required=False, may_come_later=True, help=text)
+
+
+def solids(name: str, label: str, help_text: str) -> StepParameter:
+    """Return a parameter that says what comes of each solid in a vessel, before or in the run."""
+    stated = f"{help_text} Each solid that is in it has to be stated: a mass, all or none."
+    return replace(later(lots(name, label, stated)), is_of_solids=True)
 
 
 def switch(name: str, label: str, help_text: str) -> StepParameter:

@@ -41,7 +41,8 @@ def confirm_job(job_id: UUID, *, actor: User, stated: Mapping[str, str] | None =
         job_id: The job.
         actor: Who confirms or states.
         stated: Amount by the key of a lot, where the job asks for that: `{"brine": "all"}`. Of no
-            lot: there is nothing to do, and the step is left out.
+            lot: there is nothing to do, and the step is left out. What comes of solids is stated
+            of each: a mass, `all` or `none`.
 
     Raises:
         DefinitionError: Lots are stated of a job that asks for none, or none of one that does.
@@ -90,6 +91,9 @@ def confirm_job(job_id: UUID, *, actor: User, stated: Mapping[str, str] | None =
 
 
 def _check_stated(job: Job, stated: Mapping[str, str] | None) -> None:
+    if job.states and not job.states.get("leaves_out", True) and not stated:
+        text = f"{job.asks} Say it of each solid: its mass, 'all' or 'none'"
+        raise DefinitionError(text, code="run.nothing_stated")
     if job.states and stated is None:
         text = f"{job.asks} Say it of each lot, with its amount or 'all'; of none: {{}}"
         raise DefinitionError(text, code="run.nothing_stated")

@@ -33,6 +33,7 @@ from labweb.domain.workflows.passes.pumping import (
     make_leg,
     pump_nodes,
 )
+from labweb.domain.workflows.passes.splitting import split_move
 from labweb.domain.workflows.passes.strokes import Strokes, dead_volume_notes, make_strokes
 from labweb.domain.workflows.passes.view import LabView
 from labweb.domain.workflows.protocol import Step
@@ -69,15 +70,27 @@ class Passes:
         """Return the largest volume that every syringe of the chain takes at once."""
         return min(one.stroke_nl for one in self.strokes)
 
-    def move(self, whole: TransferLiquid, text: str = "") -> list[DraftJob | None]:
+    def move_all(self, whole: TransferLiquid) -> list[DraftJob | None]:
+        """Move a whole from the source to the target, stroke by stroke."""
+        strokes = list(split_move(whole, self.stroke_nl))
+        jobs: list[DraftJob | None] = []
+        for place, part in enumerate(strokes, start=1):
+            text = f", stroke {place} of {len(strokes)}" if len(strokes) > 1 else ""
+            jobs += self.move(part, text)
+            if None in jobs:
+                break
+        return jobs
+
+    def move(self, part: TransferLiquid, text: str = "") -> list[DraftJob | None]:
         """Move one stroke from the source through all syringes to the target."""
-        stops = [whole.source_id, *self.chain.pump_ids, whole.target_id]
+        stops = [part.source_id, *self.chain.pump_ids, part.target_id]
+        solids, amount_nl = part.carries_ug, part.amount_nl
         hops = [
-            TransferLiquid(source_id=start, target_id=end, amount_nl=whole.amount_nl)
+            TransferLiquid(source_id=start, target_id=end, amount_nl=amount_nl, carries_ug=solids)
             for start, end in pairwise(stops)
         ]
-        # What is stated of lots holds of what leaves the source.
-        hops[0] = msgspec.structs.replace(whole, target_id=stops[1])
+        # What is stated of lots, and of what stays, holds of what leaves the source.
+        hops[0] = msgspec.structs.replace(part, target_id=stops[1])
         legs = self.chain.legs
         jobs = self.strokes[0].draw(hops[0], legs[0], text)
         for place, (giver, receiver) in enumerate(pairwise(self.strokes), start=1):

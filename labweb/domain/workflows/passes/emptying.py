@@ -33,7 +33,11 @@ def plan_empty_syringe(step: Step, drafting: Drafting) -> DraftStep:
     if held_nl == 0:
         drafting.findings.append(syringe_empty(state.name, step))
         return DraftStep(step=step)
-    whole = TransferLiquid(source_id=pump_id, target_id=target, amount_nl=held_nl)
+    # Whatever is in a syringe, its plunger drives out.
+    solids = {str(lot): ug for lot, ug in drafting.solids(pump_id).items()}
+    whole = TransferLiquid(
+        source_id=pump_id, target_id=target, amount_nl=held_nl, carries_ug=solids
+    )
     leg = find_outlet(view, device, pump_id, target)
     if isinstance(leg, Finding):
         drafting.refuse(step, leg.code, leg.message, "params.target", **leg.context)

@@ -8,17 +8,17 @@ separator: ether ▒▒   wait    bottom ──▶ syringe ──▶ waste: brin
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from uuid import UUID
 
 from labweb.domain.crutd.operations import TransferLiquid
 from labweb.domain.errors import UnitError
-from labweb.domain.resources.contents import LotId, remove, take, total_nl
+from labweb.domain.resources.contents import LotId, Phase, total_nl
 from labweb.domain.units import parse_volume_nl, render_volume
 from labweb.domain.workflows.passes.acting import wait_job
 from labweb.domain.workflows.passes.chaining import choose_way, make_passes
-from labweb.domain.workflows.passes.draft import Drafting, DraftJob, DraftStep
-from labweb.domain.workflows.passes.splitting import split_strokes
+from labweb.domain.workflows.passes.dissolving import stated_masses
+from labweb.domain.workflows.passes.draft import Drafting, DraftStep
 from labweb.domain.workflows.passes.stating import ask_to_state, half_of, left_open
 from labweb.domain.workflows.protocol import Step
 from labweb.domain.workflows.unit_operations import ALL, StepParameter
@@ -32,40 +32,22 @@ def plan_separate(step: Step, drafting: Drafting) -> DraftStep:
     stated.
     """
     vessel, target = UUID(step.params["vessel"]), UUID(step.params["target"])
-    later, layer = meant_lots(step, drafting, vessel, "lower")
+    layer = _meant_layer(step, drafting, vessel, target)
     if layer is None:
         return DraftStep(step=step)
-    amount_nl = total_nl(layer)
-    whole = TransferLiquid(
-        source_id=vessel,
-        target_id=target,
-        amount_nl=amount_nl,
-        parts_nl={str(lot): part for lot, part in layer.items()},
-    )
+    later, whole = layer
     chain = choose_way(step, drafting, whole)
     passes = None if chain is None else make_passes(step, drafting, chain)
     if passes is None:
         return DraftStep(step=step, whole=whole)
     name = drafting.name(vessel)
     text = f"Let the layers in {name} part"
-    jobs: list[DraftJob | None] = [
-        wait_job(step, drafting, (vessel,), sentence=text, duration="settle_for")
-    ]
+    jobs = [wait_job(step, drafting, (vessel,), sentence=text, duration="settle_for")]
     if later:
         question = f"Which lots lie in the lower layer of {name}, and how much of each?"
-        jobs.insert(0, ask_to_state(step, drafting, vessel, later, question))
-    parts, left = split_strokes(amount_nl, passes.stroke_nl), dict(layer)
-    for place, part_nl in enumerate(parts, start=1):
-        text = f", stroke {place} of {len(parts)}" if len(parts) > 1 else ""
-        drawn = take(left, part_nl)
-        left = remove(left, drawn)
-        part = TransferLiquid(
-            source_id=vessel,
-            target_id=target,
-            amount_nl=part_nl,
-            parts_nl={str(lot): nl for lot, nl in drawn.items()},
-        )
-        jobs += passes.move(part, text)
+        both = (Phase.LIQUID, Phase.SOLID)
+        jobs.insert(0, ask_to_state(step, drafting, vessel, later, question, both))
+    jobs += passes.move_all(whole)
     if None in jobs:
         return DraftStep(step=step, whole=whole)
     return DraftStep(
@@ -75,6 +57,39 @@ def plan_separate(step: Step, drafting: Drafting) -> DraftStep:
         pump_ids=passes.chain.pump_ids,
         notes=passes.chain.notes,
     )
+
+
+def _meant_layer(
+    step: Step, drafting: Drafting, vessel: UUID, target: UUID
+) -> tuple[StepParameter | None, TransferLiquid] | None:
+    """Return the move of the lower layer, and what of it is open; None: that is refused.
+
+    A solid lies in it as far as it is stated, dissolved; what is not stated of it stays.
+    """
+    there, solids = drafting.solids(vessel), dict[LotId, int]()
+    later = left_open(step)
+    if later is None:
+        told = step.params["lower"]
+        masses = {key: text for key, text in told.items() if drafting.lot(key) in there}
+        found = stated_masses(step, drafting, vessel, "lower", masses)
+        lots = _volumes(step, drafting, vessel, "lower", told.keys() - masses.keys())
+        if found is None or lots is None:
+            return None
+        solids = found
+    else:
+        lots = half_of(step, drafting, vessel)
+        solids = {lot: ug // 2 for lot, ug in there.items()}
+    if lots is None:
+        return None
+    whole = TransferLiquid(
+        source_id=vessel,
+        target_id=target,
+        amount_nl=total_nl(lots),
+        parts_nl={str(lot): part for lot, part in lots.items()},
+        keeps=tuple(UUID(lot) for lot in sorted(there) if not solids.get(lot)),
+        carries_ug={str(lot): ug for lot, ug in sorted(solids.items()) if ug},
+    )
+    return later, whole
 
 
 def meant_lots(
@@ -95,14 +110,20 @@ def meant_lots(
 def stated_lots(
     step: Step, drafting: Drafting, vessel: UUID, field: str
 ) -> Mapping[LotId, int] | None:
-    """Read what a step states of the lots of a vessel: an amount, or all there is by then."""
+    """Read what a step states of the liquids of a vessel: an amount, or all there is by then."""
+    return _volumes(step, drafting, vessel, field, step.params[field].keys())
+
+
+def _volumes(
+    step: Step, drafting: Drafting, vessel: UUID, field: str, keys: Collection[str]
+) -> Mapping[LotId, int] | None:
     held, at = drafting.contents(vessel), f"params.{field}"
     found: dict[LotId, int] = {}
-    if not step.params[field]:
-        drafting.refuse(step, "plan.no_lot", "name at least one lot", at)
+    if not keys:
+        drafting.refuse(step, "plan.no_lot", "name at least one liquid lot", at)
         return None
-    for key, text in sorted(step.params[field].items()):
-        lot = drafting.lot(key)
+    for key in sorted(keys):
+        text, lot = step.params[field][key], drafting.lot(key)
         if lot is None:
             drafting.refuse(step, "plan.no_lot", f"this lab has no lot {key!r}", at, lot=key)
             continue
@@ -117,4 +138,4 @@ def stated_lots(
             drafting.refuse(step, "crutd.insufficient_volume", message, at, lot=key)
             continue
         found[lot] = amount_nl
-    return found if len(found) == len(step.params[field]) else None
+    return found if len(found) == len(keys) else None

@@ -13,11 +13,11 @@ from labweb.domain.crutd.decide import (
     OutcomeKind,
     ResourceState,
     check,
-    drawn_parts,
     settle,
 )
 from labweb.domain.crutd.ledger import Account
 from labweb.domain.crutd.operations import Operation, React, TransferLiquid
+from labweb.domain.crutd.parts import drawn_parts
 from labweb.domain.crutd.snapshot import Facts, LotState
 from labweb.domain.errors import Finding
 from labweb.domain.resources.contents import Contents, LotId, add, remove, total_nl
@@ -225,6 +225,7 @@ class Ledger:
                 self.findings.append(finding)
             return job
         mass_mg = mixture_mass_mg(parts, self._view.densities_mg_ul)
+        mass_mg += sum(job.operation.carries_ug.values()) / 1000
         return replace(job, post=(*job.post, _mass_condition(job.mass_check, mass_mg)))
 
     def _taint(self, draft: DraftStep) -> None:
@@ -242,7 +243,7 @@ class Ledger:
             self._behind[draft.step.id] = frozenset(self._open)
             # What is only drawn from stays as it is known.
             vessels -= {params.get("source")} - self._open
-        elif kind.left_open(params):
+        elif kind.left_open(params) or any(job.states for job in draft.jobs):
             self._opening.add(draft.step.id)
         else:
             return

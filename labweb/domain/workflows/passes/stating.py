@@ -14,7 +14,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from uuid import UUID
 
-from labweb.domain.resources.contents import LotId, take, total_nl
+from labweb.domain.resources.contents import LotId, Phase, take, total_nl
 from labweb.domain.workflows.passes.asking import ask_person
 from labweb.domain.workflows.passes.draft import Drafting, DraftJob
 from labweb.domain.workflows.plan import Statement
@@ -43,9 +43,31 @@ def half_of(step: Step, drafting: Drafting, vessel: UUID) -> Mapping[LotId, int]
 
 
 def ask_to_state(
-    step: Step, drafting: Drafting, vessel: UUID, parameter: StepParameter, question: str
+    step: Step,
+    drafting: Drafting,
+    vessel: UUID,
+    parameter: StepParameter,
+    question: str,
+    phases: tuple[Phase, ...] = (Phase.LIQUID,),
 ) -> DraftJob | None:
     """Make the job in whose place a person states a parameter of the step."""
     asked = ask_person(step, drafting, question, sentence=question, locks=(vessel,))
-    states = Statement(field=parameter.name, label=parameter.label, resource_id=vessel)
+    states = Statement(
+        field=parameter.name,
+        label=parameter.label,
+        resource_id=vessel,
+        phases=phases,
+        leaves_out=not parameter.is_of_solids,
+    )
     return None if asked is None else replace(asked, states=states)
+
+
+def ask_of_solids(
+    step: Step, drafting: Drafting, vessel: UUID, parameter: StepParameter
+) -> DraftJob | None:
+    """Make the job in whose place a person states what comes of the solids in a vessel."""
+    name = drafting.name(vessel)
+    question = f"How much of each solid in {name} goes along with its liquid?"
+    if parameter.name == "stays":
+        question = f"How much of each solid stays on {name}?"
+    return ask_to_state(step, drafting, vessel, parameter, question, (Phase.SOLID,))

@@ -9,10 +9,12 @@ from labweb.domain.resources.contents import total_nl
 from labweb.domain.units import parse_volume_nl, render_volume
 from labweb.domain.workflows.passes.chaining import choose_way, make_passes
 from labweb.domain.workflows.passes.confirming import MAY_STAY_UNCONFIRMED, may_confirm
-from labweb.domain.workflows.passes.draft import Drafting, DraftJob, DraftStep, MassCheck
+from labweb.domain.workflows.passes.dissolving import meant_solids
+from labweb.domain.workflows.passes.draft import Drafting, DraftStep, MassCheck
 from labweb.domain.workflows.passes.pumping import MOST_STROKES
 from labweb.domain.workflows.passes.roles import plays
 from labweb.domain.workflows.passes.splitting import count_strokes, split_strokes
+from labweb.domain.workflows.passes.stating import ask_of_solids
 from labweb.domain.workflows.passes.strokes import check_fineness
 from labweb.domain.workflows.protocol import Step
 from labweb.domain.workflows.unit_operations import ALL
@@ -34,7 +36,16 @@ def plan_transfer(step: Step, drafting: Drafting) -> DraftStep:
         message = "source and target are the same vessel"
         drafting.refuse(step, "crutd.same_vessel", message, "params.target")
         return DraftStep(step=step)
-    whole = TransferLiquid(source_id=source, target_id=target, amount_nl=amount_nl)
+    solids = meant_solids(step, drafting, source, "solids")
+    if solids is None:
+        return DraftStep(step=step)
+    whole = TransferLiquid(
+        source_id=source,
+        target_id=target,
+        amount_nl=amount_nl,
+        keeps=solids.keeps,
+        carries_ug=dict(solids.carries_ug),
+    )
     mass_check = _mass_check(step, drafting, target)
     chain = choose_way(step, drafting, whole)
     passes = None if chain is None else make_passes(step, drafting, chain, mass_check)
@@ -51,13 +62,11 @@ def plan_transfer(step: Step, drafting: Drafting) -> DraftStep:
     parts = split_strokes(amount_nl, passes.stroke_nl)
     for one in passes.strokes:
         check_fineness(step, drafting, one.device, one.syringe_nl, parts)
-    jobs: list[DraftJob | None] = []
-    for place, part_nl in enumerate(parts, start=1):
-        text = f", stroke {place} of {len(parts)}" if len(parts) > 1 else ""
-        part = TransferLiquid(source_id=source, target_id=target, amount_nl=part_nl)
-        jobs += passes.move(part, text)
-        if None in jobs:
-            return DraftStep(step=step, whole=whole)
+    jobs = passes.move_all(whole)
+    if solids.later is not None:
+        jobs.insert(0, ask_of_solids(step, drafting, source, solids.later))
+    if None in jobs:
+        return DraftStep(step=step, whole=whole)
     return DraftStep(
         step=step,
         jobs=tuple(job for job in jobs if job is not None),

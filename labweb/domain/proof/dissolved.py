@@ -1,0 +1,81 @@
+"""Solids of which a person has stated what goes along with a liquid, and what stays."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from labweb.domain.graph.elements import Role
+from labweb.domain.messages.claims import Claim
+from labweb.domain.proof.matter import NOTHING, UNITS_PER_NL, Contents, Range
+from labweb.domain.proof.plan import mass_units
+from labweb.domain.proof.pneumatics import Before, fail
+from labweb.domain.proof.state import TOLERANCE, State
+
+BELOW_THE_FRIT = "bottom"
+"""Port of a filter that no solid leaves by."""
+
+
+def take_stated(state: State, key: str, taken: Contents, stated: Mapping[str, float]) -> None:
+    """Let go along so much of each solid, in µg, and of no other; note what is not there.
+
+    Effect:
+        The vessel loses it, `taken` gains it.
+    """
+    held = state.held(key)
+    for lot, mass_ug in sorted(stated.items()):
+        wanted, there = mass_units(mass_ug), held.solids.get(lot, NOTHING)
+        if wanted > there.least + TOLERANCE:
+            message = (
+                f"{mass_ug:g} µg of solid {lot} leave {key}, which holds for certain "
+                f"{there.least / UNITS_PER_NL:g} µg of it"
+            )
+            state.complain("interpret.not_there", message, vessel=key)
+        part = min(wanted, there.least)
+        held.solids[lot] = Range(there.least - part, there.most - part)
+        taken.solids[lot] = taken.solids.get(lot, NOTHING) + Range.exactly(part)
+    held.solids = {lot: amount for lot, amount in held.solids.items() if amount.most}
+
+
+def stop_solids(state: State, taken: Contents, passed: tuple[str, ...]) -> None:
+    """Leave solids in the first cartridge on the way."""
+    cartridge = next(
+        (key for key in passed if state.plumbing.elements[key].role is Role.CARTRIDGE), None
+    )
+    if cartridge is not None and taken.solids:
+        state.held(cartridge).add(Contents({}, taken.solids))
+        taken.solids = {}
+
+
+def check_solids(state: State, claim: Claim) -> None:
+    """Compare what went over of each solid with what a person has stated."""
+    if claim.solids is None:
+        return
+    flows = state.record.flows
+    for lot in sorted({*claim.solids, *(lot for flow in flows for lot in flow.solids)}):
+        asked = mass_units(claim.solids.get(lot, 0.0))
+        moved = sum((flow.solids.get(lot, NOTHING) for flow in flows), NOTHING)
+        _compare(state, f"of solid {lot}", moved, asked, "go over")
+
+
+def check_stays(state: State, claim: Claim, before: Before) -> None:
+    """Compare what is left of each solid with what a person has stated; unset: all of it.
+
+    Only what is drawn below the frit leaves solids behind.
+    """
+    vessel = claim.vessel or ""
+    for port in sorted({flow.source.port for flow in state.record.flows} - {BELOW_THE_FRIT}):
+        fail(state, f"solids leave {vessel} by its port {port}, which is not below its frit")
+    left, stays = state.held(vessel).solids, claim.stays or {}
+    was = before.contents.get(vessel, Contents()).solids
+    for lot, held in sorted(was.items()):
+        there = left.get(lot, NOTHING)
+        if lot in stays:
+            _compare(state, f"of solid {lot}", there, mass_units(stays[lot]), "stay")
+        elif there != held:
+            fail(state, f"solids leave {vessel}")
+
+
+def _compare(state: State, what: str, found: Range, asked: int, verb: str) -> None:
+    if abs(found.least - asked) > TOLERANCE or abs(found.most - asked) > TOLERANCE:
+        grams = f"{found.most / UNITS_PER_NL:g} µg {verb}, not {asked / UNITS_PER_NL:g} µg"
+        fail(state, f"{what} {grams}")
