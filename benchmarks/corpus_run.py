@@ -23,7 +23,12 @@ from labweb.domain.graph.lab_file.model import LabFile
 from labweb.domain.graph.lab_file.render import render_lab
 from tests.system.stack import Client, Stack, is_over, running
 
-SHARES: Mapping[str, float] = {"Boils off": 0.95, "Lower layer": 0.5}
+SHARES: Mapping[str, float] = {
+    "Boils off": 0.95,
+    "Lower layer": 0.5,
+    "Solids that go along": 1.0,
+    "Stays": 1.0,
+}
 """What the person states of each lot, as a part of what the vessel holds by then."""
 
 _ONLINE_WITHIN_S = 120.0
@@ -83,6 +88,15 @@ def run_on_lab(
     return ran
 
 
+def _amount(lot: Mapping[str, Any], share: float) -> str:
+    """Write so much of a lot as a person would; "": nothing that could be stated."""
+    if share == 1.0:
+        return "all"
+    if lot["held_ul"] is None:
+        return f"{lot['held_mg'] * share:.0f} mg" if lot["held_mg"] * share >= 1.0 else ""
+    return f"{lot['held_ul'] * share:.0f} uL" if lot["held_ul"] * 1000 * share > _NOTHING_NL else ""
+
+
 class _Person:
     """Starts a run, answers what it asks, and looks how it ended."""
 
@@ -111,11 +125,8 @@ class _Person:
         states, body = job["asks"]["states"], {}
         if states is not None:
             share = SHARES[states["label"]]
-            body["stated"] = {
-                lot["key"]: f"{lot['held_ul'] * share:.0f} uL"
-                for lot in states["lots"]
-                if lot["held_ul"] * 1000 * share > _NOTHING_NL
-            }
+            told = {lot["key"]: _amount(lot, share) for lot in states["lots"]}
+            body["stated"] = {key: text for key, text in told.items() if text}
         answer = self._client.raw("POST", f"jobs/{job['id']}/confirm", body)
         if not answer.is_success:
             refusal = answer.json()

@@ -102,10 +102,18 @@ CHEMISTRY_STEPS = (
         help="Go on once a vessel is warm or cold by itself, as its heater or chiller reads it.",
         parameters=(
             vessel("vessel", "Vessel", "Vessel on a heater or chiller, which is not switched."),
-            quantity("lowest", "temperature", "At least", "Such as 18 °C."),
-            quantity("highest", "temperature", "At most", "Such as 25 °C."),
+            optional(
+                quantity("lowest", "temperature", "At least", "Such as 18 °C; empty: however cold.")
+            ),
+            optional(
+                quantity("highest", "temperature", "At most", "Such as 25 °C; empty: however warm.")
+            ),
         ),
-        clauses=("Wait until {vessel} is between {lowest} and {highest}",),
+        clauses=(
+            "Wait for the temperature of {vessel}",
+            ", at least {lowest}",
+            ", at most {highest}",
+        ),
     ),
     UnitOperation(
         kind="separate",

@@ -45,5 +45,5 @@ def _runs_of(request: Request, job_ids: set[str]) -> dict[str, dict[str, Any]]:
         return {}
     seen = resource_selectors.allowed_ids(user_of(request), Permission.VIEW)
     runs = selectors.visible_runs(resource_selectors.the_lab(), seen)
-    jobs = selectors.Job.objects.filter(pk__in=job_ids, run__in=runs).select_related("run")
+    jobs = selectors.with_runs(selectors.Job.objects.filter(pk__in=job_ids, run__in=runs))
     return {str(job.pk): {"id": str(job.run_id), "number": job.run.number} for job in jobs}

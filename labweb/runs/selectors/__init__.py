@@ -59,6 +59,7 @@ from labweb.runs.selectors.doubting import contradicted as contradicted
 from labweb.runs.selectors.doubting import has_older_doubt as has_older_doubt
 from labweb.runs.selectors.doubting import measured_of as measured_of
 from labweb.runs.selectors.doubting import unread_answers as unread_answers
+from labweb.runs.selectors.light import with_runs as with_runs
 from labweb.runs.selectors.needs import LIVE as LIVE
 from labweb.runs.selectors.needs import jobs_that_ask as jobs_that_ask
 from labweb.runs.selectors.needs import runs_that_need as runs_that_need
@@ -182,7 +183,7 @@ JOBS_OF = Prepared(
 def jobs_with_runs(lab: Lab, seen: Collection[UUID], ids: Iterable[UUID]) -> QuerySet[Job]:
     """Return those of the jobs whose runs use none but the given resources."""
     runs = visible_runs(lab, seen).values("pk")
-    return Job.objects.filter(pk__in=list(ids), run__in=runs).select_related("run")
+    return with_runs(Job.objects.filter(pk__in=list(ids), run__in=runs))
 
 
 def find_job(job_id: UUID) -> Job:
@@ -216,20 +217,20 @@ def last_attempt(job: Job) -> Attempt | None:
 def jobs_in_doubt(lab: Lab) -> QuerySet[Job]:
     """Jobs whose outcome nobody knows."""
     rows = Job.objects.filter(run__lab=lab, state=JobState.IN_DOUBT.value)
-    return rows.select_related("run__version__workflow", "device").order_by("state_at")
+    return with_runs(rows, "run__version__workflow", "device").order_by("state_at")
 
 
 def jobs_at(host: EdgeHost) -> QuerySet[Job]:
     """Lock and return the jobs that were dispatched to a host and have not ended."""
     states = [state.value for state in AT_EDGE]
     rows = Job.objects.filter(device__host=host, state__in=states).order_by("id")
-    return rows.select_related("run").select_for_update(of=("self",), no_key=True)
+    return with_runs(rows).select_for_update(of=("self",), no_key=True)
 
 
 def work_at(host: EdgeHost) -> QuerySet[Job]:
     """Jobs of a host that were sent and have not ended, or that nobody knows about."""
     states = [state.value for state in (*AT_EDGE, JobState.IN_DOUBT)]
-    rows = Job.objects.filter(device__host=host, state__in=states).select_related("run")
+    rows = with_runs(Job.objects.filter(device__host=host, state__in=states))
     return rows.order_by("-run__number", "index")
 
 
@@ -361,4 +362,4 @@ def jobs_at_devices(device_ids: Iterable[UUID]) -> dict[UUID, Job]:
     """Return the job each device has now, from dispatch to its end."""
     states = [state.value for state in (*AT_EDGE, JobState.IN_DOUBT)]
     rows = Job.objects.filter(device_id__in=list(device_ids), state__in=states)
-    return {row.device_id: row for row in rows.select_related("run").order_by("-state_at")}
+    return {row.device_id: row for row in with_runs(rows).order_by("-state_at")}

@@ -14,6 +14,7 @@ from labweb.domain.runs.locks import conflicts, lock_set
 from labweb.domain.runs.recovery import UNDONE
 from labweb.resources import selectors as resource_selectors
 from labweb.runs.models import Job, Run
+from labweb.runs.selectors.light import with_runs
 from labweb.runs.selectors.scheduling import asking
 
 LIVE = [
@@ -46,7 +47,7 @@ def jobs_that_ask(runs: QuerySet[Run]) -> list[Job]:
     """Return the jobs of runs that wait for nothing but a person who confirms them."""
     rows = Job.objects.filter(run__in=runs.filter(state__in=LIVE), state=JobState.QUEUED.value)
     rows = rows.filter(confirmed_at=None).exclude(asks="")
-    found = list(rows.select_related("run__version__workflow").order_by("state_at", "index"))
+    found = list(with_runs(rows, "run__version__workflow").order_by("state_at", "index"))
     due = {run.pk: asking(run) for run in {job.run_id: job.run for job in found}.values()}
     return [job for job in found if job.pk in due[job.run_id]]
 
@@ -58,7 +59,7 @@ def runs_that_need(ids: Collection[UUID], *, besides: User) -> list[tuple[UUID, 
     """
     final = [state.value for state in FINAL]
     jobs = Job.objects.filter(run__state__in=_MAY_GO).exclude(run__created_by=besides)
-    jobs = jobs.exclude(state__in=final).select_related("run__created_by")
+    jobs = with_runs(jobs.exclude(state__in=final), "run__created_by")
     needed: dict[UUID, set[UUID]] = {}
     runs: dict[UUID, Run] = {}
     for job in jobs:

@@ -15,6 +15,7 @@ from labweb.domain.runs.job import JobState
 from labweb.enrollment import selectors as enrollment_selectors
 from labweb.enrollment.selectors import Device
 from labweb.runs.models import Job, Run
+from labweb.runs.selectors.light import with_runs
 from labweb.runs.selectors.needs import LIVE
 from labweb.telemetry import selectors as telemetry_selectors
 
@@ -59,7 +60,7 @@ def silent_devices() -> list[Silent]:
     it cannot. So are those of an aborted run, which are halted. Three queries at most.
     """
     live = Job.objects.filter(run__state__in=LIVE)
-    rows = live.select_related("device__host", "device__lab", "run__version__workflow")
+    rows = with_runs(live, "device__host", "device__lab", "run__version__workflow")
     standing = standing_jobs(rows.filter(run__is_given_up=False))
     if not standing:
         return []

@@ -216,7 +216,7 @@ def _standing(run: Run, device: Device) -> list[Set]:
     sent = Attempt.objects.filter(job__device=device, host=device.host)
     first = sent.filter(job__run=run).aggregate(first=Min("dseq"))["first"]
     since = sent.filter(Q(dseq__gte=first or 0) | Q(job__run__state__in=selectors.LIVE))
-    rows = Job.objects.filter(pk__in=since.values("job_id")).select_related("run")
+    rows = selectors.with_runs(Job.objects.filter(pk__in=since.values("job_id")))
     complete = rows.filter(state=JobState.COMPLETE.value).annotate(last=Max("attempts__dseq"))
     done = list(complete.order_by("last", "pk"))
     told = [Done(index=at, action=job.action, args=job.args) for at, job in enumerate(done)]

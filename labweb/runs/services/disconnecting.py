@@ -16,6 +16,7 @@ from labweb.domain.errors import Finding, PreconditionError
 from labweb.domain.runs.job import AT_EDGE, FINAL, JobState
 from labweb.resources import selectors as resource_selectors
 from labweb.resources.selectors import Lab
+from labweb.runs import selectors
 from labweb.runs.models import Job
 
 _FINAL = [state.value for state in FINAL]
@@ -53,7 +54,7 @@ def _check_jobs(operation: Disconnect, lab: Lab) -> Iterator[Finding]:
     """List the jobs that act, wait or are in doubt, and lock what it joins."""
     ends = [str(operation.source_id), str(operation.target_id)]
     rows = Job.objects.filter(run__lab=lab, locks__contains=ends).exclude(state__in=_FINAL)
-    rows = rows.filter(Q(run__ended_at__isnull=True) | Q(state__in=_SENT)).select_related("run")
+    rows = selectors.with_runs(rows.filter(Q(run__ended_at__isnull=True) | Q(state__in=_SENT)))
     found = list(rows.order_by("run__number", "index"))
     joined = [operation.source_id, operation.target_id]
     names = resource_selectors.names(joined) if found else {}

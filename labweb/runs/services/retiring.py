@@ -16,6 +16,7 @@ from labweb.domain.runs.job import AT_EDGE, FINAL, JobState
 from labweb.enrollment import selectors as enrollment_selectors
 from labweb.enrollment import services as enrollment_services
 from labweb.enrollment.selectors import Device
+from labweb.runs import selectors
 from labweb.runs.models import Job
 
 _FINAL = [state.value for state in FINAL]
@@ -72,7 +73,7 @@ def retire_device(device_id: UUID, *, actor: User, reason: str, outcome: str = "
 def _check_jobs(leaving: Leaving) -> Iterator[Finding]:
     """List the jobs that act, wait or are in doubt: its own, and those that use its parts."""
     rows = Job.objects.filter(run__lab=leaving.device.lab).exclude(state__in=_FINAL)
-    rows = rows.filter(Q(run__ended_at__isnull=True) | Q(state__in=_SENT)).select_related("run")
+    rows = selectors.with_runs(rows.filter(Q(run__ended_at__isnull=True) | Q(state__in=_SENT)))
     for job in rows.order_by("run__number", "index"):
         if job.device_id == leaving.device.pk or leaving.within & set(map(UUID, job.locks)):
             yield Finding("device.has_job", _told(job), str(job.pk), {"run_id": str(job.run_id)})

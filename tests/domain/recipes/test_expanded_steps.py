@@ -63,6 +63,15 @@ def test_a_temperature_that_comes_by_itself_is_waited_for() -> None:
     assert ("await_temperature", window) in found
 
 
+@pytest.mark.parametrize(
+    ("before", "window"), [("90 °C", {"highest": "41 °C"}), ("5 °C", {"lowest": "39 °C"})]
+)
+def test_what_was_hotter_or_colder_passes_one_limit(before: str, window: dict[str, str]) -> None:
+    first = WARM.format(more="").replace("40 °C", before)
+    found = steps_of(first + WARM.format(more='active="false"'))
+    assert ("await_temperature", {"vessel": "@reactor", **window}) in found
+
+
 def test_a_wider_tolerance_is_met_by_the_usual_one() -> None:
     wide = 'lower_temp_tolerance="5 °C" upper_temp_tolerance="5 °C"'
     assert "tolerance" not in steps_of(WARM.format(more=wide))[0][1]

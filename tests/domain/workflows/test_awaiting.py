@@ -14,8 +14,8 @@ from tests.domain.workflows.station import station, workflow
 WINDOW = {"vessel": "@reactor", "lowest": "18 °C", "highest": "25 °C"}
 
 
-def waiting(**more: str) -> dict[str, Any]:
-    params = {**WINDOW, **more}
+def waiting(**more: str | None) -> dict[str, Any]:
+    params = {name: value for name, value in {**WINDOW, **more}.items() if value is not None}
     step = {"id": "s", "kind": "await_temperature", "params": params, "position": {"x": 0, "y": 0}}
     return {"schema": "labweb.workflow/1", "name": "One", "steps": [step], "edges": []}
 
@@ -36,12 +36,26 @@ def test_a_timer_ends_once_the_heater_reads_between_the_limits() -> None:
 
 
 @pytest.mark.parametrize(
+    ("left_out", "low", "high", "told"),
+    [("lowest", None, 25.0, "at most at 25 °C"), ("highest", 18.0, None, "at least at 18 °C")],
+)
+def test_one_limit_is_enough(
+    left_out: str, low: float | None, high: float | None, told: str
+) -> None:
+    (job,) = compile_workflow(workflow(waiting(**{left_out: None})), station()).jobs
+    (reached,) = job.post
+    assert (reached.low, reached.high) == (low, high)
+    assert told in job.sentence
+
+
+@pytest.mark.parametrize(
     ("more", "code"),
     [
         ({"lowest": "26 °C"}, "plan.out_of_range"),
+        ({"lowest": None, "highest": None}, "plan.no_limit"),
         ({"vessel": "@separator"}, "plan.no_device"),
         ({"vessel": "@crude"}, "plan.no_device"),
     ],
 )
-def test_a_window_that_nothing_can_be_in_is_refused(more: dict[str, str], code: str) -> None:
+def test_a_window_that_nothing_can_be_in_is_refused(more: dict[str, str | None], code: str) -> None:
     assert {one.code for one in check_plan(workflow(waiting(**more)), station())} == {code}

@@ -6,6 +6,8 @@ from datetime import UTC, datetime, timedelta
 from typing import Any
 
 import pytest
+from django.db import connection
+from django.test.utils import CaptureQueriesContext
 
 from labweb.common import feed
 from labweb.common.clock import now
@@ -123,6 +125,18 @@ def test_nothing_is_told_of_what_a_halt_has_taken_away(bench: Bench, host: Host,
         halting.write_halts(tx, halting.STOPPED)
     host.tell()
     assert needs(bench) == []
+
+
+def test_the_plan_of_a_run_is_not_read_once_for_each_of_its_jobs(bench: Bench, run: Run) -> None:
+    """The plan of hundreds of jobs has megabytes: a page took half a minute."""
+    read(bench, 40.0)
+    chemist = signed_in(bench.people["chemist"])
+    for path in ("home", f"runs/{run.id}", "devices", "hosts"):
+        with CaptureQueriesContext(connection) as asked:
+            assert chemist.get(f"/api/v1/{path}").status_code == 200
+        sent = [one["sql"].partition(" FROM ") for one in asked]
+        of_jobs = [what for what, _, rest in sent if rest.startswith('"runs_job"')]
+        assert [what for what in of_jobs if '"runs_run"."plan"' in what] == [], path
 
 
 def test_pages_hear_once_that_a_device_fell_silent_and_once_that_it_is_read(

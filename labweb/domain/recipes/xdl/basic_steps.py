@@ -190,7 +190,7 @@ class BasicSteps:
         near = min(target - Decimal(str(low)), Decimal(str(high)) - target)
         if near <= 0:
             self._refuse(act, f"cannot say the tolerance of {act.name}: it is not more than 0 °C")
-        self.standing.hold(vessel, is_held=True)
+        self.standing.hold(vessel, target, is_held=True)
         values = {"vessel": vessel, "temperature": f"{target:f} °C"}
         values |= {"tolerance": f"{near:f} K"} if near < _REACHED_C else {}
         return [("heat_chill", values, [])]
@@ -200,7 +200,7 @@ class BasicSteps:
         low, high = fields.get("low_c"), fields.get("high_c")
         if not isinstance(low, Decimal) or not isinstance(high, Decimal):
             return []
-        values = {"vessel": vessel, "lowest": f"{low:f} °C", "highest": f"{high:f} °C"}
+        values = {"vessel": vessel, **self.standing.comes_to(vessel, low, high)}
         return [("await_temperature", values, [])]
 
     def _stir(

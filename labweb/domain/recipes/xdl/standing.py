@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from decimal import Decimal
 from typing import Any
 
 from labweb.domain.recipes.xdl.acts import Act
@@ -33,6 +34,9 @@ class Standing:
 
     heated: dict[str, None] = field(default_factory=dict)
     """Vessels that are kept at a temperature, in order."""
+
+    set_c: dict[str, Decimal] = field(default_factory=dict)
+    """To what each vessel was heated or chilled last."""
 
     def as_said(self, act: Act, vessel: str, notes: list[str]) -> list[Made]:
         """Return the step that stirs a vessel, or stops it, as an act says; often none.
@@ -66,11 +70,24 @@ class Standing:
         """Note that a step has stopped stirring by itself."""
         self.stirred.pop(vessel, None)
 
-    def hold(self, vessel: str, *, is_held: bool) -> None:
-        """Note whether a temperature is kept after a step."""
+    def hold(self, vessel: str, set_c: Decimal | None = None, *, is_held: bool) -> None:
+        """Note to what a step has brought a vessel, and whether that is kept after it."""
         self.heated.pop(vessel, None)
+        if set_c is not None:
+            self.set_c[vessel] = set_c
         if is_held:
             self.heated[vessel] = None
+
+    def comes_to(self, vessel: str, low_c: Decimal, high_c: Decimal) -> dict[str, str]:
+        """Return the limits at which a vessel is warm or cold by itself.
+
+        One that was hotter cools down, and may be colder than the window when somebody looks.
+        """
+        lowest, highest = {"lowest": f"{low_c:f} °C"}, {"highest": f"{high_c:f} °C"}
+        last_c = self.set_c.get(vessel)
+        if last_c is not None and last_c > high_c:
+            return highest
+        return lowest if last_c is not None and last_c < low_c else lowest | highest
 
     def end(self) -> list[Made]:
         """Return the steps that stop everything that still runs."""

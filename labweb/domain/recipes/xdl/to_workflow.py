@@ -284,7 +284,7 @@ class _Writer:
         if not is_held:
             values["hold_for"] = self._number(act, "time", "s")
         before = self.standing.as_said(act, vessel, list(notes))
-        self.standing.hold(vessel, is_held=is_held)
+        self.standing.hold(vessel, _exact(act, "temp"), is_held=is_held)
         return [*before, ("heat_chill", values, notes)]
 
     def _key(self, act: Act, name: str) -> str:

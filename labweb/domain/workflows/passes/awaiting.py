@@ -23,7 +23,7 @@ MOST_S = 24 * 3600.0
 
 
 def plan_await_temperature(step: Step, drafting: Drafting) -> DraftStep:
-    """Wait until the device that a vessel stands on reads a temperature between two limits.
+    """Wait until the device that a vessel stands on reads a temperature within its limits.
 
     It sets nothing. A timer ends the step as soon as the reading is there; an abort and a stop of
     the lab end it at once.
@@ -31,8 +31,13 @@ def plan_await_temperature(step: Step, drafting: Drafting) -> DraftStep:
     vessel = UUID(step.params["vessel"])
     heater = find_heater(step, drafting, vessel)
     timer = free_timer(step, drafting, "")
-    low, high = (parse(step.params[name], "temperature") for name in ("lowest", "highest"))
-    if low > high:
+    said = [step.params.get(name) for name in ("lowest", "highest")]
+    low, high = (None if one is None else parse(one, "temperature") for one in said)
+    if low is None and high is None:
+        message = "say how warm it has to be at least, or at most, or both"
+        drafting.refuse(step, "plan.no_limit", message, "params.lowest")
+        return DraftStep(step=step)
+    if low is not None and high is not None and low > high:
         message = f"at least {low:g} °C is more than at most {high:g} °C"
         drafting.refuse(step, "plan.out_of_range", message, "params.lowest", low=low, high=high)
         return DraftStep(step=step)
@@ -59,9 +64,15 @@ def plan_await_temperature(step: Step, drafting: Drafting) -> DraftStep:
         {"duration_s": 0.0},
         # It only reads: what is given up while it waits leaves nothing in doubt.
         operation=Read(device_id=node),
-        sentence=f"Wait until {name} is between {low:g} and {high:g} °C",
+        sentence=f"Wait until {name} is {_told(low, high)}",
         post=(reached,),
         locks=(vessel, *heater.nodes.values()),
-        estimate_s=abs((low + high) / 2 - ROOM_C) / RAMP_C_S,
+        estimate_s=max(abs(one - ROOM_C) for one in (low, high) if one is not None) / RAMP_C_S,
     )
     return draft_of(step, [job])
+
+
+def _told(low: float | None, high: float | None) -> str:
+    if low is None:
+        return f"at most at {high:g} °C"
+    return f"at least at {low:g} °C" if high is None else f"between {low:g} and {high:g} °C"
