@@ -3,7 +3,7 @@
 The lab of its graph is opened as `make run LAB=` does: web server, dispatcher, edge host and
 instruments are processes of their own, and each instrument is spoken to in its own protocol. The
 benchmark is the person: it confirms what the run asks, and states lots where a step leaves them
-open (`SHARES`), for nobody knows what really boils off.
+open (`corpus_person`), for nobody knows what really boils off.
 """
 
 from __future__ import annotations
@@ -19,22 +19,13 @@ from typing import Any
 
 import httpx
 
+from benchmarks.corpus_person import stated
 from labweb.domain.graph.lab_file.model import LabFile
 from labweb.domain.graph.lab_file.render import render_lab
 from tests.system.stack import Client, Stack, is_over, running
 
-SHARES: Mapping[str, float] = {
-    "Boils off": 0.95,
-    "Lower layer": 0.5,
-    "Solids that go along": 1.0,
-    "Stays": 1.0,
-}
-"""What the person states of each lot, as a part of what the vessel holds by then."""
-
 _ONLINE_WITHIN_S = 120.0
 _LOOK_S = 1.0
-_NOTHING_NL = 1000.0
-"""Less than a microlitre is not stated."""
 
 
 @dataclass(kw_only=True)
@@ -88,15 +79,6 @@ def run_on_lab(
     return ran
 
 
-def _amount(lot: Mapping[str, Any], share: float) -> str:
-    """Write so much of a lot as a person would; "": nothing that could be stated."""
-    if share == 1.0:
-        return "all"
-    if lot["held_ul"] is None:
-        return f"{lot['held_mg'] * share:.0f} mg" if lot["held_mg"] * share >= 1.0 else ""
-    return f"{lot['held_ul'] * share:.0f} uL" if lot["held_ul"] * 1000 * share > _NOTHING_NL else ""
-
-
 class _Person:
     """Starts a run, answers what it asks, and looks how it ended."""
 
@@ -124,9 +106,7 @@ class _Person:
     def _answer(self, job: Mapping[str, Any]) -> None:
         states, body = job["asks"]["states"], {}
         if states is not None:
-            share = SHARES[states["label"]]
-            told = {lot["key"]: _amount(lot, share) for lot in states["lots"]}
-            body["stated"] = {key: text for key, text in told.items() if text}
+            body["stated"] = stated(states["label"], states["lots"])
         answer = self._client.raw("POST", f"jobs/{job['id']}/confirm", body)
         if not answer.is_success:
             refusal = answer.json()

@@ -18,6 +18,15 @@ test("what ran keeps its measured place, what is to come follows what it waits f
   ]);
 });
 
+test("what was planned again before it began is not drawn", () => {
+  const run = aRun([
+    aJob(0, "a", "stopped", { ended_at: iso(5), passed_by: "change" }),
+    aJob(1, "a", "stopped", { ended_at: iso(5) }),
+    aJob(2, "a", "running", { started_at: iso(6) }),
+  ]);
+  expect(scheduleJobs(run, BEGIN_S + 7).map((bar) => bar.job.index)).toEqual([1, 2]);
+});
+
 test("a late action stretches to now and pushes what follows", () => {
   const run = aRun([
     aJob(0, "a", "running", { started_at: iso(0) }),

@@ -54,7 +54,8 @@ export function scheduleJobs(
     const ended = toSeconds(job.ended_at);
     if (started === null && (isOver || isFinalJob(job.state))) {
       ends.set(job.index, ended ?? now);
-      if (ended !== null) bars.push(bar(job, ended, ended));
+      // What never began, and others took the place of, has no part in it.
+      if (ended !== null && job.passed_by !== "change") bars.push(bar(job, ended, ended));
       continue;
     }
     const waits = job.after.map((index) => ends.get(index) ?? now);

@@ -12,6 +12,8 @@ export interface LabEvent {
   verification: string;
   subjects: { id: Id; name: string; role: string }[];
   amount_nl: number | null;
+  /** Of what is moved by mass: a solid, or what goes along with a liquid. */
+  amount_ug: number | null;
   summary: string;
   job_id: Id | null;
   run: { id: Id; number: number } | null;

@@ -4,7 +4,7 @@ import { Link } from "react-router";
 import { changeWords } from "@/model/format";
 import { capitalise, transactionState } from "@/model/states";
 import type { LabEvent } from "@/model/wire";
-import { Volume } from "./number";
+import { Amount, Volume } from "./number";
 import { StateChip, StateText } from "./state";
 import { At } from "./time";
 
@@ -70,6 +70,11 @@ function Row({ event, withRun }: { event: LabEvent; withRun: boolean }) {
       </td>
       <td className="num s cut" title={event.summary || event.message}>
         {event.amount_nl === null ? changeText(event) : <Volume nl={event.amount_nl} />}
+        {event.amount_nl !== null && event.amount_ug !== null && (
+          <>
+            , <Amount nl={0} ug={event.amount_ug} />
+          </>
+        )}
       </td>
       <td>
         <Outcome event={event} />

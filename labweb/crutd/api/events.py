@@ -14,6 +14,7 @@ from labweb.domain.crutd.lifecycle import TransactionState
 from labweb.domain.units import render_volume
 
 _ELSEWHERE = "elsewhere"
+_MOVES = frozenset({"transfer_liquid", "transfer_mass"})
 """Stands for the name of what the caller may not know of."""
 
 
@@ -59,7 +60,7 @@ def _event(event: Event, subjects: list[EventSubject]) -> dict[str, Any]:
             {"id": str(s.resource_id), "name": s.resource.name, "role": s.role} for s in subjects
         ],
         "amount_nl": amount if operation.get("op") == "transfer_liquid" else None,
-        "amount_ug": mass if operation.get("op") == "transfer_mass" else None,
+        "amount_ug": mass if operation.get("op") in _MOVES and mass else None,
         "summary": _summary(
             operation, change, subjects, (amount or 0, mass or 0), event.body.get("reading", {})
         ),

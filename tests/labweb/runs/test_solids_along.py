@@ -66,6 +66,10 @@ def test_a_solid_goes_along_as_a_person_states_it(
     assert held_nl(bench, "reactor_1") == before + 30_000_000
     assert (held_ug(bench, "water"), held_ug(bench, "reactor_1")) == (799_999, 100_001)
     assert run.plan["proved"]["steps"] == ["s0"]
+    told = read(chemist, f"/api/v1/runs/{run.id}/events")["events"]
+    moved = [one for one in told if one["amount_nl"]]
+    assert sum(one["amount_ug"] for one in moved) == 2 * 100_001
+    assert "mg" in moved[0]["summary"]
 
 
 def test_of_a_broken_stroke_the_same_share_of_a_solid_went_along(bench: Bench, host: Host) -> None:
