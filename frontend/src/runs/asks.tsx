@@ -59,7 +59,7 @@ function StateLots({ run, job, states }: { run: Run; job: Job; states: States })
   const confirm = useConfirmJob(job.id);
   const [amounts, setAmounts] = useState<Record<string, string>>({});
   const { lots, leaves_out } = states;
-  if (!lots.length) return <p className="s">{words.asks.empty}</p>;
+  if (!lots.length && leaves_out) return <p className="s">{words.asks.empty}</p>;
   const typed = lots
     .map((lot): [string, string] => [lot.key, (amounts[lot.key] ?? "").trim()])
     .filter(([, text]) => text);
@@ -68,7 +68,13 @@ function StateLots({ run, job, states }: { run: Run; job: Job; states: States })
   const missing = leaves_out ? words.asks.nothing : words.asks.nothingOfSolids;
   return (
     <>
-      <p className="s">{leaves_out ? words.asks.aboutLots : words.asks.aboutSolids}</p>
+      <p className="s">
+        {leaves_out
+          ? words.asks.aboutLots
+          : lots.length
+            ? words.asks.aboutSolids
+            : words.asks.noneThere}
+      </p>
       <h3>{states.label}</h3>
       {lots.map((lot) => (
         <LotRow
@@ -97,7 +103,7 @@ function StateLots({ run, job, states }: { run: Run; job: Job; states: States })
           why={run.can.confirm ? null : words.asks.mayNot}
           onClick={() => confirm.mutate(none)}
         >
-          {leaves_out ? words.asks.none : words.asks.noSolid}
+          {leaves_out ? words.asks.none : lots.length ? words.asks.noSolid : words.asks.goOn}
         </Button>
       </div>
     </>

@@ -225,6 +225,19 @@ test("of solids each is stated: what is left empty goes as none", async () => {
   expect(posted()[1]?.body).toEqual({ stated: { "salt-1": "none", "sand-1": "none" } });
 });
 
+test("where no solid is left the run goes on without one", async () => {
+  const states = { label: "Stays", leaves_out: false, lots: [] };
+  const asks = { text: "How?", states, is_due: true, confirmed_by: null, confirmed_at: null };
+  const run = aRun([aJob(0, "a", "queued", { asks })], { state: "running" });
+  const sent = serve(() => [200, run]);
+  show(<Problems run={run} job={null} />);
+  expect(screen.getByTestId("asks-card")).toHaveTextContent("holds no solid now");
+  fireEvent.click(screen.getByText("Go on without a solid"));
+  const posted = () => sent.filter((one) => one.method === "POST");
+  await waitFor(() => expect(posted()).toHaveLength(1));
+  expect(posted()[0]?.body).toEqual({ stated: {} });
+});
+
 test("of a vessel that holds nothing by the record nothing can be stated", () => {
   serve(() => [200, { devices: [] }]);
   const states = { label: "Boils off", leaves_out: true, lots: [] };

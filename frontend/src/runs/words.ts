@@ -137,6 +137,9 @@ export const words = {
     state: "Go on with these amounts",
     none: "None: leave the step out",
     noSolid: "None of any solid",
+    noneThere:
+      "By the record the vessel holds no solid now. The rest of the run is then planned and proved again, and goes on. If that is not so, take stock of the vessel at Lab, then come back.",
+    goOn: "Go on without a solid",
     nothing: "Type an amount for at least one lot.",
     nothingOfSolids: "Type a mass for at least one solid, or press the other button.",
     empty: "By the record the vessel holds no liquid. Take stock of it at Lab, then come back.",

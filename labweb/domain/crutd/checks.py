@@ -167,7 +167,7 @@ def _check_liquid(
         )
     findings += _check_parts(operation, source, facts)
     findings += check_room(target, operation.amount_nl, Phase.LIQUID)
-    findings += _check_carried(operation, source, facts)
+    findings += _check_carried(operation, source, target, facts)
     keeps = frozenset(LotId(str(lot)) for lot in operation.keeps)
     stated = keeps | {LotId(lot) for lot in operation.carries_ug}
     findings += _check_phases(source, Phase.LIQUID, facts, stated)
@@ -175,9 +175,15 @@ def _check_liquid(
 
 
 def _check_carried(
-    operation: TransferLiquid, source: ResourceState, facts: Facts | None
+    operation: TransferLiquid, source: ResourceState, target: ResourceState, facts: Facts | None
 ) -> Iterator[Finding]:
-    """Refuse more of a solid to go along than there is; it needs no room of its own."""
+    """Refuse more of a solid to go along than there is, and a lot of which two things are said.
+
+    It needs no room of its own, but where somebody stated how much of solids a vessel holds.
+    """
+    for lot in sorted(operation.carries_ug.keys() & {str(lot) for lot in operation.keeps}):
+        text = f"of {_name(LotId(lot), facts)} it is said that it goes along, and that it stays"
+        yield Finding("crutd.parts_disagree", text, source.name, {"lot_id": lot})
     if not operation.carries_ug or not source.knows_masses:
         return
     for lot, part in sorted(operation.carries_ug.items()):
@@ -190,6 +196,9 @@ def _check_carried(
                 source.name,
                 {"resource_id": str(source.id), "usable_ug": there, "lot_id": lot},
             )
+    carried_ug = sum(operation.carries_ug.values())
+    if carried_ug and target.capacity_ug is not None:
+        yield from check_room(target, carried_ug, Phase.SOLID)
 
 
 def _check_parts(

@@ -272,14 +272,22 @@ def _settle_poured(
     ends = (str(operation.source_id), str(operation.target_id))
     postings = _postings(drawn_parts(there, parts, moved), phase, ends)
     if isinstance(operation, TransferLiquid) and operation.carries_ug:
-        carried = carried_parts(operation, moved)
-        if source.knows_masses and any(
-            part > source.masses.get(lot, 0) for lot, part in carried.items()
-        ):
-            text = f"more of a solid went along than {source.name} held"
-            raise StateError(text, code="crutd.contradiction")
-        postings += _postings(carried, Phase.SOLID, ends)
+        postings += _postings(_carried(operation, source, target, moved), Phase.SOLID, ends)
     return Change(state=TransactionState.COMMITTED, postings=postings)
+
+
+def _carried(
+    operation: TransferLiquid, source: ResourceState, target: ResourceState, moved_nl: int
+) -> Contents:
+    carried = carried_parts(operation, moved_nl)
+    if source.knows_masses and any(ug > source.masses.get(lot, 0) for lot, ug in carried.items()):
+        text = f"more of a solid went along than {source.name} held"
+        raise StateError(text, code="crutd.contradiction")
+    room = target.capacity_ug
+    if room is not None and total_nl(carried) > room - total_nl(target.masses):
+        text = f"more of solids went along than {target.name} has room for"
+        raise StateError(text, code="crutd.contradiction")
+    return carried
 
 
 def _settle_reacted(operation: React, snapshot: Snapshot, outcome: Outcome) -> Change:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from msgspec import structs
+
 from labweb.domain.crutd.operations import TransferLiquid
 from labweb.domain.resources.contents import Contents, LotId, add, remove, take, total_nl
 
@@ -29,6 +31,36 @@ def carried_parts(operation: TransferLiquid, moved_nl: int) -> dict[LotId, int]:
         for lot, part in operation.carries_ug.items()
     }
     return {lot: part for lot, part in shares.items() if part}
+
+
+def rest_of(operation: TransferLiquid, moved_nl: int, part_nl: int) -> TransferLiquid:
+    """Return the move of a further part, after a device has moved some and stopped.
+
+    It takes its share of the lots and solids that are left; the last part takes all of them.
+
+    Example:
+        >>> from uuid import UUID
+        >>> a, b = UUID(int=1), UUID(int=2)
+        >>> whole = TransferLiquid(
+        ...     source_id=a, target_id=b, amount_nl=1000, carries_ug={"salt": 501}
+        ... )
+        >>> rest_of(whole, 500, 500).carries_ug, rest_of(whole, 500, 100).carries_ug
+        ({'salt': 251}, {'salt': 50})
+    """
+    rest_nl = max(operation.amount_nl - moved_nl, 0)
+    lots = {LotId(lot): part for lot, part in operation.parts_nl.items()}
+    lots = remove(lots, take(lots, min(moved_nl, total_nl(lots))))
+    gone = carried_parts(operation, moved_nl)
+    solids = {lot: ug - gone.get(LotId(lot), 0) for lot, ug in operation.carries_ug.items()}
+    if part_nl < rest_nl:
+        lots = take(lots, part_nl) if lots else lots
+        solids = {lot: ug * part_nl // rest_nl for lot, ug in solids.items()}
+    return structs.replace(
+        operation,
+        amount_nl=part_nl,
+        parts_nl={str(lot): part for lot, part in lots.items()},
+        carries_ug=solids,
+    )
 
 
 def drawn_parts(there: Contents, wanted: Mapping[str, int], moved_nl: int) -> dict[LotId, int]:

@@ -31,6 +31,9 @@ class Claim(Strict, frozen=True):
     lots: dict[Text, Amount] | None = None
     solids: dict[Text, Amount] | None = None
     stays: dict[Text, Amount] | None = None
+    whole: list[Text] | None = None
+    takes_ug: dict[Text, Amount] | None = None
+    gives_ug: dict[Text, Amount] | None = None
     takes: dict[Text, Amount] | None = None
     gives: dict[Text, Amount] | None = None
     volume_ul: Positive | None = None
@@ -67,7 +70,7 @@ CLAIMS: Mapping[str, tuple[str, str]] = {
     "fill": ("to lot volume_ul", ""),
     "add_solid": ("to lot mass_ug", ""),
     "empty": ("vessel", ""),
-    "transfer": ("from to", "volume_ul lot lots solids all most_ul through"),
+    "transfer": ("from to", "volume_ul lot lots solids whole all most_ul through"),
     "separate": ("vessel lower_to upper_to most_ul", "lower_through upper_through"),
     "filter": ("vessel to most_ul", "stays"),
     "stir": ("vessel speed_rpm", ""),
@@ -97,7 +100,7 @@ CLAIMS: Mapping[str, tuple[str, str]] = {
     "prime": ("from to volume_ul lot", ""),
     "flush": ("from to volume_ul", ""),
     "push": ("from to volume_ul", ""),
-    "become": ("vessel takes", "gives to"),
+    "become": ("vessel takes", "gives takes_ug gives_ug to"),
     "ask": ("text", ""),
 }
 """Kind of a claim → fields that it must have, and fields that it may have."""

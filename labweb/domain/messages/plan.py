@@ -267,11 +267,16 @@ class HandCheck(Parameters, frozen=True):
 
 
 class Become(Parameters, frozen=True):
-    """What, by a person's word, comes of the liquids in a vessel, there or in `to`: µL by lot."""
+    """What, by a person's word, comes of the lots in a vessel, there or in `to`.
+
+    µL by lot; of solids µg, in the fields that end so.
+    """
 
     vessel: Text
     takes: dict[Text, Amount]
     gives: dict[Text, Amount] = {}
+    takes_ug: dict[Text, Amount] = {}
+    gives_ug: dict[Text, Amount] = {}
     to: Text | None = None
 
 

@@ -346,9 +346,10 @@ def _check_once(state: State, claim: Claim, before: Before) -> None:
 
 def _check_become(state: State, claim: Claim, before: Before) -> None:
     del before
-    wanted = (dict(claim.takes or {}), dict(claim.gives or {}), claim.to)
+    liquids, solids = (claim.takes or {}, claim.gives or {}), (claim.takes_ug, claim.gives_ug)
+    wanted = (*liquids, *(one or {} for one in solids), claim.to)
     if [effect.value for effect in _effects(state, "become")] != [wanted]:
-        fail(state, f"the liquids of {claim.vessel} do not become what is claimed")
+        fail(state, f"the lots in {claim.vessel} do not become what is claimed")
 
 
 def _check_ask(state: State, claim: Claim, before: Before) -> None:

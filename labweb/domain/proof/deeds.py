@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping
 
 from labweb.domain.messages import plan as words
 from labweb.domain.proof.apparatus import devices_at, vessels_of
+from labweb.domain.proof.dissolved import take_stated
 from labweb.domain.proof.matter import Contents, Range
 from labweb.domain.proof.plan import Action, mass_units, units
 from labweb.domain.proof.plumbing import End
@@ -259,7 +260,7 @@ _DEEDS: Mapping[str, Callable[[State, Action], object]] = {
 
 
 def _become(state: State, action: Action) -> None:
-    """Let what a person has stated come of the liquids in a vessel, where they are there."""
+    """Let what a person has stated come of the lots in a vessel, where they are there."""
     given = action.parameters
     if not isinstance(given, words.Become):
         return
@@ -274,10 +275,12 @@ def _become(state: State, action: Action) -> None:
     gives = {lot: units(volume_ul) for lot, volume_ul in given.gives.items()}
     state.see_there(given.vessel, takes)
     state.held(given.vessel).take_lots(takes)
+    take_stated(state, given.vessel, Contents(), given.takes_ug)
     made = {lot: Range.exactly(amount) for lot, amount in gives.items()}
+    solids = {lot: Range.exactly(mass_units(ug)) for lot, ug in given.gives_ug.items()}
     volume = Range.exactly(sum(gives.values()))
-    state.mix_in(ends[-1], Contents(made, {}, volume))
-    value = (dict(given.takes), dict(given.gives), given.to)
+    state.mix_in(ends[-1], Contents(made, solids, volume))
+    value = (dict(given.takes), dict(given.gives), given.takes_ug, given.gives_ug, given.to)
     state.record.effects.append(Effect("become", action.device, (given.vessel,), value))
 
 

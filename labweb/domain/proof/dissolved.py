@@ -47,7 +47,15 @@ def stop_solids(state: State, taken: Contents, passed: tuple[str, ...]) -> None:
 
 
 def check_solids(state: State, claim: Claim) -> None:
-    """Compare what went over of each solid with what a person has stated."""
+    """Compare what went over of each solid with what a person has stated.
+
+    Of what was stated as all there is, nothing is left.
+    """
+    held = state.held(claim.from_ or "")
+    for lot in claim.whole or ():
+        left = held.solids.get(lot, NOTHING) + held.liquids.get(lot, NOTHING)
+        if left.most > TOLERANCE:
+            fail(state, f"all of {lot} is to go over, and some stays in {claim.from_}")
     if claim.solids is None:
         return
     flows = state.record.flows

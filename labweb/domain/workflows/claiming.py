@@ -27,7 +27,7 @@ from labweb.domain.messages.plan import (
 from labweb.domain.proof import plan as proved
 from labweb.domain.resources.contents import total_nl
 from labweb.domain.units import parse_mass_ug, parse_volume_nl
-from labweb.domain.workflows.lab_on_paper import SYRINGE, solids_of
+from labweb.domain.workflows.lab_on_paper import SYRINGE, is_gas, solids_of
 from labweb.domain.workflows.on_paper import (
     NL_PER_UL,
     asked,
@@ -174,7 +174,7 @@ class Reading:
                 ul = sum(lots.values())
                 gone = self._masses(step, "lower", carried(jobs, UUID(step.params[ends[0]])))
                 claim = Claim(kind="transfer", from_=source, to=target, volume_ul=ul, lots=lots)
-                claim = msgspec.structs.replace(claim, solids=gone)
+                claim = msgspec.structs.replace(claim, solids=gone, whole=self._whole(step))
             case Moves.SOLID:
                 lot = self._grain(UUID(step.params[ends[0]]))
                 ug = parse_mass_ug(step.params["mass"])
@@ -187,9 +187,9 @@ class Reading:
             case _:
                 ul = _volume_ul(step)
                 claim = Claim(kind="transfer", from_=source, to=target, volume_ul=ul)
-        if _moves(step) is Moves.LIQUID and "solids" in step.params:
+        if _moves(step) is Moves.LIQUID:
             gone = self._masses(step, "solids", carried(jobs, UUID(step.params[ends[0]])))
-            claim = msgspec.structs.replace(claim, solids=gone)
+            claim = msgspec.structs.replace(claim, solids=gone, whole=self._whole(step))
         through = [self._key(UUID(step.params["through"]))] if "through" in step.params else None
         return msgspec.structs.replace(claim, through=through)
 
@@ -202,7 +202,13 @@ class Reading:
         gives = {key: ul for key, text in made.items() if (ul := microlitres(text)) is not None}
         if not takes and not gives:
             return None
-        return Claim(kind="become", vessel=vessel, takes=takes, gives=gives)
+        eaten = self._masses(step, "consumed", {})
+        eaten = {lot: ug for lot, ug in eaten.items() if ug and not is_gas(self._lab, lot)}
+        grown = {self._called(key): ug for key, text in made.items() if (ug := micrograms(text))}
+        mass = micrograms(step.params["mass"]) if "mass" in step.params else None
+        grown |= {self._called(step.params["product"]): mass} if mass else {}
+        claim = Claim(kind="become", vessel=vessel, takes=takes, gives=gives)
+        return msgspec.structs.replace(claim, takes_ug=eaten, gives_ug=grown)
 
     def _stated(self, step: Step, moved: Mapping[str, int]) -> dict[str, float]:
         """Return the amounts of liquids that a step states, in µL by the name of the lot.
@@ -213,7 +219,7 @@ class Reading:
         found: dict[str, float] = {}
         matter = STEP_KINDS[step.kind].matter
         for key, text in step.params.get(matter.stated if matter else "", {}).items():
-            lot = key if key in self._made.values() else str(self._lab.lots.get(key, key))
+            lot = self._called(key)
             if text == ALL:
                 found[lot] = sum(nl for one, nl in moved.items() if self._lot(one) == lot)
                 found[lot] /= NL_PER_UL
@@ -229,13 +235,22 @@ class Reading:
         goes = {self._lot(one): float(ug) for one, ug in moved.items()}
         found: dict[str, float] = {}
         for key, text in step.params.get(field, {}).items():
-            lot = key if key in self._made.values() else str(self._lab.lots.get(key, key))
+            lot = self._called(key)
             mass_ug = micrograms(text)
             if mass_ug is not None:
                 found[lot] = mass_ug
             elif text == ALL and lot in goes:
                 found[lot] = goes[lot]
         return found
+
+    def _whole(self, step: Step) -> list[str]:
+        """Return the lots of which a step states that all there is goes over."""
+        stated = step.params.get("solids" if _moves(step) is Moves.LIQUID else "lower", {})
+        return sorted(self._called(key) for key, text in stated.items() if text == ALL)
+
+    def _called(self, key: str) -> str:
+        """Return the name on paper of the lot that a step calls so."""
+        return key if key in self._made.values() else str(self._lab.lots.get(key, key))
 
     def _lot(self, lot_id: object) -> str:
         """Return the name of a lot on paper: the key, where this plan makes it."""
@@ -246,18 +261,30 @@ class Reading:
 
     def _become(self, job: PlannedJob) -> proved.Action | None:
         """Return what the record will say has become of matter when a job ends."""
+        eaten: dict[str, int] = {}
+        grown: dict[str, int] = {}
         match job.operation:
             case React() as made:
                 self._made |= {str(one.lot_id): one.key for one in made.products}
                 takes = {str(one.lot_id): one.amount_nl for one in made.reactants if one.amount_nl}
                 gives = {str(one.lot_id): one.amount_nl for one in made.products if one.amount_nl}
+                eaten = {str(one.lot_id): one.amount_ug for one in made.reactants if one.amount_ug}
+                eaten = {lot: ug for lot, ug in eaten.items() if not is_gas(self._lab, lot)}
+                grown = {str(one.lot_id): one.amount_ug for one in made.products if one.amount_ug}
                 vessel, to = self._key(made.resource_id), None
             case TransferLiquid() as boiled:
                 takes = gives = dict(boiled.parts_nl)
                 vessel, to = self._key(boiled.source_id), self._key(boiled.target_id)
             case _:
                 return None
-        given = Become(vessel=vessel, to=to, takes=self._named(takes), gives=self._named(gives))
+        given = Become(
+            vessel=vessel,
+            to=to,
+            takes=self._named(takes),
+            gives=self._named(gives),
+            takes_ug={self._lot(lot): ug for lot, ug in eaten.items()},
+            gives_ug={self._lot(lot): ug for lot, ug in grown.items()},
+        )
         return proved.Action(DECLARED, "become", given)
 
     def _grain(self, vessel: UUID) -> str:
@@ -302,6 +329,7 @@ class Reading:
         """Find the jobs that the record would book otherwise than the device is asked to act."""
         ends = [UUID(step.params[name]) for name in _ends(step)]
         by_index = {job.index: job for job in jobs}
+        solids: Mapping[str, int] = {}
         for job in (one for one in jobs if one.action in _STROKES):
             other = by_index.get(job.meets) if isinstance(job.meets, int) else None
             booked = job.operation
@@ -312,6 +340,10 @@ class Reading:
                 continue
             near, far = booked.target_id, booked.source_id
             wanted: UUID | None = ends[0]
+            if job.action == "aspirate":
+                solids = booked.carries_ug
+            elif booked.carries_ug != solids:
+                self._complain(step, job, "would be booked with other solids than were drawn")
             if job.action == "dispense":
                 near, far = far, near
                 wanted = ends[1] if other is None else self._acting(other)

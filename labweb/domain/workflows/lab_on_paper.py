@@ -57,9 +57,13 @@ def capacities_of(lab: LabView, used: Set[UUID]) -> dict[str, int]:
 
 def solids_of(lab: LabView, state: ResourceState) -> Mapping[LotId, int]:
     """Return the lots of a vessel that are no gas, of those that are counted by mass, in µg."""
-    known = {} if lab.facts is None else lab.facts.lots
-    gases = {lot for lot, one in known.items() if one.phase is Phase.GAS}
-    return {lot: ug for lot, ug in state.masses.items() if ug and lot not in gases}
+    return {lot: ug for lot, ug in state.masses.items() if ug and not is_gas(lab, lot)}
+
+
+def is_gas(lab: LabView, lot: str) -> bool:
+    """Tell whether a lot is known to be a gas, which no proof follows."""
+    known = None if lab.facts is None else lab.facts.lots.get(LotId(lot))
+    return known is not None and known.phase is Phase.GAS
 
 
 def _vessels(lab: LabView, used: Set[UUID]) -> Iterator[tuple[UUID, ResourceState]]:

@@ -74,7 +74,8 @@ def confirm_job(job_id: UUID, *, actor: User, stated: Mapping[str, str] | None =
     job.confirmed_by, job.confirmed_at = actor, now()
     if job.states:
         approved = approval_selectors.approved_of_run(run.id)
-        params = {job.states["field"]: dict(stated)} if stated else None
+        is_left_out = not stated and job.states.get("leaves_out", True)
+        params = None if is_left_out else {job.states["field"]: dict(stated or {})}
         detail |= change_step(
             run, job, params, actor=actor, state=JobState.QUEUED, approved=approved
         )
@@ -91,7 +92,13 @@ def confirm_job(job_id: UUID, *, actor: User, stated: Mapping[str, str] | None =
 
 
 def _check_stated(job: Job, stated: Mapping[str, str] | None) -> None:
-    if job.states and not job.states.get("leaves_out", True) and not stated:
+    told = selectors.to_state(job)
+    if (
+        told is not None
+        and not told["leaves_out"]
+        and not stated
+        and (told["lots"] or stated is None)
+    ):
         text = f"{job.asks} Say it of each solid: its mass, 'all' or 'none'"
         raise DefinitionError(text, code="run.nothing_stated")
     if job.states and stated is None:

@@ -6,7 +6,6 @@ from functools import partial
 from typing import Any
 from uuid import UUID
 
-import msgspec
 from django.db.transaction import atomic, on_commit
 
 from labweb.accounts import services as account_services
@@ -16,6 +15,7 @@ from labweb.crutd import services as crutd_services
 from labweb.domain.approvals.roles import Permission
 from labweb.domain.crutd import operations
 from labweb.domain.crutd.operations import TransferLiquid, TransferMass, TransferResource
+from labweb.domain.crutd.parts import rest_of
 from labweb.domain.errors import DefinitionError, StateError
 from labweb.domain.runs import recovery
 from labweb.domain.runs.halting import LET_GO
@@ -182,11 +182,11 @@ def _pour(
     job: Job, operation: TransferLiquid, actor: User, moved_nl: int | None, note: str
 ) -> None:
     """Write down the liquid that a person moved; none only where the device has moved some."""
-    has_moved = selectors.moved_nl(job) > 0
-    if moved_nl is None or moved_nl < 0 or (moved_nl == 0 and not has_moved):
+    before_nl = selectors.moved_nl(job)
+    if moved_nl is None or moved_nl < 0 or (moved_nl == 0 and before_nl <= 0):
         raise DefinitionError("say how much you moved", code="run.bad_amount")
     if moved_nl:
-        done = msgspec.structs.replace(operation, amount_nl=moved_nl)
+        done = rest_of(operation, before_nl, moved_nl)
         told = f"by hand for {job.sentence}: {note}"
         crutd_services.carry_out(
             done, lab=job.run.lab, actor_id=actor.pk, note=told, run_id=job.run_id

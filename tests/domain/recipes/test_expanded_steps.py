@@ -72,6 +72,28 @@ def test_what_was_hotter_or_colder_passes_one_limit(before: str, window: dict[st
     assert ("await_temperature", {"vessel": "@reactor", **window}) in found
 
 
+def test_what_is_async_goes_on_beside_the_rest_until_it_is_awaited() -> None:
+    wait = '<Wait time="{s} s"/>'
+    recipe = (
+        f'{wait.format(s=1)}<Async pid="a">{wait.format(s=2)}{wait.format(s=3)}</Async>'
+        f'<Async pid="b">{wait.format(s=4)}</Async>{wait.format(s=5)}'
+        f'<Await pid="a"/>{wait.format(s=6)}'
+    )
+    acts = unfold(read_xdl((_HEAD + recipe + _TAIL).encode()))
+    document = to_workflow(acts, name="Async", declared=STATED)
+    lasts = {step["id"]: step["params"]["duration"] for step in document["steps"]}
+    after: dict[str, set[str]] = {}
+    for edge in document["edges"]:
+        after.setdefault(lasts[edge["target"]], set()).add(lasts[edge["source"]])
+    assert after == {
+        "2 s": {"1 s"},
+        "3 s": {"2 s"},
+        "4 s": {"1 s"},
+        "5 s": {"1 s"},
+        "6 s": {"5 s", "3 s"},
+    }
+
+
 def test_a_wider_tolerance_is_met_by_the_usual_one() -> None:
     wide = 'lower_temp_tolerance="5 °C" upper_temp_tolerance="5 °C"'
     assert "tolerance" not in steps_of(WARM.format(more=wide))[0][1]

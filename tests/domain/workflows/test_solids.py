@@ -9,7 +9,7 @@ from msgspec.structs import replace
 
 from labweb.domain.crutd.operations import TransferLiquid
 from labweb.domain.workflows.compile import compile_workflow
-from labweb.domain.workflows.plan import Statement
+from labweb.domain.workflows.plan import Plan, Statement
 from labweb.domain.workflows.proving import prove_plan
 from tests.domain.workflows.solids import (
     WET,
@@ -78,6 +78,47 @@ def test_a_solid_of_which_nothing_goes_along_stays() -> None:
     assert carried_ug(drawn(whole.jobs)[::2]) == 500_000
 
 
+def changed(plan: Plan, at: str, solids: Any) -> Plan:  # noqa: ANN401 - as an operation has them
+    """Return a plan of which the first stroke of a kind books other solids."""
+    jobs = list(plan.jobs)
+    place = next(n for n, one in enumerate(jobs) if one.action == at)
+    (move,) = drawn([jobs[place]])
+    jobs[place] = replace(jobs[place], operation=replace(move, **solids))
+    return replace(plan, jobs=tuple(jobs))
+
+
+def test_a_push_that_books_other_solids_than_were_drawn_is_not_proved() -> None:
+    document, view = steps(carrying(solids={"salt": "100 mg"})), filter_lab(WET)
+    plan = compile_workflow(on(document), view)
+    (salt,) = drawn(plan.jobs)[0].carries_ug
+    wrong = changed(plan, "dispense", {"carries_ug": {salt: 20_000}})
+    found = prove_plan(on(document), wrong, view).findings
+    assert any("other solids than were drawn" in one.message for one in found)
+
+
+def test_a_plan_that_leaves_some_of_what_is_all_is_not_proved() -> None:
+    document, view = steps(carrying(solids={"salt": "all"})), filter_lab(WET)
+    plan = compile_workflow(on(document), view)
+    (salt,) = drawn(plan.jobs)[0].carries_ug
+    for at in ("aspirate", "dispense"):
+        plan = changed(plan, at, {"carries_ug": {salt: 20_000}})
+    found = prove_plan(on(document), plan, view).findings
+    assert any("some stays" in one.message for one in found)
+
+
+def test_a_plan_that_carries_what_nobody_stated_is_not_proved() -> None:
+    document, view = steps(carrying()), filter_lab(WET)
+    plan = compile_workflow(on(document), view)
+    unasked = replace(plan, jobs=tuple(one for one in plan.jobs if not one.asks))
+    assert prove_plan(on(document), unasked, view).findings
+
+
+def test_of_what_is_not_there_nothing_goes_along() -> None:
+    plan, proof = planned(steps(carrying(solids={"salt": "none", "sand": "none"})), filter_lab(WET))
+    assert len(drawn(plan.jobs)[0].keeps) == 1
+    assert not proof.findings
+
+
 @pytest.mark.parametrize("wrong", ["more", "less", "none", "unstated"])
 def test_a_plan_that_carries_another_mass_than_is_stated_is_not_proved(wrong: str) -> None:
     document, view = steps(carrying(solids={"salt": "100 mg"})), filter_lab(WET)
@@ -117,6 +158,7 @@ def test_a_dissolved_solid_lies_in_a_layer_as_far_as_it_is_stated() -> None:
         assert carried_ug(moves[::2]) == mass_ug, text
         assert sum(one.amount_nl for one in moves[::2]) == 10_000_000
         assert (proof.findings, proof.covered) == ((), ("s0",)), text
+        assert any("salt is solid and stays" in one for one in plan.notes) is (text is None)
 
 
 def test_what_was_dissolved_is_in_the_next_vessel() -> None:
@@ -286,3 +328,27 @@ def test_a_solid_that_a_reaction_makes_stays_on_the_filter() -> None:
     assert {len(one.keeps) for one in moves} == {2}
     assert sum(one.amount_nl for one in moves) == 20_000_000
     assert not proof.findings
+    assert proof.covered == ("s0", "s1")
+    for more in ("2 g", "none", "all"):
+        plan, proof = planned(
+            steps(made, filtering(stays={"salt": "60 mg", "crystals": more})), filter_lab(WET)
+        )
+        assert (proof.findings, proof.covered) == ((), ("s0", "s1")), more
+
+
+def test_what_of_a_solid_has_reacted_is_not_carried_along() -> None:
+    react = {
+        "vessel": "@separator",
+        "duration": "1 h",
+        "consumed": {"ether": "10 mL", "salt": "400 mg"},
+        "product": "crystals",
+        "material": "sodium_chloride",
+        "mass": "7 g",
+        "residue": "460 mg",
+        "reason": "a test",
+    }
+    too_much = carrying(solids={"salt": "101 mg", "crystals": "none"})
+    assert "crutd.insufficient_mass" in codes(steps(("react", react), too_much), filter_lab(WET))
+    stays = filtering(stays={"salt": "60 mg", "crystals": "all"})
+    _, proof = planned(steps(("react", react), stays), filter_lab(WET))
+    assert (proof.findings, proof.covered) == ((), ("s0", "s1"))

@@ -7,11 +7,11 @@ import pytest
 from labweb.crutd.models import Holding
 from labweb.domain.errors import Effect
 from labweb.domain.runs.edge import Report
-from labweb.resources.models import Resource
+from labweb.resources.models import Lot, Resource
 from labweb.runs import services
-from labweb.runs.models import Job
+from labweb.runs.models import Job, Run
 from tests.builders import Bench
-from tests.labweb.crutd.hand import post, solid
+from tests.labweb.crutd.hand import post, pour, refused, solid
 from tests.labweb.runs.drawn import a_run
 from tests.labweb.runs.hosts import Host
 from tests.labweb.runs.test_stating import WAIT, due, finish, held_nl
@@ -91,3 +91,46 @@ def test_of_a_broken_stroke_the_same_share_of_a_solid_went_along(bench: Bench, h
     assert held_ug(bench, "water") == 880_000
     drawn = Holding.objects.filter(resource__kind="syringe_pump")
     assert sum(row.amount_ug for row in drawn) == 20_000
+    chemist = signed_in(bench.people["chemist"])
+    job = Job.objects.get(run=run, action="aspirate")
+    body = {"choice": "done_by_hand", "moved_ul": 1500, "note": "drawn with a pipette"}
+    answer = call(chemist, "POST", f"/api/v1/jobs/{job.id}/recover", body)
+    assert answer.status_code == 200, answer.content
+    assert held_ug(bench, "water") == 820_000
+    assert sum(row.amount_ug for row in drawn.all()) == 80_000
+
+
+def test_where_no_solid_is_left_the_run_goes_on_without_one(bench: Bench, host: Host) -> None:
+    salted(bench, 900_000)
+    water = bench.node("water")
+    move = {"source": str(water.id), "target": str(bench.node("reactor_1").id)}
+    run = a_run(bench, ("transfer", {**move, "volume": "2 mL"}))
+    finish(host)
+    liquids = Holding.objects.filter(resource=water, amount_nl__gt=0)
+    taken = {
+        **{"op": "correct", "resource_id": str(water.id), "account": "SUSPENSE"},
+        "reason": "it was none",
+        "measured_nl": {str(row.lot_id): row.amount_nl for row in liquids},
+    }
+    assert post(bench, taken)[0] == 201
+    chemist = signed_in(bench.people["chemist"])
+    at = f"/api/v1/jobs/{due(run).id}/confirm"
+    assert code_of(call(chemist, "POST", at, {})) == "run.nothing_stated"
+    answer = call(chemist, "POST", at, {"stated": {}})
+    assert answer.status_code == 200, answer.content
+    finish(host)
+    assert Run.objects.get(pk=run.pk).state == "complete"
+
+
+def test_solids_need_the_room_that_is_stated(bench: Bench) -> None:
+    salted(bench, 900_000)
+    reactor = bench.node("reactor_1")
+    Resource.objects.filter(pk=reactor.pk).update(config=reactor.config | {"capacity_mg": 50})
+    salt = str(Lot.objects.get(key="salt").pk)
+    told = pour(bench, "water", "reactor_1", 1_000_000) | {"carries_ug": {salt: 80_000}}
+    refused(bench, told, "crutd.capacity_exceeded")
+    elsewhere = pour(bench, "water", "flask_1", 1_000_000)
+    refused(bench, elsewhere | {"carries_ug": {salt: 900_001}}, "crutd.insufficient_mass")
+    refused(bench, told | {"carries_ug": {salt: 1}, "keeps": [salt]}, "crutd.parts_disagree")
+    assert post(bench, told | {"carries_ug": {salt: 50_000}})[0] == 201
+    assert (held_ug(bench, "water"), held_ug(bench, "reactor_1")) == (850_000, 50_000)

@@ -70,7 +70,7 @@ def to_workflow(
     """
     known = {**({} if declared is None else declared.keys), **(keys or {})}
     writer = _Writer(known, declared, rig)
-    writer.stop(writer.lay(acts))
+    writer.stop(writer.joined(writer.lay(acts)))
     writer.check_declared()
     plain = {
         "schema": SCHEMA,
@@ -94,6 +94,9 @@ class _Writer:
     steps: list[dict[str, Any]] = field(default_factory=list)
     edges: list[dict[str, str]] = field(default_factory=list)
     acts_count: int = 0
+    beside: dict[str, tuple[str, ...]] = field(default_factory=dict)
+    """Last steps of each Async that nothing has waited for yet, by its pid."""
+
     standing: Standing = field(init=False)
     basic: BasicSteps = field(init=False)
     several: SeveralSteps | None = None
@@ -113,6 +116,12 @@ class _Writer:
         """Write what stops all that still runs behind the last steps."""
         for kind, values, notes in self.standing.end():
             after = self._lay_step(kind, values, notes, after)
+
+    def joined(self, after: tuple[str, ...]) -> tuple[str, ...]:
+        """Return some steps, and the last ones of all that went on beside them."""
+        ends = [after, *self.beside.values()]
+        self.beside = {}
+        return tuple(dict.fromkeys(one for end in ends for one in end))
 
     def check_declared(self) -> None:
         """Tell of reactions behind a step that the recipe does not have."""
@@ -149,6 +158,14 @@ class _Writer:
                     break
             return after
         self.acts_count += 1
+        if act.name == "Async" and "on_finish" not in act.values:
+            # What follows it does not wait for it, but for an Await of its pid.
+            pid = str(act.values.get("pid", f"async {self.acts_count}"))
+            self.beside[pid] = self.lay(act.children, after)
+            return after
+        if act.name == "Await":
+            ends = (*after, *self.beside.pop(str(act.values.get("pid")), ()))
+            return tuple(dict.fromkeys(ends))
         for kind, values, notes in self._steps(act):
             after = self._lay_step(kind, values, notes, after)
         return after

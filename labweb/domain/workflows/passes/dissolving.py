@@ -58,8 +58,8 @@ def meant_solids(step: Step, drafting: Drafting, vessel: UUID, field: str) -> So
     if held.keys() - told.keys():
         return None
     if field == "stays":
-        told = {lot: held[lot] - ug for lot, ug in told.items()}
-    return _split(told, None)
+        told = {lot: held[lot] - told[lot] for lot in held}
+    return _split({lot: told[lot] for lot in held}, None)
 
 
 def stated_masses(
@@ -78,8 +78,11 @@ def stated_masses(
             drafting.refuse(step, "plan.no_lot", f"this lab has no lot {key!r}", at, lot=key)
             continue
         there = held.get(lot, 0)
+        if text == NONE:  # of what is not there it is true, too
+            found[lot] = 0
+            continue
         try:
-            mass_ug = parse_mass_ug(text) if text not in (ALL, NONE) else there * (text == ALL)
+            mass_ug = there if text == ALL else parse_mass_ug(text)
         except UnitError as error:
             drafting.refuse(step, error.code, f"{key}: {error.message}", at, lot=key)
             continue

@@ -55,8 +55,16 @@ def plan_separate(step: Step, drafting: Drafting) -> DraftStep:
         jobs=tuple(job for job in jobs if job is not None),
         whole=whole,
         pump_ids=passes.chain.pump_ids,
-        notes=passes.chain.notes,
+        notes=(*passes.chain.notes, *_left_above(step, drafting, whole)),
     )
+
+
+def _left_above(step: Step, drafting: Drafting, whole: TransferLiquid) -> list[str]:
+    """Say which solids stay because the layer, as it is stated, does not name them."""
+    named = {drafting.lot(key) for key in step.params.get("lower", {})}
+    left = [drafting.key_of(lot) for lot in map(LotId, map(str, whole.keeps)) if lot not in named]
+    name = drafting.name(whole.source_id)
+    return [f"{name}: {key} is solid and stays, as the lower layer is stated" for key in left]
 
 
 def _meant_layer(

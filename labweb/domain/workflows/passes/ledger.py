@@ -43,6 +43,7 @@ BY_CONTENTS = frozenset(
         "plan.no_lot",
         "plan.not_empty",
         "plan.nothing_there",
+        "plan.solid_not_stated",
     }
 )
 """Findings that follow from what a vessel holds."""
