@@ -97,10 +97,10 @@ def test_a_pump_that_a_stop_stood_still_was_stopped_and_did_not_fail(rig: Rig) -
 @every_pump
 def test_a_stop_in_mid_delivery_stops_the_pump_and_says_how_much_went(rig: Rig) -> None:
     before_ul = rig.vessel_ul(1)
-    timer = threading.Timer(0.3, rig.driver.stop)
+    timer = threading.Timer(1.0, rig.driver.stop)
     rig.when_acting = timer.start
     with pytest.raises(DeviceStoppedError) as caught:
-        rig.call("deliver", volume_ul=2000.0, rate_ul_s=500.0)
+        rig.call("deliver", volume_ul=2000.0, rate_ul_s=200.0)
     timer.join()
     assert caught.value.effect is Effect.PARTIAL
     assert caught.value.context["moved_ul"] == pytest.approx(rig.vessel_ul(1) - before_ul, abs=40.0)
