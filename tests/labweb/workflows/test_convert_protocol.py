@@ -94,7 +94,7 @@ def test_queues_become_branches_and_meet_again(tmp_path: Path) -> None:
     ("steps", "code"),
     [
         ('<StartPurge vessel="reactor_1"/>', "xdl.not_in_workflow"),
-        ('<Async><Wait time="1 s"/></Async>', "xdl.not_in_workflow"),
+        ('<Async on_finish="tell"><Wait time="1 s"/></Async>', "xdl.not_in_workflow"),
         (
             '<Add vessel="reactor_1" reagent="water" volume="1 mL" dropwise="True"/>',
             "xdl.left_open",
