@@ -14,8 +14,9 @@ from labweb.domain.crutd.lifecycle import TransactionState
 from labweb.domain.units import render_volume
 
 _ELSEWHERE = "elsewhere"
-_MOVES = frozenset({"transfer_liquid", "transfer_mass"})
 """Stands for the name of what the caller may not know of."""
+
+_MOVES = frozenset({"transfer_liquid", "transfer_mass"})
 
 
 def render_events(

@@ -36,7 +36,7 @@ from labweb.domain.crutd.operations import (
     Update,
     touched_ids,
 )
-from labweb.domain.crutd.parts import carried_parts, drawn_parts
+from labweb.domain.crutd.parts import drawn_parts, part_of
 from labweb.domain.crutd.reaction import react_postings
 from labweb.domain.crutd.snapshot import ResourceState as ResourceState
 from labweb.domain.crutd.snapshot import Snapshot as Snapshot
@@ -279,7 +279,8 @@ def _settle_poured(
 def _carried(
     operation: TransferLiquid, source: ResourceState, target: ResourceState, moved_nl: int
 ) -> Contents:
-    carried = carried_parts(operation, moved_nl)
+    shares = part_of(operation, moved_nl).carries_ug
+    carried = {LotId(lot): ug for lot, ug in shares.items() if ug}
     if source.knows_masses and any(ug > source.masses.get(lot, 0) for lot, ug in carried.items()):
         text = f"more of a solid went along than {source.name} held"
         raise StateError(text, code="crutd.contradiction")

@@ -10,33 +10,10 @@ from labweb.domain.crutd.operations import TransferLiquid
 from labweb.domain.resources.contents import Contents, LotId, add, remove, take, total_nl
 
 
-def carried_parts(operation: TransferLiquid, moved_nl: int) -> dict[LotId, int]:
-    """Return how much of each solid went along, in micrograms, when so much liquid moved.
+def part_of(move: TransferLiquid, part_nl: int) -> TransferLiquid:
+    """Return a part of a move, with its share of the lots and solids that are stated.
 
-    With less liquid goes the same share of each solid, rounded down; with more no more than was
-    said, for of the rest it was said that it stays.
-
-    Example:
-        >>> from uuid import UUID
-        >>> a, b = UUID(int=1), UUID(int=2)
-        >>> whole = TransferLiquid(
-        ...     source_id=a, target_id=b, amount_nl=1000, carries_ug={"salt": 500}
-        ... )
-        >>> carried_parts(whole, 250), carried_parts(whole, 1001)
-        ({'salt': 125}, {'salt': 500})
-    """
-    moved_nl = min(moved_nl, operation.amount_nl)
-    shares = {
-        LotId(lot): part * moved_nl // operation.amount_nl
-        for lot, part in operation.carries_ug.items()
-    }
-    return {lot: part for lot, part in shares.items() if part}
-
-
-def rest_of(operation: TransferLiquid, moved_nl: int, part_nl: int) -> TransferLiquid:
-    """Return the move of a further part, after a device has moved some and stopped.
-
-    It takes its share of the lots and solids that are left; the last part takes all of them.
+    A solid's share is rounded down to the microgram; all of the move, or more, takes all of them.
 
     Example:
         >>> from uuid import UUID
@@ -44,22 +21,41 @@ def rest_of(operation: TransferLiquid, moved_nl: int, part_nl: int) -> TransferL
         >>> whole = TransferLiquid(
         ...     source_id=a, target_id=b, amount_nl=1000, carries_ug={"salt": 501}
         ... )
-        >>> rest_of(whole, 500, 500).carries_ug, rest_of(whole, 500, 100).carries_ug
-        ({'salt': 251}, {'salt': 50})
+        >>> part_of(whole, 500).carries_ug, part_of(whole, 1001).carries_ug
+        ({'salt': 250}, {'salt': 501})
     """
-    rest_nl = max(operation.amount_nl - moved_nl, 0)
-    lots = {LotId(lot): part for lot, part in operation.parts_nl.items()}
-    lots = remove(lots, take(lots, min(moved_nl, total_nl(lots))))
-    gone = carried_parts(operation, moved_nl)
-    solids = {lot: ug - gone.get(LotId(lot), 0) for lot, ug in operation.carries_ug.items()}
-    if part_nl < rest_nl:
-        lots = take(lots, part_nl) if lots else lots
-        solids = {lot: ug * part_nl // rest_nl for lot, ug in solids.items()}
+    if part_nl >= move.amount_nl:
+        return structs.replace(move, amount_nl=part_nl)
+    lots = {LotId(lot): nl for lot, nl in move.parts_nl.items()}
+    lots = take(lots, part_nl) if lots else lots
     return structs.replace(
-        operation,
+        move,
         amount_nl=part_nl,
-        parts_nl={str(lot): part for lot, part in lots.items()},
-        carries_ug=solids,
+        parts_nl={str(lot): nl for lot, nl in lots.items()},
+        carries_ug={lot: ug * part_nl // move.amount_nl for lot, ug in move.carries_ug.items()},
+    )
+
+
+def rest_of(move: TransferLiquid, moved_nl: int) -> TransferLiquid:
+    """Return what is left of a move once so much has moved, down to nothing.
+
+    Example:
+        >>> from uuid import UUID
+        >>> a, b = UUID(int=1), UUID(int=2)
+        >>> whole = TransferLiquid(
+        ...     source_id=a, target_id=b, amount_nl=1000, carries_ug={"salt": 501}
+        ... )
+        >>> rest_of(whole, 500).carries_ug
+        {'salt': 251}
+    """
+    gone = part_of(move, min(moved_nl, move.amount_nl))
+    lots = {LotId(lot): nl for lot, nl in move.parts_nl.items()}
+    lots = remove(lots, {LotId(lot): nl for lot, nl in gone.parts_nl.items()})
+    return structs.replace(
+        move,
+        amount_nl=move.amount_nl - gone.amount_nl,
+        parts_nl={str(lot): nl for lot, nl in lots.items()},
+        carries_ug={lot: ug - gone.carries_ug[lot] for lot, ug in move.carries_ug.items()},
     )
 
 

@@ -36,8 +36,12 @@ def take_stated(state: State, key: str, taken: Contents, stated: Mapping[str, fl
     held.solids = {lot: amount for lot, amount in held.solids.items() if amount.most}
 
 
-def stop_solids(state: State, taken: Contents, passed: tuple[str, ...]) -> None:
-    """Leave solids in the first cartridge on the way."""
+def stop_solids(
+    state: State, taken: Contents, passed: tuple[str, ...], *, is_dissolved: bool
+) -> None:
+    """Leave solids in the first cartridge on the way, but for what is stated as dissolved."""
+    if is_dissolved:
+        return
     cartridge = next(
         (key for key in passed if state.plumbing.elements[key].role is Role.CARTRIDGE), None
     )

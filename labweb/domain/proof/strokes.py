@@ -259,8 +259,7 @@ def _hand_over(state: State, *, giver: Way, taker: Way) -> None:
     origin, phases, is_dissolved = source.origin, set(source.phases), source.is_dissolved
     taken = _push_out(state, giver)
     if taken is not None and origin is not None:
-        if not is_dissolved:
-            stop_solids(state, taken, taker.passed)
+        stop_solids(state, taken, taker.passed, is_dissolved=is_dissolved)
         as_of = Syringe(0, Contents(), origin, passed, phases, is_dissolved)
         _take_in(state, taker, taken, as_of)
 
@@ -271,7 +270,10 @@ def _draw(state: State, way: Way) -> None:
         _take_in(state, way, Contents(), Syringe(0, Contents(), way.end, way.passed))
         return
     stroke, held = way.stroke, state.held(key)
-    draw = stroke if isinstance(stroke, Draw) else Draw(volume_ul=1, rate_ul_s=1)
+    if isinstance(stroke, Draw):
+        draw = stroke
+    else:
+        draw = Draw(volume_ul=stroke.volume_ul, rate_ul_s=stroke.rate_ul_s)
     phases = {LOWER} if draw.until == "boundary" else set(state.phases.get(key, ()))
     if draw.until is None and way.volume > held.volume.least + TOLERANCE:
         state.complain(
@@ -281,11 +283,10 @@ def _draw(state: State, way: Way) -> None:
             vessel=key,
         )
     taken = _taken(state, way, draw, held)
-    if draw.solids is None:
-        stop_solids(state, taken, way.passed)
-    else:
-        take_stated(state, key, taken, draw.solids)
-    as_of = Syringe(0, Contents(), way.end, way.passed, phases, draw.solids is not None)
+    is_dissolved = draw.solids is not None
+    take_stated(state, key, taken, draw.solids or {})
+    stop_solids(state, taken, way.passed, is_dissolved=is_dissolved)
+    as_of = Syringe(0, Contents(), way.end, way.passed, phases, is_dissolved)
     _take_in(state, way, taken, as_of)
 
 
@@ -386,8 +387,7 @@ def _push(state: State, way: Way) -> None:
     taken = _push_out(state, way)
     if taken is None or origin is None:
         return
-    if not is_dissolved:
-        stop_solids(state, taken, way.passed)
+    stop_solids(state, taken, way.passed, is_dissolved=is_dissolved)
     is_gas = state.plumbing.is_gas(origin.key)
     state.record.flows.append(
         Flow(origin, way.end, taken.volume, way.volume, passed, taken.liquids, taken.solids, is_gas)

@@ -93,15 +93,11 @@ def confirm_job(job_id: UUID, *, actor: User, stated: Mapping[str, str] | None =
 
 def _check_stated(job: Job, stated: Mapping[str, str] | None) -> None:
     told = selectors.to_state(job)
-    if (
-        told is not None
-        and not told["leaves_out"]
-        and not stated
-        and (told["lots"] or stated is None)
-    ):
+    # A vessel that holds no solid any more needs no statement of any.
+    if told is not None and not told["leaves_out"] and told["lots"] and not stated:
         text = f"{job.asks} Say it of each solid: its mass, 'all' or 'none'"
         raise DefinitionError(text, code="run.nothing_stated")
-    if job.states and stated is None:
+    if told is not None and stated is None:
         text = f"{job.asks} Say it of each lot, with its amount or 'all'; of none: {{}}"
         raise DefinitionError(text, code="run.nothing_stated")
     if stated and not job.states:

@@ -15,7 +15,7 @@ from labweb.crutd import services as crutd_services
 from labweb.domain.approvals.roles import Permission
 from labweb.domain.crutd import operations
 from labweb.domain.crutd.operations import TransferLiquid, TransferMass, TransferResource
-from labweb.domain.crutd.parts import rest_of
+from labweb.domain.crutd.parts import part_of, rest_of
 from labweb.domain.errors import DefinitionError, StateError
 from labweb.domain.runs import recovery
 from labweb.domain.runs.halting import LET_GO
@@ -186,7 +186,7 @@ def _pour(
     if moved_nl is None or moved_nl < 0 or (moved_nl == 0 and before_nl <= 0):
         raise DefinitionError("say how much you moved", code="run.bad_amount")
     if moved_nl:
-        done = rest_of(operation, before_nl, moved_nl)
+        done = part_of(rest_of(operation, before_nl), moved_nl)
         told = f"by hand for {job.sentence}: {note}"
         crutd_services.carry_out(
             done, lab=job.run.lab, actor_id=actor.pk, note=told, run_id=job.run_id

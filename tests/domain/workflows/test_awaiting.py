@@ -37,7 +37,7 @@ def test_a_timer_ends_once_the_heater_reads_between_the_limits() -> None:
 
 @pytest.mark.parametrize(
     ("left_out", "low", "high", "told"),
-    [("lowest", None, 25.0, "at most at 25 °C"), ("highest", 18.0, None, "at least at 18 °C")],
+    [("lowest", None, 25.0, "at 25 °C or below"), ("highest", 18.0, None, "at 18 °C or above")],
 )
 def test_one_limit_is_enough(
     left_out: str, low: float | None, high: float | None, told: str

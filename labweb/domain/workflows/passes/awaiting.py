@@ -74,5 +74,5 @@ def plan_await_temperature(step: Step, drafting: Drafting) -> DraftStep:
 
 def _told(low: float | None, high: float | None) -> str:
     if low is None:
-        return f"at most at {high:g} °C"
-    return f"at least at {low:g} °C" if high is None else f"between {low:g} and {high:g} °C"
+        return f"at {high:g} °C or below"
+    return f"at {low:g} °C or above" if high is None else f"between {low:g} and {high:g} °C"

@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from uuid import UUID
 
+from labweb.domain.crutd.operations import TransferLiquid
 from labweb.domain.errors import UnitError
 from labweb.domain.resources.contents import LotId
 from labweb.domain.units import parse_mass_ug, render_mass
@@ -31,6 +32,16 @@ class Solids:
 
     later: StepParameter | None = None
     """What a person states during the run; half of each solid is planned until then."""
+
+    def with_liquid(self, source: UUID, target: UUID, amount_nl: int) -> TransferLiquid:
+        """Return the move of so much liquid, with what goes along of the solids."""
+        return TransferLiquid(
+            source_id=source,
+            target_id=target,
+            amount_nl=amount_nl,
+            keeps=self.keeps,
+            carries_ug=dict(self.carries_ug),
+        )
 
 
 def meant_solids(step: Step, drafting: Drafting, vessel: UUID, field: str) -> Solids | None:

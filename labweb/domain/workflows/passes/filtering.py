@@ -47,13 +47,7 @@ def plan_filter(step: Step, drafting: Drafting) -> DraftStep:
         drafting.refuse(step, "crutd.insufficient_volume", message, "params.vessel")
     if solids is None or not amount_nl:
         return DraftStep(step=step)
-    whole = TransferLiquid(
-        source_id=vessel,
-        target_id=target,
-        amount_nl=amount_nl,
-        keeps=solids.keeps,
-        carries_ug=dict(solids.carries_ug),
-    )
+    whole = solids.with_liquid(vessel, target, amount_nl)
     chain = choose_way(step, drafting, whole)
     if chain is None or not _leaves_below(step, drafting, chain):
         return DraftStep(step=step, whole=whole)

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from msgspec import structs
-
 from labweb.domain.crutd.operations import TransferLiquid
-from labweb.domain.resources.contents import LotId, remove, take
+from labweb.domain.crutd.parts import part_of, rest_of
 
 
 def count_strokes(amount_nl: int, syringe_nl: int) -> int:
@@ -34,19 +32,7 @@ def split_strokes(amount_nl: int, syringe_nl: int) -> tuple[int, ...]:
 
 def split_move(whole: TransferLiquid, stroke_nl: int) -> Iterator[TransferLiquid]:
     """Split a move into strokes, each with its share of the lots and solids that are stated."""
-    rest_nl = whole.amount_nl
-    lots = {LotId(lot): part for lot, part in whole.parts_nl.items()}
-    solids = dict(whole.carries_ug)
+    rest = whole
     for amount_nl in split_strokes(whole.amount_nl, stroke_nl):
-        parts = take(lots, amount_nl) if lots else {}
-        lots = remove(lots, parts)
-        # The last stroke takes along what is left.
-        carries = {lot: ug * amount_nl // rest_nl for lot, ug in solids.items()}
-        solids = {lot: ug - carries[lot] for lot, ug in solids.items()}
-        rest_nl -= amount_nl
-        yield structs.replace(
-            whole,
-            amount_nl=amount_nl,
-            parts_nl={str(lot): part for lot, part in parts.items()},
-            carries_ug=carries,
-        )
+        yield part_of(rest, amount_nl)
+        rest = rest_of(rest, amount_nl)

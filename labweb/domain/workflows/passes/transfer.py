@@ -39,13 +39,7 @@ def plan_transfer(step: Step, drafting: Drafting) -> DraftStep:
     solids = meant_solids(step, drafting, source, "solids")
     if solids is None:
         return DraftStep(step=step)
-    whole = TransferLiquid(
-        source_id=source,
-        target_id=target,
-        amount_nl=amount_nl,
-        keeps=solids.keeps,
-        carries_ug=dict(solids.carries_ug),
-    )
+    whole = solids.with_liquid(source, target, amount_nl)
     mass_check = _mass_check(step, drafting, target)
     chain = choose_way(step, drafting, whole)
     passes = None if chain is None else make_passes(step, drafting, chain, mass_check)
