@@ -44,9 +44,9 @@ class Peer:
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             env=environment,
-            text=True,
-            bufsize=1,
+            bufsize=0,  # what is read ahead, `select` does not see
         )
+        self._number = 0
         assert self._answer(START_S) == {"ready": True}
 
     def ask(self, what: str, timeout_s: float = 55.0, **rest: Any) -> dict[str, Any]:  # noqa: ANN401 - JSON
@@ -57,21 +57,26 @@ class Peer:
     def begin(self, what: str, **rest: Any) -> None:  # noqa: ANN401 - JSON
         """Let it begin; `end` waits for what comes of it."""
         assert self._popen.stdin is not None
-        self._popen.stdin.write(json.dumps({"do": what, **rest}) + "\n")
+        self._number += 1
+        asked = json.dumps({"do": what, "number": self._number, **rest})
+        self._popen.stdin.write(f"{asked}\n".encode())
 
     def end(self, timeout_s: float = 55.0) -> dict[str, Any]:
         """Return what came of what was begun."""
         return self._answer(timeout_s)
 
     def _answer(self, timeout_s: float) -> dict[str, Any]:
+        """Return what came of the last request; of one that a test gave up it comes later."""
         assert self._popen.stdout is not None
         deadline_s = time.monotonic() + timeout_s
         while (left_s := deadline_s - time.monotonic()) > 0:
             ready, _, _ = select.select([self._popen.stdout], [], [], left_s)
-            line = self._popen.stdout.readline() if ready else ""
-            if line.startswith("{"):
+            line = self._popen.stdout.readline() if ready else b""
+            if line.startswith(b"{"):
                 found: dict[str, Any] = json.loads(line)
-                return found
+                if found.pop("number", 0) == self._number:
+                    return found
+                continue
             assert not ready or line, f"the peer ended with {self._popen.wait(5)}"
         raise AssertionError(f"the peer said nothing within {timeout_s:g} s")
 

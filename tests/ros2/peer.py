@@ -208,8 +208,9 @@ def main():
     print(json.dumps({"ready": True}), flush=True)
     for line in sys.stdin:
         asked = json.loads(line)
+        number = asked.pop("number")
         found = getattr(peer, f"do_{asked.pop('do')}")(**asked)
-        print(json.dumps(found), flush=True)
+        print(json.dumps({"number": number, **found}), flush=True)
 
 
 if __name__ == "__main__":

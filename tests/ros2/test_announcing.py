@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -131,6 +132,25 @@ def test_a_device_that_announces_itself_over_dds_is_kept_for_the_inbox(
     assert (found[0].address, found[0].serial) == ("tcp://192.0.2.9:5000", "0815")
     time.sleep(0.5)
     assert sightings(store) == [], "the same is not told twice in a row"
+
+
+def test_who_joins_while_listeners_are_counted_does_no_harm() -> None:
+    ours, theirs = (
+        Bus(LinkSettings(domain=DOMAIN), Types(Definitions({MESSAGE: "string data"})))
+        for _ in range(2)
+    )
+    publisher = ours.publisher("/crowd", MESSAGE)
+
+    def join() -> None:
+        for _ in range(300):
+            theirs.subscribe("/crowd", MESSAGE, lambda _: None)
+
+    joining = threading.Thread(target=join)
+    joining.start()
+    until(lambda: publisher.listener_count == 300)
+    joining.join()
+    for one in (ours, theirs):
+        one.close()
 
 
 def test_a_stranger_on_the_bus_neither_drowns_nor_ends_it(

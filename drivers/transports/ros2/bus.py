@@ -14,7 +14,7 @@ import logging
 import os
 import threading
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import Any
 
 from cyclonedds.core import DDSException, Listener
@@ -75,7 +75,12 @@ class Publisher:
     def listener_count(self) -> int:
         """Return how many listen."""
         writer = self._writer
-        return 0 if writer is None else len(writer.get_matched_subscriptions())
+        while writer is not None:
+            # The library asks for the number and then for the list: who joins in between makes the
+            # list longer than its room.
+            with suppress(IndexError):
+                return len(writer.get_matched_subscriptions())
+        return 0
 
     def close(self) -> None:
         """Let go of the writer: one that is still held keeps its participant in the domain."""
