@@ -108,12 +108,8 @@ def judge(pair: Pair, *, is_started: bool, speed: float | None = None) -> Judged
     judged = Judged()
     recipe = None
     try:
-        asked = _asked(pair)
-        graph = unpacked(asked.graph)
-        rig = read_rig(graph)
-        recipe = read_recipe(asked.recipe, rig)
-        wish = asked.wish(recipe, asked.stated())
-        plan = plan_recipe(recipe, rig, wish, asked.head(digest(graph))).plan
+        recipe = _read(pair)
+        plan = _plan(pair, recipe)
     except LabError as error:
         judged.is_compiled = error.code == _UNPROVED
         judged.findings += _told("compile", error, _steps_of(recipe))
@@ -127,6 +123,28 @@ def judge(pair: Pair, *, is_started: bool, speed: float | None = None) -> Judged
     return judged
 
 
+def compiled(pair: Pair) -> tuple[Recipe, dict[str, Any]]:
+    """Return a recipe and its plan on its rig, proved.
+
+    Raises:
+        LabError: It cannot be read, or there is no proved plan.
+    """
+    recipe = _read(pair)
+    return recipe, _plan(pair, recipe)
+
+
+def _read(pair: Pair) -> Recipe:
+    asked = _asked(pair)
+    return read_recipe(asked.recipe, read_rig(unpacked(asked.graph)))
+
+
+def _plan(pair: Pair, recipe: Recipe) -> dict[str, Any]:
+    asked = _asked(pair)
+    graph = unpacked(asked.graph)
+    wish = asked.wish(recipe, asked.stated())
+    return plan_recipe(recipe, read_rig(graph), wish, asked.head(digest(graph))).plan
+
+
 def _asked(pair: Pair, bind: Mapping[str, str] | None = None) -> Asked:
     declared = pair.declared()
     return Asked(
@@ -138,14 +156,24 @@ def _asked(pair: Pair, bind: Mapping[str, str] | None = None) -> Asked:
     )
 
 
+def on_lab(pair: Pair, plan: Mapping[str, Any], recipe: Recipe) -> tuple[LabFile, Asked]:
+    """Return the lab of a rig as a person has filled it, and the recipe as it is opened there.
+
+    Raises:
+        LabFileError: The graph is no lab.
+    """
+    lab = lab_of(unpacked(pair.rig.read_bytes()), pair.recipe.stem, plan)
+    asked = replace(_asked(pair, _bound(plan, recipe)), graph=render_graph(lab), is_of_lab=True)
+    return lab, asked
+
+
 def _start(
     pair: Pair, plan: Mapping[str, Any], recipe: Recipe, judged: Judged
 ) -> tuple[LabFile, dict[str, Any]] | None:
     """Return the lab and the workflow that would start; None: it would not."""
     names = _steps_of(recipe)
     try:
-        lab = lab_of(unpacked(pair.rig.read_bytes()), pair.recipe.stem, plan)
-        asked = replace(_asked(pair, _bound(plan, recipe)), graph=render_graph(lab))
+        lab, asked = on_lab(pair, plan, recipe)
         document = workflow_from(asked)["document"]
         names |= {step["id"]: step["kind"] for step in document["steps"]}
         proof = _proved(document, view_of(lab))

@@ -10,8 +10,10 @@ from typing import Any
 
 import pytest
 
-from benchmarks.corpus import judge, totals
+from benchmarks.corpus import compiled, judge, on_lab, totals
 from benchmarks.corpus_pairs import Pair, find_pairs
+from labweb.domain.errors import LabError
+from labweb.domain.recipes.opening import Asked, open_recipe, workflow_from
 from tests.corpus import NO_XDL, XDL
 from tests.domain.recipes.plans import recipe
 from tests.domain.recipes.rigs import chemputer
@@ -128,6 +130,33 @@ def test_of_each_published_pair_it_is_said_how_far_it_comes_or_why_not() -> None
     assert started >= {f"Arbidol_step{step}" for step in (1, 2, 4, 5)}
     assert started >= {"precipitate", "stirring", "dry_in_reactor", "no_cleaning_solvents"}
     assert last["totals"]["refusals"]
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(300)
+@pytest.mark.skipif(not XDL.exists(), reason=NO_XDL)
+def test_a_published_recipe_is_refused_on_its_page_as_it_is_when_it_is_saved() -> None:
+    refused = 0
+    for pair in find_pairs(XDL):
+        try:
+            recipe, plan = compiled(pair)
+        except LabError:
+            continue
+        _, asked = on_lab(pair, plan, recipe)
+        page = open_recipe(asked)
+        document, findings = saved(asked)
+        assert page["document"] == document, pair
+        assert [one["message"] for one in page["findings"]] == findings, pair
+        refused += document is None
+    assert refused
+
+
+def saved(asked: Asked) -> tuple[dict[str, Any] | None, list[str]]:
+    """Return the workflow that is saved of a recipe, or why none is."""
+    try:
+        return workflow_from(asked)["document"], []
+    except LabError as error:
+        return None, [one.message for one in error.findings]
 
 
 def test_a_solid_is_weighed_in_from_a_jar_that_a_person_has_filled(tmp_path: Path) -> None:

@@ -76,9 +76,7 @@ class Publisher:
         """Return how many listen."""
         writer = self._writer
         while writer is not None:
-            # The library asks for the number and then for the list: who joins in between makes the
-            # list longer than its room.
-            with suppress(IndexError):
+            with suppress(IndexError):  # who joins while the library counts makes it fail
                 return len(writer.get_matched_subscriptions())
         return 0
 
@@ -398,7 +396,5 @@ def _configure(settings: LinkSettings) -> None:
             os.environ.pop("CYCLONEDDS_URI", None)
             _domains[settings.domain] = (wanted, Domain(settings.domain, wanted))
         elif found[0] != wanted:
-            raise DefinitionError(
-                f"this process is in domain {settings.domain} with other settings",
-                code="ros2.link",
-            )
+            message = f"this process is in domain {settings.domain} with other settings"
+            raise DefinitionError(message, code="ros2.link")

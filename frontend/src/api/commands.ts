@@ -144,9 +144,10 @@ export function saveVersion(id: string, note: string, revision: number): Promise
   return call("POST", `/workflows/${id}/versions`, { note, revision });
 }
 
+/** What a document would mean here and now; with a workflow, what became of its proof, too. */
 export function checkDocument(
   document: WorkflowDocument,
-  workflowId: string,
+  workflowId: string | null,
   signal: AbortSignal,
 ): Promise<CheckResult> {
   return call("POST", "/workflows/check", { document, workflow_id: workflowId }, signal);

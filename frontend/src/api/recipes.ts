@@ -1,9 +1,11 @@
 /** Recipes on rigs: opened, advised on, kept. */
 
 import { useQuery, type UseMutationResult, type UseQueryResult } from "@tanstack/react-query";
+import type { CheckResult, WorkflowDocument } from "@/model/wire";
 import type { KeptRecipe, Opening, RecipeAdvice, RecipeFinding } from "@/model/wirerecipe";
 import { useAct } from "./act";
 import { call, spoken } from "./client";
+import { checkDocument } from "./commands";
 import { keys } from "./keys";
 import { client } from "./live";
 
@@ -73,6 +75,26 @@ export function useOpening(asked: RecipeAsked | null): UseQueryResult<Opening> {
       query?.queryKey[1] === asked?.recipeId && query?.queryKey[2] === asked?.rigId
         ? previous
         : undefined,
+  });
+}
+
+/**
+ * Whether the workflow of a recipe would start in the lab as it is now; null: there is none.
+ * A lab moves on: who looks at the page again, asks again.
+ */
+export function useStart(
+  document: WorkflowDocument | null,
+  openedAt: number,
+): UseQueryResult<CheckResult> {
+  return useQuery({
+    queryKey: keys.start(openedAt),
+    queryFn: async ({ signal }) => {
+      if (!document) throw new Error("there is no workflow");
+      const answer = await checkDocument(document, null, signal);
+      return { ...answer, findings: answer.findings.map(spoken) };
+    },
+    enabled: document !== null,
+    retry: false,
   });
 }
 

@@ -1,5 +1,6 @@
 /** A small plan on a small rig, for tests. */
 
+import type { CheckResult } from "./wire";
 import type { Opening, PlannedStep, RecipePlan, Rig, RigNode } from "./wirerecipe";
 
 export function aPlannedStep(told: Partial<PlannedStep>): PlannedStep {
@@ -94,6 +95,19 @@ export function anOpening(told: Partial<Opening> = {}): Opening {
       aPlannedStep({ id: 2, route: [], does: { kind: "ask", text: "Ready?" } }),
     ]),
     is_proved: true,
+    document: { schema: "labweb.workflow/1", name: "warm", steps: [], edges: [] },
+    ...told,
+  };
+}
+
+/** What a lab answers where the workflow would start. */
+export function aCheck(told: Partial<CheckResult> = {}): CheckResult {
+  return {
+    findings: [],
+    plan: { digest: "cd", estimate_s: 0, steps: [], jobs: [], notes: [], proved: null },
+    policies: [],
+    sentences: {},
+    proof: null,
     ...told,
   };
 }

@@ -1,10 +1,14 @@
 /** What crosses the border about recipes that are opened on a rig. */
 
 import type { Finding, Id, Version } from "./wirebase";
+import type { WorkflowDocument } from "./wire";
 
-/** What a finding is about: the recipe, the graph, both together, what was asked, what is stated. */
+/**
+ * What a finding is about: the recipe, the graph, both together, what was asked, what is stated,
+ * or the workflow that the recipe becomes.
+ */
 export interface RecipeFinding extends Finding {
-  about: "recipe" | "graph" | "rig" | "wish" | "declared";
+  about: "recipe" | "graph" | "rig" | "wish" | "declared" | "workflow";
 }
 
 export interface RigNode {
@@ -116,6 +120,8 @@ export interface Opening {
   /** Null unless the verifier has proved it. */
   plan: RecipePlan | null;
   is_proved: boolean | null;
+  /** The workflow of this lab that does the same; null on another rig, or where there is none. */
+  document: WorkflowDocument | null;
 }
 
 export type RecipeAdvice =

@@ -20,6 +20,7 @@ import { FindingsCard } from "./findings";
 import { RigGraph } from "./graph";
 import { RigBar } from "./rigs";
 import { SaveDialog } from "./save";
+import { StartNow } from "./start";
 import { StepsCard } from "./steps";
 import { RecipeText } from "./text";
 import { TotalsCard } from "./totals";
@@ -128,6 +129,7 @@ function OpenRecipe(props: { file: string; text: string; button: ReactNode }) {
             picked={picked}
             onPick={pick}
             asked={asked}
+            openedAt={opening.dataUpdatedAt}
           />
         )}
       </Loaded>
@@ -147,7 +149,8 @@ function whyNotSaved(rigId: string, planned: Opening | null): string | null {
   if (rigId !== THE_LAB) return words.otherRigNoSave;
   if (!planned) return words.noPlanNoSave;
   const several = planned.bindings.filter((row) => row.keys.length > 1);
-  return several.length ? words.severalNoSave(several.map((row) => row.role)) : null;
+  if (several.length) return words.severalNoSave(several.map((row) => row.role));
+  return planned.document ? null : words.noWorkflowNoSave;
 }
 
 interface AnswerProps {
@@ -157,9 +160,10 @@ interface AnswerProps {
   picked: number | null;
   onPick: (id: number | null) => void;
   asked: ReturnType<typeof askedOn>;
+  openedAt: number;
 }
 
-function Answer({ data, text, isNew, picked, onPick, asked }: AnswerProps) {
+function Answer({ data, text, isNew, picked, onPick, asked, openedAt }: AnswerProps) {
   const [line, setLine] = useState<number | null>(null);
   const plan = isNew ? null : data.plan;
   const step = plan?.steps.find((one) => one.id === picked) ?? null;
@@ -176,6 +180,7 @@ function Answer({ data, text, isNew, picked, onPick, asked }: AnswerProps) {
     <div className="recipecols" aria-busy={isNew} data-testid="opening">
       <div className="col told">
         <ProofChip data={data} isNew={isNew} />
+        {!isNew && <StartNow opening={data} openedAt={openedAt} />}
         {!isNew && data.findings.length > 0 && (
           <FindingsCard findings={data.findings} onLine={setLine} />
         )}

@@ -3,7 +3,7 @@ import { screen, waitFor, within } from "@testing-library/react";
 import userEvent from "@testing-library/user-event";
 import { beforeEach, expect, test, vi } from "vitest";
 import { useOpened } from "@/api/opened";
-import { anOpening, aPlan, aPlannedStep } from "@/model/recipesamples";
+import { aCheck, anOpening, aPlan, aPlannedStep } from "@/model/recipesamples";
 import type { Opening, RecipeAdvice } from "@/model/wirerecipe";
 import { serve, show, type Sent } from "@/testpage";
 import { RecipePage } from "./page";
@@ -28,6 +28,7 @@ const refused: Partial<Opening> = {
     },
   ],
 };
+let check = aCheck();
 const advice: RecipeAdvice = {
   ok: true,
   changes: [{ change: "add_flask", text: "Add a flask of water", adds: ["flask_water"] }],
@@ -41,13 +42,19 @@ function page(answer: (body: Record<string, unknown>) => Opening): Sent[] {
     if (path === "/session") return [200, { user, lab: null }];
     if (path === "/recipes/open") return [200, answer(body)];
     if (path === "/recipes/advise") return [200, advice];
+    if (path === "/workflows/check") return [200, check];
     return [201, { workflow_id: "w", version: { id: "v", number: 1 } }];
   });
   show(<RecipePage />, "/workflows/xdl");
   return sent;
 }
 
+/** What was sent last to open a recipe. */
+const opened = (sent: Sent[]): unknown =>
+  sent.findLast((one) => one.path.endsWith("/recipes/open"))?.body;
+
 beforeEach(() => {
+  check = aCheck();
   useOpened.getState().close();
   vi.stubGlobal(
     "URL",
@@ -63,6 +70,9 @@ test("without a recipe the page says what it is for, and takes one", async () =>
   });
   expect(await screen.findByTestId("recipe-steps")).toBeInTheDocument();
   expect(screen.getByTestId("proof")).toHaveAttribute("data-state", "proved");
+  await waitFor(() =>
+    expect(screen.getByTestId("start-now")).toHaveAttribute("data-state", "starts"),
+  );
 });
 
 test("a step shows its route and unfolds to its actions, those at the same time side by side", async () => {
@@ -91,6 +101,36 @@ test("what is not proved is no plan, and its findings lead to their lines", asyn
   expect(screen.getByTestId("save-recipe")).toBeDisabled();
 });
 
+test("a recipe that would not start now says at which step and why", async () => {
+  await useOpened.getState().openRecipe(recipe());
+  check = aCheck({
+    plan: null,
+    findings: [
+      {
+        code: "driver.argument_range",
+        message: "chiller: temperature_c is at most 110 °C; got 130",
+        subject: "s4",
+        context: {},
+      },
+    ],
+    sentences: { s4: [{ text: "Bring the reactor to 130 °C" }] },
+  });
+  const sent = page(() => anOpening());
+  const finding = await screen.findByTestId("start-finding");
+  expect(screen.getByTestId("start-now")).toHaveTextContent("Would not start");
+  expect(finding).toHaveTextContent("Bring the reactor to 130 °C");
+  expect(finding).toHaveTextContent("at most 110 °C");
+  const asked = sent.find((one) => one.path.endsWith("/workflows/check"));
+  expect(asked?.body).toMatchObject({ document: anOpening().document, workflow_id: null });
+});
+
+test("a recipe that becomes no workflow cannot be saved", async () => {
+  await useOpened.getState().openRecipe(recipe());
+  page(() => anOpening({ document: null }));
+  expect(await screen.findByTestId("save-recipe")).toBeDisabled();
+  expect(screen.queryByTestId("start-now")).toBeNull();
+});
+
 test("a vessel chosen by hand is asked for, and what was chosen stays chosen meanwhile", async () => {
   await useOpened.getState().openRecipe(recipe());
   const sent = page(() => anOpening());
@@ -98,7 +138,7 @@ test("a vessel chosen by hand is asked for, and what was chosen stays chosen mea
   await waitFor(() =>
     expect(sent.filter((one) => one.path.endsWith("/recipes/open"))).toHaveLength(2),
   );
-  expect(sent[sent.length - 1]?.body).toMatchObject({ bind: { water: "other" }, graph: null });
+  expect(opened(sent)).toMatchObject({ bind: { water: "other" }, graph: null });
   expect(screen.getByLabelText("water is")).toHaveValue("other");
 });
 
@@ -125,7 +165,7 @@ test("a refused recipe gets advice, and the corrected graph is tried at once", a
   expect(screen.getByTestId("corrected-graph")).toHaveAttribute("download", "warm-corrected.json");
   await userEvent.click(screen.getByTestId("try-corrected"));
   expect(await screen.findByTestId("recipe-steps")).toBeInTheDocument();
-  expect(sent[sent.length - 1]?.body).toMatchObject({ graph: btoa("{}") });
+  expect(opened(sent)).toMatchObject({ graph: btoa("{}") });
 });
 
 test("it is saved with the keys of the lab, under a name", async () => {

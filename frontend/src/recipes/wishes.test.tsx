@@ -3,7 +3,7 @@ import { screen, waitFor, within } from "@testing-library/react";
 import userEvent from "@testing-library/user-event";
 import { beforeEach, expect, test } from "vitest";
 import { useOpened } from "@/api/opened";
-import { anOpening } from "@/model/recipesamples";
+import { aCheck, anOpening } from "@/model/recipesamples";
 import type { Opening, RecipeFinding, RecipeParameter } from "@/model/wirerecipe";
 import { serve, show, type Sent } from "@/testpage";
 import { RecipePage } from "./page";
@@ -39,6 +39,7 @@ function page(answer: (body: Record<string, unknown>) => Opening): Sent[] {
   const sent: Sent[] = serve((path) => {
     const body = (sent[sent.length - 1]?.body ?? {}) as Record<string, unknown>;
     if (path === "/session") return [200, { user, lab: null }];
+    if (path === "/workflows/check") return [200, aCheck()];
     if (path === "/recipes/keep") return [201, { workflow_id: "w", version: { id: "v" } }];
     return [200, answer(body)];
   });

@@ -20,6 +20,7 @@ export const words = {
   saveAs: "Save as workflow",
   name: "Name",
   noPlanNoSave: "A recipe is saved once it has a proved plan.",
+  noWorkflowNoSave: "A workflow cannot say all of it: the findings name what.",
   otherRigNoSave: "A workflow is of this lab: choose this lab as the rig.",
   findings: "Findings",
   text: "Recipe",
@@ -77,6 +78,13 @@ export const words = {
   notProved: "No plan: the verifier did not prove it",
   noPlan: "No plan",
   noPlanYet: "What stands against it is in the findings.",
+  start: {
+    asking: "Planning in the lab as it is now…",
+    starts: "Would start in the lab as it is now",
+    refused: "Would not start in the lab as it is now",
+    why: "In the way of a start",
+    policies: (names: readonly string[]) => `A second person is asked first: ${names.join(", ")}.`,
+  },
   steps: "Steps",
   step: "Step",
   time: "Time",
@@ -112,5 +120,6 @@ export const words = {
     rig: "Recipe on this rig",
     wish: "What was asked",
     declared: "Stated beside it",
+    workflow: "As a workflow",
   },
 } as const;

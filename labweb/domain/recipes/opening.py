@@ -7,7 +7,7 @@ recipe declares, and which of the graph's vessels each of it could be.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from labweb.domain.errors import Finding, LabError, UnitError
@@ -28,7 +28,7 @@ from labweb.domain.recipes.recipe_on_rig import (
 )
 from labweb.domain.recipes.recipe_plan import Wish, expand_recipe
 from labweb.domain.recipes.rig_choices import without_jars
-from labweb.domain.recipes.workflow_on_rig import workflow_on_rig
+from labweb.domain.recipes.workflow_on_rig import document_of, workflow_on_rig
 from labweb.domain.recipes.xdl.declared import Declared, bindings, read_declared
 from labweb.domain.recipes.xdl.expansion.expand import all_operations
 from labweb.domain.recipes.xdl.findings import Findings
@@ -55,6 +55,9 @@ class Asked:
     recipe: bytes
     graph: bytes = b""
     """Empty: the recipe is read without a rig."""
+
+    is_of_lab: bool = False
+    """The graph is that of the lab, in which the recipe would run: it becomes a workflow, too."""
 
     bind: Mapping[str, str] = field(default_factory=dict)
     holds: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
@@ -130,6 +133,8 @@ def open_recipe(asked: Asked) -> dict[str, Any]:
     Returns:
         `recipe`, `rig`, `bindings`, `findings`, and `plan`, which is None unless the verifier has
         proved it. Each step of the plan has its `route`: the tubes that its liquid goes through.
+        `document` is the workflow that does the same, its vessels as `@key`; None: it is not
+        asked for, or findings about `workflow` say why there is none.
 
     Effect:
         None.
@@ -141,6 +146,7 @@ def open_recipe(asked: Asked) -> dict[str, Any]:
         "findings": [],
         "plan": None,
         "is_proved": None,
+        "document": None,
     }
     rig, recipe = _rig(asked, answer), None
     findings: list[Finding] = []
@@ -166,10 +172,26 @@ def open_recipe(asked: Asked) -> dict[str, Any]:
         answer["is_proved"] = False if error.code == _UNPROVED else None
         _tell(answer, "rig", error)
     answer["bindings"] = _bindings(recipe.synthesis, rig, asked, binding)
+    if asked.is_of_lab and answer["plan"] is not None:
+        _draw(answer, asked, recipe, rig, stated)
     keys = {} if stated is None else stated.keys
     for row in answer["bindings"]:
         row["is_stated"] = row["role"] in keys and not row["is_by_hand"]
     return answer
+
+
+def _draw(
+    answer: dict[str, Any], asked: Asked, recipe: Recipe, rig: Rig, stated: Declared | None
+) -> None:
+    """Add the workflow that a proved plan becomes, or why it becomes none."""
+    rows = answer["bindings"]
+    bound = {row["role"]: row["keys"][0] for row in rows if len(row["keys"]) == 1}
+    try:
+        wish = asked.wish(recipe, stated)
+        wish = replace(wish, bind={**bound, **wish.bind})
+        answer["document"] = document_of(recipe, rig, wish, stated, answer["plan"])
+    except LabError as error:
+        _tell(answer, "workflow", error)
 
 
 def advise_on(asked: Asked, clock: Clock | None = None) -> dict[str, Any]:

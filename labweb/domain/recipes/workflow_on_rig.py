@@ -38,14 +38,33 @@ def workflow_on_rig(
             with each deed that the two do not have in common.
     """
     plan = plan_recipe(recipe, rig, without_jars(wish, recipe, rig), head).plan
+    return plan, document_of(recipe, rig, wish, stated, plan)
+
+
+def document_of(
+    recipe: Recipe, rig: Rig, wish: Wish, stated: Declared | None, plan: Mapping[str, Any]
+) -> dict[str, Any]:
+    """Return the workflow that does what a proved plan of a recipe does.
+
+    Args:
+        recipe: The recipe.
+        rig: The rig.
+        wish: What is asked beside the recipe, names bound to keys of the rig.
+        stated: What a person states of lab and matter; None: nothing.
+        plan: As `docs/plan.md` says it, proved on this rig.
+
+    Raises:
+        LabError: A workflow cannot say all of it, or `recipe.differs`, with each deed that the
+            two do not have in common.
+    """
     equipment = Equipment(rig)
     document = workflow_of(
         recipe,
         with_fillings(wish, recipe, equipment),
-        name=head["recipe"]["id"][:200],
+        name=plan["recipe"]["id"][:200],
         declared=with_receivers(stated or Declared(), plan, equipment),
         rig=on_rig(plan, rig),
     )
     document = weave_rinses(plan, document)
     check_same(plan, document, rig.pumps)
-    return plan, document
+    return document

@@ -25,6 +25,7 @@ from labweb.domain.graph.rig.lab import render_graph
 from labweb.domain.recipes.agreement.contents import render_proved
 from labweb.domain.recipes.opening import Asked
 from labweb.domain.recipes.recipe_on_rig import digest
+from labweb.domain.resources.tree import Tree
 from labweb.domain.workflows.protocol import parse_workflow, render_workflow, resolve_keys
 from labweb.resources import selectors as resource_selectors
 from labweb.resources.selectors import Lab
@@ -61,10 +62,25 @@ def open_recipe(lab: Lab, asked: Asked, *, on_lab: bool, actor: User) -> dict[st
         DefinitionError: `recipe.too_much`, when it takes more time or memory than a recipe may.
         LockedError: `recipe.busy`.
 
+    Returns:
+        As `opening.open_recipe`; on the lab, `document` names its resources.
+
     Effect:
         None. Nothing is stored.
     """
-    found: dict[str, Any] = _run("open", _with_graph(lab, asked, on_lab=on_lab, actor=actor), actor)
+    require_drawing(lab, actor)
+    if not on_lab:
+        return _run("open", asked, actor)
+    lab_file = _lab_file(lab, actor)
+    asked = replace(asked, graph=render_graph(lab_file), is_of_lab=True)
+    found = _run("open", asked, actor)
+    if found["document"] is None:
+        return found
+    try:
+        found["document"] = _resolved(found["document"], lab_file.tree)
+    except ProtocolError as error:
+        found["document"] = None
+        found["findings"] += [one.to_json() | {"about": "workflow"} for one in error.findings]
     return found
 
 
@@ -103,11 +119,14 @@ def read_recipe(lab: Lab, asked: Asked, *, name: str, actor: User) -> ReadRecipe
     lab_file = _lab_file(lab, actor)
     graph = render_graph(lab_file)
     found = _run("workflow", replace(asked, name=name.strip() or asked.name, graph=graph), actor)
-    template = parse_workflow(found["document"])
-    document = render_workflow(resolve_keys(template, lab_file.tree))
+    document = _resolved(found["document"], lab_file.tree)
     proved = render_proved(found["proved"], lab_file)
     note = f"from {asked.name[:LONGEST_FILE]}, SHA-256 {digest(asked.recipe)}"
     return ReadRecipe(document, proved, note)
+
+
+def _resolved(document: dict[str, Any], tree: Tree) -> dict[str, Any]:
+    return render_workflow(resolve_keys(parse_workflow(document), tree))
 
 
 @atomic

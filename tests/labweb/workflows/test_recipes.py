@@ -35,9 +35,26 @@ def test_a_recipe_is_planned_on_the_lab_as_it_is_and_nothing_is_stored(
     assert not Workflow.objects.filter(is_template=False).exists()
 
 
+def test_on_the_lab_its_workflow_is_checked_as_a_start_does(bench: Bench, chemist: Client) -> None:
+    answer = opened(chemist, name="warm", recipe=packed(WATER))
+    first = answer["document"]["steps"][0]
+    assert first["params"]["source"] == str(bench.node("water").id)
+    check = {"document": answer["document"], "workflow_id": None}
+    told = chemist.post("/api/v1/workflows/check", check, content_type="application/json").json()
+    assert (told["findings"], told["plan"] is None) == ([], False)
+
+
+def test_what_a_workflow_cannot_say_is_told_when_it_is_opened(chemist: Client) -> None:
+    more = b'<StartHeatChill vessel="reactor" temp="40 C"/></Procedure>'
+    answer = opened(chemist, name="warm", recipe=packed(WATER.replace(b"</Procedure>", more)))
+    assert (answer["is_proved"], answer["document"]) == (True, None)
+    (found,) = answer["findings"]
+    assert (found["about"], found["code"]) == ("workflow", "xdl.not_in_workflow")
+
+
 def test_another_graph_gives_another_plan(chemist: Client) -> None:
     answer = opened(chemist, name="acetylation", recipe=packed(RECIPE), graph=packed(ROW))
-    assert answer["is_proved"] is True
+    assert (answer["is_proved"], answer["document"]) == (True, None)
     assert answer["plan"]["recipe"]["id"] == "acetylation"
     refused = opened(chemist, name="acetylation", recipe=packed(RECIPE))
     assert refused["plan"] is None
