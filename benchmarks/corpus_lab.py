@@ -22,6 +22,7 @@ from tests.domain.workflows.station import specs
 
 ROOT = Path(__file__).parents[1]
 DAY = date(2026, 5, 4)
+_EVAPORATOR_UL = 1_000_000
 
 
 @cache
@@ -53,18 +54,23 @@ def lab_of(raw: bytes, name: str, plan: Mapping[str, Any]) -> LabFile:
 
 
 def _with_sizes(lab: LabFile) -> LabFile:
-    """Say how much a receiver takes, where the graph does not: as much as the flask before it."""
+    """Hang a flask of a litre on each evaporator, and say how much a receiver takes.
+
+    How much is drawn into an evaporator is known only once layers have parted; a smaller flask,
+    as some graphs have it, runs over in recipes that were published with it. A receiver takes as
+    much as the flask before it, where the graph does not say.
+    """
     sizes = {one.id: one.config.get("capacity_ul") for one in lab.resources}
-    before = {
-        tube.target.resource_id: sizes[tube.source.resource_id]
-        for tube in lab.connections
-        if tube.medium is Medium.GAS and sizes[tube.source.resource_id]
-    }
+    gases = [tube for tube in lab.connections if tube.medium is Medium.GAS]
+    ways = [(one.source.resource_id, one.target.resource_id) for one in gases]
+    for flask, receiver in ways:
+        if sizes[flask] and not sizes[receiver]:
+            sizes[flask] = sizes[receiver] = max(sizes[flask], _EVAPORATOR_UL)
     return replace(
         lab,
         resources=tuple(
-            replace(one, config={**one.config, "capacity_ul": before[one.id]})
-            if one.id in before and not sizes[one.id]
+            replace(one, config={**one.config, "capacity_ul": sizes[one.id]})
+            if sizes[one.id] != one.config.get("capacity_ul")
             else one
             for one in lab.resources
         ),

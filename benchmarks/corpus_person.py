@@ -61,7 +61,7 @@ def _lower(lots: Sequence[Mapping[str, Any]]) -> dict[str, str]:
 
 
 def _is(pattern: re.Pattern[str], lot: Mapping[str, Any]) -> bool:
-    return pattern.search(lot["key"].rpartition("/")[2]) is not None
+    return pattern.search(lot["key"]) is not None
 
 
 def _amount(lot: Mapping[str, Any], share: float) -> str:

@@ -25,7 +25,7 @@ from labweb.domain.graph.lab_file.render import render_lab
 from tests.system.stack import Client, Stack, is_over, running
 
 _ONLINE_WITHIN_S = 120.0
-_LOOK_S = 1.0
+_LOOK_S = 3.0
 
 
 @dataclass(kw_only=True)
