@@ -8,6 +8,7 @@ from datetime import date
 from functools import cache
 from pathlib import Path
 from typing import Any
+from uuid import UUID
 
 from labweb.domain.graph.lab_file.bindings import Binding, read_binding
 from labweb.domain.graph.lab_file.model import LabFile, Lot, Material, entry_id
@@ -60,12 +61,15 @@ def _with_sizes(lab: LabFile) -> LabFile:
     as some graphs have it, runs over in recipes that were published with it. A receiver takes as
     much as the flask before it, where the graph does not say.
     """
-    sizes = {one.id: one.config.get("capacity_ul") for one in lab.resources}
+    sizes: dict[UUID, float | None] = {
+        one.id: one.config.get("capacity_ul") for one in lab.resources
+    }
     gases = [tube for tube in lab.connections if tube.medium is Medium.GAS]
     ways = [(one.source.resource_id, one.target.resource_id) for one in gases]
     for flask, receiver in ways:
-        if sizes[flask] and not sizes[receiver]:
-            sizes[flask] = sizes[receiver] = max(sizes[flask], _EVAPORATOR_UL)
+        size_ul = sizes[flask]
+        if size_ul and not sizes[receiver]:
+            sizes[flask] = sizes[receiver] = max(size_ul, _EVAPORATOR_UL)
     return replace(
         lab,
         resources=tuple(

@@ -8,7 +8,9 @@ Setters have no answer, so what was set is read back. The status line tells the 
 there, and why the last setter was refused.
 
 Source:
-    Julabo, operating manual of CF41, section "Interface commands" and table of messages.
+    Julabo, operating manual of CF41, section "Interface commands" and table of messages. Its
+    range up to 200 °C, and up to 110 °C with the fluid H5: published graphs of Chemputers, and
+    PyLabware.
 """
 
 from __future__ import annotations
@@ -46,7 +48,7 @@ WARNINGS = {"-20", "-40"}
 
 ANSWER_S = 1.0
 
-Temperature = Annotated[float, Range(-40.0, 110.0), Accuracy()]
+Temperature = Annotated[float, Range(-40.0, 200.0), Accuracy()]
 Tolerance = Annotated[float, Range(0.01, 50.0), Quantity("temperature_difference")]
 
 
@@ -58,6 +60,9 @@ class Config(msgspec.Struct, frozen=True, kw_only=True):
 
     min_temperature_c: Temperature = -40.0
     max_temperature_c: Temperature = 110.0
+    """Highest temperature of the bath fluid: the one that most of these baths hold ends at 110 °C,
+    the circulator itself at 200 °C."""
+
     reach_limit_s: Annotated[float, Range(0.1, 42_000.0)] = 14_000.0
     """Longest time to reach a temperature."""
 

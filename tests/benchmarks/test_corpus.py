@@ -129,6 +129,8 @@ def test_of_each_published_pair_it_is_said_how_far_it_comes_or_why_not() -> None
     started = {Path(line["recipe"]).stem for line in lines if line["started"]}
     assert started >= {f"Arbidol_step{step}" for step in (1, 2, 4, 5)}
     assert started >= {"precipitate", "stirring", "dry_in_reactor", "no_cleaning_solvents"}
+    assert started >= {"lidocaine", "orgsyn_v80p0129", "orgsyn_v81p0262", "orgsyn_v83p0184a"}
+    assert last["totals"]["started"] >= 32
     assert last["totals"]["refusals"]
 
 

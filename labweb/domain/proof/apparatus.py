@@ -21,7 +21,7 @@ _CENTRIFUGE = re.compile(r"centrifuge")
 _EVAPORATOR = re.compile(r"rotary_?evaporator")
 """A rotary evaporator whose flasks are vessels of their own."""
 
-_LINE = re.compile(r"chemputer_?vacuum")
+_LINE = re.compile(r"chemputer_?vacuum|vacuum_?line")
 
 ACTIONS_OF: Mapping[str, frozenset[str]] = {
     "stirrer": frozenset(("stir", "stop_stirring")),

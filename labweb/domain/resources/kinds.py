@@ -84,6 +84,7 @@ KINDS: Mapping[str, Kind] = {
         Kind("phase_separator", _AR, "Phase separator", is_place=True),
         Kind("rotary_evaporator", _AR, "Rotary evaporator", is_place=True),
         Kind("vacuum_controller", _A, "Vacuum controller"),
+        Kind("vacuum_line", _R, "Vacuum line"),
         Kind("balance", _AR, "Balance", is_place=True),
         Kind("transmitter", _A, "Transmitter"),
         Kind("timer", _A, "Timer"),

@@ -16,8 +16,10 @@ from labweb.domain.graph.rig.model import RigFormat
 from labweb.domain.graph.rig.read import read_rig, unpacked
 from labweb.domain.graph.rig.write import write_rig
 from labweb.domain.recipes.graph_formats.convert import Target, convert, family_of
+from labweb.domain.recipes.on_rig.equipment import Equipment
 from labweb.domain.recipes.opening import Asked, open_recipe
 from tests.corpus import GRAPHS, NO_GRAPHS, NO_XDL, XDL
+from tests.domain.recipes.rigs import chemputer
 from tests.domain.recipes.test_advice_on_labs import ADD, SEPARATE, SEPARATOR, recipe
 from tests.domain.recipes.test_advice_on_stations import station
 from tests.domain.recipes.test_opening import RECIPE, ROW, STARTER
@@ -134,6 +136,22 @@ def test_an_evaporator_is_one_node_with_its_receiver_and_its_pump() -> None:
     joined = {(link["source"], link["target"], link["port"]) for link in graph["links"]}
     assert ("vacuum_rotavap", "rotavap_flask", "(,)") in joined
     assert any(one == "rotavap_flask" and port.startswith("(collect,") for one, _, port in joined)
+
+
+def test_a_vacuum_line_with_its_controller_stays_a_line() -> None:
+    graph = chemputer("filter_1:bottom > valve_1:-1", "valve_1:5 > vacuum_1:0")
+    graph["nodes"].append({"id": "cvc", "class": "CVC3000", "type": "vacuum"})
+    graph["links"] += [
+        {"id": 10, "source": "cvc", "target": "vacuum_1", "port": "(,)"},
+        {"id": 11, "source": "cvc", "target": "filter_1", "port": "(,)"},
+    ]
+    lab = convert(json.dumps(graph).encode(), Target.LABWEB, "Line").raw
+    kinds = {one["key"]: one["kind"] for one in plain(lab)["resources"]}
+    assert (kinds["vacuum_1"], kinds["cvc"]) == ("vacuum_line", "vacuum_controller")
+    assert Equipment(read_rig(lab)).vacuum_pump("vacuum_1") == "cvc"
+    back = nodes(lab)
+    assert (back["vacuum_1"]["class"], back["cvc"]["class"]) == ("ChemputerVacuum", "CVC3000")
+    assert "vacuum_1_pump" not in back
 
 
 def test_a_tube_at_a_port_that_the_class_does_not_have_is_left_out_and_told() -> None:

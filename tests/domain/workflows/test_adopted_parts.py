@@ -11,7 +11,7 @@ from labweb.domain.crutd.operations import Dispose, TransferLiquid
 from labweb.domain.graph.injection import injected
 from labweb.domain.graph.parts_of_roles import SORTS
 from labweb.domain.workflows.steps import CARRIED_KINDS
-from tests.domain.workflows.asking import actions, codes_of, plan_of
+from tests.domain.workflows.asking import actions, codes_of, findings_of, plan_of
 from tests.domain.workflows.bench import Bench, flow, id_of, step
 
 
@@ -42,6 +42,16 @@ def test_a_plate_in_the_clamps_of_a_shaker_is_heated_by_it() -> None:
     assert actions(plan_of(bench, heated)) == ["reach_temperature"]
     hot = flow(step("h", "heat_chill", vessel="@plate/A1", temperature="70 °C"))
     assert codes_of(bench, hot) == [("h", "plan.out_of_range")]
+
+
+def test_what_the_settings_of_a_device_forbid_is_refused_before_a_start() -> None:
+    bench = a_lab("processing/julabo_cf41.py", max_temperature_c=110.0)
+    asked = {"temperature_c": 130.0, "tolerance_c": 1.0}
+    (found,) = findings_of(bench, called("reach_temperature", asked))
+    assert (found.code, found.context["high"]) == ("plan.out_of_range", 110.0)
+    assert "-40 to 110 °C; asked for 130 °C" in found.message
+    larger = a_lab("processing/julabo_cf41.py", max_temperature_c=200.0)
+    assert actions(plan_of(larger, called("reach_temperature", asked))) == ["reach_temperature"]
 
 
 def test_a_robot_moves_liquid_between_plates_in_the_slots_that_it_brought() -> None:

@@ -230,7 +230,8 @@ def find_value(rule: ValueRule, node: Mapping[str, Any]) -> Any:  # noqa: ANN401
     if rule.field is None:
         return rule.value
     paths = [rule.field] if isinstance(rule.field, str) else rule.field
-    found = next((one for path in paths if (one := _at(path, node)) is not None), None)
+    # A form that nobody filled in, says nothing.
+    found = next((one for path in paths if (one := _at(path, node)) not in (None, "")), None)
     if found is None:
         return rule.otherwise
     if rule.scale is None:

@@ -19,7 +19,7 @@ _CARRIED_BY: Mapping[str, Medium] = {
 }
 """How an instrument acts on what a tube-like link joins it to."""
 
-_VACUUM = "vacuum_controller"
+_VACUUMS = frozenset({"vacuum_controller", "vacuum_line"})
 
 
 def name_media(lab: LabFile, tubes: Collection[str]) -> tuple[Connection, ...]:
@@ -50,7 +50,7 @@ def _medium(lab: LabFile, connection: Connection, tubes: Collection[str]) -> Med
         acting = next((_CARRIED_BY[end.kind] for end in ends if end.kind in _CARRIED_BY), None)
         if acting is not None:
             return acting
-    if any(end.kind == _VACUUM for end in ends):
+    if any(end.kind in _VACUUMS for end in ends):
         return Medium.VACUUM if any(KINDS[end.kind].holds_liquid for end in ends) else Medium.GAS
     if any(end.config.get("gas") for end in ends):
         return Medium.GAS

@@ -28,6 +28,7 @@ _ROLES: Mapping[str, Role] = {
     "syringe_pump": Role.PUMP,
     "cartridge": Role.CARTRIDGE,
     "vacuum_controller": Role.VACUUM,
+    "vacuum_line": Role.VACUUM,
 }
 _TRANSMITTER = "transmitter"
 _INFUSES = "infusion_pump"

@@ -12,7 +12,13 @@ from labweb.domain.graph.rig.elements import decimal, volume_nl
 from labweb.domain.graph.rig.model import Rig
 from labweb.domain.graph.topology import Medium
 from labweb.domain.recipes.graph_formats.loss import LABWEB, lost, unheld
-from labweb.domain.recipes.on_rig.equipment import COLLECT, Equipment, Sort, Thermostat
+from labweb.domain.recipes.on_rig.equipment import (
+    COLLECT,
+    Equipment,
+    Sort,
+    Thermostat,
+    is_passive,
+)
 
 _NL_PER_UL = 1000
 _VALVE_PORTS = 6
@@ -29,7 +35,6 @@ _PARTS: Mapping[Role, str] = {
     Role.VALVE: "rotary_valve",
     Role.PUMP: "syringe_pump",
     Role.CARTRIDGE: "cartridge",
-    Role.VACUUM: "vacuum_controller",
 }
 _SAID = frozenset(
     {"id", "name", "class", "type", "chemical", "current_volume", "max_volume", "min_temp"}
@@ -51,9 +56,12 @@ _MEDIA: Mapping[str, tuple[Medium, str]] = {
     "thermostat": (Medium.THERMAL, "jacket"),
     "stirrer": (Medium.MECHANICAL, "shaft"),
     "vacuum_controller": (Medium.VACUUM, "inlet"),
+    "vacuum_line": (Medium.VACUUM, "inlet"),
     "transmitter": (Medium.ELECTRICAL, "probe"),
 }
 """How a device acts on a vessel, and what that port is called."""
+
+_VACUUMS = frozenset({"vacuum_controller", "vacuum_line"})
 
 
 def from_chemputer(rig: Rig, name: str) -> tuple[dict[str, Any], list[Finding]]:
@@ -150,7 +158,7 @@ class _Writer:
         elif element.role is Role.PUMP:
             self._put(key, "syringe_pump", capacity_ul=_ul(element.capacity_nl))
         elif element.role is Role.VACUUM:
-            self._put(key, "vacuum_controller")
+            self._put(key, "vacuum_line" if is_passive(element) else "vacuum_controller")
         elif equipment.gas(key):
             self._put(key, "bottle", gas=equipment.gas(key))
         elif element.role is Role.VESSEL:
@@ -242,7 +250,7 @@ class _Writer:
         kinds = [self._resources[key]["kind"] for key in (tube.source, tube.target)]
         if not tube.source_port and not tube.target_port:
             medium, name = next((_MEDIA[k] for k in kinds if k in _MEDIA), (Medium.OTHER, "joint"))
-        elif "vacuum_controller" in kinds or any(
+        elif not _VACUUMS.isdisjoint(kinds) or any(
             self._is_gas(k) for k in (tube.source, tube.target)
         ):
             medium = Medium.GAS

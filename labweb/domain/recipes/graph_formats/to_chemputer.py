@@ -15,7 +15,7 @@ from labweb.domain.graph.rig.classes import chemputer_sort, instrument_sort
 from labweb.domain.graph.rig.model import Rig
 from labweb.domain.graph.topology import Medium
 from labweb.domain.recipes.graph_formats.loss import CHEMPUTER, lost
-from labweb.domain.recipes.on_rig.equipment import CARRIES, COLLECT, Equipment, Sort
+from labweb.domain.recipes.on_rig.equipment import CARRIES, COLLECT, Equipment, Sort, is_passive
 
 _NL_PER_ML = 1_000_000
 _MOST_PORT = 5
@@ -141,9 +141,13 @@ class _Writer:
         return found
 
     def _vacuum(self, element: Element) -> None:
-        """Write a vacuum: joined to a flask alone, a pump; led by tubes, a line with its pump."""
+        """Write a vacuum: a line, or a pump; a pump that tubes lead to becomes a line with it."""
+        if is_passive(element):
+            self._put(element.key, "ChemputerVacuum", "vacuum")
+            return
         ways = self._equipment.ways.get(element.key, ())
-        is_line = any(self._equipment.elements[far].role is not Role.VESSEL for _, far, _ in ways)
+        ends = (self._equipment.elements[far] for _, far, _ in ways)
+        is_line = any(end.role is not Role.VESSEL and not is_passive(end) for end in ends)
         if is_line:
             self._put(element.key, "ChemputerVacuum", "vacuum")
             pump = f"{element.key}_pump"

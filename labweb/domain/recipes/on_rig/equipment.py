@@ -313,9 +313,9 @@ class Equipment:
 
     def vacuum_pump(self, line: str) -> str | None:
         """Return the pump of a vacuum line; the line itself when it is one."""
-        if _is_passive(self.elements[line]):
+        if is_passive(self.elements[line]):
             near = (self.elements[key] for key in self.near(line))
-            return next((e.key for e in near if e.role is Role.VACUUM and not _is_passive(e)), None)
+            return next((e.key for e in near if e.role is Role.VACUUM and not is_passive(e)), None)
         return line
 
     def drains(self, key: str) -> bool:
@@ -341,8 +341,9 @@ def _is(element: Element, pattern: re.Pattern[str]) -> bool:
     return element.role in (Role.OTHER, Role.VACUUM) and bool(pattern.search(element.kind.lower()))
 
 
-def _is_passive(element: Element) -> bool:
-    return element.kind.lower().replace("_", "") in ("chemputervacuum", "vacuum")
+def is_passive(element: Element) -> bool:
+    """Tell whether a vacuum is a line, with its pump, if it has one, joined to it."""
+    return element.kind.lower().replace("_", "") in ("chemputervacuum", "vacuum", "vacuumline")
 
 
 def places(element: Element) -> Iterator[Mapping[str, Any]]:

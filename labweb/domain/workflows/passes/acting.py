@@ -26,7 +26,6 @@ from labweb.domain.workflows.passes.serving import (
     carriers,
     find_carrier,
     is_accurate,
-    is_within,
 )
 from labweb.domain.workflows.protocol import Step
 
@@ -54,8 +53,7 @@ def plan_heat_chill(step: Step, drafting: Drafting) -> DraftStep:
     name = drafting.name(vessel)
     target_c = parse(step.params["temperature"], "temperature")
     jobs: list[DraftJob | None] = []
-    is_known = is_accurate(step, drafting, heater, Quantity.TEMPERATURE, target_c)
-    if not is_within(step, drafting, heater, "temperature_c", target_c) or not is_known:
+    if not is_accurate(step, drafting, heater, Quantity.TEMPERATURE, target_c):
         jobs.append(None)
     if stirrer is not None:
         jobs.append(_stir(step, drafting, stirrer, vessel))
@@ -242,8 +240,6 @@ def draft_of(step: Step, jobs: list[DraftJob | None]) -> DraftStep:
 
 def _stir(step: Step, drafting: Drafting, stirrer: Device, vessel: UUID) -> DraftJob | None:
     speed_rpm = parse(step.params["stir_speed"], "speed")
-    if not is_within(step, drafting, stirrer, "speed_rpm", speed_rpm):
-        return None
     return drafting.job(
         step,
         stirrer,

@@ -18,6 +18,7 @@ from labweb.domain.errors import Finding
 from labweb.domain.resources.contents import Contents, LotId, Phase
 from labweb.domain.workflows.passes.roles import (
     acting_node,
+    beyond_limits,
     post_conditions,
     read_statuses,
     recorded_data,
@@ -169,11 +170,12 @@ class Drafting:
     ) -> DraftJob | None:
         """Make one job, or note why the device cannot do it and return None."""
         spec = device.spec.action(action)
-        problems = check_arguments(spec, args)
-        for problem in problems:
-            argument = problem.subject.rpartition(".")[2]
-            at = _field_of(step, argument)
-            self.refuse(step, problem.code, f"{device.name}: {problem.message}", at)
+        wrong = [(one, f"{device.name}: {one.message}") for one in check_arguments(spec, args)]
+        beyond = beyond_limits(device, action, args, self.view.tree)
+        problems = wrong or [(one, one.message) for one in beyond]
+        for problem, message in problems:
+            at = _field_of(step, problem.subject.rpartition(".")[2])
+            self.refuse(step, problem.code, message, at, **problem.context)
         node_id = acting_node(device, action)
         if node_id is None:
             message = f"{device.name} does not say which of its resources does {action!r}"

@@ -25,6 +25,9 @@ _LETS_GAS_THROUGH = (Medium.GAS, Medium.VACUUM, Medium.LIQUID)
 """What a way between valve and vessel may be for: rigs evacuate by the tube that also drains."""
 
 _CONTROLLER = "vacuum_controller"
+_LINES = frozenset({"vacuum_line", _CONTROLLER})
+"""What a controller may draw through; lines were controllers in labs of before."""
+
 TURN_S = 2.0
 
 
@@ -119,7 +122,7 @@ def vacuum_ports(view: LabView, valve: GasValve) -> Iterator[tuple[int, Device]]
         device = view.device_by_node.get(end)
         if device is not None and plays(device, _CONTROLLER):
             yield port, device
-        elif view.tree.find(end).kind == _CONTROLLER:
+        elif view.tree.find(end).kind in _LINES:
             yield from ((port, behind) for behind in _joined(view, end))
 
 

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from math import inf, isfinite
 from typing import Any
 from uuid import UUID
 
 from labweb.domain.crutd.conditions import Condition
 from labweb.domain.enrollment.device import Device
+from labweb.domain.errors import Finding
+from labweb.domain.resources.tree import Tree
 
 HEAT_TOLERANCE_C = 1.0
 """How near the temperature must be before *reached* is said."""
@@ -84,6 +87,36 @@ def setting(device: Device, name: str) -> float | None:
     if value is None:
         value = next((p.default for p in device.spec.config if p.name == name), None)
     return float(value) if isinstance(value, int | float) else None
+
+
+def beyond_limits(
+    device: Device, action: str, args: Mapping[str, Any], tree: Tree
+) -> list[Finding]:
+    """List the arguments beyond a `min_…` or `max_…` of the device's settings or its resources.
+
+    A driver refuses what its settings forbid before anything moves; a plan has to know it before
+    it is started. What people set on the resources counts as well.
+    """
+    said = {one.name: one.symbol for one in device.spec.action(action).parameters}
+    configs = [one.config for one in map(tree.by_id.get, device.nodes.values()) if one is not None]
+    found = []
+    for name, value in args.items():
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            continue
+        lows, highs = (
+            [setting(device, f"{end}_{name}"), *(one.get(f"{end}_{name}") for one in configs)]
+            for end in ("min", "max")
+        )
+        low = max((one for one in lows if one is not None), default=-inf)
+        high = min((one for one in highs if one is not None), default=inf)
+        if not low <= value <= high:
+            bounds = f"{low:g} to {high:g}".replace("inf", "∞")
+            unit = said.get(name, "")
+            message = f"{device.name} goes from {bounds} {unit}; asked for {value:g} {unit}"
+            facts = {"low": low, "high": high}
+            facts = {end: limit for end, limit in facts.items() if isfinite(limit)}
+            found.append(Finding("plan.out_of_range", message, f"{action}.{name}", facts))
+    return found
 
 
 def recorded_data(action: str, args: Mapping[str, Any]) -> dict[str, Any]:

@@ -41,23 +41,6 @@ def find_carrier(step: Step, drafting: Drafting, vessel: UUID, role: str) -> Dev
     return None
 
 
-def is_within(step: Step, drafting: Drafting, device: Device, quantity: str, value: float) -> bool:
-    """Check a setpoint against the range that people set on the device's resources."""
-    is_temperature = quantity == "temperature_c"
-    unit, at = ("°C", "params.temperature") if is_temperature else ("rpm", "params.stir_speed")
-    is_inside = True
-    for node_id in dict.fromkeys(device.nodes.values()):
-        resource = drafting.view.tree.by_id.get(node_id)
-        config = resource.config if resource is not None else {}
-        low, high = config.get(f"min_{quantity}"), config.get(f"max_{quantity}")
-        if (low is not None and value < low) or (high is not None and value > high):
-            bounds = f"{'-∞' if low is None else low} to {'∞' if high is None else high}"
-            message = f"{device.name} goes from {bounds} {unit}; asked for {value:g} {unit}"
-            drafting.refuse(step, "plan.out_of_range", message, at, low=low, high=high)
-            is_inside = False
-    return is_inside
-
-
 def is_accurate(
     step: Step,
     drafting: Drafting,
