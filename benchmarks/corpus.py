@@ -23,8 +23,9 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.corpus_lab import jars_of, lab_of, view_of
-from benchmarks.corpus_pairs import Pair, find_pairs
+from benchmarks.corpus_pairs import Pair, find_pairs, find_traces
 from benchmarks.corpus_run import Ran, run_on_lab
+from benchmarks.corpus_volumes import Compared, compare, nodes_of, of_events, read_trace
 from labweb.domain.errors import Finding, LabError
 from labweb.domain.graph.lab_file.model import LabFile
 from labweb.domain.graph.rig.lab import render_graph
@@ -52,6 +53,9 @@ class Judged:
     ran: Ran | None = None
     """None: nobody ran it."""
 
+    compared: Compared | None = None
+    """What reached the vessels beside what should have; None: it did not come to its end."""
+
     beyond_count: int = 0
     """Steps of the workflow that change matter and that no proof covers."""
 
@@ -68,6 +72,7 @@ class Judged:
             "started": self.is_started,
             "ran": is_run,
             **({} if self.ran is None else self.ran.to_json()),
+            **({} if self.compared is None else self.compared.to_json()),
             "findings": self.findings,
         }
 
@@ -92,18 +97,23 @@ def main(arguments: list[str] | None = None) -> int:
         sys.stderr.write(f"{options.folder}: no recipe lies there beside a rig\n")
         return 2
     told = []
+    traces = find_traces(options.folder) if options.run else {}
     for pair in pairs:
         speed = options.speed if options.run else None
-        told.append(judge(pair, is_started=options.start or options.run, speed=speed))
+        is_started = options.start or options.run
+        told.append(judge(pair, is_started=is_started, speed=speed, trace=traces.get(pair)))
         print(json.dumps(told[-1].to_json(pair, options.folder), ensure_ascii=False), flush=True)
     print(json.dumps({"totals": totals(told)}, ensure_ascii=False))
     return 0
 
 
-def judge(pair: Pair, *, is_started: bool, speed: float | None = None) -> Judged:
+def judge(
+    pair: Pair, *, is_started: bool, speed: float | None = None, trace: Path | None = None
+) -> Judged:
     """Compile one recipe, prove its plan, and start it on paper if that is asked.
 
-    With a speed, in simulated seconds per second, what would start is run to its end as well.
+    With a speed, in simulated seconds per second, what would start is run to its end as well, and
+    what reached the vessels is held against a trace, or against the recipe's own amounts.
     """
     judged = Judged()
     recipe = None
@@ -120,7 +130,16 @@ def judge(pair: Pair, *, is_started: bool, speed: float | None = None) -> Judged
         if started is not None and speed is not None:
             judged.ran = run_on_lab(*started, speed=speed)
             judged.findings += judged.ran.findings
+            judged.compared = _compare(pair, plan, judged.ran, trace)
     return judged
+
+
+def _compare(pair: Pair, plan: Mapping[str, Any], ran: Ran, trace: Path | None) -> Compared | None:
+    if not ran.is_complete:
+        return None
+    nodes = nodes_of(pair)
+    moved = of_events(ran.moves, ran.keys, nodes)
+    return compare(plan, nodes, None if trace is None else read_trace(trace), moved)
 
 
 def compiled(pair: Pair) -> tuple[Recipe, dict[str, Any]]:

@@ -45,7 +45,13 @@ def find_pairs(folder: Path) -> list[Pair]:
     """Return every recipe of a folder with each of its rigs, by their paths."""
     recipes = sorted(path for path in folder.rglob("*") if path.suffix in _RECIPES)
     found = {Pair(recipe, rig) for recipe in recipes if (rig := _beside(recipe)) is not None}
-    return sorted(found | set(_named(folder, recipes)))
+    return sorted(found | {pair for pair, _ in _named(folder, recipes)})
+
+
+def find_traces(folder: Path) -> dict[Pair, Path]:
+    """Return, by pair, the file of a folder that keeps what another program made of it."""
+    recipes = sorted(path for path in folder.rglob("*") if path.suffix in _RECIPES)
+    return dict(_named(folder, recipes))
 
 
 def _beside(recipe: Path) -> Path | None:
@@ -59,8 +65,11 @@ def _beside(recipe: Path) -> Path | None:
     return next((path for path in near if path.exists()), None)
 
 
-def _named(folder: Path, recipes: list[Path]) -> Iterator[Pair]:
-    """Yield the pairs that files name; of several recipes of a name, the one that is meant."""
+def _named(folder: Path, recipes: list[Path]) -> Iterator[tuple[Pair, Path]]:
+    """Yield the pairs that files name, each with its file.
+
+    Of several recipes of a name, it is the one that is meant.
+    """
     files = sorted(path for path in folder.rglob("*") if path.name.endswith(_RUNS))
     runs = [run for run in map(_run, files) if run is not None]
     known = {path for run in runs for path in recipes if _is_whole(run.recipe, path)}
@@ -73,7 +82,7 @@ def _named(folder: Path, recipes: list[Path]) -> Iterator[Pair]:
         for meant in (fitting, [path for path in fitting if path in known], at_home):
             rig = _rig(run, meant[0], folder) if len(meant) == 1 else None
             if rig is not None:
-                yield Pair(meant[0], rig)
+                yield Pair(meant[0], rig), run.path
                 break
 
 

@@ -26,6 +26,8 @@ from tests.system.stack import Client, Stack, is_over, running
 
 _ONLINE_WITHIN_S = 120.0
 _LOOK_S = 3.0
+_ADDED = ("rinse", "prime", "push")
+"""How the steps begin that the plan of a rig adds to a recipe."""
 
 
 @dataclass(kw_only=True)
@@ -43,6 +45,12 @@ class Ran:
     """From the start to the end, by the clock on the wall."""
 
     findings: list[dict[str, str]] = field(default_factory=list)
+
+    moves: list[dict[str, Any]] = field(default_factory=list)
+    """Events of the run in their order, but for those of rinses."""
+
+    keys: dict[str, str] = field(default_factory=dict)
+    """Resource → its key in the lab."""
 
     def to_json(self) -> dict[str, Any]:
         """Render what a line has beside `ran`."""
@@ -102,6 +110,21 @@ class _Person:
                 time.sleep(_LOOK_S)
             run = self._client.run(run["id"])
         self._judge(run)
+        if self._ran.is_complete:
+            self._ran.moves = self._moves(run)
+            self._ran.keys = {one: key for key, one in self._stack.keys().items()}
+
+    def _moves(self, run: Mapping[str, Any]) -> list[dict[str, Any]]:
+        """Read the events of a run, but for those of rinses, and put them into their order."""
+        added = {job["id"] for job in run["jobs"] if job["step_id"].startswith(_ADDED)}
+        events: list[dict[str, Any]] = []
+        page = {"next": ""}
+        while page["next"] is not None:
+            after = f"&after={page['next']}" if page["next"] else ""
+            page = self._client.get(f"runs/{run['id']}/events?limit=500{after}")
+            events += page["events"]
+        found = [one for one in events if one["job_id"] not in added]
+        return sorted(found, key=lambda one: one["seq"])
 
     def _answer(self, job: Mapping[str, Any]) -> None:
         states, body = job["asks"]["states"], {}

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
+from benchmarks.corpus_volumes import NO_REAGENT
 from labweb.domain.errors import LabError
 from labweb.domain.graph.rig.read import read_rig
 from labweb.domain.recipes.advise.search import Advice, advise
@@ -22,7 +23,6 @@ from labweb.domain.recipes.xdl.read import check_document
 from tests.corpus import XDL
 from tests.domain.recipes.plans import compiled
 from tests.domain.recipes.test_recipe_corpus import (
-    NO_REAGENT,
     loaded,
     own_volumes,
     recipe_file,

@@ -11,13 +11,13 @@ from __future__ import annotations
 import csv
 import gzip
 import json
-from collections import Counter
 from functools import cache
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from benchmarks.corpus_volumes import Volumes, of_plan, of_trace
 from labweb.domain.errors import LabError
 from labweb.domain.recipes.recipe_plan import Wish
 from tests.corpus import NO_XDL, XDL
@@ -26,14 +26,6 @@ from tests.domain.recipes.plans import check_claims, check_strokes, compiled
 pytestmark = pytest.mark.skipif(not XDL.exists(), reason=NO_XDL)
 
 DOCS = Path(__file__).parents[3] / "docs/xdl.md"
-OWN_WORK = (
-    "PrimePumpForAdd",
-    "CleanBackbone",
-    "CleanVessel",
-    "AddFilterDeadVolume",
-    "RemoveFilterDeadVolume",
-)
-NO_REAGENT = {"", "none", "nitrogen", "argon", "air", "Ar", "N2"}
 HOLDS = {
     "separate_no_buffers": {"filter": 20},
     "separate_more_than_max_volume": {"filter": 20},
@@ -84,39 +76,12 @@ def widened(graph: dict[str, Any]) -> dict[str, Any]:
     return {**graph, "nodes": nodes}
 
 
-def reference_volumes(run: dict[str, Any], graph: dict[str, Any]) -> dict[tuple[str, str], float]:
-    nodes = {node["id"]: node for node in graph["nodes"]}
-    found: Counter[tuple[str, str]] = Counter()
-
-    def follow(step: dict[str, Any], times: int) -> None:
-        given, parts = step["props"], step.get("substeps", [])
-        if step["step"] in OWN_WORK:
-            return
-        if step["step"] == "CMove" and not parts:
-            source, target = nodes[given["from_vessel"]], nodes[given["to_vessel"]]
-            chemical = source.get("chemical") or ""
-            if chemical not in NO_REAGENT and target["class"] != "ChemputerWaste":
-                found[chemical, target["id"]] += times * given["volume"]
-        if step["step"] == "WashSolid" and all(part["step"] != "Repeat" for part in parts):
-            times *= int(given.get("repeat") or 1)
-        for part in parts:
-            follow(part, times)
-
-    for step in run["steps"]:
-        follow(step, 1)
-    return {key: round(volume, 6) for key, volume in found.items()}
+def reference_volumes(run: dict[str, Any], graph: dict[str, Any]) -> Volumes:
+    return of_trace(run, {node["id"]: node for node in graph["nodes"]})
 
 
-def own_volumes(plan: dict[str, Any], graph: dict[str, Any]) -> dict[tuple[str, str], float]:
-    nodes = {node["id"]: node for node in graph["nodes"]}
-    found: Counter[tuple[str, str]] = Counter()
-    for step in plan["steps"]:
-        does = step["does"]
-        if does["kind"] != "transfer" or "lot" not in does or step["of"]["operation"] in OWN_WORK:
-            continue
-        if nodes[does["to"]]["class"] != "ChemputerWaste":
-            found[nodes[does["from"]].get("chemical", ""), does["to"]] += does["volume_ul"] / 1000
-    return {key: round(volume, 6) for key, volume in found.items()}
+def own_volumes(plan: dict[str, Any], graph: dict[str, Any]) -> Volumes:
+    return of_plan(plan, {node["id"]: node for node in graph["nodes"]})
 
 
 def codes(raw: bytes, graph: dict[str, Any], wish: Wish | None = None) -> list[str]:
