@@ -46,6 +46,23 @@ def station_file() -> LabFile:
     return read_lab((LAB / "lab.json").read_bytes())
 
 
+def in_a_chain() -> dict[str, Any]:
+    """Return the lab file with its valves in a chain: valve to valve, each with its own syringe.
+
+    The reactor hangs at the first valve alone, the evaporating flask at the third: what goes from
+    one to the other is handed on from syringe to syringe.
+    """
+    found: dict[str, Any] = json.loads((LAB / "lab.json").read_text("utf-8"))
+    gone = {"valve_2_1_reactor", "valve_4_2_reactor", "valve_4_1_rotavap_flask", "valve_2_8_waste"}
+    kept = [one for one in found["connections"] if one["key"] not in gone]
+    joined = (("valve_1", "9", "valve_2", "9"), ("valve_2", "7", "valve_3", "9"))
+    for one, port, other, far in (*joined, ("valve_3", "7", "valve_4", "9")):
+        ends = {"resource": one, "port": port}, {"resource": other, "port": far}
+        tube = {"key": f"{one}_{other}", "source": ends[0], "target": ends[1], "medium": "liquid"}
+        kept.append({**tube, "is_two_way": True, "dead_volume_ul": 150})
+    return {**found, "connections": kept}
+
+
 def station(**contents_ul: dict[str, float]) -> LabView:
     """Return the station on its first day; vessels that are named hold something else."""
     return view_of(station_file(), contents_ul)

@@ -21,6 +21,7 @@ import pytest
 
 from labweb.domain.crutd.operations import React, TransferLiquid
 from labweb.domain.errors import Finding, ProtocolError
+from labweb.domain.graph.lab_file.read import read_lab
 from labweb.domain.graph.topology import Medium
 from labweb.domain.recipes.xdl.declared import Declared, read_declared
 from labweb.domain.recipes.xdl.read import read_xdl
@@ -28,10 +29,13 @@ from labweb.domain.recipes.xdl.to_workflow import to_workflow
 from labweb.domain.recipes.xdl.unfold import unfold
 from labweb.domain.workflows.compile import check_plan, compile_workflow
 from labweb.domain.workflows.plan import Plan
+from labweb.domain.workflows.protocol import parse_workflow, resolve_keys
+from labweb.domain.workflows.proving import prove_plan
 from tests.domain.workflows.station import (
     DECLARED,
     LAB,
     RECIPE,
+    in_a_chain,
     recipe_document,
     station,
     station_file,
@@ -81,6 +85,17 @@ def test_the_recipe_compiles_on_the_station_to_its_end() -> None:
     found = check_plan(workflow(recipe_document()), station())
     assert not found, [(f.subject, f.code, f.message) for f in found]
     assert len(recipe_plan().steps) == 45
+
+
+def test_the_same_workflow_is_planned_and_proved_on_a_chain_of_valves() -> None:
+    lab = view_of(read_lab(json.dumps(in_a_chain()).encode()), {})
+    document = json.loads((LAB / "workflows/benzhydryl_acetate.json").read_text("utf-8"))
+    asked = resolve_keys(parse_workflow(document), lab.tree)
+    plan = compile_workflow(asked, lab)
+    handed_on = [job for job in plan.jobs if isinstance(job.meets, int)]
+    assert len(handed_on) > 30
+    proof = prove_plan(asked, plan, lab)
+    assert (proof.findings, proof.beyond) == ((), ())
 
 
 def test_the_template_of_the_lab_is_what_the_recipe_says() -> None:
