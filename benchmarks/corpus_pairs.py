@@ -39,6 +39,8 @@ class _Run:
     path: Path
     recipe: str
     graph: str
+    is_trace: bool
+    """It keeps the steps that were carried out."""
 
 
 def find_pairs(folder: Path) -> list[Pair]:
@@ -51,7 +53,7 @@ def find_pairs(folder: Path) -> list[Pair]:
 def find_traces(folder: Path) -> dict[Pair, Path]:
     """Return, by pair, the file of a folder that keeps what another program made of it."""
     recipes = sorted(path for path in folder.rglob("*") if path.suffix in _RECIPES)
-    return dict(_named(folder, recipes))
+    return {pair: run.path for pair, run in _named(folder, recipes) if run.is_trace}
 
 
 def _beside(recipe: Path) -> Path | None:
@@ -65,7 +67,7 @@ def _beside(recipe: Path) -> Path | None:
     return next((path for path in near if path.exists()), None)
 
 
-def _named(folder: Path, recipes: list[Path]) -> Iterator[tuple[Pair, Path]]:
+def _named(folder: Path, recipes: list[Path]) -> Iterator[tuple[Pair, _Run]]:
     """Yield the pairs that files name, each with its file.
 
     Of several recipes of a name, it is the one that is meant.
@@ -82,7 +84,7 @@ def _named(folder: Path, recipes: list[Path]) -> Iterator[tuple[Pair, Path]]:
         for meant in (fitting, [path for path in fitting if path in known], at_home):
             rig = _rig(run, meant[0], folder) if len(meant) == 1 else None
             if rig is not None:
-                yield Pair(meant[0], rig), run.path
+                yield Pair(meant[0], rig), run
                 break
 
 
@@ -97,7 +99,7 @@ def _run(path: Path) -> _Run | None:
     recipe, graph = value.get("recipe"), value.get("graph")
     if not isinstance(recipe, str) or not isinstance(graph, str):
         return None
-    return _Run(path, recipe, graph)
+    return _Run(path, recipe, graph, is_trace=bool(value.get("steps")))
 
 
 def _is_whole(named: str, path: Path) -> bool:

