@@ -65,7 +65,9 @@ def _with_sizes(lab: LabFile) -> LabFile:
         one.id: one.config.get("capacity_ul") for one in lab.resources
     }
     gases = [tube for tube in lab.connections if tube.medium is Medium.GAS]
-    ways = [(one.source.resource_id, one.target.resource_id) for one in gases]
+    flasks = {one.id for one in lab.resources if _stands_on_an_evaporator(one, lab)}
+    ends = [(one.source.resource_id, one.target.resource_id) for one in gases]
+    ways = [pair for pair in ends if pair[0] in flasks]
     for flask, receiver in ways:
         size_ul = sizes[flask]
         if size_ul and not sizes[receiver]:
@@ -79,6 +81,10 @@ def _with_sizes(lab: LabFile) -> LabFile:
             for one in lab.resources
         ),
     )
+
+
+def _stands_on_an_evaporator(one: Resource, lab: LabFile) -> bool:
+    return one.parent_id is not None and lab.tree.find(one.parent_id).kind == "rotary_evaporator"
 
 
 def view_of(lab: LabFile) -> LabView:

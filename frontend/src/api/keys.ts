@@ -42,6 +42,7 @@ export const keys = {
   file: (id: string) => ["files", "one", id] as const,
   points: (id: string, scan: number | null) => ["points", id, scan] as const,
   host: (id: string) => ["hosts", id] as const,
+  starts: ["start"] as const,
   start: (opened: number) => ["start", opened] as const,
   opening: (recipe: string, rig: string, said: object) => ["recipes", recipe, rig, said] as const,
   twin: ["twin"] as const,

@@ -32,10 +32,10 @@ const FIXED: Record<string, QueryKey[]> = {
   runs: [keys.runs, keys.home, keys.session],
   approvals: [keys.approvals, keys.home, keys.session],
   hosts: [keys.hosts, keys.home, ["custody"]],
-  devices: [keys.devices, keys.drivers, keys.home],
+  devices: [keys.devices, keys.drivers, keys.home, keys.starts],
   drivers: [keys.drivers, keys.home, keys.session],
   tryouts: [keys.everyTryout],
-  events: [keys.resources],
+  events: [keys.resources, keys.starts],
   workflows: [keys.workflows, keys.home],
 };
 

@@ -117,7 +117,7 @@ test("a recipe that would not start now says at which step and why", async () =>
   });
   const sent = page(() => anOpening());
   const finding = await screen.findByTestId("start-finding");
-  expect(screen.getByTestId("start-now")).toHaveTextContent("Would not start");
+  expect(screen.getByTestId("start-now")).toHaveTextContent("Cannot start");
   expect(finding).toHaveTextContent("Bring the reactor to 130 °C");
   expect(finding).toHaveTextContent("at most 110 °C");
   const asked = sent.find((one) => one.path.endsWith("/workflows/check"));

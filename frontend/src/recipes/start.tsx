@@ -1,5 +1,6 @@
 /** Whether the workflow of a recipe would start in the lab as it is now, and what is in its way. */
 
+import { useTopics } from "@/api/live";
 import { useStart } from "@/api/recipes";
 import { sentenceText } from "@/model/sentence";
 import type { CheckResult } from "@/model/wire";
@@ -10,6 +11,7 @@ import { Glyph } from "@/ui/glyph";
 import { words } from "./words";
 
 export function StartNow(props: { opening: Opening; openedAt: number }) {
+  useTopics("events", "devices");
   const start = useStart(props.opening.document, props.openedAt);
   if (props.opening.document === null) return null;
   if (start.isPending) {

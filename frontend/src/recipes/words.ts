@@ -80,8 +80,8 @@ export const words = {
   noPlanYet: "What stands against it is in the findings.",
   start: {
     asking: "Planning in the lab as it is now…",
-    starts: "Would start in the lab as it is now",
-    refused: "Would not start in the lab as it is now",
+    starts: "Can be planned and proved in the lab as it is now",
+    refused: "Cannot start in the lab as it is now",
     why: "In the way of a start",
     policies: (names: readonly string[]) => `A second person is asked first: ${names.join(", ")}.`,
   },

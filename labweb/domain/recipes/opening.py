@@ -185,6 +185,8 @@ def _draw(
 ) -> None:
     """Add the workflow that a proved plan becomes, or why it becomes none."""
     rows = answer["bindings"]
+    if any(len(row["keys"]) > 1 for row in rows):
+        return  # A workflow takes each reagent from one vessel: which, a person chooses first.
     bound = {row["role"]: row["keys"][0] for row in rows if len(row["keys"]) == 1}
     try:
         wish = asked.wish(recipe, stated)

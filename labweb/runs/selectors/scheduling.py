@@ -86,7 +86,9 @@ _VIEW = (
     "after",
     "device__host_id",
     "passed_by",
-    "operation",
+    "operation__op",
+    "operation__resource_id",
+    "operation__to_id",
     "run__lab_id",
     "choices",
     "halted_by",
@@ -109,7 +111,9 @@ def _view(  # noqa: PLR0913 - one column each
     after: list[int],
     host_id: UUID,
     passed_by: str,
-    operation: dict[str, Any],
+    op: str | None,
+    resource_id: str | None,
+    to_id: str | None,
     lab_id: UUID,
     choices: list[dict[str, Any]],
     halted_by: str,
@@ -117,10 +121,10 @@ def _view(  # noqa: PLR0913 - one column each
     asks: str,
     confirmed_at: datetime | None,
 ) -> JobView:
-    is_carry = operation.get("op") == "transfer_resource"
+    is_carry = op == "transfer_resource"
     owners: frozenset[UUID] = frozenset()
     if is_carry and JobState(state) in UNSTARTED:
-        thing, place = UUID(operation["resource_id"]), UUID(operation["to_id"])
+        thing, place = UUID(resource_id), UUID(to_id)
         owners = hosts_of_carry(resource_selectors.labs().get(pk=lab_id), thing, place)
     return JobView(
         id=job_id,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from typing import Any, NamedTuple
 from uuid import UUID
 
 from django.db.models import Max, QuerySet
@@ -35,29 +36,43 @@ class Silent:
 
 
 def standing_jobs(rows: QuerySet[Job]) -> dict[UUID, list[Job]]:
-    """Return by device which completed jobs a halt of it takes something away of; one query.
+    """Return by device which completed jobs a halt of it takes something away of.
+
+    A run has hundreds of completed jobs, and few of them stand: only those are read whole. One
+    query, and a second one where anything stands.
 
     Args:
         rows: Jobs of live runs. What a halt or a loss has taken away already is left out.
     """
     complete = rows.filter(state=JobState.COMPLETE.value)
-    done: dict[UUID, list[Job]] = {}
-    for job in complete.annotate(last=Max("attempts__dseq")).order_by("last", "pk"):
-        done.setdefault(job.device_id, []).append(job)
-    found = {device_id: _standing(jobs) for device_id, jobs in done.items()}
-    return {device_id: jobs for device_id, jobs in found.items() if jobs}
+    in_order = complete.annotate(last=Max("attempts__dseq")).order_by("last", "pk")
+    done: dict[UUID, list[_Ended]] = {}
+    for row in in_order.values_list("pk", "device_id", "action", "args", "halted_by"):
+        ended = _Ended(*row)
+        done.setdefault(ended.device_id, []).append(ended)
+    ids = {device_id: _standing(ended) for device_id, ended in done.items()}
+    jobs = rows.in_bulk([one for found in ids.values() for one in found])
+    return {device_id: [jobs[one] for one in found] for device_id, found in ids.items() if found}
 
 
-def _standing(jobs: list[Job]) -> list[Job]:
-    told = (Done(index=at, action=job.action, args=job.args) for at, job in enumerate(jobs))
-    return [jobs[at] for at in still_standing(told) if not jobs[at].halted_by]
+class _Ended(NamedTuple):
+    job_id: UUID
+    device_id: UUID
+    action: str
+    args: dict[str, Any]
+    halted_by: str
+
+
+def _standing(ended: list[_Ended]) -> list[UUID]:
+    told = (Done(index=at, action=one.action, args=one.args) for at, one in enumerate(ended))
+    return [ended[at].job_id for at in still_standing(told) if not ended[at].halted_by]
 
 
 def silent_devices() -> list[Silent]:
     """Return the devices of live runs of which what stands is not read any more.
 
     A device at which an action acts is left out: the action reads it back itself, and ends when
-    it cannot. So are those of an aborted run, which are halted. Three queries at most.
+    it cannot. So are those of an aborted run, which are halted. Four queries at most.
     """
     live = Job.objects.filter(run__state__in=LIVE)
     rows = with_runs(live, "device__host", "device__lab", "run__version__workflow")

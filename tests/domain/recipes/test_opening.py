@@ -194,3 +194,23 @@ def test_a_workflow_takes_the_keys_that_are_bound_or_is_refused_whole() -> None:
     with pytest.raises(LabError) as refusal:
         workflow_from(Asked(name="acetylation", recipe=RECIPE, graph=ROW))
     assert {finding.code for finding in refusal.value.findings} >= {"xdl.not_a_key"}
+
+
+def test_on_the_lab_a_recipe_is_a_workflow_too_but_not_with_a_reagent_in_two_flasks() -> None:
+    asked = Asked(name="warm", recipe=WATER, graph=STARTER, is_of_lab=True)
+    document = open_recipe(asked)["document"]
+    assert [step["kind"] for step in document["steps"]] == [
+        "transfer",
+        "heat_chill",
+        "stop_heat_stir",
+    ]
+    assert open_recipe(Asked(name="warm", recipe=WATER, graph=STARTER))["document"] is None
+    two = json.loads(STARTER)
+    for entry in two["resources"]:
+        if entry["key"] == "acid":
+            entry["name"] = "Water"
+    graph = json.dumps(two).replace('"acid"', '"Water"').encode()
+    answer = open_recipe(Asked(name="warm", recipe=WATER, graph=graph, is_of_lab=True))
+    several = [row for row in answer["bindings"] if len(row["keys"]) > 1]
+    assert bool(several) is (answer["document"] is None)
+    assert not [one for one in answer["findings"] if one["about"] == "workflow"]

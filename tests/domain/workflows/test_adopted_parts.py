@@ -10,6 +10,7 @@ from drivers.catalog.scan import inspect_file
 from labweb.domain.crutd.operations import Dispose, TransferLiquid
 from labweb.domain.graph.injection import injected
 from labweb.domain.graph.parts_of_roles import SORTS
+from labweb.domain.workflows.passes.roles import beyond_limits
 from labweb.domain.workflows.steps import CARRIED_KINDS
 from tests.domain.workflows.asking import actions, codes_of, findings_of, plan_of
 from tests.domain.workflows.bench import Bench, flow, id_of, step
@@ -52,6 +53,20 @@ def test_what_the_settings_of_a_device_forbid_is_refused_before_a_start() -> Non
     assert "-40 to 110 °C; asked for 130 °C" in found.message
     larger = a_lab("processing/julabo_cf41.py", max_temperature_c=200.0)
     assert actions(plan_of(larger, called("reach_temperature", asked))) == ["reach_temperature"]
+
+
+def test_no_steepest_ramp_bounds_none_and_what_is_no_number_bounds_nothing() -> None:
+    furnace = {"max_temperature_c": 1000.0, "max_ramp_k_min": 0.0}
+    bench = a_lab("processing/s7_furnace.py", **furnace)
+    ramp = {"temperature_c": 400.0, "ramp_k_min": 5.0, "tolerance_c": 5.0}
+    assert actions(plan_of(bench, called("ramp_to", ramp))) == ["ramp_to"]
+    bench = Bench()
+    bench.add("it", "foreign", config={"max_temperature_c": "50", "min_temperature_c": True})
+    julabo = inspect_file(PACKAGE / "processing/julabo_cf41.py")
+    bench.device("device", julabo, {"thermostat": "it"})
+    view = bench.view()
+    asked = {"temperature_c": 90.0, "tolerance_c": 1.0}
+    assert beyond_limits(view.devices[0], "reach_temperature", asked, view.tree) == []
 
 
 def test_a_robot_moves_liquid_between_plates_in_the_slots_that_it_brought() -> None:

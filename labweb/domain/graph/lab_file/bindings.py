@@ -6,6 +6,7 @@ A binding is data. Its rules speak of classes, links and fields, never of names 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from math import inf, isfinite
 from typing import Annotated, Any, Literal, TypeVar
 
 import msgspec
@@ -48,6 +49,10 @@ class ValueRule(_Rule, frozen=True, kw_only=True):
 
     form: Literal["any", "text", "whole", "number"] = "any"
     """What the field must be: text (a whole number is written as text), whole, number."""
+
+    least: float | None = None
+    most: float | None = None
+    """Ends of what the instrument itself can do: a graph that says more means no more."""
 
     otherwise: Any = None
     """Value when the node has no such field; without it the rule does not apply."""
@@ -259,6 +264,24 @@ def _formed(rule: ValueRule, found: object) -> object:
         "whole": is_whole,
         "number": is_whole or isinstance(found, float),
     }
+    if rule.form == "number" and isinstance(found, str):
+        return _within(rule, _decimal(rule, found))
     if not fits[rule.form]:
         raise LabFileError(f"{rule.named} is {found!r}, not {rule.form}", code="binding.value")
-    return found
+    return _within(rule, found) if rule.form == "number" else found
+
+
+def _decimal(rule: ValueRule, text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = inf
+    if not isfinite(value):
+        raise LabFileError(f"{rule.named} is {text!r}, not {rule.form}", code="binding.value")
+    return value
+
+
+def _within(rule: ValueRule, found: Any) -> float:  # noqa: ANN401 - a number of a JSON file
+    low = -inf if rule.least is None else rule.least
+    high = inf if rule.most is None else rule.most
+    return float(max(low, min(high, found)))

@@ -39,6 +39,7 @@ class _Word:
 
 
 _HEATS = (Medium.THERMAL, "jacket")
+_VACUUMS = frozenset({"vacuum_controller", "vacuum_line"})
 _WORDS: Mapping[str, _Word] = {
     "ChemputerFlask": _Word("flask"),
     "ChemputerReactor": _Word("reactor"),
@@ -159,13 +160,13 @@ class LabDrawing(Drawing):
     def lay_gas(self, source: Port, target: Port, *, both: bool = False) -> None:
         """Lay a tube for gas."""
         # What a valve is led to a vacuum by carries both ways.
-        is_vacuum = self._entries[target.key]["kind"] == "vacuum_controller"
+        is_vacuum = self._entries[target.key]["kind"] in _VACUUMS
         ends = self._gas_end(source), self._gas_end(target)
         self._connection(*ends, Medium.GAS, is_two_way=both or is_vacuum)
 
     def _gas_end(self, port: Port) -> dict[str, str]:
         entry = self._entries[port.key]
-        if entry["kind"] == "vacuum_controller":
+        if entry["kind"] in _VACUUMS:
             return {"resource": port.key, "port": "inlet"}
         if entry.get("config", {}).get("gas"):
             return {"resource": port.key, "port": "outlet"}
@@ -180,13 +181,13 @@ class LabDrawing(Drawing):
         return Port(vessel, name)
 
     def vacuum_lines(self) -> list[str]:
-        """Return the vacuum controllers that a valve is joined to: no flask has them to itself."""
+        """Return the vacuums that a valve is joined to: no flask has them to itself."""
         kinds = {key: entry["kind"] for key, entry in self._entries.items()}
         found = set()
         for link in self.links:
             one, other = (link[end]["resource"] for end in ("source", "target"))
             for own, far in ((one, other), (other, one)):
-                if (kinds[own], kinds[far]) == ("vacuum_controller", "rotary_valve"):
+                if kinds[own] in _VACUUMS and kinds[far] == "rotary_valve":
                     found.add(own)
         return sorted(found)
 

@@ -29,7 +29,7 @@ from labweb.domain.enrollment.spec import ParameterSpec, check_arguments
 from labweb.domain.errors import Finding
 from labweb.domain.units import parse
 from labweb.domain.workflows.passes.draft import Drafting, DraftJob, DraftStep
-from labweb.domain.workflows.passes.roles import setting
+from labweb.domain.workflows.passes.roles import beyond_limits, setting
 from labweb.domain.workflows.protocol import Step
 from labweb.domain.workflows.steps import STEP_KINDS
 
@@ -155,7 +155,7 @@ def correct_job(step: Step, job: DraftJob, drafting: Drafting) -> DraftJob:
     args = {**job.args, **{one.argument: one.sent for one in made if one.sent is not None}}
     devices = {device.id: device for device in drafting.view.devices}
     if made:
-        for problem in (*_check_sent(job, args), *_check_range(job, made)):
+        for problem in (*_check_sent(job, args, drafting), *_check_range(job, made)):
             drafting.refuse(step, problem.code, problem.message, context=problem.context)
     return replace(
         job,
@@ -194,8 +194,10 @@ def _in_force_for(device: Device, parameter: ParameterSpec) -> Calibration | Non
     return in_force(device, Quantity(parameter.quantity))
 
 
-def _check_sent(job: DraftJob, args: dict[str, object]) -> list[Finding]:
+def _check_sent(job: DraftJob, args: dict[str, object], drafting: Drafting) -> list[Finding]:
+    """List what the device cannot be told, on its own scale."""
     found = check_arguments(job.device.spec.action(job.action), args)
+    found += beyond_limits(job.device, job.action, args, drafting.view.tree)
     syringe_ul = setting(job.device, "syringe_ul")
     sent = args.get("volume_ul")
     if syringe_ul is not None and isinstance(sent, float) and sent > syringe_ul:

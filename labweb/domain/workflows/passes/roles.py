@@ -10,6 +10,7 @@ from uuid import UUID
 
 from labweb.domain.crutd.conditions import Condition
 from labweb.domain.enrollment.device import Device
+from labweb.domain.enrollment.spec import ParameterSpec
 from labweb.domain.errors import Finding
 from labweb.domain.resources.tree import Tree
 
@@ -86,7 +87,13 @@ def setting(device: Device, name: str) -> float | None:
     value = device.config.get(name)
     if value is None:
         value = next((p.default for p in device.spec.config if p.name == name), None)
-    return float(value) if isinstance(value, int | float) else None
+    return _number(value)
+
+
+def _number(value: object) -> float | None:
+    if isinstance(value, bool) or not isinstance(value, int | float) or not isfinite(value):
+        return None
+    return float(value)
 
 
 def beyond_limits(
@@ -97,26 +104,33 @@ def beyond_limits(
     A driver refuses what its settings forbid before anything moves; a plan has to know it before
     it is started. What people set on the resources counts as well.
     """
-    said = {one.name: one.symbol for one in device.spec.action(action).parameters}
-    configs = [one.config for one in map(tree.by_id.get, device.nodes.values()) if one is not None]
+    said = {one.name: one for one in device.spec.action(action).parameters}
     found = []
     for name, value in args.items():
-        if isinstance(value, bool) or not isinstance(value, int | float):
+        number = _number(value)
+        if number is None or name not in said:
             continue
-        lows, highs = (
-            [setting(device, f"{end}_{name}"), *(one.get(f"{end}_{name}") for one in configs)]
-            for end in ("min", "max")
-        )
-        low = max((one for one in lows if one is not None), default=-inf)
-        high = min((one for one in highs if one is not None), default=inf)
-        if not low <= value <= high:
-            bounds = f"{low:g} to {high:g}".replace("inf", "∞")
-            unit = said.get(name, "")
-            message = f"{device.name} goes from {bounds} {unit}; asked for {value:g} {unit}"
-            facts = {"low": low, "high": high}
-            facts = {end: limit for end, limit in facts.items() if isfinite(limit)}
-            found.append(Finding("plan.out_of_range", message, f"{action}.{name}", facts))
+        low, high = _limits(device, said[name], tree)
+        if not low <= number <= high:
+            bounds, unit = f"{low:g} to {high:g}".replace("inf", "∞"), said[name].symbol
+            message = f"{device.name} goes from {bounds} {unit}; asked for {number:g} {unit}"
+            ends = {end: one for end, one in (("low", low), ("high", high)) if isfinite(one)}
+            found.append(Finding("plan.out_of_range", message, f"{action}.{name}", ends))
     return found
+
+
+def _limits(device: Device, argument: ParameterSpec, tree: Tree) -> tuple[float, float]:
+    """Return between which values an argument may be; infinite where nobody says so."""
+    nodes = map(tree.by_id.get, device.nodes.values())
+    configs = [one.config for one in nodes if one is not None]
+    lows, highs = (
+        [setting(device, name), *(_number(one.get(name)) for one in configs)]
+        for name in (f"min_{argument.name}", f"max_{argument.name}")
+    )
+    # A largest value of 0, where the argument cannot be below, says that there is none.
+    has_none = argument.minimum is not None and argument.minimum >= 0
+    known = (one for one in highs if one is not None and not (one == 0 and has_none))
+    return max((one for one in lows if one is not None), default=-inf), min(known, default=inf)
 
 
 def recorded_data(action: str, args: Mapping[str, Any]) -> dict[str, Any]:
