@@ -152,6 +152,10 @@ def test_a_vacuum_line_with_its_controller_stays_a_line() -> None:
     back = nodes(lab)
     assert (back["vacuum_1"]["class"], back["cvc"]["class"]) == ("ChemputerVacuum", "CVC3000")
     assert "vacuum_1_pump" not in back
+    alone = chemputer("filter_1:bottom > valve_1:-1", "valve_1:5 > vacuum_1:0")
+    lab = convert(json.dumps(alone).encode(), Target.LABWEB, "Line").raw
+    kinds = {one["key"]: one["kind"] for one in plain(lab)["resources"]}
+    assert kinds["vacuum_1"] == "vacuum_controller"
 
 
 def test_a_tube_at_a_port_that_the_class_does_not_have_is_left_out_and_told() -> None:

@@ -158,7 +158,9 @@ class _Writer:
         elif element.role is Role.PUMP:
             self._put(key, "syringe_pump", capacity_ul=_ul(element.capacity_nl))
         elif element.role is Role.VACUUM:
-            self._put(key, "vacuum_line" if is_passive(element) else "vacuum_controller")
+            # Behind a line alone something draws that the graph does not show.
+            is_led = is_passive(element) and equipment.vacuum_pump(key) is not None
+            self._put(key, "vacuum_line" if is_led else "vacuum_controller")
         elif equipment.gas(key):
             self._put(key, "bottle", gas=equipment.gas(key))
         elif element.role is Role.VESSEL:
