@@ -12,6 +12,7 @@ import pytest
 
 from benchmarks.corpus import compiled, judge, on_lab, totals
 from benchmarks.corpus_pairs import Pair, find_pairs
+from benchmarks.corpus_volumes import compare, of_events
 from labweb.domain.errors import LabError
 from labweb.domain.recipes.opening import Asked, open_recipe, workflow_from
 from tests.corpus import NO_XDL, XDL
@@ -159,6 +160,23 @@ def saved(asked: Asked) -> tuple[dict[str, Any] | None, list[str]]:
         return workflow_from(asked)["document"], []
     except LabError as error:
         return None, [one.message for one in error.findings]
+
+
+def test_what_went_over_a_syringe_is_a_reagent_of_its_flask_and_too_little_of_it_is_told() -> None:
+    classes = {"flask": "ChemputerFlask", "pump": "ChemputerPump", "reactor": "ChemputerReactor"}
+    nodes = {key: {"class": one, "chemical": ""} for key, one in classes.items()}
+    nodes["flask"]["chemical"] = "water"
+    moves = [("flask", "pump", 5_000_000), ("pump", "reactor", 4_000_000)]
+    events = [
+        {"subjects": [{"id": a, "role": "source"}, {"id": b, "role": "target"}], "amount_nl": nl}
+        for a, b, nl in moves
+    ]
+    moved = of_events(events, {key: key for key in nodes}, nodes)
+    assert moved == {("water", "reactor"): 4.0}
+    does = {"kind": "transfer", "from": "flask", "to": "reactor", "lot": "water"}
+    plan = {"steps": [{"of": {"operation": "Add"}, "does": {**does, "volume_ul": 5000.0}}]}
+    (found,) = compare(plan, nodes, None, moved).differences
+    assert found == {"reagent": "water", "vessel": "reactor", "ml": 4.0, "expected_ml": 5.0}
 
 
 def test_a_solid_is_weighed_in_from_a_jar_that_a_person_has_filled(tmp_path: Path) -> None:

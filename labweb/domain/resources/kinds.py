@@ -114,6 +114,10 @@ KINDS: Mapping[str, Kind] = {
 """Kind by name. A class that nobody mapped is `foreign`: kept, shown, not schedulable."""
 
 
+VACUUMS = frozenset({"vacuum_controller", "vacuum_line"})
+"""What draws vacuum, or leads to what does."""
+
+
 def is_vessel(kind: str) -> bool:
     """Tell whether resources of this kind have contents."""
     found = KINDS.get(kind)

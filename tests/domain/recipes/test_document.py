@@ -117,6 +117,16 @@ def test_what_heats_and_stirs_a_reactor_is_an_instrument_at_it(
     assert bench(lab)["thing"]["attached"] == {"vessel": "reactor_1"}
 
 
+def test_a_thermostat_takes_its_limits_from_the_graph_as_far_as_it_goes() -> None:
+    graph = joined(rig(), "chiller", "JULABOCF41", "reactor_1")
+    graph["nodes"][-1] |= {"min_temp": "-20", "max_temp": 250}
+    lab, notes = bind(graph)
+    (chiller,) = (one for one in lab.devices if one.key == "chiller")
+    limits = chiller.config["min_temperature_c"], chiller.config["max_temperature_c"]
+    assert limits == (-20.0, 200.0)
+    assert notes == ["max_temp is 250, and the instrument ends at 200: that is taken"]
+
+
 def test_an_evaporator_is_the_instrument_that_its_flask_turns_on() -> None:
     graph = rig("valve_b:1 = rotavap_1:evaporate", "rotavap_1:collect > valve_b:2")
     for node in graph["nodes"]:

@@ -341,7 +341,16 @@ class _Binder:
             value, wanted = find_value(rule, self.raw[resource.id]), rule.named
         if value is None:
             raise LabFileError(f"{resource.key} has no {wanted}", code="binding.value")
-        return value
+        return value if rule.form != "number" else self._within(rule, value, resource)
+
+    def _within(self, rule: ValueRule, value: float, resource: Resource) -> float:
+        """Cut a value to what the instrument can do, and note it."""
+        found = rule.within(value)
+        text = f"{rule.named} is {value:g}, and the instrument ends at {found:g}: that is taken"
+        note = Finding("binding.value", text, resource.key)
+        if found != value and note not in self.notes:
+            self.notes.append(note)
+        return found
 
     def _values(
         self, values: Mapping[str, ValueRule], nodes: Mapping[str, Resource]

@@ -52,10 +52,16 @@ class ValueRule(_Rule, frozen=True, kw_only=True):
 
     least: float | None = None
     most: float | None = None
-    """Ends of what the instrument itself can do: a graph that says more means no more."""
+    """Ends of what the instrument can do, for numbers; what is beyond is cut, with a note."""
 
     otherwise: Any = None
     """Value when the node has no such field; without it the rule does not apply."""
+
+    def within(self, value: float) -> float:
+        """Return the value, or the end of what the instrument can do where it is beyond."""
+        low = -inf if self.least is None else self.least
+        high = inf if self.most is None else self.most
+        return max(low, min(high, value))
 
     @property
     def named(self) -> str:
@@ -265,10 +271,10 @@ def _formed(rule: ValueRule, found: object) -> object:
         "number": is_whole or isinstance(found, float),
     }
     if rule.form == "number" and isinstance(found, str):
-        return _within(rule, _decimal(rule, found))
+        return _decimal(rule, found)
     if not fits[rule.form]:
         raise LabFileError(f"{rule.named} is {found!r}, not {rule.form}", code="binding.value")
-    return _within(rule, found) if rule.form == "number" else found
+    return found
 
 
 def _decimal(rule: ValueRule, text: str) -> float:
@@ -279,9 +285,3 @@ def _decimal(rule: ValueRule, text: str) -> float:
     if not isfinite(value):
         raise LabFileError(f"{rule.named} is {text!r}, not {rule.form}", code="binding.value")
     return value
-
-
-def _within(rule: ValueRule, found: Any) -> float:  # noqa: ANN401 - a number of a JSON file
-    low = -inf if rule.least is None else rule.least
-    high = inf if rule.most is None else rule.most
-    return float(max(low, min(high, found)))

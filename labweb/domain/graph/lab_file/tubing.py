@@ -8,7 +8,7 @@ from dataclasses import replace
 from labweb.domain.graph.lab_file.model import LabFile
 from labweb.domain.graph.lab_file.uni_lab_os.words import FORMAT
 from labweb.domain.graph.topology import Connection, Medium, PortRef
-from labweb.domain.resources.kinds import KINDS
+from labweb.domain.resources.kinds import KINDS, VACUUMS
 from labweb.domain.resources.node import Resource
 
 _CARRIED_BY: Mapping[str, Medium] = {
@@ -18,8 +18,6 @@ _CARRIED_BY: Mapping[str, Medium] = {
     "stirrer": Medium.MECHANICAL,
 }
 """How an instrument acts on what a tube-like link joins it to."""
-
-_VACUUMS = frozenset({"vacuum_controller", "vacuum_line"})
 
 
 def name_media(lab: LabFile, tubes: Collection[str]) -> tuple[Connection, ...]:
@@ -50,7 +48,7 @@ def _medium(lab: LabFile, connection: Connection, tubes: Collection[str]) -> Med
         acting = next((_CARRIED_BY[end.kind] for end in ends if end.kind in _CARRIED_BY), None)
         if acting is not None:
             return acting
-    if any(end.kind in _VACUUMS for end in ends):
+    if any(end.kind in VACUUMS for end in ends):
         return Medium.VACUUM if any(KINDS[end.kind].holds_liquid for end in ends) else Medium.GAS
     if any(end.config.get("gas") for end in ends):
         return Medium.GAS

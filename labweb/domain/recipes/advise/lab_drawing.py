@@ -14,6 +14,7 @@ from labweb.domain.graph.rig.lab import COMMON_PORT
 from labweb.domain.graph.topology import Medium
 from labweb.domain.recipes.advise.drawing import Drawing, NotDrawnError, Port
 from labweb.domain.recipes.on_rig.equipment import COLLECT, GASES
+from labweb.domain.resources.kinds import VACUUMS
 
 VALVE_PORTS = 8
 """Ports of a valve that is added, beside the common one."""
@@ -39,7 +40,6 @@ class _Word:
 
 
 _HEATS = (Medium.THERMAL, "jacket")
-_VACUUMS = frozenset({"vacuum_controller", "vacuum_line"})
 _WORDS: Mapping[str, _Word] = {
     "ChemputerFlask": _Word("flask"),
     "ChemputerReactor": _Word("reactor"),
@@ -160,13 +160,13 @@ class LabDrawing(Drawing):
     def lay_gas(self, source: Port, target: Port, *, both: bool = False) -> None:
         """Lay a tube for gas."""
         # What a valve is led to a vacuum by carries both ways.
-        is_vacuum = self._entries[target.key]["kind"] in _VACUUMS
+        is_vacuum = self._entries[target.key]["kind"] in VACUUMS
         ends = self._gas_end(source), self._gas_end(target)
         self._connection(*ends, Medium.GAS, is_two_way=both or is_vacuum)
 
     def _gas_end(self, port: Port) -> dict[str, str]:
         entry = self._entries[port.key]
-        if entry["kind"] in _VACUUMS:
+        if entry["kind"] in VACUUMS:
             return {"resource": port.key, "port": "inlet"}
         if entry.get("config", {}).get("gas"):
             return {"resource": port.key, "port": "outlet"}
@@ -187,7 +187,7 @@ class LabDrawing(Drawing):
         for link in self.links:
             one, other = (link[end]["resource"] for end in ("source", "target"))
             for own, far in ((one, other), (other, one)):
-                if kinds[own] in _VACUUMS and kinds[far] == "rotary_valve":
+                if kinds[own] in VACUUMS and kinds[far] == "rotary_valve":
                     found.add(own)
         return sorted(found)
 

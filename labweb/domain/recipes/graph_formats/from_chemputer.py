@@ -19,6 +19,7 @@ from labweb.domain.recipes.on_rig.equipment import (
     Thermostat,
     is_passive,
 )
+from labweb.domain.resources.kinds import VACUUMS
 
 _NL_PER_UL = 1000
 _VALVE_PORTS = 6
@@ -60,8 +61,6 @@ _MEDIA: Mapping[str, tuple[Medium, str]] = {
     "transmitter": (Medium.ELECTRICAL, "probe"),
 }
 """How a device acts on a vessel, and what that port is called."""
-
-_VACUUMS = frozenset({"vacuum_controller", "vacuum_line"})
 
 
 def from_chemputer(rig: Rig, name: str) -> tuple[dict[str, Any], list[Finding]]:
@@ -252,7 +251,7 @@ class _Writer:
         kinds = [self._resources[key]["kind"] for key in (tube.source, tube.target)]
         if not tube.source_port and not tube.target_port:
             medium, name = next((_MEDIA[k] for k in kinds if k in _MEDIA), (Medium.OTHER, "joint"))
-        elif not _VACUUMS.isdisjoint(kinds) or any(
+        elif not VACUUMS.isdisjoint(kinds) or any(
             self._is_gas(k) for k in (tube.source, tube.target)
         ):
             medium = Medium.GAS

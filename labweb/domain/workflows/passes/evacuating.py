@@ -16,6 +16,7 @@ from uuid import UUID
 from labweb.domain.enrollment.device import Device
 from labweb.domain.graph.routing import COMMON_PORT, is_numbered
 from labweb.domain.graph.topology import Medium
+from labweb.domain.resources.kinds import VACUUMS
 from labweb.domain.workflows.passes.draft import Drafting, DraftJob
 from labweb.domain.workflows.passes.roles import plays
 from labweb.domain.workflows.passes.view import LabView
@@ -25,9 +26,6 @@ _LETS_GAS_THROUGH = (Medium.GAS, Medium.VACUUM, Medium.LIQUID)
 """What a way between valve and vessel may be for: rigs evacuate by the tube that also drains."""
 
 _CONTROLLER = "vacuum_controller"
-_LINES = frozenset({"vacuum_line", _CONTROLLER})
-"""What a controller may draw through; lines were controllers in labs of before."""
-
 TURN_S = 2.0
 
 
@@ -122,7 +120,7 @@ def vacuum_ports(view: LabView, valve: GasValve) -> Iterator[tuple[int, Device]]
         device = view.device_by_node.get(end)
         if device is not None and plays(device, _CONTROLLER):
             yield port, device
-        elif view.tree.find(end).kind in _LINES:
+        elif view.tree.find(end).kind in VACUUMS:  # a line was a controller in labs of before
             yield from ((port, behind) for behind in _joined(view, end))
 
 
