@@ -18,7 +18,7 @@ const forbid = (folders, packages = []) => ({
 const screens = ["lab", "runs", "approvals", "devices", "files", "recipes"];
 
 export default tseslint.config(
-  { ignores: ["node_modules", "dist"] },
+  { ignores: ["node_modules", "dist", "src/**/*.gen.ts"] },
   ...tseslint.configs.strict,
   {
     files: ["src/**/*.{ts,tsx}"],

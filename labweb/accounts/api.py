@@ -7,18 +7,19 @@ import json
 import re
 from collections.abc import Callable, Mapping
 from functools import partial
+from http import HTTPStatus
 from typing import Any, ClassVar
 
 from django.core.files.uploadedfile import UploadedFile
 from django.http import HttpResponse, QueryDict
 from rest_framework.exceptions import APIException
-from rest_framework.renderers import JSONRenderer
 from rest_framework.request import Request
 from rest_framework.response import Response
 from rest_framework.views import APIView
 
 from labweb.accounts import services
 from labweb.accounts.selectors import User, user_of
+from labweb.common.answers import Answering, AnswerRenderer, ApiAnswer
 from labweb.common.requests import Parameter, check_query
 from labweb.domain.errors import LabError, LockedError
 
@@ -74,8 +75,8 @@ class InProgressError(APIException):
     wait = 1
 
 
-class Endpoint(APIView):
-    """A view whose unsafe methods each carry out one wish once.
+class Endpoint(Answering, APIView):
+    """A view that answers with structs, and whose unsafe methods each carry out one wish once.
 
     A method acts unless `harmless` says why a second time does no more than the first. What
     acts needs a key. The first answer to a key, a refusal too, is kept for seven days and is
@@ -98,8 +99,25 @@ class Endpoint(APIView):
         method = str(request.method).lower()
         check_query(request, self.queries if method in {"get", "head"} else {})
         handler = getattr(self, method, None)
-        if handler is not None and acts(type(self), method):
-            setattr(self, method, partial(self._once, handler))
+        if handler is not None:
+            told = partial(self._told, handler)
+            setattr(self, method, partial(self._once, told) if acts(type(self), method) else told)
+
+    def _told(
+        self,
+        handler: Callable[..., Any],
+        request: Request,
+        *args: Any,  # noqa: ANN401 - what the address names
+        **kwargs: Any,  # noqa: ANN401
+    ) -> Any:  # noqa: ANN401 - a response of whichever library
+        """Return the response of a method: 204 where it returns nothing."""
+        found = handler(request, *args, **kwargs)
+        if found is None:
+            return Response(status=HTTPStatus.NO_CONTENT)
+        if not isinstance(found, ApiAnswer):
+            return found
+        method = str(request.method).lower()
+        return Response(found, status=self.statuses.get(method, HTTPStatus.OK))
 
     def prepare(self, request: Request, *args: Any, **kwargs: Any) -> None:  # noqa: ANN401 - what the address names
         """Do what takes long and changes nothing, before the act holds a transaction open.
@@ -143,7 +161,7 @@ class Endpoint(APIView):
                     raise
                 response = self.handle_exception(error)
             first.append(response)
-            content = b"" if response.data is None else JSONRenderer().render(response.data)
+            content = b"" if response.data is None else AnswerRenderer().render(response.data)
             return services.Answer(response.status_code, content, {})
 
         try:

@@ -17,7 +17,7 @@ from labweb.common import disk
 from labweb.common.clock import now
 from labweb.common.lists import STANDING
 from labweb.common.render import iso
-from labweb.common.requests import body
+from labweb.common.requests import Nothing, body
 from labweb.domain.approvals.roles import Permission
 from labweb.domain.disk import Level
 from labweb.domain.enrollment.admission import shows_itself
@@ -29,7 +29,6 @@ from labweb.resources import selectors as resource_selectors
 from labweb.runs import selectors as run_selectors
 from labweb.runs import services as run_services
 from labweb.runs.api.halts import render_halt
-from labweb.runs.api.lab import Nothing
 from labweb.runs.selectors import DeviceHalt, Job
 from labweb.telemetry import selectors as telemetry_selectors
 from labweb.telemetry.api import photo_told

@@ -59,20 +59,20 @@ class Text(msgspec.Struct, forbid_unknown_fields=True):
     source: str
 
 
-class Answer(msgspec.Struct, forbid_unknown_fields=True):
+class DriverDecision(msgspec.Struct, forbid_unknown_fields=True):
     """Body of a decision about a driver."""
 
     is_approved: bool
     comment: str = ""
 
 
-class Withdrawal(msgspec.Struct, forbid_unknown_fields=True):
+class DriverWithdrawal(msgspec.Struct, forbid_unknown_fields=True):
     """Body of a withdrawal."""
 
     reason: str
 
 
-class Choice(msgspec.Struct, forbid_unknown_fields=True):
+class DriverChoice(msgspec.Struct, forbid_unknown_fields=True):
     """Body that says which version of its driver a device shall have."""
 
     version_id: UUID
@@ -195,11 +195,11 @@ class DecideDriver(Endpoint):
     """The answer of a second person."""
 
     signs = frozenset({"post"})
-    bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": Answer}
+    bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": DriverDecision}
 
     def post(self, request: Request, driver_id: UUID) -> Response:
         """Approve or reject a version."""
-        user, answer = user_of(request), body(request, Answer)
+        user, answer = user_of(request), body(request, DriverDecision)
         visible_driver(driver_id, user)
         row = approval_services.decide_driver(
             driver_id, actor=user, is_approved=answer.is_approved, comment=answer.comment
@@ -210,11 +210,11 @@ class DecideDriver(Endpoint):
 class WithdrawDriver(Endpoint):
     """The end of a version."""
 
-    bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": Withdrawal}
+    bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": DriverWithdrawal}
 
     def post(self, request: Request, driver_id: UUID) -> Response:
         """Let a version be used no more."""
-        user, reason = user_of(request), body(request, Withdrawal).reason
+        user, reason = user_of(request), body(request, DriverWithdrawal).reason
         visible_driver(driver_id, user)
         row = approval_services.withdraw_driver(driver_id, actor=user, reason=reason)
         return Response(_render(row, user, {}))
@@ -223,11 +223,11 @@ class WithdrawDriver(Endpoint):
 class DeviceDriver(Endpoint):
     """The version of its driver that a device has, and is to have."""
 
-    bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": Choice}
+    bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": DriverChoice}
 
     def post(self, request: Request, device_id: UUID) -> Response:
         """Give a device another version; an earlier one rolls back."""
-        user, choice = user_of(request), body(request, Choice)
+        user, choice = user_of(request), body(request, DriverChoice)
         selectors.visible_device(device_id, user)
         visible_driver(choice.version_id, user)
         device = run_services.replace_driver(

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from functools import partial
+from http import HTTPStatus
 from typing import Any
 
 import msgspec
 from drf_spectacular.openapi import AutoSchema
+from drf_spectacular.plumbing import ResolvedComponent
 from drf_spectacular.utils import OpenApiParameter
 
 from labweb.accounts.api import HEADER, acts
+from labweb.common.answers import answers_of
 
 REFUSAL: dict[str, Any] = {
     "type": "object",
@@ -25,6 +29,9 @@ REFUSAL: dict[str, Any] = {
 """Shape of every answer above 399."""
 
 _ANSWER: dict[str, Any] = {"type": "object", "additionalProperties": True}
+
+
+_component: Any = partial(ResolvedComponent, type=ResolvedComponent.SCHEMA)
 
 
 class LabSchema(AutoSchema):
@@ -69,7 +76,7 @@ class LabSchema(AutoSchema):
         return None
 
     def get_response_serializers(self) -> Any:  # noqa: ANN401 - the library's shape
-        """Return None: answers are rendered by functions, not serializers."""
+        """Return None: answers are structs, not serializers."""
         return None
 
     def get_tags(self) -> list[str]:
@@ -84,22 +91,45 @@ class LabSchema(AutoSchema):
         body = getattr(self.view, "bodies", {}).get(self.method.lower())
         if body is None:
             return None
-        (schema,), components = msgspec.json.schema_components(
-            [body], ref_template="#/components/schemas/{name}"
-        )
-        found = components.get(schema.get("$ref", "").rsplit("/", 1)[-1], schema)
-        shape = {key: value for key, value in found.items() if value != []}
-        return {"required": True, "content": {"application/json": {"schema": shape}}}
+        return {"required": True, "content": {"application/json": {"schema": self._shape(body)}}}
 
-    def _answer(self) -> dict[str, Any]:
-        """Return what a view answers with: JSON, or to GET a file of its `answer_type`."""
+    def _shape(self, struct: type[msgspec.Struct]) -> dict[str, Any]:
+        """Return the schema of a struct: a reference, and every component that it names is there.
+
+        Raises:
+            TypeError: Another struct has the same name.
+        """
+        (schema,), components = msgspec.json.schema_components(
+            [struct], ref_template="#/components/schemas/{name}"
+        )
+        for name, found in components.items():
+            shape = {key: value for key, value in found.items() if value != []}
+            component: Any = _component(name, schema=shape, object=name)
+            known = self.registry[component].schema if component in self.registry else shape
+            if known != shape:
+                raise TypeError(f"two structs of the interface are called {name}")
+            self.registry.register_on_missing(component)
+        return schema
+
+    def _answers(self) -> dict[int, dict[str, Any]]:
+        """Return what a method answers with by its status: JSON, or to GET a file."""
         kind = getattr(self.view, "answer_type", None) if self.method == "GET" else None
-        if kind is None:
-            return {"application/json": {"schema": _ANSWER}}
-        return {kind: {"schema": {"type": "string", "format": "binary"}}}
+        if kind is not None:
+            return {200: {kind: {"schema": {"type": "string", "format": "binary"}}}}
+        found = answers_of(type(self.view), self.method.lower()) or {200: None}
+        return {
+            status: {}
+            if status == HTTPStatus.NO_CONTENT
+            else {"application/json": {"schema": _ANSWER if one is None else self._shape(one)}}
+            for status, one in found.items()
+        }
 
     def _get_response_bodies(self, direction: str = "response") -> dict[str, Any]:
         del direction
-        answer = {"content": self._answer(), "description": "The answer"}
         refusal = {"content": {"application/json": {"schema": REFUSAL}}, "description": "Refused"}
-        return {"2XX": answer, "4XX": refusal}
+        answers = {
+            str(int(status)): {"description": "The answer"}
+            | ({"content": content} if content else {})
+            for status, content in self._answers().items()
+        }
+        return answers | {"4XX": refusal}

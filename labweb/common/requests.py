@@ -25,6 +25,10 @@ _MOST_DIGITS = 18
 """Python reads no number of thousands of digits, and fails on it."""
 
 
+class Nothing(msgspec.Struct, forbid_unknown_fields=True):
+    """Body of an act that takes no arguments."""
+
+
 class UnknownParameterError(APIException):
     """An address has a parameter that nobody reads; whoever wrote it means something by it."""
 

@@ -205,7 +205,7 @@ FILE_UPLOAD_HANDLERS = ["labweb.common.uploads.Bounded"]
 REST_FRAMEWORK = {
     "DEFAULT_AUTHENTICATION_CLASSES": ["rest_framework.authentication.SessionAuthentication"],
     "DEFAULT_PERMISSION_CLASSES": ["labweb.api.permissions.SignedIn"],
-    "DEFAULT_RENDERER_CLASSES": ["rest_framework.renderers.JSONRenderer"],
+    "DEFAULT_RENDERER_CLASSES": ["labweb.common.answers.AnswerRenderer"],
     "DEFAULT_PARSER_CLASSES": ["labweb.api.parsers.StrictJSONParser"],
     "DEFAULT_SCHEMA_CLASS": "labweb.api.schema.LabSchema",
     "EXCEPTION_HANDLER": "labweb.api.errors.handle",
@@ -216,6 +216,8 @@ SPECTACULAR_SETTINGS = {
     "VERSION": "1",
     "DESCRIPTION": "The operating system of the autonomous laboratory.",
     "OAS_VERSION": "3.1.0",
+    # Enumerations are types of their own already, named as their classes are.
+    "POSTPROCESSING_HOOKS": [],
     "SERVE_INCLUDE_SCHEMA": False,
     # Answers are plain documents without serializers; that is no matter of deployment.
     "ENABLE_DJANGO_DEPLOY_CHECK": False,

@@ -19,7 +19,16 @@ APPS = (
     "telemetry",
     "workflows",
 )
-MAY_BE_A_PACKAGE = {"models", "selectors", "services", "api", "live", "tasks", "admin"}
+MAY_BE_A_PACKAGE = {
+    "models",
+    "selectors",
+    "services",
+    "answers",
+    "api",
+    "live",
+    "tasks",
+    "admin",
+}
 FILES = {f"{name}.py" for name in MAY_BE_A_PACKAGE} | {"__init__.py", "apps.py", "urls.py"}
 FOLDERS = MAY_BE_A_PACKAGE | {"management", "migrations"}
 

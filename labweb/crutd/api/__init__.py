@@ -32,7 +32,7 @@ from labweb.domain.resources.contents import LotId
 from labweb.domain.resources.kinds import KINDS, is_vessel
 from labweb.enrollment import selectors as enrollment_selectors
 from labweb.resources import selectors as resource_selectors
-from labweb.resources.api import render_end
+from labweb.resources.api import connection_end
 from labweb.resources.selectors import Lab, Lot, Resource
 
 AT = Parameter(
@@ -103,9 +103,9 @@ class ResourceDetail(Endpoint):
         ports = [
             {
                 "port": edge.source_port if edge.source_id == row.id else edge.target_port,
-                "to": render_end(edge.target, edge.target_port)
+                "to": connection_end(edge.target, edge.target_port)
                 if edge.source_id == row.id
-                else render_end(edge.source, edge.source_port),
+                else connection_end(edge.source, edge.source_port),
                 "medium": edge.medium,
                 "connection": {
                     "connection_id": str(edge.id),

@@ -32,14 +32,14 @@ _MEASURED = (Quantity.VOLUME, Quantity.PH, Quantity.TEMPERATURE)
 """Quantities that a workflow measures."""
 
 
-class Answer(msgspec.Struct, forbid_unknown_fields=True):
+class CalibrationDecision(msgspec.Struct, forbid_unknown_fields=True):
     """Body of a decision."""
 
     is_accepted: bool
     comment: Annotated[str, msgspec.Meta(max_length=10_000)] = ""
 
 
-class Withdrawal(msgspec.Struct, forbid_unknown_fields=True):
+class CalibrationWithdrawal(msgspec.Struct, forbid_unknown_fields=True):
     """Body of a withdrawal."""
 
     reason: Annotated[str, msgspec.Meta(max_length=10_000)]
@@ -106,12 +106,12 @@ class DecideCalibration(Endpoint):
     """The decision about a result."""
 
     signs = frozenset({"post"})
-    bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": Answer}
+    bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": CalibrationDecision}
 
     def post(self, request: Request, calibration_id: UUID) -> Response:
         """Accept or reject a result that somebody else measured."""
         user = user_of(request)
-        wanted = body(request, Answer)
+        wanted = body(request, CalibrationDecision)
         _find(calibration_id, user)
         services.decide_calibration(
             calibration_id, actor=user, is_accepted=wanted.is_accepted, comment=wanted.comment
@@ -122,12 +122,12 @@ class DecideCalibration(Endpoint):
 class WithdrawCalibration(Endpoint):
     """The end of a calibration before its due date."""
 
-    bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": Withdrawal}
+    bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": CalibrationWithdrawal}
 
     def post(self, request: Request, calibration_id: UUID) -> Response:
         """Let it be relied on no more, for a reason."""
         user = user_of(request)
-        wanted = body(request, Withdrawal)
+        wanted = body(request, CalibrationWithdrawal)
         _find(calibration_id, user)
         services.withdraw_calibration(calibration_id, actor=user, reason=wanted.reason)
         return Response(render_calibration(selectors.find_calibration(calibration_id), user))

@@ -13,7 +13,7 @@ from rest_framework.response import Response
 from labweb.accounts.api import Endpoint
 from labweb.accounts.selectors import User, user_of
 from labweb.common.render import iso
-from labweb.common.requests import body
+from labweb.common.requests import Nothing, body
 from labweb.crutd.api import Act, HandOperations, OperationCheck, require_act, visible
 from labweb.crutd.selectors import Transaction
 from labweb.domain.approvals.roles import Permission
@@ -36,10 +36,6 @@ class HandOver(msgspec.Struct, forbid_unknown_fields=True):
 
     place_id: UUID
     note: str
-
-
-class Nothing(msgspec.Struct, forbid_unknown_fields=True):
-    """Body of an act that takes no arguments."""
 
 
 class Operations(HandOperations):

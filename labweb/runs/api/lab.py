@@ -14,7 +14,7 @@ from rest_framework.response import Response
 
 from labweb.accounts.api import Endpoint
 from labweb.accounts.selectors import User, user_of
-from labweb.common.requests import body
+from labweb.common.requests import Nothing, body
 from labweb.resources import selectors as resource_selectors
 from labweb.runs import selectors, services
 from labweb.runs.api.runs import Reason
@@ -31,10 +31,6 @@ class LabView(Endpoint):
         """Return the lab."""
         user_of(request)
         return Response(selectors.lab_summary(resource_selectors.the_lab()))
-
-
-class Nothing(msgspec.Struct, forbid_unknown_fields=True):
-    """Body of an act that takes no arguments."""
 
 
 class StopLab(Endpoint):

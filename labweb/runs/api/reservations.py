@@ -14,7 +14,7 @@ from labweb.accounts.api import Endpoint
 from labweb.accounts.selectors import User, user_of
 from labweb.common.lists import HISTORY
 from labweb.common.render import iso
-from labweb.common.requests import body
+from labweb.common.requests import Nothing, body
 from labweb.crutd.api import visible
 from labweb.crutd.selectors import reserved
 from labweb.domain.approvals.roles import Permission
@@ -34,10 +34,6 @@ class Wanted(msgspec.Struct, forbid_unknown_fields=True):
     resource_ids: Annotated[list[UUID], msgspec.Meta(max_length=10 * MOST)]
     minutes: Annotated[int, msgspec.Meta(ge=-_MOST_MINUTES, le=_MOST_MINUTES)]
     reason: Annotated[str, msgspec.Meta(max_length=10 * LONGEST_REASON)]
-
-
-class Nothing(msgspec.Struct, forbid_unknown_fields=True):
-    """Body of an act that takes no arguments."""
 
 
 class Reservations(Endpoint):

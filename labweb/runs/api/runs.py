@@ -66,7 +66,7 @@ class Resume(msgspec.Struct, forbid_unknown_fields=True):
     """When each pause that the caller has seen began: with one more the run is not resumed."""
 
 
-class Answer(msgspec.Struct, forbid_unknown_fields=True):
+class DoubtAnswer(msgspec.Struct, forbid_unknown_fields=True):
     """Body of a resolution."""
 
     answer: str
@@ -309,7 +309,7 @@ def whole_nl(volume_ul: float) -> int:
     return amount_nl
 
 
-class Choice(msgspec.Struct, forbid_unknown_fields=True):
+class RecoveryAnswer(msgspec.Struct, forbid_unknown_fields=True):
     """Body of a recovery."""
 
     choice: str
@@ -321,12 +321,12 @@ class Choice(msgspec.Struct, forbid_unknown_fields=True):
 class RecoverJob(Endpoint):
     """What becomes of a job that ended undone."""
 
-    bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": Choice}
+    bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": RecoveryAnswer}
 
     def post(self, request: Request, job_id: UUID) -> Response:
         """Carry out a person's choice and return the run."""
         user = user_of(request)
-        wanted = body(request, Choice)
+        wanted = body(request, RecoveryAnswer)
         visible_job(job_id, user)
         job = services.recover_job(
             job_id,
@@ -369,12 +369,12 @@ class ResolveJob(Endpoint):
     """What happened in a job in doubt."""
 
     signs = frozenset({"post"})
-    bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": Answer}
+    bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": DoubtAnswer}
 
     def post(self, request: Request, job_id: UUID) -> Response:
         """Send a person's answer to the host."""
         user = user_of(request)
-        answer = body(request, Answer)
+        answer = body(request, DoubtAnswer)
         moved = None if answer.moved_ul is None else whole_nl(answer.moved_ul)
         beside = services.Beside(
             attempt_id=answer.attempt_id,
