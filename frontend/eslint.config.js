@@ -15,7 +15,7 @@ const forbid = (folders, packages = []) => ({
   ],
 });
 
-const screens = ["lab", "runs", "approvals", "devices", "files", "recipes"];
+const screens = ["lab", "runs", "approvals", "devices", "files", "recipes", "settings"];
 
 export default tseslint.config(
   { ignores: ["node_modules", "dist", "src/**/*.gen.ts"] },
@@ -57,7 +57,7 @@ export default tseslint.config(
     files: [`src/${screen}/**`],
     rules: forbid(screens.filter((other) => other !== screen && other !== "lab")),
   })),
-  ...["runs", "approvals", "devices", "files", "recipes"].map((screen) => ({
+  ...["runs", "approvals", "devices", "files", "recipes", "settings"].map((screen) => ({
     files: [`src/${screen}/**`],
     rules: forbid(screens.filter((other) => other !== screen)),
   })),

@@ -42,6 +42,9 @@ const pages: RouteObject[] = [
   page("hosts/:id", async () => ({ Component: (await import("@/devices/host")).HostPage })),
   page("lab", async () => ({ Component: (await import("@/lab/page")).LabPage })),
   page("lineage/:id", async () => ({ Component: (await import("@/lab/lineage")).LineagePage })),
+  page("settings", async () => ({
+    Component: (await import("@/settings/page")).SettingsPage,
+  })),
   { path: "*", Component: NotFoundPage },
 ];
 

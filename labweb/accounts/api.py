@@ -19,11 +19,14 @@ from rest_framework.views import APIView
 
 from labweb.accounts import services
 from labweb.accounts.selectors import User, user_of
+from labweb.accounts.selectors.tokens import AccessToken
 from labweb.common.answers import Answering, AnswerRenderer, ApiAnswer
 from labweb.common.requests import Parameter, check_query
-from labweb.domain.errors import LabError, LockedError
+from labweb.domain.approvals.scopes import Scope
+from labweb.domain.errors import ForbiddenError, LabError, LockedError
 
 ACTING = frozenset({"post", "put", "patch", "delete"})
+READING = frozenset({"get", "head", "options"})
 HEADER = "Idempotency-Key"
 REPLAYED = "Idempotency-Replayed"
 
@@ -75,6 +78,28 @@ class InProgressError(APIException):
     wait = 1
 
 
+def check_scope(request: Request, needed: Scope | None) -> None:
+    """Refuse what an access token does not reach; whoever is signed in needs none.
+
+    Args:
+        request: By whom.
+        needed: The scope; None: no token reaches it.
+
+    Raises:
+        ForbiddenError: The token does not reach it. Nothing was done.
+    """
+    token = request.auth
+    if not isinstance(token, AccessToken):
+        return
+    if needed is None:
+        text = "no access token may do this: sign in, and do it yourself"
+        raise ForbiddenError(text, code="token.not_by_token")
+    scope = Scope(token.scope)
+    if not scope.holds(needed):
+        text = f"this needs the scope {needed.value}, and the token {token.name!r} has {scope}"
+        raise ForbiddenError(text, code="token.scope")
+
+
 class Endpoint(Answering, APIView):
     """A view that answers with structs, and whose unsafe methods each carry out one wish once.
 
@@ -92,6 +117,16 @@ class Endpoint(Answering, APIView):
 
     queries: ClassVar[Mapping[str, Parameter]] = {}
     """What GET takes in the address; what is not declared here is refused, to any method."""
+
+    scopes: ClassVar[Mapping[str, Scope]] = {}
+    """Method, in small letters → scope that an access token needs for it. GET needs `read`; what is
+    not named here is done by nobody but a person who is signed in."""
+
+    def perform_authentication(self, request: Request) -> None:
+        """Find who calls; a token has to reach as far as the method."""
+        super().perform_authentication(request)
+        method = str(request.method).lower()
+        check_scope(request, self.scopes.get(method, Scope.READ if method in READING else None))
 
     def initial(self, request: Request, *args: Any, **kwargs: Any) -> None:  # noqa: ANN401 - DRF's shape
         """Let who may call at all come in, with what is read; then guard what acts."""

@@ -6,7 +6,8 @@ from django.contrib.auth.models import AbstractUser
 from django.db import models
 
 from labweb.common.clock import new_id
-from labweb.common.models import Base
+from labweb.common.models import Base, enum_choices
+from labweb.domain.approvals.scopes import Scope
 
 
 class User(AbstractUser):
@@ -55,6 +56,27 @@ class Grant(Base):
 
     def __str__(self) -> str:
         return f"{self.user} as {self.role}"
+
+
+class AccessToken(Base):
+    """Leave for a program to act in the name of a person; of its secret only the hash is here."""
+
+    user = models.ForeignKey(User, on_delete=models.CASCADE, related_name="access_tokens")
+    lab = models.ForeignKey("resources.Lab", on_delete=models.CASCADE, related_name="+")
+    name = models.CharField(max_length=100)
+    scope = models.CharField(max_length=16, choices=enum_choices(Scope))
+    secret_hash = models.CharField(max_length=64, unique=True)
+    created_at = models.DateTimeField()
+    expires_at = models.DateTimeField()
+    revoked_at = models.DateTimeField(null=True)
+    used_at = models.DateTimeField(null=True)
+    """When it was last used, to the minute."""
+
+    class Meta:
+        ordering = ["-created_at"]
+
+    def __str__(self) -> str:
+        return self.name
 
 
 class AuditEntry(models.Model):

@@ -11,6 +11,7 @@ from django.contrib.auth import SESSION_KEY
 from django.http import HttpRequest
 from django.utils.module_loading import import_string
 
+from labweb.accounts.selectors.tokens import find_token
 from labweb.api.borders import name_of
 
 REMEMBER_S = 60.0
@@ -36,6 +37,15 @@ class Callers:
         self._known.move_to_end(_digest(session_key))
         if len(self._known) > MOST_SESSIONS:
             self._known.popitem(last=False)
+
+
+def caller_of_token(secret: str) -> str:
+    """Return the name of an access token; empty: it is none that is valid.
+
+    A token is counted by itself, so that a program does not use up what its owner may ask.
+    """
+    token = find_token(secret)
+    return "" if token is None else f"token:{token.pk}"
 
 
 def stranger_of(request: HttpRequest) -> str:

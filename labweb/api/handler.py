@@ -18,9 +18,10 @@ from django.http.response import HttpResponseBase
 from labweb.api import paces
 from labweb.api.bodies import BoundedBody
 from labweb.api.borders import Receive, Scope, Send
-from labweb.api.callers import Callers, caller_of_session, stranger_of
+from labweb.api.callers import Callers, caller_of_session, caller_of_token, stranger_of
 from labweb.api.errors import refusal
 from labweb.api.paces import STREAMS, TERMS, Pace
+from labweb.api.token_sign_in import bearer_of
 from labweb.common.buckets import Buckets
 from labweb.common.lanes import FullError, Lane, Ticket, give_back_connection
 
@@ -100,17 +101,19 @@ class Handler(ASGIHandler):
             return _too_many() if full.is_own else _busy()
 
     async def _find_caller(self, request: HttpRequest, pace: Pace) -> str:
-        """Return the user of the session, or the address; what was found is remembered."""
+        """Return the token, the user of the session, or the address; it is remembered."""
         stranger = stranger_of(request)
-        key = request.COOKIES.get(settings.SESSION_COOKIE_NAME, "")
+        secret = bearer_of(str(request.headers.get("Authorization", "")))
+        key = secret or request.COOKIES.get(settings.SESSION_COOKIE_NAME, "")
         if not key or not TERMS[pace].lane:
             return stranger
+        find = caller_of_token if secret else caller_of_session
         known = self._callers.find(key)
         if known is None:
             # Whoever stops the lab does not queue behind sessions that somebody made up.
             lane = self._lanes["stop"] if pace is Pace.STOP else self._who
             try:
-                known = await _through(lane, stranger, caller_of_session, key)
+                known = await _through(lane, stranger, find, key)
             except (OperationalError, InterfaceError):
                 return stranger  # Django then says that the database is away
             self._callers.keep(key, known)

@@ -132,6 +132,8 @@ DECLARED: dict[str, Pace | dict[str, Pace]] = {
     f"{_API}deliveries": _W,
     f"{_API}twin": _Q,
     f"{_API}connections": _Q,
+    f"{_API}tokens": _Q,
+    f"{_API}tokens/<uuid:access_id>": _Q,
     f"{_API}join-tokens": _Q,
     f"{_API}join-tokens/<uuid:token_id>": _Q,
     f"{_API}join-requests": _Q,

@@ -7,6 +7,7 @@ from http import HTTPStatus
 from typing import Any
 
 import msgspec
+from drf_spectacular.extensions import OpenApiAuthenticationExtension
 from drf_spectacular.openapi import AutoSchema
 from drf_spectacular.plumbing import ResolvedComponent
 from drf_spectacular.utils import OpenApiParameter
@@ -29,6 +30,18 @@ REFUSAL: dict[str, Any] = {
 """Shape of every answer above 399."""
 
 _ANSWER: dict[str, Any] = {"type": "object", "additionalProperties": True}
+
+
+class TokenScheme(OpenApiAuthenticationExtension):  # type: ignore[no-untyped-call]
+    """How a program signs in."""
+
+    target_class = "labweb.api.token_sign_in.TokenAuthentication"
+    name = "accessToken"
+
+    def get_security_definition(self, auto_schema: AutoSchema) -> dict[str, str]:
+        """Return the scheme: the secret of an access token in the Authorization header."""
+        del auto_schema
+        return {"type": "http", "scheme": "bearer", "description": "An access token of a person."}
 
 
 _component: Any = partial(ResolvedComponent, type=ResolvedComponent.SCHEMA)

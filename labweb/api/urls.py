@@ -11,6 +11,7 @@ from labweb.api import (
     home,
     hosts,
     session,
+    tokens,
     tryouts,
     twin_proxy,
 )
@@ -20,6 +21,8 @@ urlpatterns = [
     path("session/password", session.Password.as_view()),
     path("session/confirm", session.Confirm.as_view()),
     path("session/awake", session.Awake.as_view()),
+    path("tokens", tokens.AccessTokens.as_view()),
+    path("tokens/<uuid:access_id>", tokens.AccessTokenDetail.as_view()),
     path("home", home.Home.as_view()),
     path("search", home.Search.as_view()),
     path("devices", devices.Devices.as_view()),

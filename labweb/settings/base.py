@@ -203,7 +203,10 @@ DATA_UPLOAD_MAX_MEMORY_SIZE = 2 * 1024 * 1024
 FILE_UPLOAD_HANDLERS = ["labweb.common.uploads.Bounded"]
 
 REST_FRAMEWORK = {
-    "DEFAULT_AUTHENTICATION_CLASSES": ["rest_framework.authentication.SessionAuthentication"],
+    "DEFAULT_AUTHENTICATION_CLASSES": [
+        "labweb.api.token_sign_in.TokenAuthentication",
+        "rest_framework.authentication.SessionAuthentication",
+    ],
     "DEFAULT_PERMISSION_CLASSES": ["labweb.api.permissions.SignedIn"],
     "DEFAULT_RENDERER_CLASSES": ["labweb.common.answers.AnswerRenderer"],
     "DEFAULT_PARSER_CLASSES": ["labweb.api.parsers.StrictJSONParser"],

@@ -46,5 +46,7 @@ export const keys = {
   start: (opened: number) => ["start", opened] as const,
   opening: (recipe: string, rig: string, said: object) => ["recipes", recipe, rig, said] as const,
   twin: ["twin"] as const,
+  tokens: ["tokens"] as const,
+  tokenList: (of: string) => ["tokens", of] as const,
   search: (text: string) => ["search", text] as const,
 };

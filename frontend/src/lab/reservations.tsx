@@ -133,7 +133,7 @@ function HowLong(props: {
   return (
     <>
       <div className="field">
-        <span className="lab">{words.reserve.howLong}</span>
+        <span className="caption">{words.reserve.howLong}</span>
         <Segments
           label={words.reserve.howLong}
           value={props.span}

@@ -298,6 +298,9 @@ function UserItems({ user }: { user: User }) {
       ))}
       <Menu.Divider />
       {user.password_from === "seed" && <Menu.Label>{words.password.advised}</Menu.Label>}
+      <Menu.Item data-testid="open-settings" onClick={() => void navigate("/settings")}>
+        {words.nav.settings}
+      </Menu.Item>
       <Menu.Item data-testid="change-password" onClick={() => void navigate("/password")}>
         {words.password.change}
       </Menu.Item>

@@ -4,6 +4,7 @@ import promises from "@/model/promises.json";
 
 export const words = {
   nav: {
+    settings: "Settings…",
     home: "Home",
     workflows: "Workflows",
     runs: "Runs",

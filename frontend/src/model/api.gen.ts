@@ -1683,6 +1683,41 @@ export interface paths {
         patch?: never;
         trace?: never;
     };
+    "/api/v1/tokens": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        /** @description List the caller's tokens, those too that are valid no longer; an admin may see all. */
+        get: operations["get_tokens"];
+        put?: never;
+        /** @description Make a token; its secret is in this answer alone. */
+        post: operations["post_tokens"];
+        delete?: never;
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
+    "/api/v1/tokens/{access_id}": {
+        parameters: {
+            query?: never;
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        get?: never;
+        put?: never;
+        post?: never;
+        /** @description Revoke it: from now on it opens nothing, and what was started with it goes on. */
+        delete: operations["delete_tokens_by_access_id"];
+        options?: never;
+        head?: never;
+        patch?: never;
+        trace?: never;
+    };
     "/api/v1/tryouts/{tryout_id}": {
         parameters: {
             query?: never;
@@ -1842,6 +1877,30 @@ export interface paths {
 export type webhooks = Record<string, never>;
 export interface components {
     schemas: {
+        /**
+         * AccessTokenList
+         * @description A page of access tokens, the latest first.
+         */
+        AccessTokenList: {
+            tokens: components["schemas"]["AccessTokenRow"][];
+            next: string | null;
+        };
+        /**
+         * AccessTokenRow
+         * @description An access token, without its secret.
+         */
+        AccessTokenRow: {
+            /** Format: uuid */
+            id: string;
+            name: string;
+            owner: string;
+            scope: components["schemas"]["Scope"];
+            created_at: string;
+            expires_at: string;
+            revoked_at: string | null;
+            used_at: string | null;
+            is_valid: boolean;
+        };
         /**
          * Account
          * @description Where matter is when it is in no vessel of the lab.
@@ -2189,11 +2248,28 @@ export interface components {
             equiv_amount: string;
         };
         /**
+         * MakeAccessToken
+         * @description Body of a new access token.
+         */
+        MakeAccessToken: {
+            name: string;
+            scope: components["schemas"]["Scope"];
+            days: number;
+        };
+        /**
          * Medium
          * @description What a connection carries.
          * @enum {unknown}
          */
         Medium: "communication" | "electrical" | "gas" | "liquid" | "mechanical" | "other" | "thermal" | "transport" | "vacuum";
+        /**
+         * NewAccessToken
+         * @description An access token that was just made.
+         */
+        NewAccessToken: {
+            token: components["schemas"]["AccessTokenRow"];
+            secret: string;
+        };
         /**
          * NewVersion
          * @description Body of a version.
@@ -2427,6 +2503,15 @@ export interface components {
         Said: {
             reason: string;
         };
+        /**
+         * Scope
+         * @description How far an access token reaches: each scope holds all before it.
+         *
+         *         A token never does more than its owner may, and no token approves, answers a doubt, releases
+         *         the lab, admits anything, or signs: for that a person signs in.
+         * @enum {unknown}
+         */
+        Scope: "draft" | "read" | "simulate" | "submit";
         /**
          * Share
          * @description What a reaction consumed of one lot: in the unit that the lot is counted in.
@@ -7743,6 +7828,143 @@ export interface operations {
                         [key: string]: unknown;
                     };
                 };
+            };
+            /** @description Refused */
+            "4XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": {
+                        code: string;
+                        message: string;
+                        /** @enum {string} */
+                        effect: "none" | "partial" | "unknown";
+                        context: {
+                            [key: string]: unknown;
+                        };
+                        findings: {
+                            [key: string]: unknown;
+                        }[];
+                    };
+                };
+            };
+        };
+    };
+    get_tokens: {
+        parameters: {
+            query?: {
+                /** @description Go on behind the page before: the `next` of its answer. */
+                after?: string;
+                /** @description How many rows, at most 5000. */
+                limit?: number;
+                /** @description Whose tokens; `all` is for admins. */
+                of?: "me" | "all";
+            };
+            header?: never;
+            path?: never;
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description The answer */
+            200: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["AccessTokenList"];
+                };
+            };
+            /** @description Refused */
+            "4XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": {
+                        code: string;
+                        message: string;
+                        /** @enum {string} */
+                        effect: "none" | "partial" | "unknown";
+                        context: {
+                            [key: string]: unknown;
+                        };
+                        findings: {
+                            [key: string]: unknown;
+                        }[];
+                    };
+                };
+            };
+        };
+    };
+    post_tokens: {
+        parameters: {
+            query?: never;
+            header: {
+                /** @description Names the wish: a new one for each, the same one each time that it is repeated. */
+                "Idempotency-Key": string;
+            };
+            path?: never;
+            cookie?: never;
+        };
+        requestBody: {
+            content: {
+                "application/json": components["schemas"]["MakeAccessToken"];
+            };
+        };
+        responses: {
+            /** @description The answer */
+            201: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["NewAccessToken"];
+                };
+            };
+            /** @description Refused */
+            "4XX": {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": {
+                        code: string;
+                        message: string;
+                        /** @enum {string} */
+                        effect: "none" | "partial" | "unknown";
+                        context: {
+                            [key: string]: unknown;
+                        };
+                        findings: {
+                            [key: string]: unknown;
+                        }[];
+                    };
+                };
+            };
+        };
+    };
+    delete_tokens_by_access_id: {
+        parameters: {
+            query?: never;
+            header: {
+                /** @description Names the wish: a new one for each, the same one each time that it is repeated. */
+                "Idempotency-Key": string;
+            };
+            path: {
+                access_id: string;
+            };
+            cookie?: never;
+        };
+        requestBody?: never;
+        responses: {
+            /** @description The answer */
+            204: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content?: never;
             };
             /** @description Refused */
             "4XX": {

@@ -24,9 +24,18 @@ from labweb.accounts.services.people import (
     ensure_user,
     note_foreign_password,
 )
+from labweb.accounts.services.tokens import (
+    MOST_DAYS,
+    MOST_TOKENS,
+    make_token,
+    note_use,
+    revoke_token,
+)
 
 __all__ = [
     "KEPT_FOR",
+    "MOST_DAYS",
+    "MOST_TOKENS",
     "Answer",
     "InProgressError",
     "KeyReusedError",
@@ -37,7 +46,10 @@ __all__ = [
     "ensure_user",
     "find_answer",
     "forget_answers",
+    "make_token",
     "note_foreign_password",
+    "note_use",
+    "revoke_token",
     "sign_chain",
     "write_audit",
     "write_failed_sign_in",

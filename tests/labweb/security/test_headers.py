@@ -72,9 +72,11 @@ ABOUT_TOKENS = {
     "api/v1/join-tokens",
     "api/v1/join-tokens/<uuid:token_id>",
     "api/v1/session/password",
+    "api/v1/tokens",
+    "api/v1/tokens/<uuid:access_id>",
 }
-"""Routes that make and end join tokens, of which one takes the id of one, never its secret; and
-where a password is changed, which stands in the body."""
+"""Routes that make and end tokens, of which one takes the id of one, never its secret; and where a
+password is changed, which stands in the body."""
 
 
 def test_no_url_takes_a_credential() -> None:

@@ -17,10 +17,13 @@ from django.db.models import Model
 from django.test import Client
 from pytest_django import Settings
 
+from labweb.accounts import services as account_services
 from labweb.accounts.api import Endpoint
+from labweb.accounts.models import AccessToken
 from labweb.approvals.models import ApprovalRequest, Tryout
 from labweb.crutd import services as crutd_services
 from labweb.crutd.models import Event, EventHead, ResourceReservation
+from labweb.domain.approvals.scopes import Scope
 from labweb.domain.crutd.operations import TransferLiquid
 from labweb.enrollment.models import Device, DriverVersion, EdgeHost, JoinToken
 from labweb.resources.models import Connection, Resource
@@ -97,6 +100,14 @@ def _calibrated_again(bench: Bench, ids: dict[str, str]) -> None:
     )
 
 
+def a_token_of_admin(bench: Bench) -> None:
+    admin = bench.people["admin"]
+    row, _ = account_services.make_token(
+        admin, lab_id=bench.lab.pk, name=uuid4().hex, scope=Scope.READ, days=1
+    )
+    AccessToken.objects.filter(pk=row.pk).update(revoked_at=row.created_at)
+
+
 def _bytes() -> str:
     return uuid4().hex * 2
 
@@ -121,6 +132,7 @@ ADD: dict[str, Callable[[Bench, dict[str, str]], None]] = {
     "runs": _copied(Run, "run"),
     "runs/<run>/events": _event_of,
     "runs/<run>/log": _host_event,
+    "tokens": lambda bench, _: a_token_of_admin(bench),
     "workflows": _copied(Workflow, "workflow"),
     "workflows/<workflow>/versions": _copied(WorkflowVersion, "version"),
 }

@@ -8,11 +8,14 @@ from uuid import uuid4
 
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 
+from labweb.accounts import services as account_services
+from labweb.accounts.models import AccessToken
 from labweb.approvals import services as approval_services
 from labweb.approvals.models import ApprovalRequest, Tryout
 from labweb.common.clock import now
 from labweb.crutd import services as crutd_services
 from labweb.crutd.models import ResourceReservation
+from labweb.domain.approvals.scopes import Scope
 from labweb.domain.enrollment.join import Ask, code_of, parse_token
 from labweb.domain.messages import SimulatedModel, TryoutOffer, TryoutTold
 from labweb.domain.runs.session import SessionState
@@ -203,6 +206,15 @@ def a_reservation(bench: Bench) -> ResourceReservation:
     return reservation
 
 
+def an_access_token(bench: Bench) -> AccessToken:
+    """A token of a person who is in no table here."""
+    owner = a_user("chemist", on=bench.node("lab"), name="token_owner")
+    row, _ = account_services.make_token(
+        owner, lab_id=bench.lab.pk, name="nightly", scope=Scope.READ, days=30
+    )
+    return row
+
+
 def one_of_each(bench: Bench) -> dict[str, str]:
     """Make one of each, in a state in which every act is possible; return their ids by name."""
     run = a_started_run(bench)
@@ -225,6 +237,7 @@ def one_of_each(bench: Bench) -> dict[str, str]:
         "reservation": str(reservation.pk),
         **_calibrated(bench, calibration),
         "token": str(token.row.id),
+        "access": str(an_access_token(bench).pk),
         "join": str(asking.id),
         "code": code,
         "approved": (since := str(approved(bench, timer(7)).id)),

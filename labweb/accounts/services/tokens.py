@@ -1,0 +1,121 @@
+"""Writes of access tokens."""
+
+from __future__ import annotations
+
+import secrets
+from datetime import timedelta
+from uuid import UUID
+
+from django.db.models import Q
+from django.db.transaction import atomic
+
+from labweb.accounts.models import AccessToken, User
+from labweb.accounts.selectors.tokens import PREFIX, hash_of, live_tokens
+from labweb.accounts.services.auditing import write_audit
+from labweb.common.clock import now
+from labweb.domain.approvals.scopes import Scope
+from labweb.domain.errors import DefinitionError, ForbiddenError, NotFoundError, StateError
+
+MOST_DAYS = 366
+"""No token is valid for longer."""
+
+MOST_TOKENS = 20
+"""Valid tokens of one person in one lab."""
+
+_LONGEST_NAME = 100
+_SECRET_BYTES = 32
+_NOTED_EVERY = timedelta(minutes=1)
+
+
+@atomic
+def make_token(
+    user: User, *, lab_id: UUID, name: str, scope: Scope, days: int
+) -> tuple[AccessToken, str]:
+    """Make an access token.
+
+    Args:
+        user: In whose name it acts.
+        lab_id: The only lab that it opens.
+        name: What the person calls it; another valid token of theirs has another name.
+        scope: How far it reaches.
+        days: For how many days it is valid.
+
+    Returns:
+        The token, and its secret, which is nowhere else.
+
+    Raises:
+        DefinitionError: The name is empty or too long, or the days are not 1 to 366.
+        StateError: There is a valid token of that name, or there are too many.
+
+    Effect:
+        On the record only.
+    """
+    called = name.strip()
+    if not called or len(called) > _LONGEST_NAME:
+        text = f"name a token with 1 to {_LONGEST_NAME} characters"
+        raise DefinitionError(text, code="token.name")
+    if not 1 <= days <= MOST_DAYS:
+        text = f"a token is valid for 1 to {MOST_DAYS} days, not {days}"
+        raise DefinitionError(text, code="token.days")
+    User.objects.select_for_update(no_key=True).get(pk=user.pk)
+    valid = live_tokens(user, lab_id)
+    if valid.filter(name=called).exists():
+        text = f"you have a token {called!r} already: revoke it first, or choose another name"
+        raise StateError(text, code="token.name_taken")
+    if valid.count() >= MOST_TOKENS:
+        text = f"you have {MOST_TOKENS} valid tokens, and nobody has more: revoke one first"
+        raise StateError(text, code="token.too_many")
+    secret = PREFIX + secrets.token_urlsafe(_SECRET_BYTES)
+    at = now()
+    row = AccessToken.objects.create(
+        user=user,
+        lab_id=lab_id,
+        name=called,
+        scope=scope.value,
+        secret_hash=hash_of(secret),
+        created_at=at,
+        expires_at=at + timedelta(days=days),
+    )
+    detail = {"name": called, "scope": scope.value, "days": days}
+    write_audit("token.make", str(row.pk), actor=user, detail=detail)
+    return row, secret
+
+
+@atomic
+def revoke_token(lab_id: UUID, token_id: UUID, *, actor: User, is_admin: bool) -> None:
+    """Revoke an access token: from now on it opens nothing.
+
+    Args:
+        lab_id: The lab that it opens.
+        token_id: Which one.
+        actor: Who revokes it: its owner, or an admin.
+        is_admin: The actor may revoke the tokens of others.
+
+    Raises:
+        NotFoundError: The lab has no such token.
+        ForbiddenError: It is another person's.
+
+    Effect:
+        On the record only. What was started with it goes on.
+    """
+    rows = AccessToken.objects.select_for_update(no_key=True).filter(lab_id=lab_id, pk=token_id)
+    row = rows.first()
+    if row is None:
+        raise NotFoundError(f"there is no token {token_id}", code="token.not_found")
+    if row.user_id != actor.pk and not is_admin:
+        text = "this is another person's token: its owner or an admin revokes it"
+        raise ForbiddenError(text, code="token.of_another")
+    if row.revoked_at is None:
+        row.revoked_at = now()
+        row.save(update_fields=["revoked_at"])
+        detail = {"name": row.name, "owner": str(row.user_id)}
+        write_audit("token.revoke", str(row.pk), actor=actor, detail=detail)
+
+
+def note_use(token: AccessToken) -> None:
+    """Note that a token was used; once a minute is enough."""
+    at = now()
+    if token.used_at is not None and at - token.used_at < _NOTED_EVERY:
+        return
+    rows = AccessToken.objects.filter(pk=token.pk)
+    rows.filter(Q(used_at=None) | Q(used_at__lt=at)).update(used_at=at)

@@ -1,0 +1,51 @@
+"""Lets programs in that show the access token of a person."""
+
+from __future__ import annotations
+
+from rest_framework.authentication import BaseAuthentication
+from rest_framework.exceptions import APIException
+from rest_framework.request import Request
+
+from labweb.accounts import services
+from labweb.accounts.selectors import User
+from labweb.accounts.selectors.tokens import AccessToken, find_token
+
+
+class TokenRefusedError(APIException):
+    """The token is none, or is valid no longer."""
+
+    status_code = 401
+    default_code = "http.token_refused"
+    default_detail = (
+        "this access token is unknown, expired or revoked: make another one in Settings, and send "
+        "it as `Authorization: Bearer TOKEN`"
+    )
+
+
+class TokenAuthentication(BaseAuthentication):
+    """Lets a program in that shows the access token of a person.
+
+    Source:
+        RFC 6750, section 2.1: a bearer token in the Authorization header.
+    """
+
+    def authenticate(self, request: Request) -> tuple[User, AccessToken] | None:
+        """Return the person and the token; None: none is shown.
+
+        Raises:
+            TokenRefusedError: It is not valid.
+        """
+        secret = bearer_of(str(request.headers.get("Authorization", "")))
+        if secret is None:
+            return None
+        token = find_token(secret)
+        if token is None:
+            raise TokenRefusedError
+        services.note_use(token)
+        return token.user, token
+
+
+def bearer_of(header: str) -> str | None:
+    """Return the secret of an Authorization header; None: it holds no bearer token."""
+    kind, _, secret = header.strip().partition(" ")
+    return secret.strip() if kind.lower() == "bearer" else None

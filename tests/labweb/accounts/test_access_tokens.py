@@ -1,0 +1,159 @@
+"""Programs act in the name of a person with an access token, and never further than it reaches."""
+
+from __future__ import annotations
+
+import json
+from datetime import timedelta
+from typing import Any
+
+import pytest
+from django.db import connection
+from django.http import HttpResponse
+
+from labweb.accounts import services
+from labweb.accounts.models import AccessToken, AuditEntry
+from labweb.common.clock import now
+from labweb.domain.approvals.scopes import Scope
+from tests.builders import PASSWORD, Bench
+from tests.labweb.web import call, code_of, read, signed_in
+
+PATH = "/api/v1/tokens"
+WANTED = {"name": "nightly figures", "scope": "read", "days": 30}
+
+
+def made(bench: Bench, scope: Scope, who: str = "chemist") -> tuple[AccessToken, str]:
+    return services.make_token(
+        bench.people[who], lab_id=bench.lab.pk, name=f"script {scope}", scope=scope, days=30
+    )
+
+
+def shown(secret: str, method: str, path: str, body: object = None) -> HttpResponse:
+    """Send a request as a program does: without a cookie, with the token in a header."""
+    client = signed_in(None)
+    client.defaults["HTTP_AUTHORIZATION"] = f"Bearer {secret}"
+    return call(client, method, path, body)
+
+
+def refusal(answer: HttpResponse) -> tuple[int, str]:
+    return answer.status_code, code_of(answer)
+
+
+def test_a_token_is_shown_once_and_opens_what_its_owner_may_see(bench: Bench) -> None:
+    client = signed_in(bench.people["chemist"])
+    answer = call(client, "POST", PATH, WANTED)
+    assert answer.status_code == 201
+    told: dict[str, Any] = json.loads(answer.content)
+    secret = told["secret"]
+    assert secret.startswith("labweb_")
+    listed = read(client, PATH)
+    assert [row["name"] for row in listed["tokens"]] == ["nightly figures"]
+    assert listed["tokens"][0]["used_at"] is None
+    assert secret not in json.dumps(listed)
+    assert shown(secret, "GET", "/api/v1/runs").status_code == 200
+    assert read(client, PATH)["tokens"][0]["used_at"] is not None
+    me = json.loads(shown(secret, "GET", "/api/v1/session").content)
+    assert me["user"]["username"] == "chemist"
+
+
+def test_the_secret_stands_nowhere_in_the_database(bench: Bench) -> None:
+    _, secret = made(bench, Scope.READ)
+    with connection.cursor() as cursor:
+        cursor.execute("SELECT count(*) FROM accounts_accesstoken t WHERE t::text LIKE %s",
+                       [f"%{secret}%"])  # fmt: skip
+        assert cursor.fetchone() == (0,)
+    entry = AuditEntry.objects.filter(action="token.make").latest("id")
+    assert secret not in json.dumps(entry.detail)
+    assert entry.detail["scope"] == "read"
+
+
+def test_a_token_that_is_not_valid_opens_nothing(bench: Bench) -> None:
+    row, secret = made(bench, Scope.READ)
+    assert refusal(shown("labweb_guess", "GET", "/api/v1/runs")) == (401, "http.token_refused")
+    assert refusal(shown("something else", "GET", "/api/v1/runs"))[0] == 401
+    rows = AccessToken.objects.filter(pk=row.pk)
+    rows.update(expires_at=now() - timedelta(seconds=1))
+    assert refusal(shown(secret, "GET", "/api/v1/runs")) == (401, "http.token_refused")
+    rows.update(expires_at=now() + timedelta(days=1), revoked_at=now())
+    assert refusal(shown(secret, "GET", "/api/v1/runs")) == (401, "http.token_refused")
+    rows.update(revoked_at=None)
+    bench.people["chemist"].is_active = False
+    bench.people["chemist"].save()
+    assert refusal(shown(secret, "GET", "/api/v1/runs")) == (401, "http.token_refused")
+
+
+@pytest.mark.parametrize(
+    ("method", "path", "body"),
+    [
+        ("POST", PATH, WANTED),
+        ("POST", "/api/v1/session/password", {"old": PASSWORD, "new": "another-passphrase"}),
+        ("POST", "/api/v1/session/confirm", {"password": PASSWORD}),
+        ("POST", "/api/v1/lab/reset", {"reason": "all clear"}),
+        ("POST", "/api/v1/join-tokens", {"name": "Bench 9"}),
+        ("DELETE", "/api/v1/session", None),
+    ],
+)
+def test_no_token_does_what_a_person_has_to_do(
+    bench: Bench, method: str, path: str, body: object
+) -> None:
+    _, secret = made(bench, Scope.SUBMIT, "admin")
+    assert refusal(shown(secret, method, path, body)) == (403, "token.not_by_token")
+
+
+def test_each_scope_holds_those_before_it() -> None:
+    for place, scope in enumerate(Scope):
+        assert [scope.holds(other) for other in Scope] == [
+            number <= place for number, _ in enumerate(Scope)
+        ]
+
+
+def test_a_token_is_revoked_by_its_owner_or_an_admin(bench: Bench) -> None:
+    row, secret = made(bench, Scope.READ)
+    path = f"{PATH}/{row.pk}"
+    other = call(signed_in(bench.people["approver"]), "DELETE", path)
+    assert refusal(other) == (403, "token.of_another")
+    assert shown(secret, "GET", "/api/v1/runs").status_code == 200
+    admin = signed_in(bench.people["admin"])
+    assert [row["owner"] for row in read(admin, f"{PATH}?of=all")["tokens"]] == [
+        bench.people["chemist"].printed_name
+    ]
+    assert call(admin, "DELETE", path).status_code == 204
+    assert call(signed_in(bench.people["chemist"]), "DELETE", path).status_code == 204
+    assert refusal(shown(secret, "GET", "/api/v1/runs")) == (401, "http.token_refused")
+    assert AuditEntry.objects.filter(action="token.revoke").count() == 1
+    seen = call(signed_in(bench.people["approver"]), "GET", f"{PATH}?of=all")
+    assert refusal(seen) == (403, "token.of_another")
+
+
+@pytest.mark.parametrize(
+    ("change", "code"),
+    [
+        ({"name": "  "}, "token.name"),
+        ({"name": "n" * 101}, "token.name"),
+        ({"days": 0}, "token.days"),
+        ({"days": 367}, "token.days"),
+        ({"scope": "everything"}, "http.body"),
+    ],
+)
+def test_what_is_no_token_is_refused(bench: Bench, change: dict[str, Any], code: str) -> None:
+    client = signed_in(bench.people["chemist"])
+    assert refusal(call(client, "POST", PATH, WANTED | change)) == (422, code)
+    assert read(client, PATH)["tokens"] == []
+
+
+def test_a_name_is_given_once_and_nobody_has_too_many(bench: Bench) -> None:
+    client = signed_in(bench.people["chemist"])
+    for number in range(services.MOST_TOKENS):
+        assert call(client, "POST", PATH, WANTED | {"name": f"t{number}"}).status_code == 201
+    again = call(client, "POST", PATH, WANTED | {"name": "t3"})
+    assert refusal(again) == (409, "token.name_taken")
+    assert refusal(call(client, "POST", PATH, WANTED)) == (409, "token.too_many")
+    first = read(client, PATH)["tokens"][-1]
+    assert call(client, "DELETE", f"{PATH}/{first['id']}").status_code == 204
+    assert call(client, "POST", PATH, WANTED | {"name": first["name"]}).status_code == 201
+
+
+def test_a_token_is_no_session_and_needs_no_cookie(bench: Bench) -> None:
+    _, secret = made(bench, Scope.READ)
+    answer = shown(secret, "GET", "/api/v1/runs")
+    assert "sessionid" not in answer.cookies
+    assert refusal(call(signed_in(None), "GET", "/api/v1/runs"))[0] == 403
