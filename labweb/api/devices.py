@@ -7,22 +7,41 @@ from typing import Any, ClassVar
 from uuid import UUID
 
 import msgspec
+from msgspec.structs import asdict
 from rest_framework.request import Request
 from rest_framework.response import Response
 
 from labweb.accounts.api import Endpoint
 from labweb.accounts.selectors import user_of
+from labweb.api.answers.devices import (
+    DeviceDetail,
+    DeviceDriver,
+    DeviceHost,
+    DeviceJob,
+    DeviceLink,
+    DeviceList,
+    DeviceNode,
+    DeviceReading,
+    DeviceRow,
+    DeviceStatus,
+    DiskLevel,
+    HostDisk,
+    HostList,
+    HostRow,
+    ShowingRun,
+)
 from labweb.api.driver_use import driver_of
 from labweb.common import disk
 from labweb.common.clock import now
 from labweb.common.lists import STANDING
-from labweb.common.render import iso
 from labweb.common.requests import Nothing, body
 from labweb.domain.approvals.roles import Permission
 from labweb.domain.disk import Level
 from labweb.domain.enrollment.admission import shows_itself
 from labweb.domain.enrollment.spec import UNITS, DriverSpec, StatusSpec
 from labweb.domain.runs.halt_state import HaltState
+from labweb.domain.runs.job import JobState
+from labweb.domain.runs.session import SessionState
 from labweb.enrollment import selectors as enrollment_selectors
 from labweb.enrollment.selectors import Device, EdgeHost
 from labweb.resources import selectors as resource_selectors
@@ -42,61 +61,59 @@ class Devices(Endpoint):
 
     queries = STANDING.parameters
 
-    def get(self, request: Request) -> Response:
+    def get(self, request: Request) -> DeviceList:
         """List devices with their latest readings."""
         seen = resource_selectors.allowed_ids(user_of(request), Permission.VIEW)
         lab = resource_selectors.the_lab()
         rows = enrollment_selectors.visible_present(lab, seen)
         found, following = STANDING.of_list(request, rows, lambda row: [row.key, row.pk.hex])
-        return Response({"devices": device_rows(found), "next": following})
+        return DeviceList(devices=device_rows(found), next=following)
 
 
-class DeviceDetail(Endpoint):
+class OneDevice(Endpoint):
     """One device."""
 
-    def get(self, request: Request, device_id: UUID) -> Response:
+    def get(self, request: Request, device_id: UUID) -> DeviceDetail:
         """Return a device with its driver, actions and statuses."""
         seen = resource_selectors.allowed_ids(user_of(request), Permission.VIEW)
         row = enrollment_selectors.find_device(device_id, seen)
         spec = enrollment_selectors.spec_of(row)
         names = resource_selectors.names(UUID(node) for node in row.nodes.values())
         halt = run_selectors.last_halt(row.id)
-        return Response(
-            {
-                **device_rows([row])[0],
-                "halt": None if halt is None else render_halt(halt),
-                "driver": {
-                    "class_name": spec.class_name,
-                    "digest": row.driver.digest,
-                    "protocol": spec.protocol,
-                    "quality": spec.quality,
-                    "doc": spec.doc,
-                    **driver_of(row),
-                },
-                "actions": render_actions(spec),
-                "shows_itself": shows_itself(spec) and bool(row.nodes),
-                "statuses": [_status(status) for status in spec.statuses],
-                "config": row.config,
-                "nodes": [
-                    {"role": role, "id": node, "name": names.get(UUID(node), "")}
-                    for role, node in row.nodes.items()
-                    if UUID(node) in seen
-                ],
-                "transport": row.transport,
-                "photo": photo_told(telemetry_selectors.newest_photo(row)),
-            }
+        told = {"halt": None if halt is None else render_halt(halt)}
+        return DeviceDetail(
+            **(asdict(device_rows([row])[0]) | told),
+            driver=DeviceDriver(
+                **asdict(driver_of(row)),
+                protocol=spec.protocol,
+                quality=spec.quality,
+                doc=spec.doc,
+            ),
+            actions=render_actions(spec),
+            shows_itself=shows_itself(spec) and bool(row.nodes),
+            statuses=[_status(status) for status in spec.statuses],
+            config=row.config,
+            nodes=[
+                DeviceNode(role=role, id=UUID(node), name=names.get(UUID(node), ""))
+                for role, node in row.nodes.items()
+                if UUID(node) in seen
+            ],
+            transport=row.transport,
+            photo=photo_told(telemetry_selectors.newest_photo(row)),
         )
 
 
 class ShowDevice(Endpoint):
     """The name of a device, on the device itself."""
 
-    def post(self, request: Request, showing_id: UUID) -> Response:
+    statuses: ClassVar = {"post": 201}
+
+    def post(self, request: Request, showing_id: UUID) -> ShowingRun:
         """Start the run in which a device shows its name."""
         user = user_of(request)
         enrollment_selectors.visible_device(showing_id, user)
         run = run_services.show_device(showing_id, actor=user)
-        return Response({"run_id": str(run.id), "number": run.number}, status=201)
+        return ShowingRun(run_id=run.id, number=run.number)
 
 
 class StopDevice(Endpoint):
@@ -120,21 +137,21 @@ class Hosts(Endpoint):
 
     queries = STANDING.parameters
 
-    def get(self, request: Request) -> Response:
+    def get(self, request: Request) -> HostList:
         """List the hosts of devices that the caller may see, with their journals' lag."""
         lab = resource_selectors.the_lab()
         rows = enrollment_selectors.visible_hosts(lab, user_of(request))
         found, following = STANDING.of_list(request, rows, lambda row: [row.key, row.pk.hex])
-        return Response({"hosts": host_rows(found), "next": following})
+        return HostList(hosts=host_rows(found), next=following)
 
 
-def _status(status: StatusSpec) -> dict[str, Any]:
+def _status(status: StatusSpec) -> DeviceStatus:
     unit = UNITS[status.value.unit][1] if status.value.unit in UNITS else ""
     label = status.value.label or status.name
-    return {"name": status.name, "label": label, "unit": unit, "doc": status.doc}
+    return DeviceStatus(name=status.name, label=label, unit=unit, doc=status.doc)
 
 
-def device_rows(devices: Iterable[Device]) -> list[dict[str, Any]]:
+def device_rows(devices: Iterable[Device]) -> list[DeviceRow]:
     """Render devices; a fixed number of queries."""
     rows = list(devices)
     latest = telemetry_selectors.latest(row.id for row in rows)
@@ -150,36 +167,36 @@ def _device(
     latest: dict[str, tuple[float, Any]],
     job: Job | None,
     halt: DeviceHalt | None,
-) -> dict[str, Any]:
+) -> DeviceRow:
     is_owed = halt is not None and halt.state == HaltState.OWED
     spec = enrollment_selectors.spec_of(row)
-    return {
-        "id": str(row.id),
-        "key": row.key,
-        "name": row.name,
-        "role": row.driver.role,
-        "kind_label": _kind_label(spec),
-        "host": {"id": str(row.host_id), "name": row.host.name},
-        "state": row.state,
-        "link": _link(row, latest),
-        "is_halt_owed": is_owed or str(row.id) in row.host.heartbeat.get("halts_owed", ()),
-        "halt": None if halt is None else render_halt(halt),
-        "job": None
+    return DeviceRow(
+        id=row.id,
+        key=row.key,
+        name=row.name,
+        role=row.driver.role,
+        kind_label=_kind_label(spec),
+        host=DeviceHost(id=row.host_id, name=row.host.name),
+        state=row.state,
+        link=_link(row, latest),
+        is_halt_owed=is_owed or str(row.id) in row.host.heartbeat.get("halts_owed", ()),
+        halt=None if halt is None else render_halt(halt),
+        job=None
         if job is None
-        else {
-            "id": str(job.id),
-            "run_id": str(job.run_id),
-            "run_number": job.run.number,
-            "sentence": job.sentence,
-            "state": job.state,
-        },
-        "readings": [
-            {**_status(status), "status": status.name, "value": value, "at_s": at}
+        else DeviceJob(
+            id=job.id,
+            run_id=job.run_id,
+            run_number=job.run.number,
+            sentence=job.sentence,
+            state=JobState(job.state),
+        ),
+        readings=[
+            DeviceReading(**asdict(_status(status)), status=status.name, value=value, at_s=at)
             for status in spec.statuses
             if status.name in latest
             for at, value in [latest[status.name]]
         ],
-    }
+    )
 
 
 def _kind_label(spec: DriverSpec) -> str:
@@ -188,7 +205,7 @@ def _kind_label(spec: DriverSpec) -> str:
     return label.replace("Ph ", "pH ")
 
 
-def _link(row: Device, latest: dict[str, tuple[float, Any]]) -> str:
+def _link(row: Device, latest: dict[str, tuple[float, Any]]) -> DeviceLink:
     if row.state != Device.State.ENROLLED:
         return "not_enrolled"
     if row.host.state == "quarantined":
@@ -201,7 +218,7 @@ def _link(row: Device, latest: dict[str, tuple[float, Any]]) -> str:
     return "stale" if age > _STALE_AFTER_S and row.driver.role != "timer" else "online"
 
 
-def _disk(row: EdgeHost) -> dict[str, Any] | None:
+def _disk(row: EdgeHost) -> HostDisk | None:
     """Render what a host said last of its disk, and what follows from it."""
     found = enrollment_selectors.disk_of(row.name, row.heartbeat)
     if found is None:
@@ -209,27 +226,29 @@ def _disk(row: EdgeHost) -> dict[str, Any] | None:
     floors = disk.floors()
     level = found.level(floors)
     told = "" if level is Level.OK else f"{found.headline()}. {found.consequence(floors)}"
-    return {"free_bytes": found.free_bytes, "level": level.value, "text": told}
+    return HostDisk(
+        free_bytes=found.free_bytes, level=msgspec.convert(level.value, DiskLevel), text=told
+    )
 
 
-def host_rows(hosts: Iterable[EdgeHost]) -> list[dict[str, Any]]:
+def host_rows(hosts: Iterable[EdgeHost]) -> list[HostRow]:
     """Render hosts."""
     return [
-        {
-            "id": str(row.id),
-            "key": row.key,
-            "name": row.name,
-            "state": row.state,
-            "last_seen_at": iso(row.last_seen_at),
-            "epoch": row.epoch,
-            "acked_seq": row.acked_seq,
-            "journal_lag": max(int(row.heartbeat.get("seq_head", 0)) - row.acked_seq, 0),
-            "devices_count": row.devices.count(),
-            "state_at": iso(row.state_at),
-            "away_since_at": iso(row.away_since_at),
-            "clock_skew_s": row.clock_skew_s,
-            "heartbeat": row.heartbeat,
-            "disk": _disk(row),
-        }
+        HostRow(
+            id=row.id,
+            key=row.key,
+            name=row.name,
+            state=SessionState(row.state),
+            last_seen_at=row.last_seen_at,
+            epoch=row.epoch,
+            acked_seq=row.acked_seq,
+            journal_lag=max(int(row.heartbeat.get("seq_head", 0)) - row.acked_seq, 0),
+            devices_count=row.devices.count(),
+            state_at=row.state_at,
+            away_since_at=row.away_since_at,
+            clock_skew_s=row.clock_skew_s,
+            heartbeat=row.heartbeat,
+            disk=_disk(row),
+        )
         for row in hosts
     ]

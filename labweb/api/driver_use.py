@@ -3,51 +3,59 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
 from uuid import UUID
 
+import msgspec
 from django.db.models import QuerySet
 
 from labweb.accounts.selectors import User
+from labweb.api.answers.drivers import (
+    DriverDevice,
+    DriverHost,
+    DriverJob,
+    DriverPlace,
+    DriverProblem,
+    DriverServing,
+    DriverUse,
+    NextDriver,
+)
 from labweb.domain.approvals.roles import Permission
 from labweb.domain.errors import NotFoundError
+from labweb.domain.runs.session import SessionState
 from labweb.enrollment import selectors
 from labweb.enrollment.selectors import Device, DriverVersion
 from labweb.resources import selectors as resource_selectors
 from labweb.runs import selectors as run_selectors
 
 
-def driver_of(device: Device) -> dict[str, Any]:
-    """Render which version a device has, which it is to have, and what went wrong last."""
+def driver_of(device: Device) -> DriverUse:
+    """Say which version a device has, which it is to have, and what went wrong last."""
     after = device.next_driver
-    return {
-        "version_id": str(device.driver_id),
-        "digest": device.driver.digest,
-        "class_name": device.driver.class_name,
-        "next": None
+    told, problem = device.serving, device.driver_problem
+    return DriverUse(
+        version_id=device.driver_id,
+        digest=device.driver.digest,
+        class_name=device.driver.class_name,
+        next=None
         if after is None
-        else {
-            "version_id": str(after.id),
-            "digest": after.digest,
-            "is_ready": device.is_next_ready,
-        },
-        "problem": device.driver_problem or None,
-        "serving": None
-        if not device.serving
-        else {
-            "digest": device.serving["digest"],
-            "at": device.serving["at"],
-            "host_id": device.serving["host_id"],
-            "is_present": device.serving["digest"] == device.driver.digest,
-        },
-    }
+        else NextDriver(version_id=after.id, digest=after.digest, is_ready=device.is_next_ready),
+        problem=msgspec.convert(problem, DriverProblem) if problem else None,
+        serving=None
+        if not told
+        else DriverServing(
+            digest=told["digest"],
+            at=told["at"],
+            host_id=UUID(told["host_id"]),
+            is_present=told["digest"] == device.driver.digest,
+        ),
+    )
 
 
-def users_of(user: User) -> dict[UUID, list[dict[str, str]]]:
+def users_of(user: User) -> dict[UUID, list[DriverDevice]]:
     """Return the devices that the user may see, by the version that they have."""
-    found: dict[UUID, list[dict[str, str]]] = {}
+    found: dict[UUID, list[DriverDevice]] = {}
     for device in _visible(user):
-        entry = {"id": str(device.id), "key": device.key, "name": device.name}
+        entry = DriverDevice(id=device.id, key=device.key, name=device.name)
         found.setdefault(device.driver_id, []).append(entry)
     return found
 
@@ -83,7 +91,7 @@ def is_driver_seen(version_id: UUID, user: User) -> bool:
     return _reads_all(user) or version_id in users_of(user)
 
 
-def places_of(version: DriverVersion, user: User) -> list[dict[str, Any]]:
+def places_of(version: DriverVersion, user: User) -> list[DriverPlace]:
     """Return the devices that have a version of this driver, or are to have this one.
 
     Each with its host, the versions that it has and is to have, the job that acts, and
@@ -98,27 +106,27 @@ def places_of(version: DriverVersion, user: User) -> list[dict[str, Any]]:
     jobs = run_selectors.jobs_at_devices(device.id for device in rows)
     admitted = resource_selectors.allowed_ids(user, Permission.ADMIT)
     return [
-        {
-            "id": str(device.id),
-            "key": device.key,
-            "name": device.name,
-            "state": device.state,
-            "host": {
-                "id": str(device.host_id),
-                "name": device.host.name,
-                "state": device.host.state,
-            },
-            "driver": driver_of(device),
-            "job": None
+        DriverPlace(
+            id=device.id,
+            key=device.key,
+            name=device.name,
+            state=device.state,
+            host=DriverHost(
+                id=device.host_id,
+                name=device.host.name,
+                state=SessionState(device.host.state),
+            ),
+            driver=driver_of(device),
+            job=None
             if device.id not in jobs
-            else {
-                "id": str(jobs[device.id].id),
-                "run_id": str(jobs[device.id].run_id),
-                "run_number": jobs[device.id].run.number,
-                "sentence": jobs[device.id].sentence,
-            },
-            "can_change": selectors.node_ids(device) <= admitted,
-        }
+            else DriverJob(
+                id=jobs[device.id].id,
+                run_id=jobs[device.id].run_id,
+                run_number=jobs[device.id].run.number,
+                sentence=jobs[device.id].sentence,
+            ),
+            can_change=selectors.node_ids(device) <= admitted,
+        )
         for device in rows
     ]
 

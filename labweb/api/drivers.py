@@ -7,11 +7,30 @@ from typing import Annotated, Any, ClassVar
 from uuid import UUID
 
 import msgspec
+from msgspec.structs import asdict
 from rest_framework.request import Request
-from rest_framework.response import Response
 
 from labweb.accounts.api import Endpoint
 from labweb.accounts.selectors import User, user_of
+from labweb.api.answers.drivers import (
+    ChosenDriver,
+    ChosenDriverList,
+    DriverComparison,
+    DriverDetail,
+    DriverDevice,
+    DriverList,
+    DriverOrigin,
+    DriverReading,
+    DriverRequest,
+    DriverRights,
+    DriverRow,
+    DriverState,
+    DriverStatus,
+    DriverUse,
+    DriverVerdict,
+    KnownDriver,
+    PartChanges,
+)
 from labweb.api.driver_use import (
     driver_of,
     places_of,
@@ -19,13 +38,11 @@ from labweb.api.driver_use import (
     visible_driver,
     visible_drivers,
 )
-from labweb.api.tryouts import tried_of
 from labweb.approvals import selectors as approval_selectors
 from labweb.approvals import services as approval_services
 from labweb.approvals.selectors import ApprovalRequest
 from labweb.common.clock import now
 from labweb.common.lists import STANDING
-from labweb.common.render import iso
 from labweb.common.requests import body
 from labweb.domain.approvals.roles import Permission
 from labweb.domain.enrollment.changes import compare
@@ -101,19 +118,17 @@ class Drivers(Endpoint):
 
     bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": Submission}
     queries = STANDING.parameters
+    statuses: ClassVar = {"post": 201}
 
-    def get(self, request: Request) -> Response:
+    def get(self, request: Request) -> DriverList:
         """List every version by module, the newest first, with the devices that use it."""
         user = user_of(request)
         users = users_of(user)
         allowed = resource_selectors.permissions_on_all(user)
         rows = visible_drivers(user, users)
         found, following = STANDING.of_rows(request, rows, "module", "-read_at", "-id")
-        return Response(
-            {
-                "drivers": [_render(row, user, users, allowed) for row in found],
-                "next": following,
-            }
+        return DriverList(
+            drivers=[_row(row, user, users, allowed) for row in found], next=following
         )
 
     def prepare(self, request: Request, *_args: object, **_kwargs: object) -> None:
@@ -123,61 +138,59 @@ class Drivers(Endpoint):
             wanted.module, wanted.source, actor=user_of(request)
         )
 
-    def post(self, request: Request) -> Response:
+    def post(self, request: Request) -> DriverRow:
         """Propose driver source that was read; a second person approves it."""
         user, wanted = user_of(request), body(request, Submission)
         row = approval_services.submit_read(self.found, wanted.module, note=wanted.note, actor=user)
-        return Response(_render(row, user, {}), status=201)
+        return _row(row, user, {})
 
 
-class DriverReading(Endpoint):
+class ReadDriver(Endpoint):
     """What driver source declares, before anybody proposes it."""
 
     bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": Text}
     harmless: ClassVar[Mapping[str, str]] = {"post": "it reads text and writes nothing"}
 
-    def post(self, request: Request) -> Response:
+    def post(self, request: Request) -> DriverReading:
         """Read source as text; nothing of it is executed, and nothing is written."""
         given = body(request, Text)
         found, known = enrollment_services.read_driver(
             given.module, given.source, actor=user_of(request)
         )
-        return Response(
-            {
-                "module": found.spec.module,
-                "class_name": found.spec.class_name,
-                "digest": found.spec.digest,
-                "known": None if known is None else {"id": str(known.id), "state": known.state},
-                **_interface(found.spec),
-            }
+        return DriverReading(
+            module=found.spec.module,
+            class_name=found.spec.class_name,
+            digest=found.spec.digest,
+            known=None
+            if known is None
+            else KnownDriver(id=known.id, state=msgspec.convert(str(known.state), DriverState)),
+            **_interface(found.spec),
         )
 
 
-class DriverDetail(Endpoint):
+class OneDriver(Endpoint):
     """One version of a driver."""
 
-    def get(self, request: Request, driver_id: UUID) -> Response:
+    def get(self, request: Request, driver_id: UUID) -> DriverDetail:
         """Return a version with its texts, actions, statuses, settings, request and devices."""
         user = user_of(request)
         row = visible_driver(driver_id, user)
         allowed = resource_selectors.permissions_on_all(user)
         asked = approval_selectors.newest_about_driver(row.id)
-        return Response(
-            {
-                **_render(row, user, users_of(user), allowed),
-                "sources": row.sources if READS_SOURCE & allowed else {},
-                **_interface(msgspec.convert(row.spec, DriverSpec)),
-                "request": None if asked is None else _request(asked),
-                "places": places_of(row, user),
-                "tried": tried_of(row),
-            }
+        told = asdict(_row(row, user, users_of(user), allowed))
+        return DriverDetail(
+            **(told | _interface(msgspec.convert(row.spec, DriverSpec))),
+            sources=row.sources if READS_SOURCE & allowed else {},
+            request=None if asked is None else _request(asked),
+            places=places_of(row, user),
+            tried=approval_selectors.tried_of(row),
         )
 
 
 class DriverChanges(Endpoint):
     """What differs between two versions."""
 
-    def get(self, request: Request, driver_id: UUID, since_id: UUID) -> Response:
+    def get(self, request: Request, driver_id: UUID, since_id: UUID) -> DriverComparison:
         """Compare the texts of a version with those of another, line by line.
 
         Raises:
@@ -187,8 +200,7 @@ class DriverChanges(Endpoint):
         after, before = (visible_driver(one, user) for one in (driver_id, since_id))
         if not READS_SOURCE & resource_selectors.permissions_on_all(user):
             raise ForbiddenError(f"{user.username} may not read the source of drivers")
-        found = compare(before.sources, after.sources)
-        return Response({"modules": [msgspec.to_builtins(one) for one in found]})
+        return DriverComparison(modules=compare(before.sources, after.sources))
 
 
 class DecideDriver(Endpoint):
@@ -197,14 +209,14 @@ class DecideDriver(Endpoint):
     signs = frozenset({"post"})
     bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": DriverDecision}
 
-    def post(self, request: Request, driver_id: UUID) -> Response:
+    def post(self, request: Request, driver_id: UUID) -> DriverRow:
         """Approve or reject a version."""
         user, answer = user_of(request), body(request, DriverDecision)
         visible_driver(driver_id, user)
         row = approval_services.decide_driver(
             driver_id, actor=user, is_approved=answer.is_approved, comment=answer.comment
         )
-        return Response(_render(row, user, users_of(user)))
+        return _row(row, user, users_of(user))
 
 
 class WithdrawDriver(Endpoint):
@@ -212,12 +224,12 @@ class WithdrawDriver(Endpoint):
 
     bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": DriverWithdrawal}
 
-    def post(self, request: Request, driver_id: UUID) -> Response:
+    def post(self, request: Request, driver_id: UUID) -> DriverRow:
         """Let a version be used no more."""
         user, reason = user_of(request), body(request, DriverWithdrawal).reason
         visible_driver(driver_id, user)
         row = approval_services.withdraw_driver(driver_id, actor=user, reason=reason)
-        return Response(_render(row, user, {}))
+        return _row(row, user, {})
 
 
 class DeviceDriver(Endpoint):
@@ -225,7 +237,7 @@ class DeviceDriver(Endpoint):
 
     bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": DriverChoice}
 
-    def post(self, request: Request, device_id: UUID) -> Response:
+    def post(self, request: Request, device_id: UUID) -> DriverUse:
         """Give a device another version; an earlier one rolls back."""
         user, choice = user_of(request), body(request, DriverChoice)
         selectors.visible_device(device_id, user)
@@ -237,7 +249,7 @@ class DeviceDriver(Endpoint):
             reason=choice.reason,
             parts=choice.parts,
         )
-        return Response(driver_of(device))
+        return driver_of(device)
 
 
 class DriverDevices(Endpoint):
@@ -245,7 +257,7 @@ class DriverDevices(Endpoint):
 
     bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": Choices}
 
-    def post(self, request: Request, approved_id: UUID) -> Response:
+    def post(self, request: Request, approved_id: UUID) -> ChosenDriverList:
         """Give a version to several devices: to all of them, or to none."""
         user, wanted = user_of(request), body(request, Choices)
         visible_driver(approved_id, user)
@@ -257,31 +269,28 @@ class DriverDevices(Endpoint):
             actor=user,
             reason=wanted.reason,
         )
-        return Response(
-            {"devices": [{"id": str(one.id), "driver": driver_of(one)} for one in devices]}
+        return ChosenDriverList(
+            devices=[ChosenDriver(id=one.id, driver=driver_of(one)) for one in devices]
         )
 
 
 class DeviceDriverParts(Endpoint):
     """What another version of its driver makes of a device's parts."""
 
-    def get(self, request: Request, device_id: UUID, approved_id: UUID) -> Response:
+    def get(self, request: Request, device_id: UUID, approved_id: UUID) -> PartChanges:
         """List the parts that come, go and change, and what speaks against it; for a decision."""
         user = user_of(request)
         row = selectors.visible_device(device_id, user)
         visible_driver(approved_id, user)
         resource_selectors.require(user, Permission.ADMIT, selectors.node_ids(row))
         seen = run_services.look_at_parts(device_id, approved_id)
-        return Response(
-            {
-                "decision": seen.decision,
-                "changes": [msgspec.to_builtins(one) for one in seen.changes],
-                "findings": [msgspec.to_builtins(one) for one in seen.findings],
-            }
+        return PartChanges(
+            decision=seen.decision, changes=list(seen.changes), findings=list(seen.findings)
         )
 
 
 def _interface(spec: DriverSpec) -> dict[str, Any]:
+    """Return the fields that say what a driver declares; a reading and a version have them."""
     return {
         "roles": list(spec.roles),
         "doc": spec.doc,
@@ -291,68 +300,68 @@ def _interface(spec: DriverSpec) -> dict[str, Any]:
         "safe_state": spec.safe_state,
         "actions": render_actions(spec),
         "statuses": [
-            {
-                "name": status.name,
-                "label": status.value.label or status.name,
-                "doc": status.doc,
-                "unit": status.value.symbol,
-            }
+            DriverStatus(
+                name=status.name,
+                label=status.value.label or status.name,
+                doc=status.doc,
+                unit=status.value.symbol,
+            )
             for status in spec.statuses
         ],
         "config": spec.config_schema(),
     }
 
 
-def _request(row: ApprovalRequest) -> dict[str, Any]:
+def _request(row: ApprovalRequest) -> DriverRequest:
     decision = getattr(row, "decision", None)
     is_late = row.expires_at <= now()
     is_open = row.state == ApprovalRequest.State.OPEN
-    return {
-        "id": str(row.id),
-        "state": ApprovalRequest.State.EXPIRED.value if is_open and is_late else row.state,
-        "asked_at": iso(row.asked_at),
-        "expires_at": iso(row.expires_at),
-        "decision": None
+    return DriverRequest(
+        id=row.id,
+        state=ApprovalRequest.State.EXPIRED.value if is_open and is_late else row.state,
+        asked_at=row.asked_at,
+        expires_at=row.expires_at,
+        decision=None
         if decision is None
-        else {
-            "is_approved": decision.is_approved,
-            "printed_name": decision.printed_name,
-            "comment": decision.comment,
-            "at": iso(decision.at),
-        },
-    }
+        else DriverVerdict(
+            is_approved=decision.is_approved,
+            printed_name=decision.printed_name,
+            comment=decision.comment,
+            at=decision.at,
+        ),
+    )
 
 
-def _render(
+def _row(
     row: DriverVersion,
     user: User,
-    users: dict[UUID, list[dict[str, str]]],
+    users: dict[UUID, list[DriverDevice]],
     allowed: frozenset[Permission] | None = None,
-) -> dict[str, Any]:
+) -> DriverRow:
     if allowed is None:
         allowed = resource_selectors.permissions_on_all(user)
     is_open = row.state == DriverVersion.State.PROPOSED
-    return {
-        "id": str(row.id),
-        "module": row.module,
-        "class_name": row.class_name,
-        "role": row.role,
-        "digest": row.digest,
-        "origin": row.origin,
-        "state": row.state,
-        "note": row.note,
-        "quality": row.spec.get("quality", ""),
-        "doc": row.spec.get("doc", ""),
-        "proposed_by": None if row.proposed_by is None else row.proposed_by.printed_name,
-        "proposed_at": iso(row.proposed_at),
-        "approved_by": None if row.approved_by is None else row.approved_by.printed_name,
-        "approved_at": iso(row.approved_at),
-        "read_at": iso(row.read_at),
-        "devices": users.get(row.id, []),
-        "can": {
-            "read": bool(READS_SOURCE & allowed),
-            "decide": is_open and Permission.DECIDE in allowed and row.proposed_by_id != user.pk,
-            "withdraw": Permission.ADMIT in allowed
+    return DriverRow(
+        id=row.id,
+        module=row.module,
+        class_name=row.class_name,
+        role=row.role,
+        digest=row.digest,
+        origin=msgspec.convert(str(row.origin), DriverOrigin),
+        state=msgspec.convert(str(row.state), DriverState),
+        note=row.note,
+        quality=row.spec.get("quality", ""),
+        doc=row.spec.get("doc", ""),
+        proposed_by=None if row.proposed_by is None else row.proposed_by.printed_name,
+        proposed_at=row.proposed_at,
+        approved_by=None if row.approved_by is None else row.approved_by.printed_name,
+        approved_at=row.approved_at,
+        read_at=row.read_at,
+        devices=users.get(row.id, []),
+        can=DriverRights(
+            read=bool(READS_SOURCE & allowed),
+            decide=is_open and Permission.DECIDE in allowed and row.proposed_by_id != user.pk,
+            withdraw=Permission.ADMIT in allowed
             and row.state in {DriverVersion.State.PROPOSED, DriverVersion.State.APPROVED},
-        },
-    }
+        ),
+    )

@@ -8,16 +8,17 @@ from typing import Any, ClassVar
 from uuid import UUID
 
 from django.db.models import Q, QuerySet
+from msgspec.structs import replace
 from rest_framework.request import Request
 from rest_framework.response import Response
 
 from labweb.accounts.api import Endpoint
 from labweb.accounts.selectors import User, permissions_of, user_of
+from labweb.api.answers.home import HomePage, Need, NeedKind
 from labweb.api.devices import device_rows, host_rows
 from labweb.approvals import selectors as approval_selectors
 from labweb.common import disk
 from labweb.common.reading import one_moment
-from labweb.common.render import iso
 from labweb.common.requests import Parameter
 from labweb.crutd import selectors as crutd_selectors
 from labweb.domain.approvals.roles import Permission
@@ -48,13 +49,13 @@ _MOST_SINGLE = 3
 class Home(Endpoint):
     """What a person sees first."""
 
-    def get(self, request: Request) -> Response:
+    def get(self, request: Request) -> HomePage:
         """Return what needs somebody, what runs, and what was done last."""
         with one_moment():
-            return Response(_home(user_of(request)))
+            return _home(user_of(request))
 
 
-def _home(user: User) -> dict[str, Any]:
+def _home(user: User) -> HomePage:
     lab = resource_selectors.the_lab()
     seen = resource_selectors.allowed_ids(user, Permission.VIEW)
     runs = run_selectors.visible_runs(lab, seen)
@@ -62,74 +63,63 @@ def _home(user: User) -> dict[str, Any]:
     candidates = [row for row in devices if row.state == Device.State.CANDIDATE]
     hosts = enrollment_selectors.visible_hosts(lab, user)
     may_admit = Permission.ADMIT in permissions_of(user)
-    return {
-        "needs_you": [
+    return HomePage(
+        needs_you=[
             *_short_disks(hosts, Level.FULL),
             *_needs(lab, runs, candidates if may_admit else [], seen),
             *(_newcomers(lab) if may_admit else ()),
             *_short_disks(hosts, Level.LOW),
         ],
-        "running": render_rows(
-            runs.filter(state__in=[*run_selectors.LIVE, "awaiting_approval"])[:20]
-        ),
-        "last_results": render_rows(
+        running=render_rows(runs.filter(state__in=[*run_selectors.LIVE, "awaiting_approval"])[:20]),
+        last_results=render_rows(
             runs.filter(state__in=["complete", "aborted"]).order_by("-ended_at")[:_MOST]
         ),
-        "workflows": workflow_rows(lab, seen)[:_MOST],
-        "devices": device_rows(devices),
-        "hosts": host_rows(hosts),
-    }
+        workflows=workflow_rows(lab, seen)[:_MOST],
+        devices=device_rows(devices),
+        hosts=host_rows(hosts),
+    )
 
 
 def _needs(
     lab: Lab, runs: QuerySet[Run], candidates: Iterable[Device], seen: set[UUID]
-) -> Iterator[dict[str, Any]]:
+) -> Iterator[Need]:
     shown = runs.values("pk")
     if lab.is_stopped:
         yield _need(
             "stopped", "The lab is stopped", "Nothing starts before a person resets it",
-            iso(lab.stopped_at), "/", "Reset",
+            lab.stopped_at, "/", "Reset",
         )  # fmt: skip
     names = names_of(lab)
     for job in run_selectors.jobs_in_doubt(lab).filter(run__in=shown):
-        yield {
-            **_need(
-                "in_doubt", _question(job, names), _where(job, names),
-                iso(job.state_at), f"/runs/{job.run_id}?job={job.id}", "Resolve",
-            ),
-            "run_id": str(job.run_id),
-            "job_id": str(job.id),
-        }  # fmt: skip
+        need = _need(
+            "in_doubt", _question(job, names), _where(job, names),
+            job.state_at, f"/runs/{job.run_id}?job={job.id}", "Resolve",
+        )  # fmt: skip
+        yield replace(need, run_id=job.run_id, job_id=job.id)
     for job in run_selectors.jobs_that_ask(runs):
-        yield {
-            **_need(
-                "asks", job.asks, f"Run #{job.run.number} {job.run.version.workflow.name}",
-                iso(job.state_at), f"/runs/{job.run_id}?job={job.id}", "Open",
-            ),
-            "run_id": str(job.run_id),
-            "job_id": str(job.id),
-        }  # fmt: skip
+        need = _need(
+            "asks", job.asks, f"Run #{job.run.number} {job.run.version.workflow.name}",
+            job.state_at, f"/runs/{job.run_id}?job={job.id}", "Open",
+        )  # fmt: skip
+        yield replace(need, run_id=job.run_id, job_id=job.id)
     measured = run_selectors.measured_in(shown).values("pk")
     about = Q(run_id__in=shown) | Q(calibration_id__in=measured)
     for row in approval_selectors.requests_of(lab).filter(about, state="open"):
-        yield {
-            **_need(
-                "approval", row.title, f"Asked by {row.asked_by.printed_name} · {row.policies[0]}",
-                iso(row.asked_at), f"/approvals?id={row.id}", "Review",
-            ),
-            "run_id": None if row.run_id is None else str(row.run_id),
-            "request_id": str(row.id),
-        }  # fmt: skip
+        need = _need(
+            "approval", row.title, f"Asked by {row.asked_by.printed_name} · {row.policies[0]}",
+            row.asked_at, f"/approvals?id={row.id}", "Review",
+        )  # fmt: skip
+        yield replace(need, run_id=row.run_id, request_id=row.id)
     for row in approval_selectors.open_about_drivers(lab):
         yield _need(
             "approval", row.title, f"Asked by {row.asked_by.printed_name} · {row.policies[0]}",
-            iso(row.asked_at), f"/drivers/{row.driver_id}", "Review",
+            row.asked_at, f"/drivers/{row.driver_id}", "Review",
         )  # fmt: skip
     for halt in run_selectors.owed_halts(lab.pk):
         if enrollment_selectors.is_seen(halt.device, seen):
             yield _need(
                 "halt_owed", f"{halt.device.name} could not be halted yet", halt.message,
-                iso(halt.at), f"/devices/{halt.device_id}", "Open",
+                halt.at, f"/devices/{halt.device_id}", "Open",
             )  # fmt: skip
     yield from _paused(runs)
     yield from _silent(runs)
@@ -137,12 +127,12 @@ def _needs(
     for device in candidates:
         yield _need(
             "candidate", f"{device.name} was found on {device.host.name}",
-            "It may do nothing until an admin has reviewed it", iso(device.discovered_at),
+            "It may do nothing until an admin has reviewed it", device.discovered_at,
             f"/admin/enrollment/device/{device.id}/review/", "Review",
         )  # fmt: skip
 
 
-def _short_disks(hosts: Iterable[EdgeHost], level: Level) -> Iterator[dict[str, Any]]:
+def _short_disks(hosts: Iterable[EdgeHost], level: Level) -> Iterator[Need]:
     """Disks of the server and of hosts that stand so, before anything fails for want of room."""
     floors, server = disk.floors(), disk.server_disk()
     told = enrollment_selectors.disks_of(hosts)
@@ -153,7 +143,7 @@ def _short_disks(hosts: Iterable[EdgeHost], level: Level) -> Iterator[dict[str, 
             yield _need("disk", one.headline(), one.consequence(floors), None, url, verb)
 
 
-def _newcomers(lab: Lab) -> Iterator[dict[str, Any]]:
+def _newcomers(lab: Lab) -> Iterator[Need]:
     """Machines that ask to become hosts, and what hosts have seen; many of these as one."""
     for asking in enrollment_selectors.waiting_requests(lab):
         known = asking.known_host
@@ -161,13 +151,13 @@ def _newcomers(lab: Lab) -> Iterator[dict[str, Any]]:
             "candidate", f"{asking.name} asks to become an edge host",
             "Compare the code that it shows" if known is None
             else f"It says that it is {known.name}, which is suspended meanwhile",
-            iso(asking.asked_at), f"/admin/enrollment/joinrequest/{asking.id}/review/", "Review",
+            asking.asked_at, f"/admin/enrollment/joinrequest/{asking.id}/review/", "Review",
         )  # fmt: skip
     found = enrollment_selectors.new_candidates(lab)
     if len(found) > _MOST_SINGLE:
         yield _need(
             "candidate", f"{len(found)} things were found that may be devices",
-            "They may do nothing until an admin has reviewed them", iso(found[0].first_seen_at),
+            "They may do nothing until an admin has reviewed them", found[0].first_seen_at,
             "/admin/enrollment/candidate/?state__exact=new", "Look",
         )  # fmt: skip
         return
@@ -176,12 +166,12 @@ def _newcomers(lab: Lab) -> Iterator[dict[str, Any]]:
         yield _need(
             "candidate", f"{one.name or one.address} was found by {one.host.name}",
             "It may do nothing until an admin has reviewed it" if meant is None
-            else f"It says that it is {meant.name}, and has not its key", iso(one.first_seen_at),
+            else f"It says that it is {meant.name}, and has not its key", one.first_seen_at,
             f"/admin/enrollment/candidate/{one.id}/review/", "Review",
         )  # fmt: skip
 
 
-def _unreconciled(lab: Lab, seen: set[UUID]) -> Iterator[dict[str, Any]]:
+def _unreconciled(lab: Lab, seen: set[UUID]) -> Iterator[Need]:
     for closed in crutd_selectors.given_up(lab):
         row = closed.resource
         if row.id not in seen:
@@ -192,28 +182,26 @@ def _unreconciled(lab: Lab, seen: set[UUID]) -> Iterator[dict[str, Any]]:
             f"Nobody knows what {row.name} holds" if is_full
             else f"Nobody knows what became of {row.name}",
             "Nothing uses it until a person has looked and taken stock",
-            iso(closed.at), f"/lab?sel={row.id}&stock=1", "Take stock",
+            closed.at, f"/lab?sel={row.id}&stock=1", "Take stock",
         )  # fmt: skip
     for ticket in crutd_selectors.visible_tickets(lab, seen):
         title, _, rest = ticket.message.partition(": ")
         yield _need(
             "ticket", title, rest or ticket.code,
-            iso(ticket.opened_at), f"/lab?ticket={ticket.id}", "Open",
+            ticket.opened_at, f"/lab?ticket={ticket.id}", "Open",
         )  # fmt: skip
 
 
-def _paused(runs: QuerySet[Run]) -> Iterator[dict[str, Any]]:
+def _paused(runs: QuerySet[Run]) -> Iterator[Need]:
     for run in run_selectors.runs_that_wait(runs):
         title = f"Run #{run.number} {run.version.workflow.name} is {run.state}"
         since = min((one["at"] for one in run.pause_reasons), default=None)
         at = run.created_at if since is None else datetime.fromisoformat(since)
-        yield {
-            **_need("paused", title, _why_paused(run), iso(at), f"/runs/{run.id}", "Open"),
-            "run_id": str(run.id),
-        }
+        need = _need("paused", title, _why_paused(run), at, f"/runs/{run.id}", "Open")
+        yield replace(need, run_id=run.id)
 
 
-def _silent(runs: QuerySet[Run]) -> Iterator[dict[str, Any]]:
+def _silent(runs: QuerySet[Run]) -> Iterator[Need]:
     """Devices of the runs on which something stands that nobody can read back."""
     found = run_selectors.silent_devices()
     known = {one.run.id for one in found}
@@ -225,10 +213,8 @@ def _silent(runs: QuerySet[Run]) -> Iterator[dict[str, Any]]:
         run = f"Run #{one.run.number} {one.run.version.workflow.name}"
         title = f"{one.device.name} is not read: nobody knows whether it keeps what was set"
         detail = f"{run} goes on. Set: {sentences}. Look at {one.device.name}"
-        yield {
-            **_need("silent", title, detail, iso(one.since_at), f"/runs/{one.run.id}", "Open"),
-            "run_id": str(one.run.id),
-        }
+        need = _need("silent", title, detail, one.since_at, f"/runs/{one.run.id}", "Open")
+        yield replace(need, run_id=one.run.id)
 
 
 def _why_paused(run: Run) -> str:
@@ -244,19 +230,19 @@ def _why_paused(run: Run) -> str:
 
 
 def _need(
-    kind: str, title: str, detail: str, since_at: str | None, url: str, verb: str
-) -> dict[str, Any]:
-    return {
-        "kind": kind,
-        "title": title,
-        "detail": detail,
-        "since_at": since_at,
-        "url": url,
-        "verb": verb,
-        "run_id": None,
-        "job_id": None,
-        "request_id": None,
-    }
+    kind: NeedKind, title: str, detail: str, since_at: datetime | None, url: str, verb: str
+) -> Need:
+    return Need(
+        kind=kind,
+        title=title,
+        detail=detail,
+        since_at=since_at,
+        url=url,
+        verb=verb,
+        run_id=None,
+        job_id=None,
+        request_id=None,
+    )
 
 
 def _question(job: Job, names: dict[str, str]) -> str:

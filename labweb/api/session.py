@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import msgspec
 from django.contrib.auth import authenticate, login, logout, update_session_auth_hash
@@ -18,6 +18,12 @@ from labweb.accounts import selectors as account_selectors
 from labweb.accounts import services as account_services
 from labweb.accounts.api import Endpoint
 from labweb.accounts.selectors import User
+from labweb.api.answers.session import (
+    OpenSession,
+    PasswordConfirmed,
+    PasswordMaker,
+    SignedInUser,
+)
 from labweb.api.sign_in import Place, closed_words, remember
 from labweb.common import sessions
 from labweb.common.requests import body
@@ -42,13 +48,14 @@ class Session(Endpoint):
         "post": "who signs in twice is signed in; nobody is known yet whose key it could be",
         "delete": "who signs out twice is signed out",
     }
+    answers: ClassVar = {"post": {200: OpenSession}}
 
     permission_classes = (AllowAny,)
 
-    def get(self, request: Request) -> Response:
+    def get(self, request: Request) -> OpenSession:
         """Tell who is signed in, and set the CSRF cookie."""
         get_token(request._request)  # noqa: SLF001 - DRF offers no other way to the cookie
-        return Response(_session(request.user))
+        return _session(request.user)
 
     def post(self, request: Request) -> Response:
         """Sign in; whoever fails five times at a name from one place waits there five minutes."""
@@ -70,12 +77,11 @@ class Session(Endpoint):
         remember(answer, request, given.username)
         return answer
 
-    def delete(self, request: Request) -> Response:
+    def delete(self, request: Request) -> None:
         """Sign out."""
         if isinstance(request.user, User):
             account_services.write_audit("session.close", str(request.user.pk), actor=request.user)
         logout(request._request)  # noqa: SLF001 - DRF offers no other way to the session
-        return Response(status=204)
 
 
 class Words(msgspec.Struct, forbid_unknown_fields=True):
@@ -95,7 +101,7 @@ class Password(Endpoint):
 
     permission_classes = (IsAuthenticated,)
 
-    def post(self, request: Request) -> Response:
+    def post(self, request: Request) -> OpenSession:
         """Choose a new one; every other session of the caller ends."""
         user, given = account_selectors.user_of(request), body(request, Words)
         place = _open_place(request, user.username)
@@ -106,7 +112,7 @@ class Password(Endpoint):
             raise
         update_session_auth_hash(request._request, row)  # noqa: SLF001 - as above
         sessions.begin(request.session)
-        return Response(_session(row))
+        return _session(row)
 
 
 class Again(msgspec.Struct, forbid_unknown_fields=True):
@@ -125,7 +131,7 @@ class Confirm(Endpoint):
 
     permission_classes = (IsAuthenticated,)
 
-    def post(self, request: Request) -> Response:
+    def post(self, request: Request) -> PasswordConfirmed:
         """Take the password; acts are signed with it for five minutes."""
         user, given = account_selectors.user_of(request), body(request, Again)
         place = _open_place(request, user.username)
@@ -135,7 +141,7 @@ class Confirm(Endpoint):
             account_services.write_failed_sign_in(user.username, address=address)
             raise ForbiddenError("the password is wrong", code="session.wrong")
         sessions.confirm(request.session)
-        return Response({"holds_s": sessions.CONFIRMED_FOR_S})
+        return PasswordConfirmed(holds_s=sessions.CONFIRMED_FOR_S)
 
 
 class Awake(Endpoint):
@@ -146,9 +152,8 @@ class Awake(Endpoint):
     }
     permission_classes = (IsAuthenticated,)
 
-    def post(self, _request: Request) -> Response:
+    def post(self, _request: Request) -> None:
         """Note that the person who is signed in has used the page."""
-        return Response(status=204)
 
 
 class Closed(Throttled):
@@ -169,9 +174,9 @@ def _open_place(request: Request, username: str) -> Place:
     return place
 
 
-def _session(user: object) -> dict[str, Any]:
+def _session(user: object) -> OpenSession:
     if not isinstance(user, User) or not user.is_active:
-        return {"user": None, "lab": None}
+        return OpenSession(user=None, lab=None)
     on_lab: frozenset[Permission] = frozenset()
     try:
         lab = run_selectors.lab_summary(resource_selectors.the_lab())
@@ -179,16 +184,16 @@ def _session(user: object) -> dict[str, Any]:
     except NotFoundError:
         lab = None
     name = user.printed_name
-    return {
-        "user": {
-            "id": str(user.pk),
-            "username": user.username,
-            "name": name,
-            "initials": "".join(part[0] for part in name.split()[:2]).upper(),
-            "roles": account_selectors.roles_of(user),
-            "password_from": user.password_from,
-            "permissions": sorted(p.value for p in account_selectors.permissions_of(user)),
-            "lab_permissions": sorted(p.value for p in on_lab),
-        },
-        "lab": lab,
-    }
+    return OpenSession(
+        user=SignedInUser(
+            id=user.id,
+            username=user.username,
+            name=name,
+            initials="".join(part[0] for part in name.split()[:2]).upper(),
+            roles=account_selectors.roles_of(user),
+            password_from=msgspec.convert(str(user.password_from), PasswordMaker),
+            permissions=sorted(account_selectors.permissions_of(user)),
+            lab_permissions=sorted(on_lab),
+        ),
+        lab=lab,
+    )

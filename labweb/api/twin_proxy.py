@@ -19,7 +19,6 @@ from django.conf import settings
 from django.contrib.auth import get_user
 from django.http import HttpRequest, HttpResponse, HttpResponseRedirect, StreamingHttpResponse
 from rest_framework.request import Request
-from rest_framework.response import Response
 from websockets.asyncio.client import ClientConnection, connect
 from websockets.exceptions import WebSocketException
 from websockets.typing import Subprotocol
@@ -27,6 +26,7 @@ from websockets.typing import Subprotocol
 from labweb.accounts import selectors as account_selectors
 from labweb.accounts.api import Endpoint
 from labweb.accounts.selectors import User, user_of
+from labweb.api.answers.twin import TwinState
 from labweb.api.twin_dress import dress
 from labweb.api.twin_feed import find_alive
 from labweb.common.buckets import Rate
@@ -78,12 +78,12 @@ _PASSED = ("content-type", "content-encoding", "content-length")
 class Twin(Endpoint):
     """Whether there is a twin, and where."""
 
-    def get(self, request: Request) -> Response:
+    def get(self, request: Request) -> TwinState:
         """Return the twin's state; online means that it answers and that it shows now."""
         user_of(request)
         alive = find_alive()
         is_online = alive is not None and alive.is_fresh
-        return Response({"state": "online" if is_online else "offline", "url": VIEW_URL})
+        return TwinState(state="online" if is_online else "offline", url=VIEW_URL)
 
 
 def allowed_frame(frame: bytes) -> bytes | None:

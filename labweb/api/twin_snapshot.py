@@ -50,12 +50,12 @@ def snapshot() -> Body:
         "resources": _resources(lab),
         "connections": _connections(lab),
         "devices": {
-            row["id"]: {
-                "id": row["id"],
-                "name": row["name"],
+            str(row.id): {
+                "id": str(row.id),
+                "name": row.name,
                 "nodes": dict(device.nodes),
-                "state": row["state"],
-                "link": row["link"],
+                "state": row.state,
+                "link": row.link,
             }
             for device, row in zip(devices, device_rows(devices), strict=True)
         },

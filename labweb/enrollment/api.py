@@ -2,21 +2,32 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, ClassVar
 from uuid import UUID
 
 import msgspec
 from django.conf import settings
+from msgspec.structs import asdict
 from rest_framework.request import Request
-from rest_framework.response import Response
 
 from labweb.accounts.api import Endpoint
 from labweb.accounts.selectors import user_of
 from labweb.common.lists import HISTORY
-from labweb.common.render import iso
 from labweb.common.requests import body
 from labweb.domain.enrollment.join import USUAL_TOKEN_S
 from labweb.enrollment import selectors, services
+from labweb.enrollment.answers import (
+    ClaimedHost,
+    JoinAdmission,
+    JoinedHost,
+    JoinRequestList,
+    JoinRequestRow,
+    JoinRequestState,
+    JoinTokenList,
+    JoinTokenMade,
+    JoinTokenRow,
+    JoinTokenState,
+)
 from labweb.enrollment.models import JoinRequest, JoinToken
 from labweb.resources import selectors as resource_selectors
 
@@ -55,14 +66,15 @@ class JoinTokens(ForAdmission):
 
     bodies = {"post": TokenWish}
     queries = HISTORY.parameters
+    statuses: ClassVar = {"post": 201}
 
-    def get(self, request: Request) -> Response:
+    def get(self, request: Request) -> JoinTokenList:
         """List the tokens, without their secrets, which nobody has."""
         rows = selectors.tokens_of(resource_selectors.the_lab())
         found, following = HISTORY.of_rows(request, rows, "-created_at", "-id")
-        return Response({"tokens": [_token(row) for row in found], "next": following})
+        return JoinTokenList(tokens=[_token(row) for row in found], next=following)
 
-    def post(self, request: Request) -> Response:
+    def post(self, request: Request) -> JoinTokenMade:
         """Make a token; this answer alone holds it."""
         wish = body(request, TokenWish)
         made = services.make_token(
@@ -72,16 +84,15 @@ class JoinTokens(ForAdmission):
             lifetime_s=wish.minutes * 60,
         )
         command = services.join_command(made.text)
-        answer = {**_token(made.row), "token": made.text, "command": command}
-        return Response(answer, status=201)
+        return JoinTokenMade(**asdict(_token(made.row)), token=made.text, command=command)
 
 
 class JoinTokenDetail(ForAdmission):
     """One token."""
 
-    def delete(self, request: Request, token_id: UUID) -> Response:
+    def delete(self, request: Request, token_id: UUID) -> JoinTokenRow:
         """Take a token back that nobody has used."""
-        return Response(_token(services.withdraw_token(token_id, actor=user_of(request))))
+        return _token(services.withdraw_token(token_id, actor=user_of(request)))
 
 
 class JoinRequests(ForAdmission):
@@ -89,16 +100,14 @@ class JoinRequests(ForAdmission):
 
     queries = HISTORY.parameters
 
-    def get(self, request: Request) -> Response:
+    def get(self, request: Request) -> JoinRequestList:
         """List the machines that asked, the newest first; not their codes, which they show."""
         rows = selectors.requests_of(resource_selectors.the_lab())
         found, following = HISTORY.of_rows(request, rows, "-asked_at", "-id")
-        return Response(
-            {
-                "requests": [_request(row) for row in found],
-                "door": settings.EDGE_ADDRESS,
-                "next": following,
-            }
+        return JoinRequestList(
+            requests=[_request(row) for row in found],
+            door=settings.EDGE_ADDRESS,
+            next=following,
         )
 
 
@@ -108,11 +117,11 @@ class Admission(ForAdmission):
     signs = frozenset({"post"})
     bodies = {"post": Typed}
 
-    def post(self, request: Request, join_id: UUID) -> Response:
+    def post(self, request: Request, join_id: UUID) -> JoinAdmission:
         """Make it a host, if the code is the one that it shows."""
         said, actor = body(request, Typed), user_of(request)
         host = services.admit_request(join_id, typed=said.code, reason=said.reason, actor=actor)
-        return Response({"host": {"id": str(host.id), "key": host.key, "name": host.name}})
+        return JoinAdmission(host=JoinedHost(id=host.id, key=host.key, name=host.name))
 
 
 class Rejection(ForAdmission):
@@ -120,34 +129,35 @@ class Rejection(ForAdmission):
 
     bodies = {"post": Said}
 
-    def post(self, request: Request, join_id: UUID) -> Response:
+    def post(self, request: Request, join_id: UUID) -> JoinRequestRow:
         """Send it away; its key never asks again."""
         reason, actor = body(request, Said).reason, user_of(request)
-        return Response(_request(services.reject_request(join_id, reason=reason, actor=actor)))
+        return _request(services.reject_request(join_id, reason=reason, actor=actor))
 
 
-def _token(row: JoinToken) -> dict[str, Any]:
-    return {
-        "id": str(row.id),
-        "name": row.name,
-        "created_at": iso(row.created_at),
-        "expires_at": iso(row.expires_at),
-        "used_at": iso(row.used_at),
-        "withdrawn_at": iso(row.withdrawn_at),
-        "state": selectors.token_state(row),
-    }
+def _token(row: JoinToken) -> JoinTokenRow:
+    return JoinTokenRow(
+        id=row.id,
+        name=row.name,
+        created_at=row.created_at,
+        expires_at=row.expires_at,
+        used_at=row.used_at,
+        withdrawn_at=row.withdrawn_at,
+        state=msgspec.convert(selectors.token_state(row), JoinTokenState),
+    )
 
 
-def _request(row: JoinRequest) -> dict[str, Any]:
+def _request(row: JoinRequest) -> JoinRequestRow:
     known = row.known_host
-    return {
-        "id": str(row.id),
-        "name": row.name,
-        "address": row.address,
-        "facts": row.facts,
-        "asked_at": iso(row.asked_at),
-        "state": "expired" if selectors.is_stale(row) else row.state,
-        "reason": row.reason,
-        "host_id": None if row.host_id is None else str(row.host_id),
-        "claims_to_be": None if known is None else {"id": str(known.id), "name": known.name},
-    }
+    state = "expired" if selectors.is_stale(row) else row.state
+    return JoinRequestRow(
+        id=row.id,
+        name=row.name,
+        address=row.address,
+        facts=row.facts,
+        asked_at=row.asked_at,
+        state=msgspec.convert(str(state), JoinRequestState),
+        reason=row.reason,
+        host_id=row.host_id,
+        claims_to_be=None if known is None else ClaimedHost(id=known.id, name=known.name),
+    )

@@ -20,7 +20,7 @@ const lab: Lab = {
   counts: { runs_live: 0, approvals_open: 0, drivers_open: 0, needs_you: 0 },
 };
 const user: User = {
-  id: 1,
+  id: "1",
   username: "li",
   name: "Li Na",
   initials: "LN",

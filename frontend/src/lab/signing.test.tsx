@@ -9,7 +9,7 @@ import { serve, show } from "@/testpage";
 import { PasswordPage, SigningDialog } from "./signing";
 
 const user: User = {
-  id: 1,
+  id: "1",
   username: "ada",
   name: "Ada Lovelace",
   initials: "AL",

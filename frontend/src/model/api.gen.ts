@@ -1950,11 +1950,22 @@ export interface components {
             reason: string;
         };
         /**
+         * ChangedLine
+         * @description One line of a comparison.
+         */
+        ChangedLine: {
+            /** @enum {unknown} */
+            sign: "" | "+" | "-";
+            before: number | null;
+            after: number | null;
+            text: string;
+        };
+        /**
          * CheckDocument
          * @description Body of a check.
          */
         CheckDocument: {
-            document: Record<string, never>;
+            document: Record<string, unknown>;
             /** @default null */
             workflow_id: string | null;
         };
@@ -1975,6 +1986,31 @@ export interface components {
             device_id: string;
             /** @default  */
             parts: string;
+        };
+        /**
+         * ChosenDriver
+         * @description A device, and the versions that it has and is to have now.
+         */
+        ChosenDriver: {
+            /** Format: uuid */
+            id: string;
+            driver: components["schemas"]["DriverUse"];
+        };
+        /**
+         * ChosenDriverList
+         * @description The devices that were given a version.
+         */
+        ChosenDriverList: {
+            devices: components["schemas"]["ChosenDriver"][];
+        };
+        /**
+         * ClaimedHost
+         * @description The host that a machine says it is, with another key.
+         */
+        ClaimedHost: {
+            /** Format: uuid */
+            id: string;
+            name: string;
         };
         /**
          * Closing
@@ -2063,7 +2099,7 @@ export interface components {
             name: string;
             kind: string;
             /** @default {} */
-            config: Record<string, never>;
+            config: Record<string, unknown>;
         };
         /**
          * Credentials
@@ -2073,6 +2109,12 @@ export interface components {
             username: string;
             password: string;
         };
+        /**
+         * CustodyState
+         * @description In whose hands a resource is.
+         * @enum {unknown}
+         */
+        CustodyState: "in_transit" | "leaving" | "owned";
         /**
          * Delete
          * @description Take a resource out of service into the Archive; nothing is erased.
@@ -2087,7 +2129,7 @@ export interface components {
             /** Format: uuid */
             from_id?: string;
             /** @default null */
-            pose: Record<string, never> | null;
+            pose: Record<string, unknown> | null;
         };
         /**
          * Delivered
@@ -2105,6 +2147,133 @@ export interface components {
         Departure: {
             place: string;
             text: string;
+        };
+        /**
+         * DeviceDetail
+         * @description One device whole.
+         */
+        DeviceDetail: {
+            /** Format: uuid */
+            id: string;
+            key: string;
+            name: string;
+            role: string;
+            kind_label: string;
+            host: components["schemas"]["DeviceHost"];
+            state: string;
+            /** @enum {unknown} */
+            link: "not_enrolled" | "offline" | "online" | "quarantined" | "stale";
+            is_halt_owed: boolean;
+            halt: Record<string, unknown> | null;
+            job: components["schemas"]["DeviceJob"] | null;
+            readings: components["schemas"]["DeviceReading"][];
+            driver: components["schemas"]["DeviceDriver"];
+            actions: Record<string, unknown>[];
+            shows_itself: boolean;
+            statuses: components["schemas"]["DeviceStatus"][];
+            config: Record<string, unknown>;
+            nodes: components["schemas"]["DeviceNode"][];
+            transport: string;
+            photo: Record<string, unknown> | null;
+        };
+        /**
+         * DeviceDriver
+         * @description The driver of a device, and what became of its versions.
+         */
+        DeviceDriver: {
+            class_name: string;
+            digest: string;
+            protocol: string;
+            quality: string;
+            doc: string;
+            /** Format: uuid */
+            version_id: string;
+            next: components["schemas"]["NextDriver"] | null;
+            problem: components["schemas"]["DriverProblem"] | null;
+            serving: components["schemas"]["DriverServing"] | null;
+        };
+        /**
+         * DeviceHost
+         * @description The host of a device.
+         */
+        DeviceHost: {
+            /** Format: uuid */
+            id: string;
+            name: string;
+        };
+        /**
+         * DeviceJob
+         * @description The job that acts on a device.
+         */
+        DeviceJob: {
+            /** Format: uuid */
+            id: string;
+            /** Format: uuid */
+            run_id: string;
+            run_number: number;
+            sentence: string;
+            state: components["schemas"]["JobState"];
+        };
+        /**
+         * DeviceList
+         * @description A page of devices.
+         */
+        DeviceList: {
+            devices: components["schemas"]["DeviceRow"][];
+            next: string | null;
+        };
+        /**
+         * DeviceNode
+         * @description A resource that is a part of a device.
+         */
+        DeviceNode: {
+            role: string;
+            /** Format: uuid */
+            id: string;
+            name: string;
+        };
+        /**
+         * DeviceReading
+         * @description What a device told last of one status.
+         */
+        DeviceReading: {
+            name: string;
+            label: string;
+            unit: string;
+            doc: string;
+            status: string;
+            value: number | string | boolean | null;
+            at_s: number;
+        };
+        /**
+         * DeviceRow
+         * @description One device in a list.
+         */
+        DeviceRow: {
+            /** Format: uuid */
+            id: string;
+            key: string;
+            name: string;
+            role: string;
+            kind_label: string;
+            host: components["schemas"]["DeviceHost"];
+            state: string;
+            /** @enum {unknown} */
+            link: "not_enrolled" | "offline" | "online" | "quarantined" | "stale";
+            is_halt_owed: boolean;
+            halt: Record<string, unknown> | null;
+            job: components["schemas"]["DeviceJob"] | null;
+            readings: components["schemas"]["DeviceReading"][];
+        };
+        /**
+         * DeviceStatus
+         * @description One thing that a device tells.
+         */
+        DeviceStatus: {
+            name: string;
+            label: string;
+            unit: string;
+            doc: string;
         };
         /**
          * Disconnect
@@ -2163,7 +2332,7 @@ export interface components {
          * @description Body of a save.
          */
         Draft: {
-            document: Record<string, never>;
+            document: Record<string, unknown>;
             revision: number;
         };
         /**
@@ -2178,6 +2347,13 @@ export interface components {
             parts: string;
         };
         /**
+         * DriverComparison
+         * @description What differs between two versions, by module.
+         */
+        DriverComparison: {
+            modules: components["schemas"]["ModuleChange"][];
+        };
+        /**
          * DriverDecision
          * @description Body of a decision about a driver.
          */
@@ -2187,11 +2363,236 @@ export interface components {
             comment: string;
         };
         /**
+         * DriverDetail
+         * @description One version of a driver whole.
+         */
+        DriverDetail: {
+            /** Format: uuid */
+            id: string;
+            module: string;
+            class_name: string;
+            role: string;
+            digest: string;
+            /** @enum {unknown} */
+            origin: "release" | "upload";
+            /** @enum {unknown} */
+            state: "approved" | "proposed" | "rejected" | "withdrawn";
+            note: string;
+            quality: string;
+            doc: string;
+            proposed_by: string | null;
+            proposed_at: string | null;
+            approved_by: string | null;
+            approved_at: string | null;
+            read_at: string;
+            devices: components["schemas"]["DriverDevice"][];
+            can: components["schemas"]["DriverRights"];
+            sources: {
+                [key: string]: string;
+            };
+            roles: string[];
+            imports: string[];
+            protocol: string;
+            safe_state: string;
+            actions: Record<string, unknown>[];
+            statuses: components["schemas"]["DriverStatus"][];
+            config: Record<string, unknown>;
+            request: components["schemas"]["DriverRequest"] | null;
+            places: components["schemas"]["DriverPlace"][];
+            tried: components["schemas"]["Tried"];
+        };
+        /**
+         * DriverDevice
+         * @description A device that has a version.
+         */
+        DriverDevice: {
+            /** Format: uuid */
+            id: string;
+            key: string;
+            name: string;
+        };
+        /**
+         * DriverHost
+         * @description The host of a device that has a version.
+         */
+        DriverHost: {
+            /** Format: uuid */
+            id: string;
+            name: string;
+            state: components["schemas"]["SessionState"];
+        };
+        /**
+         * DriverJob
+         * @description The job that acts on a device that has a version.
+         */
+        DriverJob: {
+            /** Format: uuid */
+            id: string;
+            /** Format: uuid */
+            run_id: string;
+            run_number: number;
+            sentence: string;
+        };
+        /**
+         * DriverList
+         * @description A page of versions.
+         */
+        DriverList: {
+            drivers: components["schemas"]["DriverRow"][];
+            next: string | null;
+        };
+        /**
+         * DriverPlace
+         * @description A device that has a version of a driver, or is to have it.
+         */
+        DriverPlace: {
+            /** Format: uuid */
+            id: string;
+            key: string;
+            name: string;
+            state: string;
+            host: components["schemas"]["DriverHost"];
+            driver: components["schemas"]["DriverUse"];
+            job: components["schemas"]["DriverJob"] | null;
+            can_change: boolean;
+        };
+        /**
+         * DriverProblem
+         * @description Why a host did not take the version that was wanted last.
+         */
+        DriverProblem: {
+            digest: string;
+            code: string;
+            message: string;
+            at: string;
+        };
+        /**
+         * DriverReading
+         * @description What driver source declares, before anybody proposes it.
+         */
+        DriverReading: {
+            module: string;
+            class_name: string;
+            digest: string;
+            known: components["schemas"]["KnownDriver"] | null;
+            roles: string[];
+            doc: string;
+            quality: string;
+            imports: string[];
+            protocol: string;
+            safe_state: string;
+            actions: Record<string, unknown>[];
+            statuses: components["schemas"]["DriverStatus"][];
+            config: Record<string, unknown>;
+        };
+        /**
+         * DriverRequest
+         * @description The request to approve a version.
+         */
+        DriverRequest: {
+            /** Format: uuid */
+            id: string;
+            state: string;
+            asked_at: string;
+            expires_at: string;
+            decision: components["schemas"]["DriverVerdict"] | null;
+        };
+        /**
+         * DriverRights
+         * @description What the caller may do with a version.
+         */
+        DriverRights: {
+            read: boolean;
+            decide: boolean;
+            withdraw: boolean;
+        };
+        /**
+         * DriverRow
+         * @description One version of a driver in a list.
+         */
+        DriverRow: {
+            /** Format: uuid */
+            id: string;
+            module: string;
+            class_name: string;
+            role: string;
+            digest: string;
+            /** @enum {unknown} */
+            origin: "release" | "upload";
+            /** @enum {unknown} */
+            state: "approved" | "proposed" | "rejected" | "withdrawn";
+            note: string;
+            quality: string;
+            doc: string;
+            proposed_by: string | null;
+            proposed_at: string | null;
+            approved_by: string | null;
+            approved_at: string | null;
+            read_at: string;
+            devices: components["schemas"]["DriverDevice"][];
+            can: components["schemas"]["DriverRights"];
+        };
+        /**
+         * DriverServing
+         * @description What a host said last of which version serves a device; it may be that of before.
+         */
+        DriverServing: {
+            digest: string;
+            at: string;
+            /** Format: uuid */
+            host_id: string;
+            is_present: boolean;
+        };
+        /**
+         * DriverStatus
+         * @description One thing that a driver tells.
+         */
+        DriverStatus: {
+            name: string;
+            label: string;
+            doc: string;
+            unit: string;
+        };
+        /**
+         * DriverUse
+         * @description Which version a device has, which it is to have, and what went wrong last.
+         */
+        DriverUse: {
+            /** Format: uuid */
+            version_id: string;
+            digest: string;
+            class_name: string;
+            next: components["schemas"]["NextDriver"] | null;
+            problem: components["schemas"]["DriverProblem"] | null;
+            serving: components["schemas"]["DriverServing"] | null;
+        };
+        /**
+         * DriverVerdict
+         * @description What a second person said about a version.
+         */
+        DriverVerdict: {
+            is_approved: boolean;
+            printed_name: string;
+            comment: string;
+            at: string;
+        };
+        /**
          * DriverWithdrawal
          * @description Body of a withdrawal.
          */
         DriverWithdrawal: {
             reason: string;
+        };
+        /**
+         * Finding
+         * @description One reason why something may not go.
+         */
+        Finding: {
+            code: string;
+            message: string;
+            /** @default  */
+            subject: string;
+            context?: Record<string, unknown>;
         };
         /**
          * HandOver
@@ -2203,6 +2604,113 @@ export interface components {
             note: string;
         };
         /**
+         * HomePage
+         * @description What a person sees first.
+         */
+        HomePage: {
+            needs_you: components["schemas"]["Need"][];
+            running: Record<string, unknown>[];
+            last_results: Record<string, unknown>[];
+            workflows: Record<string, unknown>[];
+            devices: components["schemas"]["DeviceRow"][];
+            hosts: components["schemas"]["HostRow"][];
+        };
+        /**
+         * HostClosed
+         * @description Why a host is closed.
+         */
+        HostClosed: {
+            code: string;
+            message: string;
+        };
+        /**
+         * HostDetail
+         * @description One edge host whole.
+         */
+        HostDetail: {
+            /** Format: uuid */
+            id: string;
+            key: string;
+            name: string;
+            state: components["schemas"]["SessionState"];
+            last_seen_at: string | null;
+            epoch: number;
+            acked_seq: number;
+            journal_lag: number;
+            devices_count: number;
+            state_at: string | null;
+            away_since_at: string | null;
+            clock_skew_s: number | null;
+            heartbeat: Record<string, unknown>;
+            disk: components["schemas"]["HostDisk"] | null;
+            floor: number;
+            last_dseq: number;
+            epoch_seen: number;
+            journal_id: string | null;
+            reason: components["schemas"]["HostClosed"] | null;
+            devices: components["schemas"]["DeviceRow"][];
+            jobs: components["schemas"]["HostJob"][];
+            tickets: components["schemas"]["HostTicket"][];
+            moves: components["schemas"]["HostMove"][];
+            fence: components["schemas"]["HostFence"] | null;
+            can: components["schemas"]["HostRights"];
+        };
+        /**
+         * HostDisk
+         * @description The disk with the journal of a host, as it said last.
+         */
+        HostDisk: {
+            free_bytes: number;
+            /** @enum {unknown} */
+            level: "full" | "low" | "ok";
+            text: string;
+        };
+        /**
+         * HostFence
+         * @description The first of two signatures that declare a host lost.
+         */
+        HostFence: {
+            first_by: string;
+            first_at: string;
+            reason: string;
+            is_mine: boolean;
+        };
+        /**
+         * HostJob
+         * @description A job that a host was sent and that has not ended, or of which nobody knows.
+         */
+        HostJob: {
+            /** Format: uuid */
+            id: string;
+            /** Format: uuid */
+            run_id: string;
+            run_number: number;
+            sentence: string;
+            state: components["schemas"]["JobState"];
+            state_at: string | null;
+        };
+        /**
+         * HostList
+         * @description A page of hosts.
+         */
+        HostList: {
+            hosts: components["schemas"]["HostRow"][];
+            next: string | null;
+        };
+        /**
+         * HostMove
+         * @description A vessel on its way from or to a host.
+         */
+        HostMove: {
+            /** Format: uuid */
+            id: string;
+            name: string;
+            place: string | null;
+            state: components["schemas"]["CustodyState"];
+            is_leaving: boolean;
+            at: string;
+        };
+        /**
          * HostReason
          * @description Why; and for a revocation, whether it is known that the host has work.
          */
@@ -2210,6 +2718,136 @@ export interface components {
             reason: string;
             /** @default false */
             with_work: boolean;
+        };
+        /**
+         * HostRights
+         * @description What the caller may do with a host.
+         */
+        HostRights: {
+            fence: boolean;
+            readmit: boolean;
+            revoke: boolean;
+        };
+        /**
+         * HostRow
+         * @description One edge host in a list.
+         */
+        HostRow: {
+            /** Format: uuid */
+            id: string;
+            key: string;
+            name: string;
+            state: components["schemas"]["SessionState"];
+            last_seen_at: string | null;
+            epoch: number;
+            acked_seq: number;
+            journal_lag: number;
+            devices_count: number;
+            state_at: string | null;
+            away_since_at: string | null;
+            clock_skew_s: number | null;
+            heartbeat: Record<string, unknown>;
+            disk: components["schemas"]["HostDisk"] | null;
+        };
+        /**
+         * HostTicket
+         * @description An open ticket about a host.
+         */
+        HostTicket: {
+            /** Format: uuid */
+            id: string;
+            code: string;
+            message: string;
+            opened_at: string;
+        };
+        /**
+         * JobState
+         * @description Where one step's action stands; exported as ISA-95 job-order states.
+         * @enum {unknown}
+         */
+        JobState: "aborted" | "accepted" | "awaiting_approval" | "complete" | "completing" | "dispatched" | "draft" | "held" | "in_doubt" | "queued" | "rejected" | "running" | "stopped" | "suspended";
+        /**
+         * JoinAdmission
+         * @description A machine was admitted.
+         */
+        JoinAdmission: {
+            host: components["schemas"]["JoinedHost"];
+        };
+        /**
+         * JoinRequestList
+         * @description A page of machines that asked.
+         */
+        JoinRequestList: {
+            requests: components["schemas"]["JoinRequestRow"][];
+            door: string;
+            next: string | null;
+        };
+        /**
+         * JoinRequestRow
+         * @description A machine that asks to become a host.
+         */
+        JoinRequestRow: {
+            /** Format: uuid */
+            id: string;
+            name: string;
+            address: string;
+            facts: Record<string, unknown>;
+            asked_at: string;
+            /** @enum {unknown} */
+            state: "admitted" | "expired" | "rejected" | "waiting";
+            reason: string;
+            host_id: string | null;
+            claims_to_be: components["schemas"]["ClaimedHost"] | null;
+        };
+        /**
+         * JoinTokenList
+         * @description A page of tokens.
+         */
+        JoinTokenList: {
+            tokens: components["schemas"]["JoinTokenRow"][];
+            next: string | null;
+        };
+        /**
+         * JoinTokenMade
+         * @description A token that was just made; this answer alone holds its secret.
+         */
+        JoinTokenMade: {
+            /** Format: uuid */
+            id: string;
+            name: string;
+            created_at: string;
+            expires_at: string;
+            used_at: string | null;
+            withdrawn_at: string | null;
+            /** @enum {unknown} */
+            state: "expired" | "open" | "used" | "withdrawn";
+            token: string;
+            command: string;
+        };
+        /**
+         * JoinTokenRow
+         * @description Leave for one machine to ask, without its secret.
+         */
+        JoinTokenRow: {
+            /** Format: uuid */
+            id: string;
+            name: string;
+            created_at: string;
+            expires_at: string;
+            used_at: string | null;
+            withdrawn_at: string | null;
+            /** @enum {unknown} */
+            state: "expired" | "open" | "used" | "withdrawn";
+        };
+        /**
+         * JoinedHost
+         * @description The host that a machine has become.
+         */
+        JoinedHost: {
+            /** Format: uuid */
+            id: string;
+            key: string;
+            name: string;
         };
         /**
          * Kept
@@ -2248,6 +2886,16 @@ export interface components {
             equiv_amount: string;
         };
         /**
+         * KnownDriver
+         * @description The version of the very source that was read.
+         */
+        KnownDriver: {
+            /** Format: uuid */
+            id: string;
+            /** @enum {unknown} */
+            state: "approved" | "proposed" | "rejected" | "withdrawn";
+        };
+        /**
          * MakeAccessToken
          * @description Body of a new access token.
          */
@@ -2262,6 +2910,34 @@ export interface components {
          * @enum {unknown}
          */
         Medium: "communication" | "electrical" | "gas" | "liquid" | "mechanical" | "other" | "thermal" | "transport" | "vacuum";
+        /**
+         * ModuleChange
+         * @description One module that is not the same in both versions.
+         */
+        ModuleChange: {
+            module: string;
+            is_new: boolean;
+            is_gone: boolean;
+            removed_count: number;
+            added_count: number;
+            hunks: components["schemas"]["ChangedLine"][][];
+        };
+        /**
+         * Need
+         * @description One thing that needs a person.
+         */
+        Need: {
+            /** @enum {unknown} */
+            kind: "approval" | "asks" | "candidate" | "disk" | "halt_owed" | "in_doubt" | "paused" | "quarantined" | "silent" | "stopped" | "ticket";
+            title: string;
+            detail: string;
+            since_at: string | null;
+            url: string;
+            verb: string;
+            run_id: string | null;
+            job_id: string | null;
+            request_id: string | null;
+        };
         /**
          * NewAccessToken
          * @description An access token that was just made.
@@ -2287,15 +2963,33 @@ export interface components {
         NewWorkflow: {
             name: string;
             /** @default null */
-            document: Record<string, never> | null;
+            document: Record<string, unknown> | null;
             /** @default null */
             copy_of: string | null;
+        };
+        /**
+         * NextDriver
+         * @description The version that shall take over.
+         */
+        NextDriver: {
+            /** Format: uuid */
+            version_id: string;
+            digest: string;
+            is_ready: boolean;
         };
         /**
          * Nothing
          * @description Body of an act that takes no arguments.
          */
-        Nothing: Record<string, never>;
+        Nothing: Record<string, unknown>;
+        /**
+         * OpenSession
+         * @description Who is signed in, and the lab as every page shows it.
+         */
+        OpenSession: {
+            user: components["schemas"]["SignedInUser"] | null;
+            lab: Record<string, unknown> | null;
+        };
         /**
          * Opened
          * @description Body of an opening. Files are base64: their bytes are what is hashed and read.
@@ -2332,6 +3026,28 @@ export interface components {
             /** @default  */
             equiv_amount: string;
         };
+        /**
+         * PartChanges
+         * @description What a version makes of the parts of a device.
+         */
+        PartChanges: {
+            decision: string;
+            changes: components["schemas"]["Finding"][];
+            findings: components["schemas"]["Finding"][];
+        };
+        /**
+         * PasswordConfirmed
+         * @description The password was typed again, and is right.
+         */
+        PasswordConfirmed: {
+            holds_s: number;
+        };
+        /**
+         * Permission
+         * @description One thing a person may do.
+         * @enum {unknown}
+         */
+        Permission: "admit" | "decide" | "draw" | "reset" | "resolve" | "run" | "stop" | "submit" | "view";
         /**
          * PhOrder
          * @description Read a probe in buffers that are pumped to it, one after the other.
@@ -2457,7 +3173,7 @@ export interface components {
             /** @default null */
             moved_ul: number | null;
             /** @default null */
-            params: Record<string, never> | null;
+            params: Record<string, unknown> | null;
         };
         /**
          * Reference
@@ -2484,7 +3200,7 @@ export interface components {
             /** Format: uuid */
             to_id?: string;
             /** @default null */
-            pose: Record<string, never> | null;
+            pose: Record<string, unknown> | null;
         };
         /**
          * Resume
@@ -2513,6 +3229,12 @@ export interface components {
          */
         Scope: "draft" | "read" | "simulate" | "submit";
         /**
+         * SessionState
+         * @description How the server sees a host.
+         * @enum {unknown}
+         */
+        SessionState: "enrolling" | "fenced" | "isolated" | "online" | "quarantined" | "revoked" | "suspect" | "syncing";
+        /**
          * Share
          * @description What a reaction consumed of one lot: in the unit that the lot is counted in.
          */
@@ -2525,6 +3247,31 @@ export interface components {
             amount_ug: number;
             /** @default null */
             mass_ug: number | null;
+        };
+        /**
+         * ShowingRun
+         * @description The run in which a device shows its name.
+         */
+        ShowingRun: {
+            /** Format: uuid */
+            run_id: string;
+            number: number;
+        };
+        /**
+         * SignedInUser
+         * @description The person who is signed in.
+         */
+        SignedInUser: {
+            /** Format: uuid */
+            id: string;
+            username: string;
+            name: string;
+            initials: string;
+            roles: string[];
+            /** @enum {unknown} */
+            password_from: "admin" | "own" | "seed";
+            permissions: components["schemas"]["Permission"][];
+            lab_permissions: components["schemas"]["Permission"][];
         };
         /**
          * StartRun
@@ -2654,6 +3401,148 @@ export interface components {
             to_id: string;
         };
         /**
+         * Tried
+         * @description What all tryouts of one version have shown.
+         */
+        Tried: {
+            actions: string[];
+            left_out: string[];
+            failed: string[];
+            statuses_were_read: boolean;
+            faults: string[];
+        };
+        /**
+         * TryoutActRow
+         * @description One wish of the author, and what became of it.
+         */
+        TryoutActRow: {
+            number: number;
+            /** @enum {unknown} */
+            sort: "act" | "cure" | "end" | "fault" | "read" | "stop";
+            name: string;
+            args: Record<string, unknown>;
+            asked_at: string;
+            answered_at: string | null;
+            code: string;
+            message: string;
+            effect: string;
+            data: Record<string, unknown>;
+            has_faults: boolean;
+        };
+        /**
+         * TryoutBytes
+         * @description Bytes that crossed the line of a tryout.
+         */
+        TryoutBytes: {
+            n: number;
+            at_s: number;
+            /** @enum {unknown} */
+            direction: "in" | "out";
+            hex: string;
+        };
+        /**
+         * TryoutDetail
+         * @description One tryout whole.
+         */
+        TryoutDetail: {
+            /** Format: uuid */
+            id: string;
+            host: components["schemas"]["TryoutPlace"];
+            model: string;
+            title: string;
+            speed: number;
+            /** @enum {unknown} */
+            state: "ended" | "running" | "starting";
+            code: string;
+            message: string;
+            begun_by: string;
+            begun_at: string;
+            ended_at: string | null;
+            /** Format: uuid */
+            driver_id: string;
+            settings: Record<string, unknown>;
+            config: Record<string, unknown>;
+            faults_offered: {
+                [key: string]: Record<string, unknown>;
+            };
+            faults: string[];
+            statuses: components["schemas"]["TryoutStatuses"];
+            acts: components["schemas"]["TryoutActRow"][];
+            wire: components["schemas"]["TryoutBytes"][];
+            wire_left_out_count: number;
+        };
+        /**
+         * TryoutHost
+         * @description A host that runs tryouts.
+         */
+        TryoutHost: {
+            /** Format: uuid */
+            id: string;
+            name: string;
+            problem: string | null;
+            models: components["schemas"]["TryoutModel"][];
+        };
+        /**
+         * TryoutList
+         * @description Where a version can be tried, and a page of what was tried of it.
+         */
+        TryoutList: {
+            hosts: components["schemas"]["TryoutHost"][];
+            fastest: number;
+            tried: components["schemas"]["Tried"];
+            tryouts: components["schemas"]["TryoutRow"][];
+            next: string | null;
+        };
+        /**
+         * TryoutModel
+         * @description A simulated instrument on which a version can be tried.
+         */
+        TryoutModel: {
+            model: string;
+            title: string;
+            carriers: string[];
+            settings: Record<string, unknown>;
+        };
+        /**
+         * TryoutPlace
+         * @description The host on which a tryout runs.
+         */
+        TryoutPlace: {
+            /** Format: uuid */
+            id: string;
+            name: string;
+        };
+        /**
+         * TryoutRow
+         * @description One tryout in a list.
+         */
+        TryoutRow: {
+            /** Format: uuid */
+            id: string;
+            host: components["schemas"]["TryoutPlace"];
+            model: string;
+            title: string;
+            speed: number;
+            /** @enum {unknown} */
+            state: "ended" | "running" | "starting";
+            code: string;
+            message: string;
+            begun_by: string;
+            begun_at: string;
+            ended_at: string | null;
+        };
+        /**
+         * TryoutStatuses
+         * @description The last reading of a tryout; neither is there before the first one.
+         */
+        TryoutStatuses: {
+            values?: Record<string, unknown>;
+            problems?: {
+                [key: string]: string;
+            };
+            left_out_bytes?: number;
+        };
+        /**
          * TryoutWanted
          * @description On what a version is to be tried.
          */
@@ -2662,9 +3551,9 @@ export interface components {
             host_id: string;
             model: string;
             /** @default {} */
-            settings: Record<string, never>;
+            settings: Record<string, unknown>;
             /** @default {} */
-            config: Record<string, never>;
+            config: Record<string, unknown>;
             /** @default 1 */
             speed: number;
         };
@@ -2678,7 +3567,16 @@ export interface components {
             /** @default  */
             name: string;
             /** @default {} */
-            args: Record<string, never>;
+            args: Record<string, unknown>;
+        };
+        /**
+         * TwinState
+         * @description Whether there is a twin, and where.
+         */
+        TwinState: {
+            /** @enum {unknown} */
+            state: "offline" | "online";
+            url: string;
         };
         /**
          * Typed
@@ -3147,9 +4045,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": {
-                        [key: string]: unknown;
-                    };
+                    "application/json": components["schemas"]["DeviceList"];
                 };
             };
             /** @description Refused */
@@ -3291,9 +4187,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": {
-                        [key: string]: unknown;
-                    };
+                    "application/json": components["schemas"]["DeviceDetail"];
                 };
             };
             /** @description Refused */
@@ -3342,9 +4236,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": {
-                        [key: string]: unknown;
-                    };
+                    "application/json": components["schemas"]["DriverUse"];
                 };
             };
             /** @description Refused */
@@ -3387,9 +4279,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": {
-                        [key: string]: unknown;
-                    };
+                    "application/json": components["schemas"]["PartChanges"];
                 };
             };
             /** @description Refused */
@@ -3783,14 +4673,12 @@ export interface operations {
         requestBody?: never;
         responses: {
             /** @description The answer */
-            200: {
+            201: {
                 headers: {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": {
-                        [key: string]: unknown;
-                    };
+                    "application/json": components["schemas"]["ShowingRun"];
                 };
             };
             /** @description Refused */
@@ -3883,9 +4771,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": {
-                        [key: string]: unknown;
-                    };
+                    "application/json": components["schemas"]["DriverList"];
                 };
             };
             /** @description Refused */
@@ -3927,14 +4813,12 @@ export interface operations {
         };
         responses: {
             /** @description The answer */
-            200: {
+            201: {
                 headers: {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": {
-                        [key: string]: unknown;
-                    };
+                    "application/json": components["schemas"]["DriverRow"];
                 };
             };
             /** @description Refused */
@@ -3983,9 +4867,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": {
-                        [key: string]: unknown;
-                    };
+                    "application/json": components["schemas"]["ChosenDriverList"];
                 };
             };
             /** @description Refused */
@@ -4027,9 +4909,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": {
-                        [key: string]: unknown;
-                    };
+                    "application/json": components["schemas"]["DriverDetail"];
                 };
             };
             /** @description Refused */
@@ -4072,9 +4952,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": {
-                        [key: string]: unknown;
-                    };
+                    "application/json": components["schemas"]["DriverComparison"];
                 };
             };
             /** @description Refused */
@@ -4123,9 +5001,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": {
-                        [key: string]: unknown;
-                    };
+                    "application/json": components["schemas"]["DriverRow"];
                 };
             };
             /** @description Refused */
@@ -4172,9 +5048,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": {
-                        [key: string]: unknown;
-                    };
+                    "application/json": components["schemas"]["TryoutList"];
                 };
             };
             /** @description Refused */
@@ -4218,14 +5092,12 @@ export interface operations {
         };
         responses: {
             /** @description The answer */
-            200: {
+            201: {
                 headers: {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": {
-                        [key: string]: unknown;
-                    };
+                    "application/json": components["schemas"]["TryoutDetail"];
                 };
             };
             /** @description Refused */
@@ -4274,9 +5146,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": {
-                        [key: string]: unknown;
-                    };
+                    "application/json": components["schemas"]["DriverRow"];
                 };
             };
             /** @description Refused */
@@ -4320,9 +5190,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": {
-                        [key: string]: unknown;
-                    };
+                    "application/json": components["schemas"]["DriverReading"];
                 };
             };
             /** @description Refused */
@@ -4759,9 +5627,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": {
-                        [key: string]: unknown;
-                    };
+                    "application/json": components["schemas"]["HomePage"];
                 };
             };
             /** @description Refused */
@@ -4806,9 +5672,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": {
-                        [key: string]: unknown;
-                    };
+                    "application/json": components["schemas"]["HostList"];
                 };
             };
             /** @description Refused */
@@ -4850,9 +5714,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": {
-                        [key: string]: unknown;
-                    };
+                    "application/json": components["schemas"]["HostDetail"];
                 };
             };
             /** @description Refused */
@@ -5203,9 +6065,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": {
-                        [key: string]: unknown;
-                    };
+                    "application/json": components["schemas"]["JoinRequestList"];
                 };
             };
             /** @description Refused */
@@ -5254,9 +6114,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": {
-                        [key: string]: unknown;
-                    };
+                    "application/json": components["schemas"]["JoinAdmission"];
                 };
             };
             /** @description Refused */
@@ -5305,9 +6163,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": {
-                        [key: string]: unknown;
-                    };
+                    "application/json": components["schemas"]["JoinRequestRow"];
                 };
             };
             /** @description Refused */
@@ -5352,9 +6208,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": {
-                        [key: string]: unknown;
-                    };
+                    "application/json": components["schemas"]["JoinTokenList"];
                 };
             };
             /** @description Refused */
@@ -5396,14 +6250,12 @@ export interface operations {
         };
         responses: {
             /** @description The answer */
-            200: {
+            201: {
                 headers: {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": {
-                        [key: string]: unknown;
-                    };
+                    "application/json": components["schemas"]["JoinTokenMade"];
                 };
             };
             /** @description Refused */
@@ -5448,9 +6300,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": {
-                        [key: string]: unknown;
-                    };
+                    "application/json": components["schemas"]["JoinTokenRow"];
                 };
             };
             /** @description Refused */
@@ -7465,9 +8315,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": {
-                        [key: string]: unknown;
-                    };
+                    "application/json": components["schemas"]["OpenSession"];
                 };
             };
             /** @description Refused */
@@ -7511,9 +8359,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": {
-                        [key: string]: unknown;
-                    };
+                    "application/json": components["schemas"]["OpenSession"];
                 };
             };
             /** @description Refused */
@@ -7548,15 +8394,11 @@ export interface operations {
         requestBody?: never;
         responses: {
             /** @description The answer */
-            200: {
+            204: {
                 headers: {
                     [name: string]: unknown;
                 };
-                content: {
-                    "application/json": {
-                        [key: string]: unknown;
-                    };
-                };
+                content?: never;
             };
             /** @description Refused */
             "4XX": {
@@ -7590,15 +8432,11 @@ export interface operations {
         requestBody?: never;
         responses: {
             /** @description The answer */
-            200: {
+            204: {
                 headers: {
                     [name: string]: unknown;
                 };
-                content: {
-                    "application/json": {
-                        [key: string]: unknown;
-                    };
-                };
+                content?: never;
             };
             /** @description Refused */
             "4XX": {
@@ -7641,9 +8479,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": {
-                        [key: string]: unknown;
-                    };
+                    "application/json": components["schemas"]["PasswordConfirmed"];
                 };
             };
             /** @description Refused */
@@ -7687,9 +8523,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": {
-                        [key: string]: unknown;
-                    };
+                    "application/json": components["schemas"]["OpenSession"];
                 };
             };
             /** @description Refused */
@@ -8005,9 +8839,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": {
-                        [key: string]: unknown;
-                    };
+                    "application/json": components["schemas"]["TryoutDetail"];
                 };
             };
             /** @description Refused */
@@ -8051,14 +8883,12 @@ export interface operations {
         };
         responses: {
             /** @description The answer */
-            200: {
+            201: {
                 headers: {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": {
-                        [key: string]: unknown;
-                    };
+                    "application/json": components["schemas"]["TryoutActRow"];
                 };
             };
             /** @description Refused */
@@ -8098,9 +8928,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": {
-                        [key: string]: unknown;
-                    };
+                    "application/json": components["schemas"]["TwinState"];
                 };
             };
             /** @description Refused */

@@ -85,7 +85,7 @@ describe("progress", () => {
     const place = aPlace({ driver: { ...aPlace().driver, next } });
     expect(progressOf(place)).toMatchObject({ reached: 1 });
     expect(progressOf(place).text).toContain("builds it once");
-    const host = { ...place.host, state: "isolated" };
+    const host = { ...place.host, state: "isolated" as const };
     expect(progressOf({ ...place, host }).text).toContain("is away");
     expect(isChanging([place])).toBe(true);
   });

@@ -10,7 +10,13 @@ import {
   stopTook,
 } from "./hosts";
 
-const host = { state: "isolated", name: "bench 2", journal_lag: 0, jobs: [], reason: null };
+const host = {
+  state: "isolated" as const,
+  name: "bench 2",
+  journal_lag: 0,
+  jobs: [],
+  reason: null,
+};
 
 describe("a host's standing", () => {
   it("has a word and a look for every state of a session", () => {
@@ -31,7 +37,7 @@ describe("a host's standing", () => {
   });
 
   it("claims no lag and no state of work that nobody has heard since", () => {
-    const heard = { state: "online", journal_lag: 1 };
+    const heard = { state: "online" as const, journal_lag: 1 };
     expect(lagText(heard)).toBe("1 event");
     expect(lagText({ ...heard, state: "isolated" })).toBe("not known, 1 event when last heard");
     expect(stateAtHost(heard, "running").word).toBe("Running");

@@ -68,9 +68,9 @@ test("evidence is told in words with units, and keys of the machine are left out
 
 test("what the device tells stands with its time, and that it does not answer", () => {
   const readings = [
-    { status: "volume_ul", label: "Volume", unit: "µL", value: 2018.333, at_s: 1_800_000_007 },
-    { status: "is_initialized", label: "", unit: "", value: true, at_s: 1_800_000_007 },
-  ];
+    { status: "volume_ul", label: "Volume", unit: "µL", value: 2018.333 },
+    { status: "is_initialized", label: "", unit: "", value: true },
+  ].map((one) => ({ ...one, name: one.status, doc: "", at_s: 1_800_000_007 }));
   const told = (link: "online" | "offline") =>
     evidenceRows(aJob(0, "a", "in_doubt"), (at) => `t${at - 1_800_000_000}`, { link, readings });
   const label = "The device tells";

@@ -4,6 +4,7 @@ export type * from "./wirebase";
 export type * from "./wirelab";
 export type * from "./wiredrivers";
 export type * from "./wirerecovery";
+import type { components } from "./api.gen";
 import type {
   DeviceAction,
   Finding,
@@ -20,6 +21,8 @@ import type { RunFile } from "./wirefiles";
 import type { DeviceHalt, DeviceRow, HostAway, HostRow } from "./wirelab";
 import type { Asks, Recovery, RecoveryCard, RecoveryChoice } from "./wirerecovery";
 
+type Answers = components["schemas"];
+
 export interface Refusal {
   code: string;
   message: string;
@@ -30,19 +33,7 @@ export interface Refusal {
 
 export type Mode = "sim" | "live";
 
-export interface User {
-  id: Id | number;
-  username: string;
-  name: string;
-  initials: string;
-  roles: string[];
-  /** What they may do somewhere in the lab. */
-  permissions: string[];
-  /** What they may do to all of the lab. */
-  lab_permissions: string[];
-  /** Who chose the password: themselves, an admin, or the start of a simulated lab. */
-  password_from: "own" | "admin" | "seed";
-}
+export type User = Answers["SignedInUser"];
 
 export interface StopHost {
   id: Id;
@@ -75,28 +66,7 @@ export interface Session {
   lab: Lab | null;
 }
 
-export interface Need {
-  kind:
-    | "in_doubt"
-    | "asks"
-    | "approval"
-    | "paused"
-    | "quarantined"
-    | "ticket"
-    | "stopped"
-    | "candidate"
-    | "halt_owed"
-    | "silent"
-    | "disk";
-  title: string;
-  detail: string;
-  since_at: Iso | null;
-  url: string;
-  verb: string;
-  run_id: Id | null;
-  job_id: Id | null;
-  request_id: Id | null;
-}
+export type Need = Answers["Need"];
 
 export interface Home {
   needs_you: Need[];

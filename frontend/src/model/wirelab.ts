@@ -1,8 +1,10 @@
 /** What crosses the border about approvals, resources, devices and hosts. */
 
-import type { DeviceAction, Id, Iso, JobState, Plan } from "./wirebase";
+import type { components } from "./api.gen";
+import type { DeviceAction, Id, Iso, Plan } from "./wirebase";
 import type { CalibrationChange } from "./wirecalibration";
-import type { DriverUse } from "./wiredrivers";
+
+type Answers = components["schemas"];
 
 export interface LabEvent {
   seq: number;
@@ -240,13 +242,7 @@ export interface SearchHit {
   url: string;
 }
 
-export interface Reading {
-  status: string;
-  label: string;
-  unit: string;
-  value: number | string | boolean | null;
-  at_s: number | null;
-}
+export type Reading = Answers["DeviceReading"];
 
 /** A wish to halt one device, and what came of it. */
 export interface DeviceHalt {
@@ -261,22 +257,7 @@ export interface DeviceHalt {
   by: string | null;
 }
 
-export interface DeviceRow {
-  id: Id;
-  key: string;
-  name: string;
-  role: string;
-  kind_label: string;
-  host: { id: Id; name: string } | null;
-  state: string;
-  link: "online" | "stale" | "offline" | "not_enrolled" | "quarantined";
-  /** Nothing begins on it before its host has halted it. */
-  is_halt_owed: boolean;
-  /** The halt that was asked for last and is not delivered; of one device alone, however it ended. */
-  halt: DeviceHalt | null;
-  job: { id: Id; run_id: Id; run_number: number; sentence: string; state: JobState } | null;
-  readings: Reading[];
-}
+export type DeviceRow = Omit<Answers["DeviceRow"], "halt"> & { halt: DeviceHalt | null };
 
 export interface DevicePhoto {
   /** Where its bytes are; another photo has another address. */
@@ -285,45 +266,14 @@ export interface DevicePhoto {
   brought_by: string;
 }
 
-export interface Device extends DeviceRow {
-  driver: (DriverUse & { protocol: string; quality: string; doc: string }) | null;
-  actions: DeviceAction[];
-  /** It can show which one it is, on a display or by a light. */
-  shows_itself: boolean;
-  statuses: { name: string; label: string; unit: string; doc: string }[];
-  config: Record<string, unknown>;
-  nodes: { role: string; id: Id; name: string }[];
-  transport: unknown;
-  photo: DevicePhoto | null;
-}
+export type Device = DeviceRow &
+  Omit<Answers["DeviceDetail"], keyof DeviceRow | "actions" | "photo"> & {
+    actions: DeviceAction[];
+    photo: DevicePhoto | null;
+  };
 
-export interface HostRow {
-  id: Id;
-  key: string;
-  name: string;
-  state: string;
-  last_seen_at: Iso | null;
-  epoch: number;
-  acked_seq: number;
-  journal_lag: number;
-  devices_count: number;
-  state_at: Iso | null;
-  away_since_at: Iso | null;
-  /** Host's wall clock less the server's, seconds; shown, never decided by. */
-  clock_skew_s: number | null;
-  heartbeat: Record<string, unknown> | null;
-  /** The disk with its journal, as it said last; null: it has not said. The text warns. */
-  disk: { free_bytes: number; level: "ok" | "low" | "full"; text: string } | null;
-}
-
-export interface HostJob {
-  id: Id;
-  run_id: Id;
-  run_number: number;
-  sentence: string;
-  state: string;
-  state_at: Iso | null;
-}
+export type HostRow = Answers["HostRow"];
+export type HostJob = Answers["HostJob"];
 
 /** A host that works alone: of its jobs in a run only what was last heard is known. */
 export interface HostAway {
@@ -334,31 +284,8 @@ export interface HostAway {
   job_ids: Id[];
 }
 
-export interface Host extends HostRow {
-  floor: number;
-  last_dseq: number;
-  epoch_seen: number;
-  journal_id: Id | null;
-  reason: { code: string; message: string } | null;
-  devices: DeviceRow[];
-  jobs: HostJob[];
-  tickets: { id: Id; code: string; message: string; opened_at: Iso }[];
-  /** Vessels on their way from or to this host. */
-  moves: {
-    id: Id;
-    name: string;
-    place: string | null;
-    state: string;
-    is_leaving: boolean;
-    at: Iso;
-  }[];
-  fence: { first_by: string; first_at: Iso; reason: string; is_mine: boolean } | null;
-  can: { fence: boolean; readmit: boolean; revoke: boolean };
-}
+export type Host = Omit<Answers["HostDetail"], "devices"> & { devices: DeviceRow[] };
 
 export type Sample = [status: string, at_s: number, value: number | string | boolean | null];
 
-export interface TwinInfo {
-  state: "online" | "offline";
-  url: string;
-}
+export type TwinInfo = Answers["TwinState"];

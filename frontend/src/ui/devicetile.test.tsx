@@ -13,7 +13,7 @@ function aDevice(link: DeviceRow["link"], isHaltOwed: boolean, state: JobState |
     name: "Heater 1",
     role: "heater_stirrer",
     kind_label: "Heater-stirrer",
-    host: null,
+    host: { id: "h", name: "Host 1" },
     state: "admitted",
     link,
     is_halt_owed: isHaltOwed,

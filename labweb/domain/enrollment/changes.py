@@ -17,7 +17,7 @@ MOST_LINES = 20_000
 Sign = Literal["", "-", "+"]
 
 
-class Line(msgspec.Struct, frozen=True):
+class ChangedLine(msgspec.Struct, frozen=True):
     """One line of a comparison."""
 
     sign: Sign
@@ -38,7 +38,7 @@ class ModuleChange(msgspec.Struct, frozen=True):
     is_gone: bool
     removed_count: int
     added_count: int
-    hunks: tuple[tuple[Line, ...], ...]
+    hunks: tuple[tuple[ChangedLine, ...], ...]
     """Places that differ, each with the lines around it."""
 
 
@@ -90,13 +90,13 @@ def _lines(text: str | None) -> list[str]:
 
 def _hunk(
     group: list[tuple[str, int, int, int, int]], old: list[str], new: list[str]
-) -> list[Line]:
-    lines: list[Line] = []
+) -> list[ChangedLine]:
+    lines: list[ChangedLine] = []
     for tag, old_from, old_to, new_from, new_to in group:
         if tag == "equal":
             both = zip(range(old_from, old_to), range(new_from, new_to), strict=True)
-            lines += [Line("", at + 1, to + 1, old[at]) for at, to in both]
+            lines += [ChangedLine("", at + 1, to + 1, old[at]) for at, to in both]
             continue
-        lines += [Line("-", at + 1, None, old[at]) for at in range(old_from, old_to)]
-        lines += [Line("+", None, at + 1, new[at]) for at in range(new_from, new_to)]
+        lines += [ChangedLine("-", at + 1, None, old[at]) for at in range(old_from, old_to)]
+        lines += [ChangedLine("+", None, at + 1, new[at]) for at in range(new_from, new_to)]
     return lines

@@ -1,0 +1,54 @@
+"""What the first page shows."""
+
+from __future__ import annotations
+
+from datetime import datetime
+from typing import Any, Literal
+from uuid import UUID
+
+from labweb.api.answers.devices import DeviceRow, HostRow
+from labweb.common.answers import ApiAnswer
+
+NeedKind = Literal[
+    "in_doubt",
+    "asks",
+    "approval",
+    "paused",
+    "quarantined",
+    "ticket",
+    "stopped",
+    "candidate",
+    "halt_owed",
+    "silent",
+    "disk",
+]
+
+
+class Need(ApiAnswer):
+    """One thing that needs a person."""
+
+    kind: NeedKind
+    title: str
+    detail: str
+    since_at: datetime | None
+    """Null: nobody knows since when."""
+
+    url: str
+    """The page on which it is dealt with; empty: there is none."""
+
+    verb: str
+    run_id: UUID | None
+    job_id: UUID | None
+    request_id: UUID | None
+    """The request for approval."""
+
+
+class HomePage(ApiAnswer):
+    """What a person sees first."""
+
+    needs_you: list[Need]
+    running: list[dict[str, Any]]
+    last_results: list[dict[str, Any]]
+    workflows: list[dict[str, Any]]
+    devices: list[DeviceRow]
+    hosts: list[HostRow]
