@@ -4,17 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from datetime import datetime
-from typing import Any, ClassVar
+from typing import ClassVar
 from uuid import UUID
 
 from django.db.models import Q, QuerySet
 from msgspec.structs import replace
 from rest_framework.request import Request
-from rest_framework.response import Response
 
 from labweb.accounts.api import Endpoint
 from labweb.accounts.selectors import User, permissions_of, user_of
 from labweb.api.answers.home import HomePage, Need, NeedKind
+from labweb.api.answers.search import SearchHit, SearchHits
 from labweb.api.devices import device_rows, host_rows
 from labweb.approvals import selectors as approval_selectors
 from labweb.common import disk
@@ -266,39 +266,35 @@ class Search(Endpoint):
         "q": Parameter({"type": "string"}, "Part of a name, at least two letters.")
     }
 
-    def get(self, request: Request) -> Response:
+    def get(self, request: Request) -> SearchHits:
         """Return resources, devices, runs, workflows and lots whose name has the text."""
         seen = resource_selectors.allowed_ids(user_of(request), Permission.VIEW)
         text = request.query_params.get("q", "").strip().lower()[:100]
         if len(text) < _SHORTEST_QUERY:
-            return Response({"results": []})
+            return SearchHits(results=[])
         lab = resource_selectors.the_lab()
         found = [*_places(lab, text, seen), *_work(lab, text, seen)]
-        return Response({"results": found[:_MOST_FOUND]})
+        return SearchHits(results=found[:_MOST_FOUND])
 
 
-def _places(lab: Lab, text: str, seen: set[UUID]) -> Iterator[dict[str, Any]]:
+def _places(lab: Lab, text: str, seen: set[UUID]) -> Iterator[SearchHit]:
     for node in resource_selectors.resources_of(lab):
         if node.id in seen and text in f"{node.name} {node.key} {node.id}".lower():
-            yield _result("resource", node.id, node.name, node.kind, f"/lab?sel={node.id}")
+            yield SearchHit("resource", node.id, node.name, node.kind, f"/lab?sel={node.id}")
     for device in enrollment_selectors.visible_devices(lab, seen):
         if text in f"{device.name} {device.key} {device.id}".lower():
             detail = device.driver.class_name
-            yield _result("device", device.id, device.name, detail, f"/devices/{device.id}")
+            yield SearchHit("device", device.id, device.name, detail, f"/devices/{device.id}")
     for lot in crutd_selectors.visible_lots(lab, seen):
         if text in f"{lot} {lot.key}".lower():
-            yield _result("lot", lot.id, str(lot), lot.key, "/lab")
+            yield SearchHit("lot", lot.id, str(lot), lot.key, "/lab")
 
 
-def _work(lab: Lab, text: str, seen: set[UUID]) -> Iterator[dict[str, Any]]:
+def _work(lab: Lab, text: str, seen: set[UUID]) -> Iterator[SearchHit]:
     for row in workflow_rows(lab, seen):
         if text in row["name"].lower():
             url = f"/workflows/{row['id']}/edit"
-            yield _result("workflow", row["id"], row["name"], "workflow", url)
+            yield SearchHit("workflow", UUID(row["id"]), row["name"], "workflow", url)
     for run in run_selectors.runs_named(run_selectors.visible_runs(lab, seen), text)[:_MOST_FOUND]:
         name = f"Run #{run.number} {run.version.workflow.name}"
-        yield _result("run", run.id, name, run.state, f"/runs/{run.id}")
-
-
-def _result(kind: str, ident: object, name: str, detail: str, url: str) -> dict[str, Any]:
-    return {"kind": kind, "id": str(ident), "name": name, "detail": detail, "url": url}
+        yield SearchHit("run", run.id, name, run.state, f"/runs/{run.id}")

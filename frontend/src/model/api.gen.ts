@@ -2062,6 +2062,18 @@ export interface components {
             dead_volume_nl: number | null;
         };
         /**
+         * ContentRow
+         * @description How much of one lot a vessel holds.
+         */
+        ContentRow: {
+            /** Format: uuid */
+            lot_id: string;
+            lot: string;
+            material: string;
+            amount_nl: number;
+            amount_ug: number;
+        };
+        /**
          * Correct
          * @description Take stock of a vessel: what it holds from now on is what was measured, lot by lot.
          *
@@ -2147,6 +2159,19 @@ export interface components {
         Departure: {
             place: string;
             text: string;
+        };
+        /**
+         * DeviceAction
+         * @description What a device does when it is told to.
+         */
+        DeviceAction: {
+            name: string;
+            label: string;
+            doc: string;
+            schema: Record<string, unknown>;
+            hazards: string[];
+            /** @enum {unknown} */
+            recovery: "R0" | "R1" | "R2" | "R3";
         };
         /**
          * DeviceDetail
@@ -2328,11 +2353,33 @@ export interface components {
             then_moved_ul: number | null;
         };
         /**
+         * DoubtEnd
+         * @description How a doubt that an event left was ended.
+         */
+        DoubtEnd: {
+            doubt_at: string;
+            at: string;
+            state: components["schemas"]["TransactionState"];
+            by: string;
+            answer: string;
+            moved_nl: number | null;
+            note: string;
+            despite_reading: string;
+            text: string;
+        };
+        /**
          * Draft
          * @description Body of a save.
          */
         Draft: {
             document: Record<string, unknown>;
+            revision: number;
+        };
+        /**
+         * DraftSaved
+         * @description The revision that a draft has now.
+         */
+        DraftSaved: {
             revision: number;
         };
         /**
@@ -2582,6 +2629,68 @@ export interface components {
          */
         DriverWithdrawal: {
             reason: string;
+        };
+        /**
+         * EventList
+         * @description A page of events, the newest first.
+         */
+        EventList: {
+            events: components["schemas"]["EventRow"][];
+            next: string | null;
+        };
+        /**
+         * EventRow
+         * @description One act on matter, as the record has it.
+         */
+        EventRow: {
+            seq: number;
+            at: string;
+            received_at: string;
+            uncertainty_s: number | null;
+            is_bounded: boolean;
+            operation: components["schemas"]["OperationName"];
+            state: components["schemas"]["TransactionState"];
+            verification: string;
+            subjects: components["schemas"]["EventSubjectRow"][];
+            amount_nl: number | null;
+            amount_ug: number | null;
+            summary: string;
+            job_id: string | null;
+            code: string;
+            message: string;
+            /** Format: uuid */
+            transaction_id: string;
+            resolved: components["schemas"]["DoubtEnd"] | null;
+            run?: components["schemas"]["EventRun"] | null;
+        };
+        /**
+         * EventRun
+         * @description The run that an event belongs to.
+         */
+        EventRun: {
+            /** Format: uuid */
+            id: string;
+            number: number;
+        };
+        /**
+         * EventSubjectRow
+         * @description A resource that an event concerns.
+         */
+        EventSubjectRow: {
+            /** Format: uuid */
+            id: string;
+            name: string;
+            role: string;
+        };
+        /**
+         * FieldOrigin
+         * @description How the record came to know a field of a resource.
+         */
+        FieldOrigin: {
+            /** @enum {unknown} */
+            how: "measured" | "set" | "unknown";
+            at: string;
+            job_id: string | null;
         };
         /**
          * Finding
@@ -2886,6 +2995,15 @@ export interface components {
             equiv_amount: string;
         };
         /**
+         * KeptRecipe
+         * @description A recipe that was kept as a workflow.
+         */
+        KeptRecipe: {
+            /** Format: uuid */
+            workflow_id: string;
+            version: components["schemas"]["VersionRow"];
+        };
+        /**
          * KnownDriver
          * @description The version of the very source that was read.
          */
@@ -2894,6 +3012,45 @@ export interface components {
             id: string;
             /** @enum {unknown} */
             state: "approved" | "proposed" | "rejected" | "withdrawn";
+        };
+        /**
+         * LineageEdge
+         * @description What flowed from one node of a lineage to another.
+         */
+        LineageEdge: {
+            source: string;
+            target: string;
+            amount_nl: number;
+            amount_ug: number;
+            at: string;
+            label: string;
+        };
+        /**
+         * LineageGraph
+         * @description Where what is in a vessel came from, and where it went.
+         */
+        LineageGraph: {
+            /** Format: uuid */
+            root: string;
+            nodes: components["schemas"]["LineageNode"][];
+            edges: components["schemas"]["LineageEdge"][];
+            truncated: number;
+            unread: string[];
+        };
+        /**
+         * LineageNode
+         * @description A vessel, a delivery or an act in a lineage.
+         */
+        LineageNode: {
+            id: string;
+            /** @enum {unknown} */
+            kind: "activity" | "entity";
+            /** @enum {unknown} */
+            type: "job" | "lot" | "vessel";
+            name: string;
+            detail: string;
+            at: string | null;
+            job_id?: string | null;
         };
         /**
          * MakeAccessToken
@@ -2922,6 +3079,12 @@ export interface components {
             added_count: number;
             hunks: components["schemas"]["ChangedLine"][][];
         };
+        /**
+         * Nature
+         * @description What a resource can do: act, hold, or both.
+         * @enum {unknown}
+         */
+        Nature: "action" | "action_resource" | "resource";
         /**
          * Need
          * @description One thing that needs a person.
@@ -3027,6 +3190,32 @@ export interface components {
             equiv_amount: string;
         };
         /**
+         * OperationFindings
+         * @description What speaks against an operation; nothing: it may be carried out.
+         */
+        OperationFindings: {
+            findings: components["schemas"]["Finding"][];
+        };
+        /**
+         * OperationName
+         * @description The primitive; what an event row shows.
+         * @enum {unknown}
+         */
+        OperationName: "create" | "delete" | "read" | "transfer" | "update";
+        /**
+         * PaletteDevice
+         * @description A device whose actions can be put into a workflow.
+         */
+        PaletteDevice: {
+            /** Format: uuid */
+            id: string;
+            name: string;
+            role: string;
+            roles: string[];
+            state: string;
+            actions: components["schemas"]["DeviceAction"][];
+        };
+        /**
          * PartChanges
          * @description What a version makes of the parts of a device.
          */
@@ -3079,6 +3268,12 @@ export interface components {
          * @enum {unknown}
          */
         Phase: "gas" | "liquid" | "solid";
+        /**
+         * PortKind
+         * @description What an edge between two ports means; only equal kinds connect.
+         * @enum {unknown}
+         */
+        PortKind: "data" | "done" | "material";
         /**
          * Portion
          * @description What of a delivery comes into one vessel: in the unit of its phase.
@@ -3134,6 +3329,39 @@ export interface components {
             basis?: string;
         };
         /**
+         * ReactionLot
+         * @description A lot in a vessel in which something may have reacted.
+         */
+        ReactionLot: {
+            /** Format: uuid */
+            lot_id: string;
+            lot: string;
+            material: string;
+            /** @enum {unknown} */
+            unit: "nl" | "ug";
+            amount: number;
+            density_mg_ul: number | null;
+        };
+        /**
+         * ReactionMaterial
+         * @description A material that a product may be of.
+         */
+        ReactionMaterial: {
+            /** Format: uuid */
+            id: string;
+            name: string;
+            density_mg_ul: number | null;
+        };
+        /**
+         * ReactionStock
+         * @description What a vessel holds, and of which materials a product may be.
+         */
+        ReactionStock: {
+            is_allowed: boolean;
+            lots: components["schemas"]["ReactionLot"][];
+            materials: components["schemas"]["ReactionMaterial"][];
+        };
+        /**
          * Reason
          * @description Body of an act that needs a reason.
          */
@@ -3164,6 +3392,68 @@ export interface components {
             expires_on: string | null;
         };
         /**
+         * RecipeAdvice
+         * @description What to change in a rig so that a recipe compiles, or why nothing helps.
+         */
+        RecipeAdvice: {
+            ok: boolean;
+            changes?: components["schemas"]["RigChange"][];
+            graph_sha256?: string;
+            graph?: string;
+            findings?: components["schemas"]["Finding"][];
+        };
+        /**
+         * RecipeFinding
+         * @description What is wrong with a recipe on a rig.
+         */
+        RecipeFinding: {
+            code: string;
+            message: string;
+            subject: string;
+            context: Record<string, unknown>;
+            /** @enum {unknown} */
+            about: "declared" | "graph" | "recipe" | "rig" | "wish" | "workflow";
+        };
+        /**
+         * RecipeOpening
+         * @description A recipe opened on a rig.
+         */
+        RecipeOpening: {
+            recipe: components["schemas"]["RecipeSummary"] | null;
+            rig: components["schemas"]["RigPicture"] | null;
+            bindings: components["schemas"]["RoleBinding"][];
+            findings: components["schemas"]["RecipeFinding"][];
+            plan: Record<string, unknown> | null;
+            is_proved: boolean | null;
+            document: Record<string, unknown> | null;
+        };
+        /**
+         * RecipeParameter
+         * @description A value that a recipe leaves to whoever uses it; texts with units, empty for none.
+         */
+        RecipeParameter: {
+            id: string;
+            sort: string;
+            unit: string;
+            value: string;
+            least: string;
+            most: string;
+        };
+        /**
+         * RecipeSummary
+         * @description What a recipe is.
+         */
+        RecipeSummary: {
+            name: string;
+            version: string;
+            sha256: string;
+            is_compiled: boolean;
+            syntheses_count: number;
+            steps_count: number;
+            parameters: components["schemas"]["RecipeParameter"][];
+            cleans_with: string[];
+        };
+        /**
          * RecoveryAnswer
          * @description Body of a recovery.
          */
@@ -3185,6 +3475,104 @@ export interface components {
             expanded: number;
             /** Format: date */
             due_on: string;
+        };
+        /**
+         * ResourceDevice
+         * @description The device that a resource is part of.
+         */
+        ResourceDevice: {
+            /** Format: uuid */
+            id: string;
+            name: string;
+        };
+        /**
+         * ResourceKeeper
+         * @description A run that keeps a resource for itself.
+         */
+        ResourceKeeper: {
+            /** Format: uuid */
+            run_id: string;
+            run: number;
+            until_step: number;
+            is_shared: boolean;
+        };
+        /**
+         * ResourceList
+         * @description A page of the tree.
+         */
+        ResourceList: {
+            at?: string;
+            resources: components["schemas"]["ResourceRow"][];
+            next: string | null;
+        };
+        /**
+         * ResourcePort
+         * @description A port of a resource that something is connected to.
+         */
+        ResourcePort: {
+            port: string;
+            to: components["schemas"]["ConnectionEnd"];
+            medium: components["schemas"]["Medium"];
+            connection: components["schemas"]["SeenConnection"];
+            may_disconnect: boolean;
+        };
+        /**
+         * ResourceRow
+         * @description One resource of the tree with its contents.
+         */
+        ResourceRow: {
+            /** Format: uuid */
+            id: string;
+            key: string;
+            parent_id: string | null;
+            name: string;
+            kind: string;
+            kind_label: string;
+            nature: components["schemas"]["Nature"];
+            depth: number;
+            holds_liquid: boolean;
+            contents: components["schemas"]["ContentRow"][];
+            volume_nl: number;
+            capacity_nl: number | null;
+            is_quarantined: boolean;
+            is_archived: boolean;
+            device: components["schemas"]["ResourceDevice"] | null;
+            pose: Record<string, unknown> | null;
+            held_by: components["schemas"]["ResourceKeeper"][];
+        };
+        /**
+         * ResourceView
+         * @description One resource with what happened to it.
+         */
+        ResourceView: {
+            /** Format: uuid */
+            id: string;
+            key: string;
+            parent_id: string | null;
+            name: string;
+            kind: string;
+            kind_label: string;
+            nature: components["schemas"]["Nature"];
+            depth: number;
+            holds_liquid: boolean;
+            contents: components["schemas"]["ContentRow"][];
+            volume_nl: number;
+            capacity_nl: number | null;
+            is_quarantined: boolean;
+            is_archived: boolean;
+            device: components["schemas"]["ResourceDevice"] | null;
+            pose: Record<string, unknown> | null;
+            held_by: components["schemas"]["ResourceKeeper"][];
+            config: Record<string, unknown>;
+            data: Record<string, unknown>;
+            data_told: {
+                [key: string]: components["schemas"]["FieldOrigin"];
+            };
+            extra: Record<string, unknown>;
+            size_mm: number[] | null;
+            ports: components["schemas"]["ResourcePort"][];
+            events: components["schemas"]["EventRow"][];
+            events_next: string | null;
         };
         /**
          * Restore
@@ -3213,6 +3601,73 @@ export interface components {
             pauses: string[] | null;
         };
         /**
+         * RigChange
+         * @description One change of a rig.
+         */
+        RigChange: {
+            change: string;
+            text: string;
+            adds: string[];
+        };
+        /**
+         * RigContent
+         * @description What the graph says is in a vessel.
+         */
+        RigContent: {
+            name: string;
+            volume_ul: number;
+        };
+        /**
+         * RigNode
+         * @description One thing of a rig.
+         */
+        RigNode: {
+            key: string;
+            kind: string;
+            role: string;
+            sort: string | null;
+            chemical: string;
+            holds: components["schemas"]["RigContent"][];
+        };
+        /**
+         * RigPicture
+         * @description A graph of a rig as it was read.
+         */
+        RigPicture: {
+            format: string;
+            sha256: string;
+            nodes: components["schemas"]["RigNode"][];
+            tubes: components["schemas"]["RigTube"][];
+            defects: components["schemas"]["Finding"][];
+        };
+        /**
+         * RigTube
+         * @description One tube of a rig.
+         */
+        RigTube: {
+            key: string;
+            source: string;
+            source_port: string;
+            target: string;
+            target_port: string;
+            medium: components["schemas"]["Medium"];
+        };
+        /**
+         * RoleBinding
+         * @description What stands on the rig for a vessel or a reagent of the recipe.
+         */
+        RoleBinding: {
+            role: string;
+            /** @enum {unknown} */
+            what: "reagent" | "vessel";
+            told: string;
+            keys: string[];
+            choices: string[];
+            alike: string[];
+            is_by_hand: boolean;
+            is_stated: boolean;
+        };
+        /**
          * Said
          * @description Body of a rejection.
          */
@@ -3228,6 +3683,42 @@ export interface components {
          * @enum {unknown}
          */
         Scope: "draft" | "read" | "simulate" | "submit";
+        /**
+         * SearchHit
+         * @description One thing that was found by its name.
+         */
+        SearchHit: {
+            /** @enum {unknown} */
+            kind: "device" | "lot" | "resource" | "run" | "workflow";
+            /** Format: uuid */
+            id: string;
+            name: string;
+            detail: string;
+            url: string;
+        };
+        /**
+         * SearchHits
+         * @description What was found, cut to the most that a search shows.
+         */
+        SearchHits: {
+            results: components["schemas"]["SearchHit"][];
+        };
+        /**
+         * SeenConnection
+         * @description All of a connection as it is shown; it is taken off only while it still is so.
+         */
+        SeenConnection: {
+            /** Format: uuid */
+            connection_id: string;
+            key: string;
+            /** Format: uuid */
+            source_id: string;
+            source_port: string;
+            /** Format: uuid */
+            target_id: string;
+            target_port: string;
+            medium: components["schemas"]["Medium"];
+        };
         /**
          * SessionState
          * @description How the server sees a host.
@@ -3286,6 +3777,60 @@ export interface components {
             is_second: boolean;
         };
         /**
+         * StepChoice
+         * @description A unit operation that can be put into a workflow.
+         */
+        StepChoice: {
+            kind: string;
+            label: string;
+            help: string;
+            clauses: string[];
+            inputs: components["schemas"]["StepPort"][];
+            outputs: components["schemas"]["StepPort"][];
+            params: Record<string, unknown>;
+        };
+        /**
+         * StepPalette
+         * @description What can be put into a workflow.
+         */
+        StepPalette: {
+            steps: components["schemas"]["StepChoice"][];
+            devices: components["schemas"]["PaletteDevice"][];
+            units: {
+                [key: string]: components["schemas"]["UnitTable"];
+            };
+        };
+        /**
+         * StepPort
+         * @description One connection point of a step.
+         */
+        StepPort: {
+            name: string;
+            kind: components["schemas"]["PortKind"];
+            label: string;
+        };
+        /**
+         * StockLot
+         * @description A lot that a vessel could hold.
+         */
+        StockLot: {
+            /** Format: uuid */
+            lot_id: string;
+            lot: string;
+            material: string;
+            /** @enum {unknown} */
+            unit: "nl" | "ug";
+        };
+        /**
+         * StockTaking
+         * @description Whether one may take stock of a resource, and which lots it could hold.
+         */
+        StockTaking: {
+            is_allowed: boolean;
+            why_not: string | null;
+            lots: components["schemas"]["StockLot"][];
+        };
+        /**
          * Submission
          * @description Body of a driver that a person brings.
          */
@@ -3336,6 +3881,42 @@ export interface components {
             source: string;
         };
         /**
+         * TicketHost
+         * @description The edge host that a ticket concerns.
+         */
+        TicketHost: {
+            /** Format: uuid */
+            id: string;
+            name: string;
+        };
+        /**
+         * TicketResource
+         * @description A resource that a ticket concerns.
+         */
+        TicketResource: {
+            /** Format: uuid */
+            id: string;
+            name: string;
+            is_quarantined: boolean;
+        };
+        /**
+         * TicketView
+         * @description One contradiction between record and world.
+         */
+        TicketView: {
+            /** Format: uuid */
+            id: string;
+            code: string;
+            message: string;
+            detail: Record<string, unknown>;
+            resources: components["schemas"]["TicketResource"][];
+            host: components["schemas"]["TicketHost"] | null;
+            opened_at: string;
+            closed_at: string | null;
+            closed_by: string | null;
+            can_close: boolean;
+        };
+        /**
          * TokenWish
          * @description Body of a wish for a token.
          */
@@ -3345,6 +3926,12 @@ export interface components {
             /** @default 15 */
             minutes: number;
         };
+        /**
+         * TransactionState
+         * @description Where a two-phase reconcile stands.
+         * @enum {unknown}
+         */
+        TransactionState: "awaiting_approval" | "committed" | "confirming" | "executing" | "locked" | "proposed" | "quarantined" | "rolled_back" | "validated";
         /**
          * TransferLiquid
          * @description Move liquid from one vessel to another; a syringe is a vessel.
@@ -3587,6 +4174,18 @@ export interface components {
             reason: string;
         };
         /**
+         * UnitTable
+         * @description The units in which a quantity may be written.
+         */
+        UnitTable: {
+            canonical: string;
+            suffix: string;
+            units: string[];
+            spellings: {
+                [key: string]: string;
+            };
+        };
+        /**
          * Verdict
          * @description Body of a decision.
          */
@@ -3594,6 +4193,39 @@ export interface components {
             is_approved: boolean;
             /** @default  */
             comment: string;
+        };
+        /**
+         * VersionList
+         * @description A page of versions, the newest first.
+         */
+        VersionList: {
+            versions: components["schemas"]["VersionRow"][];
+            next: string | null;
+        };
+        /**
+         * VersionRow
+         * @description A version of a workflow without its document.
+         */
+        VersionRow: {
+            /** Format: uuid */
+            id: string;
+            number: number;
+            note: string;
+            author: string | null;
+            at: string;
+        };
+        /**
+         * VersionView
+         * @description A version of a workflow with its document.
+         */
+        VersionView: {
+            /** Format: uuid */
+            id: string;
+            number: number;
+            note: string;
+            author: string | null;
+            at: string;
+            document: Record<string, unknown>;
         };
         /**
          * VolumeOrder
@@ -6609,14 +7241,12 @@ export interface operations {
         };
         responses: {
             /** @description The answer */
-            200: {
+            201: {
                 headers: {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": {
-                        [key: string]: unknown;
-                    };
+                    "application/json": components["schemas"]["EventRow"];
                 };
             };
             /** @description Refused */
@@ -6660,9 +7290,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": {
-                        [key: string]: unknown;
-                    };
+                    "application/json": components["schemas"]["OperationFindings"];
                 };
             };
             /** @description Refused */
@@ -6858,9 +7486,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": {
-                        [key: string]: unknown;
-                    };
+                    "application/json": components["schemas"]["RecipeAdvice"];
                 };
             };
             /** @description Refused */
@@ -6902,14 +7528,12 @@ export interface operations {
         };
         responses: {
             /** @description The answer */
-            200: {
+            201: {
                 headers: {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": {
-                        [key: string]: unknown;
-                    };
+                    "application/json": components["schemas"]["KeptRecipe"];
                 };
             };
             /** @description Refused */
@@ -6953,9 +7577,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": {
-                        [key: string]: unknown;
-                    };
+                    "application/json": components["schemas"]["RecipeOpening"];
                 };
             };
             /** @description Refused */
@@ -7149,9 +7771,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": {
-                        [key: string]: unknown;
-                    };
+                    "application/json": components["schemas"]["ResourceList"];
                 };
             };
             /** @description Refused */
@@ -7193,9 +7813,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": {
-                        [key: string]: unknown;
-                    };
+                    "application/json": components["schemas"]["ResourceView"];
                 };
             };
             /** @description Refused */
@@ -7337,9 +7955,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": {
-                        [key: string]: unknown;
-                    };
+                    "application/json": components["schemas"]["EventList"];
                 };
             };
             /** @description Refused */
@@ -7435,9 +8051,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": {
-                        [key: string]: unknown;
-                    };
+                    "application/json": components["schemas"]["LineageGraph"];
                 };
             };
             /** @description Refused */
@@ -7527,9 +8141,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": {
-                        [key: string]: unknown;
-                    };
+                    "application/json": components["schemas"]["ReactionStock"];
                 };
             };
             /** @description Refused */
@@ -7620,9 +8232,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": {
-                        [key: string]: unknown;
-                    };
+                    "application/json": components["schemas"]["StockTaking"];
                 };
             };
             /** @description Refused */
@@ -8273,9 +8883,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": {
-                        [key: string]: unknown;
-                    };
+                    "application/json": components["schemas"]["SearchHits"];
                 };
             };
             /** @description Refused */
@@ -8563,9 +9171,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": {
-                        [key: string]: unknown;
-                    };
+                    "application/json": components["schemas"]["StepPalette"];
                 };
             };
             /** @description Refused */
@@ -8607,9 +9213,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": {
-                        [key: string]: unknown;
-                    };
+                    "application/json": components["schemas"]["TicketView"];
                 };
             };
             /** @description Refused */
@@ -8658,9 +9262,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": {
-                        [key: string]: unknown;
-                    };
+                    "application/json": components["schemas"]["TicketView"];
                 };
             };
             /** @description Refused */
@@ -9117,9 +9719,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": {
-                        [key: string]: unknown;
-                    };
+                    "application/json": components["schemas"]["DraftSaved"];
                 };
             };
             /** @description Refused */
@@ -9166,9 +9766,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": {
-                        [key: string]: unknown;
-                    };
+                    "application/json": components["schemas"]["VersionList"];
                 };
             };
             /** @description Refused */
@@ -9212,14 +9810,12 @@ export interface operations {
         };
         responses: {
             /** @description The answer */
-            200: {
+            201: {
                 headers: {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": {
-                        [key: string]: unknown;
-                    };
+                    "application/json": components["schemas"]["VersionRow"];
                 };
             };
             /** @description Refused */
@@ -9262,9 +9858,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": {
-                        [key: string]: unknown;
-                    };
+                    "application/json": components["schemas"]["VersionView"];
                 };
             };
             /** @description Refused */

@@ -72,14 +72,7 @@ export interface RunApproval extends ApprovalRequest {
   materials: { id: Id; name: string; before_nl: number; after_nl: number }[];
 }
 
-export interface Content {
-  lot_id: Id;
-  lot: string;
-  material: string;
-  amount_nl: number;
-  /** Solids and gases are counted by mass. */
-  amount_ug: number;
-}
+export type Content = components["schemas"]["ContentRow"];
 
 export interface ResourceRow {
   id: Id;
@@ -172,38 +165,17 @@ export interface Reservations {
   reservations: Reservation[];
 }
 
-export interface StockLot {
-  lot_id: Id;
-  lot: string;
-  material: string;
-  /** Liquids are counted in nanolitres, solids and gases in micrograms. */
-  unit: "nl" | "ug";
-}
+export type StockLot = components["schemas"]["StockLot"];
 
 /** Whether one may take stock of a resource, and which lots it could hold. */
-export interface Stock {
-  is_allowed: boolean;
-  why_not: string | null;
-  lots: StockLot[];
-}
+export type Stock = components["schemas"]["StockTaking"];
 
-export interface ReactionLot extends StockLot {
-  amount: number;
-  density_mg_ul: number | null;
-}
+export type ReactionLot = components["schemas"]["ReactionLot"];
 
-export interface ReactionMaterial {
-  id: Id;
-  name: string;
-  density_mg_ul: number | null;
-}
+export type ReactionMaterial = components["schemas"]["ReactionMaterial"];
 
 /** What a vessel holds, and of which materials a product may be. */
-export interface ReactionStock {
-  is_allowed: boolean;
-  lots: ReactionLot[];
-  materials: ReactionMaterial[];
-}
+export type ReactionStock = components["schemas"]["ReactionStock"];
 
 export interface Ticket {
   id: Id;
@@ -234,13 +206,7 @@ export interface Lineage {
   truncated: number;
 }
 
-export interface SearchHit {
-  kind: string;
-  id: Id;
-  name: string;
-  detail: string;
-  url: string;
-}
+export type SearchHit = components["schemas"]["SearchHit"];
 
 export type Reading = Answers["DeviceReading"];
 

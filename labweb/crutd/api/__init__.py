@@ -13,13 +13,29 @@ from rest_framework.response import Response
 
 from labweb.accounts.api import Endpoint
 from labweb.accounts.selectors import User, user_of
+from labweb.common.answers import ApiAnswer
 from labweb.common.clock import now
 from labweb.common.lists import HISTORY, STANDING
-from labweb.common.render import iso
 from labweb.common.requests import Parameter, body, moment, one_of, whole_number, word
 from labweb.crutd import selectors, services
+from labweb.crutd.answers import (
+    ContentRow,
+    EventList,
+    EventRow,
+    FieldOrigin,
+    LineageGraph,
+    OperationFindings,
+    ResourceDevice,
+    ResourceKeeper,
+    ResourceList,
+    ResourcePort,
+    ResourceRow,
+    ResourceView,
+    SeenConnection,
+)
+from labweb.crutd.api.events import event_rows as event_rows
 from labweb.crutd.api.events import render_events as render_events
-from labweb.crutd.api.holds import render_keepers
+from labweb.crutd.api.holds import keepers_of
 from labweb.crutd.selectors import lineage
 from labweb.crutd.selectors.archived import with_former_place
 from labweb.crutd.selectors.past import Past, as_it_was
@@ -28,12 +44,13 @@ from labweb.domain.approvals.roles import Permission
 from labweb.domain.crutd import operations
 from labweb.domain.crutd.ledger import Amount
 from labweb.domain.errors import DefinitionError, Finding
+from labweb.domain.graph.topology import Medium
 from labweb.domain.resources.contents import LotId
-from labweb.domain.resources.kinds import KINDS, is_vessel
+from labweb.domain.resources.kinds import KINDS, Nature, is_vessel
 from labweb.enrollment import selectors as enrollment_selectors
 from labweb.resources import selectors as resource_selectors
 from labweb.resources.api import connection_end
-from labweb.resources.selectors import Lab, Lot, Resource
+from labweb.resources.selectors import Connection, Lab, Lot, Resource
 
 AT = Parameter(
     {"type": "string", "format": "date-time"},
@@ -60,7 +77,7 @@ class Resources(Endpoint):
 
     queries: ClassVar[Mapping[str, Parameter]] = {"at": AT, **STANDING.parameters}
 
-    def get(self, request: Request) -> Response:
+    def get(self, request: Request) -> ResourceList:
         """List the resources the caller may see, in tree order; `at` shows them as they were."""
         lab = resource_selectors.the_lab()
         seen = resource_selectors.allowed_ids(user_of(request), Permission.VIEW)
@@ -68,11 +85,11 @@ class Resources(Endpoint):
         if at is not None:
             past = as_it_was(lab, at, now=now())
             shown, following = _page(request, [row for row in past.rows if row.id in seen])
-            told = render_past(lab, replace(past, rows=shown), seen)
-            return Response({"at": iso(at), "resources": told, "next": following})
+            told = past_rows(lab, replace(past, rows=shown), seen)
+            return ResourceList(at=at, resources=told, next=following)
         rows = [row for row in resource_selectors.resources_of(lab) if row.id in seen]
         shown, following = _page(request, rows)
-        return Response({"resources": render_rows(lab, shown), "next": following})
+        return ResourceList(resources=resource_rows(lab, shown), next=following)
 
 
 def _page(request: Request, rows: Collection[Resource]) -> tuple[list[Resource], str | None]:
@@ -93,7 +110,7 @@ def _page(request: Request, rows: Collection[Resource]) -> tuple[list[Resource],
 class ResourceDetail(Endpoint):
     """One resource; the floor above names the runs of its events (`labweb.runs.api.happened`)."""
 
-    def get(self, request: Request, resource_id: UUID) -> Response:
+    def get(self, request: Request, resource_id: UUID) -> ResourceView:
         """Return a resource with what happened to it."""
         row = visible(request, resource_id)
         lab = resource_selectors.the_lab()
@@ -101,41 +118,45 @@ class ResourceDetail(Endpoint):
         mine = resource_selectors.allowed_ids(user_of(request), Permission.ADMIT)
         ends = resource_selectors.connections_at(lab, [row.id])
         ports = [
-            {
-                "port": edge.source_port if edge.source_id == row.id else edge.target_port,
-                "to": connection_end(edge.target, edge.target_port)
-                if edge.source_id == row.id
-                else connection_end(edge.source, edge.source_port),
-                "medium": edge.medium,
-                "connection": {
-                    "connection_id": str(edge.id),
-                    "key": edge.key,
-                    "source_id": str(edge.source_id),
-                    "source_port": edge.source_port,
-                    "target_id": str(edge.target_id),
-                    "target_port": edge.target_port,
-                    "medium": edge.medium,
-                },
-                "may_disconnect": {edge.source_id, edge.target_id} <= mine,
-            }
+            _port(row, edge, may_disconnect={edge.source_id, edge.target_id} <= mine)
             for edge in ends
             if {edge.source_id, edge.target_id} <= seen
         ]
         rows = selectors.events_of(lab, resource_id=row.id)
         events, following = HISTORY.of_rows(request, rows, "-seq")
-        return Response(
-            {
-                **render_rows(lab, [row])[0],
-                "config": row.config,
-                "data": row.data,
-                "data_told": told_of(row),
-                "extra": row.extra,
-                "size_mm": row.size_mm,
-                "ports": ports,
-                "events": render_events(events, seen),
-                "events_next": following,
-            }
+        return ResourceView(
+            **msgspec.structs.asdict(resource_rows(lab, [row])[0]),
+            config=row.config,
+            data=row.data,
+            data_told=msgspec.convert(told_of(row), dict[str, FieldOrigin]),
+            extra=row.extra,
+            size_mm=row.size_mm,
+            ports=ports,
+            events=event_rows(events, seen),
+            events_next=following,
         )
+
+
+def _port(row: Resource, edge: Connection, *, may_disconnect: bool) -> ResourcePort:
+    is_source = edge.source_id == row.id
+    medium = Medium(edge.medium)
+    return ResourcePort(
+        port=edge.source_port if is_source else edge.target_port,
+        to=connection_end(edge.target, edge.target_port)
+        if is_source
+        else connection_end(edge.source, edge.source_port),
+        medium=medium,
+        connection=SeenConnection(
+            connection_id=edge.id,
+            key=edge.key,
+            source_id=edge.source_id,
+            source_port=edge.source_port,
+            target_id=edge.target_id,
+            target_port=edge.target_port,
+            medium=medium,
+        ),
+        may_disconnect=may_disconnect,
+    )
 
 
 class ResourceEvents(Endpoint):
@@ -143,13 +164,13 @@ class ResourceEvents(Endpoint):
 
     queries = HISTORY.parameters
 
-    def get(self, request: Request, resource_id: UUID) -> Response:
+    def get(self, request: Request, resource_id: UUID) -> EventList:
         """List its events, newest first; the `events_next` of the resource goes on here."""
         row = visible(request, resource_id)
         seen = resource_selectors.allowed_ids(user_of(request), Permission.VIEW)
         rows = selectors.events_of(resource_selectors.the_lab(), resource_id=row.id)
         events, following = HISTORY.of_rows(request, rows, "-seq")
-        return Response({"events": render_events(events, seen), "next": following})
+        return EventList(events=event_rows(events, seen), next=following)
 
 
 class Act(msgspec.Struct, forbid_unknown_fields=True):
@@ -166,6 +187,7 @@ class HandOperations(Endpoint):
     """
 
     bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": Act}
+    answers: ClassVar[Mapping[str, Mapping[int, type[ApiAnswer]]]] = {"post": {201: EventRow}}
 
     def post(self, request: Request) -> Response:
         """Check an operation under locks and write it down as done: all of it, or nothing."""
@@ -173,8 +195,7 @@ class HandOperations(Endpoint):
         user = user_of(request)
         require_act(user, act.operation)
         row = self.carry_out(act, user)
-        event = row.events.get()
-        return Response({"transaction_id": str(row.id), **render_events([event])[0]}, status=201)
+        return Response(event_rows([row.events.get()])[0], status=201)
 
     def carry_out(self, act: Act, user: User) -> selectors.Transaction:
         """Do it; the floor above asks more of some operations."""
@@ -189,12 +210,12 @@ class OperationCheck(Endpoint):
     bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": Act}
     harmless: ClassVar[Mapping[str, str]] = {"post": "it calculates and writes nothing"}
 
-    def post(self, request: Request) -> Response:
+    def post(self, request: Request) -> OperationFindings:
         """List every finding against an operation as things stand; change nothing."""
         act = body(request, Act)
         user = user_of(request)
         require_act(user, act.operation)
-        return Response({"findings": [finding.to_json() for finding in self.findings(act, user)]})
+        return OperationFindings(findings=self.findings(act, user))
 
     def findings(self, act: Act, user: User) -> list[Finding]:
         """List them; the floor above asks more of some operations."""
@@ -225,42 +246,41 @@ class Lineage(Endpoint):
         "depth": Parameter({"type": "integer", "minimum": 1, "maximum": lineage.DEEPEST}),
     }
 
-    def get(self, request: Request, resource_id: UUID) -> Response:
+    def get(self, request: Request, resource_id: UUID) -> LineageGraph:
         """Return the graph around a vessel, `direction` up, down or both, to `depth`."""
         row = visible(request, resource_id)
         direction = word(request, "direction", _DIRECTIONS)
         depth = whole_number(request, "depth", default=3, low=1, high=lineage.DEEPEST)
-        graph = lineage.lineage(row, direction=direction, depth=depth)
+        told = lineage.lineage(row, direction=direction, depth=depth)
+        graph = msgspec.convert(told, LineageGraph)
         seen = resource_selectors.allowed_ids(user_of(request), Permission.VIEW)
-        for node in graph["nodes"]:
-            if node["type"] == "vessel" and UUID(node["id"]) not in seen:
-                node.update(name=_ELSEWHERE, detail="")
-        graph["unread"] = [node for node in graph["unread"] if UUID(node) in seen]
-        return Response(graph)
+        for node in graph.nodes:
+            if node.type == "vessel" and UUID(node.id) not in seen:
+                node.name, node.detail = _ELSEWHERE, ""
+        graph.unread = [one for one in graph.unread if one in seen]
+        return graph
 
 
-def render_rows(lab: Lab, rows: Iterable[Resource]) -> list[dict[str, Any]]:
-    """Render tree rows with contents and depth; a fixed number of queries."""
+def resource_rows(lab: Lab, rows: Iterable[Resource]) -> list[ResourceRow]:
+    """Return tree rows with contents and depth; a fixed number of queries."""
     nodes = list(rows)
     held = selectors.amounts(row.id for row in nodes)
     above = resource_selectors.ancestors(row.id for row in nodes)
     lots = {str(lot.id): lot for lot in resource_selectors.lots_of(lab)}
     devices = _devices(lab)
-    keepers = render_keepers(row.id for row in nodes)
+    keepers = keepers_of(row.id for row in nodes)
     return [
-        _row(row, held.get(row.id, {}), len(above[row.id]), lots, devices)
-        | {"held_by": keepers.get(row.id, [])}
+        _row(row, held.get(row.id, {}), len(above[row.id]), lots, devices, keepers.get(row.id, []))
         for row in nodes
     ]
 
 
-def render_past(lab: Lab, past: Past, seen: Collection[UUID]) -> list[dict[str, Any]]:
-    """Render a lab at one moment as `render_rows` does now; devices are those of today."""
+def past_rows(lab: Lab, past: Past, seen: Collection[UUID]) -> list[ResourceRow]:
+    """Return a lab at one moment as `resource_rows` does now; devices are those of today."""
     lots = {str(lot.id): lot for lot in resource_selectors.lots_of(lab)}
     devices = _devices(lab)
     return [
-        _row(row, past.contents.get(row.id, {}), past.depths[row.id], lots, devices)
-        | {"held_by": []}
+        _row(row, past.contents.get(row.id, {}), past.depths[row.id], lots, devices, [])
         for row in past.rows
         if row.id in seen
     ]
@@ -280,33 +300,35 @@ def _row(
     depth: int,
     lots: Mapping[str, Lot],
     devices: Mapping[str, Any],
-) -> dict[str, Any]:
+    keepers: list[ResourceKeeper],
+) -> ResourceRow:
     kind = KINDS.get(row.kind)
     device = devices.get(str(row.id))
-    return {
-        "id": str(row.id),
-        "key": row.key,
-        "parent_id": None if row.parent_id is None else str(row.parent_id),
-        "name": row.name,
-        "kind": row.kind,
-        "kind_label": row.kind if kind is None else kind.label,
-        "nature": row.nature,
-        "depth": depth,
-        "holds_liquid": is_vessel(row.kind),
-        "contents": [
-            {
-                "lot_id": lot_id,
-                "lot": lots[lot_id].number or lots[lot_id].key,
-                "material": lots[lot_id].material.name,
-                "amount_nl": amount.nl,
-                "amount_ug": amount.ug,
-            }
+    return ResourceRow(
+        id=row.id,
+        key=row.key,
+        parent_id=row.parent_id,
+        name=row.name,
+        kind=row.kind,
+        kind_label=row.kind if kind is None else kind.label,
+        nature=Nature(row.nature),
+        depth=depth,
+        holds_liquid=is_vessel(row.kind),
+        contents=[
+            ContentRow(
+                lot_id=lots[lot_id].id,
+                lot=lots[lot_id].number or lots[lot_id].key,
+                material=lots[lot_id].material.name,
+                amount_nl=amount.nl,
+                amount_ug=amount.ug,
+            )
             for lot_id, amount in sorted(held.items(), key=lambda item: (-item[1].nl, -item[1].ug))
         ],
-        "volume_nl": sum(amount.nl for amount in held.values()),
-        "capacity_nl": selectors.capacity_nl_of(row),
-        "is_quarantined": row.quarantined_by is not None,
-        "is_archived": row.is_archived,
-        "device": None if device is None else {"id": str(device.id), "name": device.name},
-        "pose": row.pose,
-    }
+        volume_nl=sum(amount.nl for amount in held.values()),
+        capacity_nl=selectors.capacity_nl_of(row),
+        is_quarantined=row.quarantined_by is not None,
+        is_archived=row.is_archived,
+        device=None if device is None else ResourceDevice(id=device.id, name=device.name),
+        pose=row.pose,
+        held_by=keepers,
+    )

@@ -2,18 +2,26 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar
+from typing import ClassVar
 from uuid import UUID
 
 import msgspec
 from rest_framework.request import Request
-from rest_framework.response import Response
 
 from labweb.accounts.api import Endpoint
 from labweb.accounts.selectors import user_of
-from labweb.common.render import iso
 from labweb.common.requests import body
 from labweb.crutd import selectors, services
+from labweb.crutd.answers import (
+    ReactionLot,
+    ReactionMaterial,
+    ReactionStock,
+    StockLot,
+    StockTaking,
+    TicketHost,
+    TicketResource,
+    TicketView,
+)
 from labweb.crutd.api import visible
 from labweb.crutd.models import Ticket
 from labweb.domain.approvals.roles import Permission
@@ -30,7 +38,7 @@ from labweb.resources.selectors import Lot
 class Stock(Endpoint):
     """What a person needs to take stock of a resource."""
 
-    def get(self, request: Request, resource_id: UUID) -> Response:
+    def get(self, request: Request, resource_id: UUID) -> StockTaking:
         """Tell whether the caller may take stock of it now, and which lots it could hold."""
         row = visible(request, resource_id)
         user = user_of(request)
@@ -42,22 +50,22 @@ class Stock(Endpoint):
             why_not = "only people with the right to resolve may take stock here"
         seen = resource_selectors.allowed_ids(user, Permission.VIEW)
         lots = [_lot(lot) for lot in selectors.visible_lots(lab, seen)]
-        return Response({"is_allowed": why_not is None, "why_not": why_not, "lots": lots})
+        return StockTaking(is_allowed=why_not is None, why_not=why_not, lots=lots)
 
 
-def _lot(lot: Lot) -> dict[str, Any]:
-    return {
-        "lot_id": str(lot.id),
-        "lot": lot.number or lot.key,
-        "material": lot.material.name,
-        "unit": Phase(lot.phase).unit,
-    }
+def _lot(lot: Lot) -> StockLot:
+    return StockLot(
+        lot_id=lot.id,
+        lot=lot.number or lot.key,
+        material=lot.material.name,
+        unit=Phase(lot.phase).unit,
+    )
 
 
 class Reaction(Endpoint):
     """What a person needs to tell of a reaction in a vessel."""
 
-    def get(self, request: Request, resource_id: UUID) -> Response:
+    def get(self, request: Request, resource_id: UUID) -> ReactionStock:
         """Tell whether the caller may, which lots it holds, and of which materials products are."""
         row = visible(request, resource_id)
         user = user_of(request)
@@ -67,26 +75,22 @@ class Reaction(Endpoint):
         held = selectors.amounts([row.id]).get(row.id, {})
         lots = {str(lot.id): lot for lot in resource_selectors.find_lots(held)}
         materials = resource_selectors.materials_of(row.lab) if is_allowed else ()
-        return Response(
-            {
-                "is_allowed": is_allowed,
-                "lots": [
-                    {
-                        **_lot(lots[lot]),
-                        "amount": amount.nl or amount.ug,
-                        "density_mg_ul": lots[lot].material.density_mg_ul,
-                    }
-                    for lot, amount in sorted(held.items())
-                ],
-                "materials": [
-                    {
-                        "id": str(material.id),
-                        "name": material.name,
-                        "density_mg_ul": material.density_mg_ul,
-                    }
-                    for material in sorted(materials, key=lambda one: (one.name, one.key))
-                ],
-            }
+        return ReactionStock(
+            is_allowed=is_allowed,
+            lots=[
+                ReactionLot(
+                    **msgspec.structs.asdict(_lot(lots[lot])),
+                    amount=amount.nl or amount.ug,
+                    density_mg_ul=lots[lot].material.density_mg_ul,
+                )
+                for lot, amount in sorted(held.items())
+            ],
+            materials=[
+                ReactionMaterial(
+                    id=material.id, name=material.name, density_mg_ul=material.density_mg_ul
+                )
+                for material in sorted(materials, key=lambda one: (one.name, one.key))
+            ],
         )
 
 
@@ -99,9 +103,9 @@ class Closing(msgspec.Struct, forbid_unknown_fields=True):
 class TicketDetail(Endpoint):
     """One contradiction between record and world."""
 
-    def get(self, request: Request, ticket_id: UUID) -> Response:
+    def get(self, request: Request, ticket_id: UUID) -> TicketView:
         """Return a ticket with the resources and the host it concerns."""
-        return Response(_ticket(request, _seen(request, ticket_id)))
+        return _ticket(request, _seen(request, ticket_id))
 
 
 class CloseTicket(Endpoint):
@@ -109,12 +113,12 @@ class CloseTicket(Endpoint):
 
     bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": Closing}
 
-    def post(self, request: Request, ticket_id: UUID) -> Response:
+    def post(self, request: Request, ticket_id: UUID) -> TicketView:
         """Close a ticket that a person has looked into; the reason is kept."""
         _seen(request, ticket_id)
         reason = body(request, Closing).reason
         ticket = services.close_ticket(ticket_id, actor=user_of(request), reason=reason)
-        return Response(_ticket(request, ticket))
+        return _ticket(request, ticket)
 
 
 def _seen(request: Request, ticket_id: UUID) -> Ticket:
@@ -130,23 +134,23 @@ def _seen(request: Request, ticket_id: UUID) -> Ticket:
     return ticket
 
 
-def _ticket(request: Request, ticket: Ticket) -> dict[str, Any]:
+def _ticket(request: Request, ticket: Ticket) -> TicketView:
     ids = selectors.concerns([ticket])[ticket.id]
     allowed = resource_selectors.allowed_ids(user_of(request), Permission.RESOLVE)
     host_id = ticket.detail.get("host_id")
     host = None if host_id is None else enrollment_selectors.find_host(UUID(host_id))
-    return {
-        "id": str(ticket.id),
-        "code": ticket.code,
-        "message": ticket.message,
-        "detail": ticket.detail,
-        "resources": [
-            {"id": str(row.id), "name": row.name, "is_quarantined": row.quarantined_by is not None}
+    return TicketView(
+        id=ticket.id,
+        code=ticket.code,
+        message=ticket.message,
+        detail=ticket.detail,
+        resources=[
+            TicketResource(id=row.id, name=row.name, is_quarantined=row.quarantined_by is not None)
             for row in resource_selectors.rows(ids)
         ],
-        "host": None if host is None else {"id": str(host.id), "name": host.name},
-        "opened_at": iso(ticket.opened_at),
-        "closed_at": iso(ticket.closed_at),
-        "closed_by": None if ticket.closed_by is None else ticket.closed_by.printed_name,
-        "can_close": ticket.closed_at is None and ids <= allowed,
-    }
+        host=None if host is None else TicketHost(id=host.id, name=host.name),
+        opened_at=ticket.opened_at,
+        closed_at=ticket.closed_at,
+        closed_by=None if ticket.closed_by is None else ticket.closed_by.printed_name,
+        can_close=ticket.closed_at is None and ids <= allowed,
+    )

@@ -6,11 +6,14 @@ from collections.abc import Collection, Mapping
 from typing import Any
 from uuid import UUID
 
-from labweb.common.render import iso
+import msgspec
+
 from labweb.crutd import selectors
+from labweb.crutd.answers import DoubtEnd, EventRow, EventSubjectRow
 from labweb.crutd.models import Event, EventSubject
 from labweb.crutd.selectors.resolving import ends_of_doubts
 from labweb.domain.crutd.lifecycle import TransactionState
+from labweb.domain.crutd.operations import OperationName
 from labweb.domain.units import render_volume
 
 _ELSEWHERE = "elsewhere"
@@ -22,12 +25,18 @@ _MOVES = frozenset({"transfer_liquid", "transfer_mass"})
 def render_events(
     events: list[Event], seen: Collection[UUID] | None = None
 ) -> list[dict[str, Any]]:
-    """Render events with the resources they concern; four queries at most.
+    """Return events as `event_rows` does, as plain data."""
+    rows: list[dict[str, Any]] = msgspec.to_builtins(event_rows(events, seen))
+    return rows
+
+
+def event_rows(events: list[Event], seen: Collection[UUID] | None = None) -> list[EventRow]:
+    """Return events with the resources they concern; four queries at most.
 
     One that left a doubt has in `resolved` how that ended, once it has.
 
     Args:
-        events: What to render.
+        events: What to tell of.
         seen: Resources whose names may be told; None tells all.
     """
     subjects = selectors.subjects_of(event.id for event in events)
@@ -36,40 +45,39 @@ def render_events(
             if seen is not None and subject.resource_id not in seen:
                 subject.resource.name = _ELSEWHERE
     ends = ends_of_doubts(events)
-    return [
-        {**_event(event, subjects.get(event.id, [])), "resolved": ends.get(event.id)}
-        for event in events
-    ]
+    return [_event(event, subjects.get(event.id, []), ends.get(event.id)) for event in events]
 
 
-def _event(event: Event, subjects: list[EventSubject]) -> dict[str, Any]:
+def _event(event: Event, subjects: list[EventSubject], end: Mapping[str, Any] | None) -> EventRow:
     operation = event.body.get("operation", {})
     change = event.body.get("change") or {}
     postings = change.get("postings", [])
     amount = sum(posting["amount_nl"] for posting in postings) or operation.get("amount_nl")
     mass = sum(posting.get("amount_ug", 0) for posting in postings) or operation.get("amount_ug")
-    return {
-        "seq": event.seq,
-        "at": iso(event.at),
-        "received_at": iso(event.received_at or event.at),
-        "uncertainty_s": event.uncertainty_s,
-        "is_bounded": event.is_bounded,
-        "operation": event.name,
-        "state": event.state,
-        "verification": event.body.get("verification", ""),
-        "subjects": [
-            {"id": str(s.resource_id), "name": s.resource.name, "role": s.role} for s in subjects
+    job_id = event.body.get("job_id")
+    return EventRow(
+        seq=event.seq,
+        at=event.at,
+        received_at=event.received_at or event.at,
+        uncertainty_s=event.uncertainty_s,
+        is_bounded=event.is_bounded,
+        operation=OperationName(event.name),
+        state=TransactionState(event.state),
+        verification=event.body.get("verification", ""),
+        subjects=[
+            EventSubjectRow(id=s.resource_id, name=s.resource.name, role=s.role) for s in subjects
         ],
-        "amount_nl": amount if operation.get("op") == "transfer_liquid" else None,
-        "amount_ug": mass if operation.get("op") in _MOVES and mass else None,
-        "summary": _summary(
+        amount_nl=amount if operation.get("op") == "transfer_liquid" else None,
+        amount_ug=mass if operation.get("op") in _MOVES and mass else None,
+        summary=_summary(
             operation, change, subjects, (amount or 0, mass or 0), event.body.get("reading", {})
         ),
-        "job_id": event.body.get("job_id"),
-        "code": event.body.get("code", ""),
-        "message": event.body.get("message", ""),
-        "transaction_id": str(event.transaction_id),
-    }
+        job_id=None if job_id is None else UUID(job_id),
+        code=event.body.get("code", ""),
+        message=event.body.get("message", ""),
+        transaction_id=event.transaction_id,
+        resolved=None if end is None else msgspec.convert(end, DoubtEnd),
+    )
 
 
 def _summary(

@@ -6,7 +6,7 @@ import csv
 import io
 import json
 from collections.abc import Iterable, Mapping
-from typing import Any, ClassVar
+from typing import ClassVar
 
 from django.http import HttpResponse
 from django.utils.http import content_disposition_header
@@ -16,7 +16,8 @@ from labweb.accounts.api import Endpoint
 from labweb.accounts.selectors import user_of
 from labweb.common.clock import now
 from labweb.common.requests import Parameter, moment, one_of, word
-from labweb.crutd.api import AT, render_past, render_rows
+from labweb.crutd.answers import ResourceRow
+from labweb.crutd.api import AT, past_rows, resource_rows
 from labweb.crutd.selectors.deliveries import deliveries_of
 from labweb.crutd.selectors.exporting import lab_file_of
 from labweb.crutd.selectors.past import as_it_was
@@ -84,21 +85,21 @@ class ContentsExport(Endpoint):
         seen = resource_selectors.allowed_ids(user_of(request), Permission.VIEW)
         at = moment(request, "at")
         if at is not None:
-            rows = render_past(lab, as_it_was(lab, at, now=now()), seen)
+            rows = past_rows(lab, as_it_was(lab, at, now=now()), seen)
         else:
             found = [row for row in resource_selectors.resources_of(lab) if row.id in seen]
-            rows = render_rows(lab, found)
+            rows = resource_rows(lab, found)
         return _file(_table(rows).encode(), CSV, f"{lab.key}.contents.csv")
 
 
-def _table(rows: Iterable[Mapping[str, Any]]) -> str:
+def _table(rows: Iterable[ResourceRow]) -> str:
     out = io.StringIO()
     writer = csv.writer(out, lineterminator="\n")
     writer.writerow(CONTENTS)
     for row in rows:
-        for held in row["contents"]:
-            texts = (row["key"], row["name"], row["kind"], held["lot"], held["material"])
-            writer.writerow([*map(_plain, texts), held["amount_nl"], held["amount_ug"]])
+        for held in row.contents:
+            texts = (row.key, row.name, row.kind, held.lot, held.material)
+            writer.writerow([*map(_plain, texts), held.amount_nl, held.amount_ug])
     return out.getvalue()
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from enum import StrEnum
-from typing import NewType
+from typing import Literal, NewType
 
 from labweb.domain.errors import InfeasibleError
 from labweb.domain.units import render_mass, render_volume
@@ -33,7 +33,7 @@ class Phase(StrEnum):
     """Counted in micrograms."""
 
     @property
-    def unit(self) -> str:
+    def unit(self) -> Literal["nl", "ug"]:
         """Return `nl` or `ug`."""
         return "nl" if self is Phase.LIQUID else "ug"
 

@@ -7,7 +7,6 @@ from uuid import UUID
 
 import msgspec
 from rest_framework.request import Request
-from rest_framework.response import Response
 
 from labweb.accounts.api import Endpoint
 from labweb.accounts.selectors import user_of
@@ -21,56 +20,71 @@ from labweb.domain.workflows.steps import palette
 from labweb.enrollment import selectors as enrollment_selectors
 from labweb.resources import selectors as resource_selectors
 from labweb.workflows import selectors, services
+from labweb.workflows.answers import (
+    DeviceAction,
+    DraftSaved,
+    PaletteDevice,
+    StepChoice,
+    StepPalette,
+    UnitTable,
+    VersionList,
+    VersionRow,
+    VersionView,
+)
 from labweb.workflows.models import Workflow, WorkflowVersion
 
 
 class Steps(Endpoint):
     """What can be put into a workflow."""
 
-    def get(self, request: Request) -> Response:
+    def get(self, request: Request) -> StepPalette:
         """Return unit operations, device actions and the units a person may write."""
         seen = resource_selectors.allowed_ids(user_of(request), Permission.VIEW)
         devices = enrollment_selectors.visible_present(resource_selectors.the_lab(), seen)
         units = {
-            name: {
-                "canonical": dimension.canonical,
-                "suffix": dimension.suffix,
-                "units": list(dimension.units),
-                "spellings": dict(dimension.spellings),
-            }
+            name: UnitTable(
+                canonical=dimension.canonical,
+                suffix=dimension.suffix,
+                units=list(dimension.units),
+                spellings=dict(dimension.spellings),
+            )
             for name, dimension in DIMENSIONS.items()
         }
-        return Response(
-            {
-                "steps": palette(),
-                "devices": [
-                    {
-                        "id": str(row.id),
-                        "name": row.name,
-                        "role": row.driver.role,
-                        "roles": list(spec.roles),
-                        "state": row.state,
-                        "actions": render_actions(spec),
-                    }
-                    for row in devices
-                    for spec in [enrollment_selectors.spec_of(row)]
-                ],
-                "units": units,
-            }
+        return StepPalette(
+            steps=msgspec.convert(palette(), list[StepChoice]),
+            devices=[
+                PaletteDevice(
+                    id=row.id,
+                    name=row.name,
+                    role=row.driver.role,
+                    roles=list(spec.roles),
+                    state=row.state,
+                    actions=device_actions(spec),
+                )
+                for row in devices
+                for spec in [enrollment_selectors.spec_of(row)]
+            ],
+            units=units,
         )
 
 
 def render_actions(spec: DriverSpec) -> list[dict[str, Any]]:
-    """Render what a device does, each with the schema of its arguments."""
+    """Return what a device does as `device_actions` does, as plain data."""
+    actions: list[dict[str, Any]] = msgspec.to_builtins(device_actions(spec))
+    return actions
+
+
+def device_actions(spec: DriverSpec) -> list[DeviceAction]:
+    """Return what a device does, each with the schema of its arguments."""
     return [
-        {
-            "name": action.name,
-            "label": action.name.replace("_", " ").capitalize(),
-            "doc": action.doc,
-            "schema": action.schema(),
-            "hazards": list(action.hazards),
-            "recovery": action.recovery,
-        }
+        DeviceAction(
+            name=action.name,
+            label=action.name.replace("_", " ").capitalize(),
+            doc=action.doc,
+            schema=action.schema(),
+            hazards=list(action.hazards),
+            recovery=action.recovery,
+        )
         for action in spec.actions
     ]
 
@@ -103,7 +117,7 @@ class Drafts(Endpoint):
 
     bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"put": Draft}
 
-    def put(self, request: Request, workflow_id: UUID) -> Response:
+    def put(self, request: Request, workflow_id: UUID) -> DraftSaved:
         """Save the draft over the revision the caller saw."""
         user, draft = user_of(request), body(request, Draft)
         selectors.find_visible(workflow_id, user)
@@ -113,7 +127,7 @@ class Drafts(Endpoint):
             revision=draft.revision,
             actor=user,
         )
-        return Response({"revision": row.draft_revision})
+        return DraftSaved(revision=row.draft_revision)
 
 
 class Versions(Endpoint):
@@ -121,31 +135,34 @@ class Versions(Endpoint):
 
     bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": NewVersion}
     queries = HISTORY.parameters
+    statuses: ClassVar[dict[str, int]] = {"post": 201}
 
-    def get(self, request: Request, workflow_id: UUID) -> Response:
+    def get(self, request: Request, workflow_id: UUID) -> VersionList:
         """List versions without their documents, the newest first."""
         rows = selectors.versions_of(selectors.find_visible(workflow_id, user_of(request)))
         found, following = HISTORY.of_rows(request, rows, "-number")
-        return Response({"versions": [render_version(row) for row in found], "next": following})
+        return VersionList(versions=[version_row(row) for row in found], next=following)
 
-    def post(self, request: Request, workflow_id: UUID) -> Response:
+    def post(self, request: Request, workflow_id: UUID) -> VersionRow:
         """Freeze the draft as a version."""
         user, wanted = user_of(request), body(request, NewVersion)
         selectors.find_visible(workflow_id, user)
         version = services.save_version(
             workflow_id, note=wanted.note, revision=wanted.revision, actor=user
         )
-        return Response(render_version(version), status=201)
+        return version_row(version)
 
 
 class VersionDetail(Endpoint):
     """One version."""
 
-    def get(self, request: Request, workflow_id: UUID, number: int) -> Response:
+    def get(self, request: Request, workflow_id: UUID, number: int) -> VersionView:
         """Return a version with its document."""
         workflow = selectors.find_visible(workflow_id, user_of(request))
         version = selectors.find_numbered(workflow.id, number)
-        return Response({**render_version(version), "document": version.document})
+        return VersionView(
+            **msgspec.structs.asdict(version_row(version)), document=version.document
+        )
 
 
 def create(request: Request) -> Workflow:
@@ -163,14 +180,20 @@ def create(request: Request) -> Workflow:
 
 
 def render_version(row: WorkflowVersion) -> dict[str, Any]:
-    """Render a version without its document."""
-    return {
-        "id": str(row.id),
-        "number": row.number,
-        "note": row.note,
-        "author": None if row.author is None else row.author.printed_name,
-        "at": iso(row.at),
-    }
+    """Return a version as `version_row` does, as plain data."""
+    version: dict[str, Any] = msgspec.to_builtins(version_row(row))
+    return version
+
+
+def version_row(row: WorkflowVersion) -> VersionRow:
+    """Tell of a version without its document."""
+    return VersionRow(
+        id=row.id,
+        number=row.number,
+        note=row.note,
+        author=None if row.author is None else row.author.printed_name,
+        at=row.at,
+    )
 
 
 def render_row(row: Workflow) -> dict[str, Any]:

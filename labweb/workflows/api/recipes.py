@@ -7,7 +7,6 @@ from typing import Any, ClassVar
 
 import msgspec
 from rest_framework.request import Request
-from rest_framework.response import Response
 
 from labweb.accounts.api import Endpoint
 from labweb.accounts.selectors import user_of
@@ -15,7 +14,8 @@ from labweb.common.requests import body
 from labweb.domain.recipes.opening import Asked
 from labweb.resources import selectors as resource_selectors
 from labweb.workflows import services
-from labweb.workflows.api.drawing import render_version
+from labweb.workflows.answers import KeptRecipe, RecipeAdvice, RecipeOpening
+from labweb.workflows.api.drawing import version_row
 
 
 class Opened(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
@@ -85,9 +85,9 @@ class OpenRecipe(Endpoint):
     bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": Opened}
     harmless: ClassVar[Mapping[str, str]] = {"post": "it calculates and writes nothing"}
 
-    def post(self, request: Request) -> Response:
+    def post(self, request: Request) -> RecipeOpening:
         """Read, bind, compile and prove a recipe; findings are an answer, no failure."""
-        return Response(_ask(request, services.open_recipe))
+        return msgspec.convert(_ask(request, services.open_recipe), RecipeOpening)
 
 
 class AdviseRecipe(Endpoint):
@@ -96,15 +96,16 @@ class AdviseRecipe(Endpoint):
     bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": Opened}
     harmless: ClassVar[Mapping[str, str]] = {"post": "it calculates and writes nothing"}
 
-    def post(self, request: Request) -> Response:
+    def post(self, request: Request) -> RecipeAdvice:
         """Return the fewest changes with which the recipe compiles, and the changed graph."""
-        return Response(_ask(request, services.advise_on))
+        return msgspec.convert(_ask(request, services.advise_on), RecipeAdvice)
 
 
 class KeepRecipe(Endpoint):
     """A recipe as a workflow."""
 
     bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": Kept}
+    statuses: ClassVar[dict[str, int]] = {"post": 201}
 
     def prepare(self, request: Request, *_args: object, **_kwargs: object) -> None:
         """Read the recipe in its process, before a transaction is open."""
@@ -125,12 +126,11 @@ class KeepRecipe(Endpoint):
         lab, actor = resource_selectors.the_lab(), user_of(request)
         self.read = services.read_recipe(lab, asked, name=told.name, actor=actor)
 
-    def post(self, request: Request) -> Response:
+    def post(self, request: Request) -> KeptRecipe:
         """Keep a recipe as a workflow with version 1, or say what a workflow cannot say."""
         name, lab = body(request, Kept).name, resource_selectors.the_lab()
         version = services.keep_recipe(lab, self.read, name=name, actor=user_of(request))
-        answer = {"workflow_id": str(version.workflow_id), "version": render_version(version)}
-        return Response(answer, status=201)
+        return KeptRecipe(workflow_id=version.workflow_id, version=version_row(version))
 
 
 def _ask(request: Request, act: Any) -> dict[str, Any]:  # noqa: ANN401 - one of two services

@@ -5,7 +5,7 @@ from __future__ import annotations
 from datetime import datetime, timedelta
 
 from labweb.common.clock import now
-from labweb.crutd.api import render_events
+from labweb.crutd.api import event_rows
 from labweb.crutd.models import Event, Ticket
 from labweb.domain.runs.edge import Report
 from labweb.resources.models import Resource
@@ -39,8 +39,8 @@ def test_what_nobody_can_tell_of_a_setting_is_unknown_to_host_and_server_and_the
     assert data(bench)["speed_setpoint_rpm"] == 400.0
     assert agrees(bench, host)
     assert not Ticket.objects.exists()
-    [told] = render_events(list(Event.objects.filter(state="rolled_back")))
-    assert told["summary"].endswith(": temperature_setpoint_c unknown")
+    [told] = event_rows(list(Event.objects.filter(state="rolled_back")))
+    assert told.summary.endswith(": temperature_setpoint_c unknown")
 
 
 def test_what_nobody_can_tell_of_a_transfer_leaves_the_same_revisions_in_events_and_vessels(
