@@ -1,5 +1,6 @@
 /** What crosses the border about approvals, resources, devices and hosts. */
 
+import type { components } from "./api.gen";
 import type { DeviceAction, Id, Iso, JobState, Plan } from "./wirebase";
 import type { CalibrationChange } from "./wirecalibration";
 import type { DriverUse } from "./wiredrivers";
@@ -33,29 +34,7 @@ export interface LogLine {
   body: unknown;
 }
 
-export interface ApprovalRequest {
-  id: Id;
-  title: string;
-  state: string;
-  about: "run" | "calibration";
-  /** The run that waits for it, or that measured. */
-  run: { id: Id; number: number };
-  workflow: { id: Id; name: string; version: number };
-  policies: string[];
-  asked_by: { name: string };
-  asked_at: Iso;
-  expires_at: Iso | null;
-  plan_digest: string;
-  can_decide: boolean;
-  why_not: string | null;
-  decision: {
-    is_approved: boolean;
-    printed_name: string;
-    meaning: string;
-    comment: string;
-    at: Iso;
-  } | null;
-}
+export type ApprovalRequest = components["schemas"]["ApprovalRow"];
 
 export interface CalibrationApproval extends ApprovalRequest {
   about: "calibration";
@@ -249,17 +228,7 @@ export interface Reading {
 }
 
 /** A wish to halt one device, and what came of it. */
-export interface DeviceHalt {
-  id: Id;
-  device: { id: Id; name: string };
-  state: "asked" | "taken" | "owed" | "halted" | "kept" | "lost";
-  message: string;
-  at: Iso;
-  ended_at: Iso | null;
-  /** Run that was aborted; null: a person stopped the device. */
-  run: { id: Id; number: number } | null;
-  by: string | null;
-}
+export type DeviceHalt = components["schemas"]["DeviceHaltRow"];
 
 export interface DeviceRow {
   id: Id;
@@ -326,13 +295,7 @@ export interface HostJob {
 }
 
 /** A host that works alone: of its jobs in a run only what was last heard is known. */
-export interface HostAway {
-  id: Id;
-  name: string;
-  since_at: Iso | null;
-  jobs_count: number;
-  job_ids: Id[];
-}
+export type HostAway = components["schemas"]["HostAway"];
 
 export interface Host extends HostRow {
   floor: number;
