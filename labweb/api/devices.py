@@ -9,7 +9,6 @@ from uuid import UUID
 import msgspec
 from msgspec.structs import asdict
 from rest_framework.request import Request
-from rest_framework.response import Response
 
 from labweb.accounts.api import Endpoint
 from labweb.accounts.selectors import user_of
@@ -47,11 +46,12 @@ from labweb.enrollment.selectors import Device, EdgeHost
 from labweb.resources import selectors as resource_selectors
 from labweb.runs import selectors as run_selectors
 from labweb.runs import services as run_services
+from labweb.runs.answers.runs import DeviceHaltRow
 from labweb.runs.api.halts import render_halt
 from labweb.runs.selectors import DeviceHalt, Job
 from labweb.telemetry import selectors as telemetry_selectors
 from labweb.telemetry.api import photo_told
-from labweb.workflows.api.drawing import render_actions
+from labweb.workflows.api.drawing import device_actions
 
 _STALE_AFTER_S = 5.0
 
@@ -89,7 +89,7 @@ class OneDevice(Endpoint):
                 quality=spec.quality,
                 doc=spec.doc,
             ),
-            actions=render_actions(spec),
+            actions=device_actions(spec),
             shows_itself=shows_itself(spec) and bool(row.nodes),
             statuses=[_status(status) for status in spec.statuses],
             config=row.config,
@@ -124,12 +124,12 @@ class StopDevice(Endpoint):
         "post": "a device that is stopped twice stands; a stop is never refused for a missing key"
     }
 
-    def post(self, request: Request, stopped_id: UUID) -> Response:
+    def post(self, request: Request, stopped_id: UUID) -> DeviceHaltRow:
         """Halt a device now, whether anything acts on it or not, and return what came of it."""
         body(request, Nothing)
         user = user_of(request)
         enrollment_selectors.visible_device(stopped_id, user)
-        return Response(render_halt(run_services.stop_device(stopped_id, actor=user)))
+        return render_halt(run_services.stop_device(stopped_id, actor=user))
 
 
 class Hosts(Endpoint):

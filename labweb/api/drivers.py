@@ -53,7 +53,7 @@ from labweb.enrollment import services as enrollment_services
 from labweb.enrollment.selectors import DriverVersion
 from labweb.resources import selectors as resource_selectors
 from labweb.runs import services as run_services
-from labweb.workflows.api.drawing import render_actions
+from labweb.workflows.api.drawing import device_actions
 
 READS_SOURCE = frozenset({Permission.SUBMIT, Permission.DECIDE, Permission.ADMIT})
 """Who brings, approves or gives drivers reads their source; it may hold what a maker told."""
@@ -298,7 +298,7 @@ def _interface(spec: DriverSpec) -> dict[str, Any]:
         "imports": list(spec.imports),
         "protocol": spec.protocol,
         "safe_state": spec.safe_state,
-        "actions": render_actions(spec),
+        "actions": device_actions(spec),
         "statuses": [
             DriverStatus(
                 name=status.name,

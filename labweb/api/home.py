@@ -292,9 +292,9 @@ def _places(lab: Lab, text: str, seen: set[UUID]) -> Iterator[SearchHit]:
 
 def _work(lab: Lab, text: str, seen: set[UUID]) -> Iterator[SearchHit]:
     for row in workflow_rows(lab, seen):
-        if text in row["name"].lower():
-            url = f"/workflows/{row['id']}/edit"
-            yield SearchHit("workflow", UUID(row["id"]), row["name"], "workflow", url)
+        if text in row.name.lower():
+            url = f"/workflows/{row.id}/edit"
+            yield SearchHit("workflow", row.id, row.name, "workflow", url)
     for run in run_selectors.runs_named(run_selectors.visible_runs(lab, seen), text)[:_MOST_FOUND]:
         name = f"Run #{run.number} {run.version.workflow.name}"
         yield SearchHit("run", run.id, name, run.state, f"/runs/{run.id}")

@@ -44,7 +44,7 @@ const stopped: Lab = {
         acknowledged_at: "2026-11-20T06:02:07Z",
         after_s: 0.21,
       },
-      { id: "h2", name: "bench-2", state: "offline", acknowledged_at: null, after_s: null },
+      { id: "h2", name: "bench-2", state: "isolated", acknowledged_at: null, after_s: null },
     ],
   },
 };

@@ -1924,6 +1924,76 @@ export interface components {
             password: string;
         };
         /**
+         * ApprovalDetail
+         * @description A request with the exact plan, or the result, that it is about.
+         */
+        ApprovalDetail: {
+            /** Format: uuid */
+            id: string;
+            title: string;
+            /** @enum {unknown} */
+            state: "approved" | "expired" | "open" | "rejected" | "withdrawn";
+            /** @enum {unknown} */
+            about: "calibration" | "run";
+            run: components["schemas"]["RunLabel"];
+            workflow: components["schemas"]["RunWorkflow"];
+            policies: string[];
+            asked_by: components["schemas"]["Asker"];
+            asked_at: string;
+            expires_at: string;
+            plan_digest: string;
+            can_decide: boolean;
+            why_not: string | null;
+            decision: components["schemas"]["DecisionMade"] | null;
+            calibration?: Record<string, unknown>;
+            plan?: components["schemas"]["PlanView"];
+            materials?: components["schemas"]["MaterialChange"][];
+        };
+        /**
+         * ApprovalList
+         * @description A page of requests.
+         */
+        ApprovalList: {
+            requests: components["schemas"]["ApprovalRow"][];
+            next: string | null;
+        };
+        /**
+         * ApprovalRow
+         * @description A request with whether the caller may answer it.
+         */
+        ApprovalRow: {
+            /** Format: uuid */
+            id: string;
+            title: string;
+            /** @enum {unknown} */
+            state: "approved" | "expired" | "open" | "rejected" | "withdrawn";
+            /** @enum {unknown} */
+            about: "calibration" | "run";
+            run: components["schemas"]["RunLabel"];
+            workflow: components["schemas"]["RunWorkflow"];
+            policies: string[];
+            asked_by: components["schemas"]["Asker"];
+            asked_at: string;
+            expires_at: string;
+            plan_digest: string;
+            can_decide: boolean;
+            why_not: string | null;
+            decision: components["schemas"]["DecisionMade"] | null;
+        };
+        /**
+         * Asker
+         * @description Who asked for an approval.
+         */
+        Asker: {
+            name: string;
+        };
+        /**
+         * Bond
+         * @description How one node leads to another; named as in PROV-JSON, from the later to the earlier.
+         * @enum {unknown}
+         */
+        Bond: "actedOnBehalfOf" | "hadMember" | "specializationOf" | "used" | "wasAssociatedWith" | "wasAttributedTo" | "wasDerivedFrom" | "wasGeneratedBy" | "wasInformedBy" | "wasInvalidatedBy";
+        /**
          * Buffer
          * @description One buffer, in the vessel from which it is pumped.
          */
@@ -1968,6 +2038,16 @@ export interface components {
             document: Record<string, unknown>;
             /** @default null */
             workflow_id: string | null;
+        };
+        /**
+         * CheckFinding
+         * @description One reason why something may not go.
+         */
+        CheckFinding: {
+            code: string;
+            message: string;
+            subject: string;
+            context: Record<string, unknown>;
         };
         /**
          * Choices
@@ -2074,6 +2154,16 @@ export interface components {
             amount_ug: number;
         };
         /**
+         * ContradictedAnswer
+         * @description An answer about a doubt that a device reads otherwise since; it is a ticket.
+         */
+        ContradictedAnswer: {
+            /** Format: uuid */
+            ticket_id: string;
+            text: string;
+            opened_at: string;
+        };
+        /**
          * Correct
          * @description Take stock of a vessel: what it holds from now on is what was measured, lot by lot.
          *
@@ -2095,6 +2185,31 @@ export interface components {
             measured_ug: {
                 [key: string]: number;
             };
+        };
+        /**
+         * Correction
+         * @description One number of a command as it was asked and as it is sent, or one that it reads.
+         *
+         *         Made by the planner alone.
+         */
+        Correction: {
+            argument: string;
+            quantity: components["schemas"]["Quantity"];
+            asked: number | null;
+            sent: number | null;
+            gain: number;
+            offset: number;
+            /** Format: uuid */
+            calibration_id: string;
+            number: number;
+            /** @default null */
+            low: number | null;
+            /** @default null */
+            high: number | null;
+            /** @default null */
+            needs: number | null;
+            /** @default null */
+            expires_at: string | null;
         };
         /**
          * Create
@@ -2127,6 +2242,17 @@ export interface components {
          * @enum {unknown}
          */
         CustodyState: "in_transit" | "leaving" | "owned";
+        /**
+         * DecisionMade
+         * @description The answer of a person to a request.
+         */
+        DecisionMade: {
+            is_approved: boolean;
+            printed_name: string;
+            meaning: string;
+            comment: string;
+            at: string;
+        };
         /**
          * Delete
          * @description Take a resource out of service into the Archive; nothing is erased.
@@ -2189,11 +2315,11 @@ export interface components {
             /** @enum {unknown} */
             link: "not_enrolled" | "offline" | "online" | "quarantined" | "stale";
             is_halt_owed: boolean;
-            halt: Record<string, unknown> | null;
+            halt: components["schemas"]["DeviceHaltRow"] | null;
             job: components["schemas"]["DeviceJob"] | null;
             readings: components["schemas"]["DeviceReading"][];
             driver: components["schemas"]["DeviceDriver"];
-            actions: Record<string, unknown>[];
+            actions: components["schemas"]["DeviceAction"][];
             shows_itself: boolean;
             statuses: components["schemas"]["DeviceStatus"][];
             config: Record<string, unknown>;
@@ -2216,6 +2342,21 @@ export interface components {
             next: components["schemas"]["NextDriver"] | null;
             problem: components["schemas"]["DriverProblem"] | null;
             serving: components["schemas"]["DriverServing"] | null;
+        };
+        /**
+         * DeviceHaltRow
+         * @description A wish to halt one device, and what came of it.
+         */
+        DeviceHaltRow: {
+            /** Format: uuid */
+            id: string;
+            device: components["schemas"]["RunDevice"];
+            state: components["schemas"]["HaltState"];
+            message: string;
+            at: string;
+            ended_at: string | null;
+            run: components["schemas"]["RunLabel"] | null;
+            by: string | null;
         };
         /**
          * DeviceHost
@@ -2286,7 +2427,7 @@ export interface components {
             /** @enum {unknown} */
             link: "not_enrolled" | "offline" | "online" | "quarantined" | "stale";
             is_halt_owed: boolean;
-            halt: Record<string, unknown> | null;
+            halt: components["schemas"]["DeviceHaltRow"] | null;
             job: components["schemas"]["DeviceJob"] | null;
             readings: components["schemas"]["DeviceReading"][];
         };
@@ -2299,6 +2440,23 @@ export interface components {
             label: string;
             unit: string;
             doc: string;
+        };
+        /**
+         * DeviceStay
+         * @description The time that a resource was in a device, and what that told and did.
+         */
+        DeviceStay: {
+            since: string;
+            until: string;
+            series: {
+                [key: string]: [
+                    number,
+                    unknown
+                ][];
+            };
+            acts: components["schemas"]["StayAct"][];
+            files: components["schemas"]["StayFile"][];
+            has_more_acts: boolean;
         };
         /**
          * Disconnect
@@ -2376,6 +2534,14 @@ export interface components {
             revision: number;
         };
         /**
+         * DraftProof
+         * @description The version whose proof a draft has, and what took the proof away since.
+         */
+        DraftProof: {
+            version: number;
+            changes: components["schemas"]["CheckFinding"][];
+        };
+        /**
          * DraftSaved
          * @description The revision that a draft has now.
          */
@@ -2441,7 +2607,7 @@ export interface components {
             imports: string[];
             protocol: string;
             safe_state: string;
-            actions: Record<string, unknown>[];
+            actions: components["schemas"]["DeviceAction"][];
             statuses: components["schemas"]["DriverStatus"][];
             config: Record<string, unknown>;
             request: components["schemas"]["DriverRequest"] | null;
@@ -2528,7 +2694,7 @@ export interface components {
             imports: string[];
             protocol: string;
             safe_state: string;
-            actions: Record<string, unknown>[];
+            actions: components["schemas"]["DeviceAction"][];
             statuses: components["schemas"]["DriverStatus"][];
             config: Record<string, unknown>;
         };
@@ -2683,6 +2849,14 @@ export interface components {
             role: string;
         };
         /**
+         * Execution
+         * @description How the hosts of a run behave while the server is away.
+         */
+        Execution: {
+            on_disconnect: string;
+            max_offline_s: number;
+        };
+        /**
          * FieldOrigin
          * @description How the record came to know a field of a resource.
          */
@@ -2704,6 +2878,21 @@ export interface components {
             context?: Record<string, unknown>;
         };
         /**
+         * GivenUp
+         * @description Who aborted a run, when and why.
+         */
+        GivenUp: {
+            by: string;
+            at: string;
+            reason: string;
+        };
+        /**
+         * HaltState
+         * @description How far a wish to halt one device has come.
+         * @enum {unknown}
+         */
+        HaltState: "asked" | "halted" | "kept" | "lost" | "owed" | "taken";
+        /**
          * HandOver
          * @description Body of a move to another host.
          */
@@ -2718,11 +2907,23 @@ export interface components {
          */
         HomePage: {
             needs_you: components["schemas"]["Need"][];
-            running: Record<string, unknown>[];
-            last_results: Record<string, unknown>[];
-            workflows: Record<string, unknown>[];
+            running: components["schemas"]["RunRow"][];
+            last_results: components["schemas"]["RunRow"][];
+            workflows: components["schemas"]["WorkflowOverview"][];
             devices: components["schemas"]["DeviceRow"][];
             hosts: components["schemas"]["HostRow"][];
+        };
+        /**
+         * HostAway
+         * @description A host that works alone: of its jobs in a run only what was last heard is known.
+         */
+        HostAway: {
+            /** Format: uuid */
+            id: string;
+            name: string;
+            since_at: string | null;
+            jobs_count: number;
+            job_ids: string[];
         };
         /**
          * HostClosed
@@ -2870,11 +3071,116 @@ export interface components {
             opened_at: string;
         };
         /**
+         * JobAsks
+         * @description What a person confirms before a job is sent, and who has.
+         */
+        JobAsks: {
+            text: string;
+            states: components["schemas"]["StatementAsked"] | null;
+            is_due: boolean;
+            confirmed_by: string | null;
+            confirmed_at: string | null;
+        };
+        /**
+         * JobDevice
+         * @description The device of a job.
+         */
+        JobDevice: {
+            /** Format: uuid */
+            id: string;
+            name: string;
+            key: string;
+        };
+        /**
+         * JobFile
+         * @description A file that a job of a run has measured, whether its bytes are here or not.
+         */
+        JobFile: {
+            /** Format: uuid */
+            id: string;
+            /** Format: uuid */
+            job_id: string;
+            name: string;
+            format: string;
+            size_bytes: number;
+            /** @enum {unknown} */
+            state: "awaited" | "lost" | "parsed" | "pending" | "refused";
+            file_id: string | null;
+            code: string;
+            message: string;
+        };
+        /**
+         * JobQuestion
+         * @description What a person is asked about a job in doubt.
+         */
+        JobQuestion: {
+            text: string;
+            attempt_id: string | null;
+            asked_ul: number | null;
+            source: string;
+            target: string;
+            measured: components["schemas"]["MeasuredAmount"] | null;
+            then: {
+                [key: string]: components["schemas"]["RecoveryChoice"][];
+            };
+            answer_sent: boolean;
+            answered_by: string | null;
+            answered_at: string | null;
+        };
+        /**
+         * JobRow
+         * @description One job of a run, with what is known of its outcome.
+         */
+        JobRow: {
+            /** Format: uuid */
+            id: string;
+            index: number;
+            step_id: string;
+            sentence: string;
+            device: components["schemas"]["JobDevice"];
+            choices_count: number;
+            chosen: string | null;
+            action: string;
+            args: Record<string, unknown>;
+            corrections: components["schemas"]["Correction"][];
+            operation: Record<string, unknown>;
+            state: components["schemas"]["JobState"];
+            state_at: string;
+            started_at: string | null;
+            ended_at: string | null;
+            uncertainty_s: number | null;
+            is_bounded: boolean;
+            estimate_s: number;
+            verification: string;
+            code: string;
+            message: string;
+            evidence: Record<string, unknown>;
+            after: number[];
+            meets: number | null;
+            transaction: components["schemas"]["JobTransaction"] | null;
+            passed_by: ("change" | "hand" | "skip") | null;
+            halted_by: string | null;
+            is_halt_certain: boolean;
+            recovery_class: string;
+            question: components["schemas"]["JobQuestion"] | null;
+            recovery?: components["schemas"]["RecoveryCard"] | null;
+            asks?: components["schemas"]["JobAsks"] | null;
+        };
+        /**
          * JobState
          * @description Where one step's action stands; exported as ISA-95 job-order states.
          * @enum {unknown}
          */
         JobState: "aborted" | "accepted" | "awaiting_approval" | "complete" | "completing" | "dispatched" | "draft" | "held" | "in_doubt" | "queued" | "rejected" | "running" | "stopped" | "suspended";
+        /**
+         * JobTransaction
+         * @description The transaction of the newest try of a job.
+         */
+        JobTransaction: {
+            /** Format: uuid */
+            id: string;
+            state: string;
+        };
         /**
          * JoinAdmission
          * @description A machine was admitted.
@@ -3004,6 +3310,12 @@ export interface components {
             version: components["schemas"]["VersionRow"];
         };
         /**
+         * Kind
+         * @description What PROV has.
+         * @enum {unknown}
+         */
+        Kind: "activity" | "agent" | "entity";
+        /**
          * KnownDriver
          * @description The version of the very source that was read.
          */
@@ -3012,6 +3324,64 @@ export interface components {
             id: string;
             /** @enum {unknown} */
             state: "approved" | "proposed" | "rejected" | "withdrawn";
+        };
+        /**
+         * LabCounts
+         * @description How many things of a lab want a look.
+         */
+        LabCounts: {
+            runs_live: number;
+            approvals_open: number;
+            drivers_open: number;
+            needs_you: number;
+        };
+        /**
+         * LabStop
+         * @description The stop of a lab.
+         */
+        LabStop: {
+            is_stopped: boolean;
+            stop_id: string | null;
+            stopped_at: string | null;
+            stopped_by: string | null;
+            hosts: components["schemas"]["StopHost"][];
+        };
+        /**
+         * LabSummary
+         * @description The lab as every page shows it.
+         */
+        LabSummary: {
+            /** Format: uuid */
+            id: string;
+            key: string;
+            name: string;
+            /** @enum {unknown} */
+            mode: "live" | "sim";
+            time_zone: string;
+            speed: number;
+            stop: components["schemas"]["LabStop"];
+            counts: components["schemas"]["LabCounts"];
+        };
+        /**
+         * LastRunOf
+         * @description The newest run of a workflow.
+         */
+        LastRunOf: {
+            /** Format: uuid */
+            id: string;
+            number: number;
+            state: components["schemas"]["RunState"];
+            ended_at: string | null;
+            waits_for: components["schemas"]["Wait"] | null;
+        };
+        /**
+         * LatestVersion
+         * @description The newest version of a workflow.
+         */
+        LatestVersion: {
+            /** Format: uuid */
+            id: string;
+            number: number;
         };
         /**
          * LineageEdge
@@ -3053,6 +3423,41 @@ export interface components {
             job_id?: string | null;
         };
         /**
+         * LogLine
+         * @description One line of the log of a run: what a host reported, or how a vessel changed hands.
+         */
+        LogLine: {
+            at: string;
+            received_at?: string;
+            uncertainty_s?: number | null;
+            is_bounded?: boolean;
+            /** Format: uuid */
+            job_id: string;
+            job_index: number;
+            kind: string;
+            text: string;
+            resolved?: Record<string, unknown> | null;
+            body: Record<string, unknown>;
+        };
+        /**
+         * LotMass
+         * @description The mass of one lot in an account.
+         */
+        LotMass: {
+            lot: string;
+            mass_ug: number;
+        };
+        /**
+         * LotThere
+         * @description A lot of which a person says how much of it is meant.
+         */
+        LotThere: {
+            key: string;
+            name: string;
+            held_ul: number | null;
+            held_mg: number | null;
+        };
+        /**
          * MakeAccessToken
          * @description Body of a new access token.
          */
@@ -3060,6 +3465,41 @@ export interface components {
             name: string;
             scope: components["schemas"]["Scope"];
             days: number;
+        };
+        /**
+         * MassAccount
+         * @description What a vessel or a nominal account lost or gained.
+         */
+        MassAccount: {
+            account: string;
+            resource_id: string | null;
+            name: string;
+            mass_ug: number;
+            lots: components["schemas"]["LotMass"][];
+        };
+        /**
+         * MaterialChange
+         * @description A vessel whose content a plan changes, and by how much.
+         */
+        MaterialChange: {
+            /** Format: uuid */
+            id: string;
+            name: string;
+            before_nl: number;
+            after_nl: number;
+        };
+        /**
+         * MeasuredAmount
+         * @description How much the readings before and since say was moved.
+         */
+        MeasuredAmount: {
+            text: string;
+            before_ul: number | null;
+            after_ul: number | null;
+            moved_ul: number | null;
+            tolerance_ul: number;
+            answer: ("did_not" | "happened" | "partly") | null;
+            contradicts: ("did_not" | "happened" | "partly")[];
         };
         /**
          * Medium
@@ -3151,7 +3591,7 @@ export interface components {
          */
         OpenSession: {
             user: components["schemas"]["SignedInUser"] | null;
-            lab: Record<string, unknown> | null;
+            lab: components["schemas"]["LabSummary"] | null;
         };
         /**
          * Opened
@@ -3232,6 +3672,16 @@ export interface components {
             holds_s: number;
         };
         /**
+         * PauseReason
+         * @description One reason why nothing more of a run begins.
+         */
+        PauseReason: {
+            kind: string;
+            by: string | null;
+            by_id?: string;
+            at: string;
+        };
+        /**
          * Permission
          * @description One thing a person may do.
          * @enum {unknown}
@@ -3268,6 +3718,52 @@ export interface components {
          * @enum {unknown}
          */
         Phase: "gas" | "liquid" | "solid";
+        /**
+         * PlanJob
+         * @description One action of a plan on one device.
+         */
+        PlanJob: {
+            index: number;
+            step_id: string;
+            sentence: string;
+            device: components["schemas"]["RunDevice"];
+            choices_count: number;
+            action: string;
+            args: Record<string, unknown>;
+            after: number[];
+            estimate_s: number;
+        };
+        /**
+         * PlanProof
+         * @description Steps whose movements of matter a plan was proved to make, and those beyond the proof.
+         */
+        PlanProof: {
+            steps: string[];
+            beyond: components["schemas"]["UnprovedStep"][];
+        };
+        /**
+         * PlanView
+         * @description A plan with the names of its devices.
+         */
+        PlanView: {
+            digest: string;
+            estimate_s: number;
+            steps: components["schemas"]["PlannedStep"][];
+            jobs: components["schemas"]["PlanJob"][];
+            notes: string[];
+            proved: components["schemas"]["PlanProof"] | null;
+        };
+        /**
+         * PlannedStep
+         * @description One step of the workflow as the plan sees it.
+         */
+        PlannedStep: {
+            step_id: string;
+            kind: string;
+            sentence: string;
+            /** @default 0 */
+            estimate_s: number;
+        };
         /**
          * PortKind
          * @description What an edge between two ports means; only equal kinds connect.
@@ -3308,6 +3804,90 @@ export interface components {
             /** @default  */
             purity: string;
         };
+        /**
+         * ProductPlace
+         * @description A vessel in which a product stands now.
+         */
+        ProductPlace: {
+            /** Format: uuid */
+            id: string;
+            name: string;
+        };
+        /**
+         * ProductYield
+         * @description What came of a chain of reactions, on the lot that limits the first of them.
+         */
+        ProductYield: {
+            product: string;
+            /** Format: uuid */
+            product_id: string;
+            material: string;
+            basis: string;
+            basis_umol: number | null;
+            isolated_ug: number | null;
+            isolated_umol: number | null;
+            ratio: number | null;
+            missing: string[];
+            stands_in: components["schemas"]["ProductPlace"][];
+        };
+        /**
+         * ProvenanceGraph
+         * @description What led to a thing and what it touched; `form=prov` gives a PROV-JSON document instead.
+         */
+        ProvenanceGraph: {
+            root: string;
+            nodes: components["schemas"]["ProvenanceNode"][];
+            relations: components["schemas"]["ProvenanceRelation"][];
+            truncation: components["schemas"]["ProvenanceTruncation"];
+        };
+        /**
+         * ProvenanceNode
+         * @description One entity, activity or agent.
+         */
+        ProvenanceNode: {
+            id: string;
+            kind: components["schemas"]["Kind"];
+            type: string;
+            name: string;
+            started_at: string | null;
+            ended_at: string | null;
+            place: string | null;
+            facts: {
+                [key: string]: string | number | boolean;
+            };
+        };
+        /**
+         * ProvenanceRelation
+         * @description One bond between two nodes.
+         */
+        ProvenanceRelation: {
+            bond: components["schemas"]["Bond"];
+            later: string;
+            earlier: string;
+            role: string;
+            at: string | null;
+            third: string | null;
+            is_revision: boolean;
+            facts: {
+                [key: string]: string | number | boolean;
+            };
+        };
+        /**
+         * ProvenanceTruncation
+         * @description What was left out of a graph.
+         */
+        ProvenanceTruncation: {
+            is_truncated: boolean;
+            beyond: number;
+            unread: string[];
+            has_more_acts: boolean;
+        };
+        /**
+         * Quantity
+         * @description What can be calibrated.
+         * @enum {unknown}
+         */
+        Quantity: "ph" | "temperature" | "volume";
         /**
          * React
          * @description Record a reaction in a vessel: reactants go into REACTION, products come out of it.
@@ -3466,6 +4046,30 @@ export interface components {
             params: Record<string, unknown> | null;
         };
         /**
+         * RecoveryCard
+         * @description What a person may do about a job that ended undone, and what hangs on it.
+         */
+        RecoveryCard: {
+            recovery: string;
+            tries: number;
+            choices: components["schemas"]["RecoveryChoice"][];
+            skips: string[];
+            relying: string[];
+            asked_ul: number | null;
+            moved_ul: number | null;
+            params: Record<string, unknown>;
+        };
+        /**
+         * RecoveryChoice
+         * @description One thing that a person may do about a job that ended undone.
+         */
+        RecoveryChoice: {
+            /** @enum {unknown} */
+            name: "change" | "done_by_hand" | "retry" | "skip";
+            why_not: string | null;
+            consequence: string;
+        };
+        /**
          * Reference
          * @description The standard that the device is compared with.
          */
@@ -3475,6 +4079,16 @@ export interface components {
             expanded: number;
             /** Format: date */
             due_on: string;
+        };
+        /**
+         * ResourceConditions
+         * @description What a device told while a resource was in it.
+         */
+        ResourceConditions: {
+            resource: components["schemas"]["StayResource"];
+            device: components["schemas"]["StayDevice"];
+            stays: components["schemas"]["DeviceStay"][];
+            is_truncated: boolean;
         };
         /**
          * ResourceDevice
@@ -3668,6 +4282,238 @@ export interface components {
             is_stated: boolean;
         };
         /**
+         * RunApproval
+         * @description The request that a run waits for, or waited for.
+         */
+        RunApproval: {
+            /** Format: uuid */
+            id: string;
+            state: string;
+        };
+        /**
+         * RunDevice
+         * @description A device that a run uses.
+         */
+        RunDevice: {
+            /** Format: uuid */
+            id: string;
+            name: string;
+        };
+        /**
+         * RunDoubt
+         * @description A job that was in doubt, and how that ended.
+         */
+        RunDoubt: {
+            /** Format: uuid */
+            job_id: string;
+            sentence: string;
+            resolved: Record<string, unknown> | null;
+        };
+        /**
+         * RunEventList
+         * @description A page of what the transactions of a run did.
+         */
+        RunEventList: {
+            events: components["schemas"]["EventRow"][];
+            next: string | null;
+        };
+        /**
+         * RunHold
+         * @description Something that a run keeps for itself now.
+         */
+        RunHold: {
+            /** Format: uuid */
+            resource_id: string;
+            resource: string;
+            is_shared: boolean;
+            until_step: number;
+        };
+        /**
+         * RunLabel
+         * @description A run by its number.
+         */
+        RunLabel: {
+            /** Format: uuid */
+            id: string;
+            number: number;
+        };
+        /**
+         * RunList
+         * @description A page of runs.
+         */
+        RunList: {
+            runs: components["schemas"]["RunRow"][];
+            next: string | null;
+        };
+        /**
+         * RunLogPage
+         * @description A page of the log of a run.
+         */
+        RunLogPage: {
+            lines: components["schemas"]["LogLine"][];
+            next: string | null;
+        };
+        /**
+         * RunProof
+         * @description How a run of a recipe leaves what was proved, and who let it go on so.
+         */
+        RunProof: {
+            departures: components["schemas"]["Departure"][];
+            accepted: components["schemas"]["Departure"][];
+            by: string | null;
+            at: string | null;
+        };
+        /**
+         * RunRecovery
+         * @description What a person chose about a job that ended undone.
+         */
+        RunRecovery: {
+            /** @enum {unknown} */
+            choice: "change" | "done_by_hand" | "retry" | "skip";
+            /** Format: uuid */
+            job_id: string;
+            by: string;
+            by_id?: string;
+            at: string;
+            note: string;
+            moved_nl?: number | null;
+            with?: number[];
+            halted_by?: string;
+            step_id?: string;
+            before?: Record<string, unknown> | null;
+            params?: Record<string, unknown> | null;
+            plan_before?: string;
+            plan_after?: string;
+            departs?: string;
+        };
+        /**
+         * RunReportPage
+         * @description What a run did with matter.
+         */
+        RunReportPage: {
+            started_at: string | null;
+            ended_at: string | null;
+            taken: components["schemas"]["MassAccount"][];
+            brought: components["schemas"]["MassAccount"][];
+            taken_ug: number;
+            brought_ug: number;
+            gap_ug: number;
+            unknown: string[];
+            yields: components["schemas"]["ProductYield"][];
+            readings: Record<string, unknown>[];
+            doubts: components["schemas"]["RunDoubt"][];
+            unconfirmed: components["schemas"]["UnconfirmedJob"][];
+        };
+        /**
+         * RunRights
+         * @description What the caller may do about a run as it stands.
+         */
+        RunRights: {
+            pause: boolean;
+            recover: boolean;
+            confirm: boolean;
+            resume: boolean;
+            abort: boolean;
+            resolve: boolean;
+        };
+        /**
+         * RunRow
+         * @description A run as a list shows it.
+         */
+        RunRow: {
+            /** Format: uuid */
+            id: string;
+            number: number;
+            workflow: components["schemas"]["RunWorkflow"];
+            /** @enum {unknown} */
+            mode: "live" | "sim";
+            state: components["schemas"]["RunState"];
+            created_by: string;
+            created_at: string;
+            started_at: string | null;
+            ended_at: string | null;
+            steps_total: number;
+            steps_done: number;
+            step_now: string | null;
+            in_doubt_count: number;
+            estimate_s: number;
+            left_s: number | null;
+            pause_reasons: components["schemas"]["PauseReason"][];
+            waits_for: components["schemas"]["RunWait"] | null;
+            holds: components["schemas"]["RunHold"][];
+            recoveries: components["schemas"]["RunRecovery"][];
+            is_given_up: boolean;
+        };
+        /**
+         * RunState
+         * @description Where one execution of a workflow stands.
+         * @enum {unknown}
+         */
+        RunState: "aborted" | "awaiting_approval" | "complete" | "completing" | "draft" | "paused" | "pausing" | "queued" | "running";
+        /**
+         * RunView
+         * @description A run whole.
+         */
+        RunView: {
+            /** Format: uuid */
+            id: string;
+            number: number;
+            workflow: components["schemas"]["RunWorkflow"];
+            /** @enum {unknown} */
+            mode: "live" | "sim";
+            state: components["schemas"]["RunState"];
+            created_by: string;
+            created_at: string;
+            started_at: string | null;
+            ended_at: string | null;
+            steps_total: number;
+            steps_done: number;
+            step_now: string | null;
+            in_doubt_count: number;
+            estimate_s: number;
+            left_s: number | null;
+            pause_reasons: components["schemas"]["PauseReason"][];
+            waits_for: components["schemas"]["RunWait"] | null;
+            holds: components["schemas"]["RunHold"][];
+            recoveries: components["schemas"]["RunRecovery"][];
+            is_given_up: boolean;
+            document: Record<string, unknown>;
+            plan: components["schemas"]["PlanView"];
+            jobs: components["schemas"]["JobRow"][];
+            given_up: components["schemas"]["GivenUp"] | null;
+            halts: components["schemas"]["DeviceHaltRow"][];
+            files: components["schemas"]["JobFile"][];
+            proof: components["schemas"]["RunProof"] | null;
+            approval: components["schemas"]["RunApproval"] | null;
+            execution: components["schemas"]["Execution"] | null;
+            hosts_away: components["schemas"]["HostAway"][];
+            silent: components["schemas"]["SilentDevice"][];
+            contradicted: components["schemas"]["ContradictedAnswer"][];
+            can: components["schemas"]["RunRights"];
+        };
+        /**
+         * RunWait
+         * @description The run that another one waits for.
+         */
+        RunWait: {
+            /** Format: uuid */
+            id: string;
+            number: number;
+            resource: string;
+            until_step: number | null;
+            text: string;
+        };
+        /**
+         * RunWorkflow
+         * @description The version of a workflow that a run carries out.
+         */
+        RunWorkflow: {
+            /** Format: uuid */
+            id: string;
+            name: string;
+            version: number;
+        };
+        /**
          * Said
          * @description Body of a rejection.
          */
@@ -3765,6 +4611,15 @@ export interface components {
             lab_permissions: components["schemas"]["Permission"][];
         };
         /**
+         * SilentDevice
+         * @description A device on which something of a run stands, and of which it cannot be read back.
+         */
+        SilentDevice: {
+            device: components["schemas"]["RunDevice"];
+            since_at: string;
+            sentences: string[];
+        };
+        /**
          * StartRun
          * @description Body of a start.
          */
@@ -3775,6 +4630,66 @@ export interface components {
             plan_digest: string | null;
             /** @default false */
             is_second: boolean;
+        };
+        /**
+         * StatementAsked
+         * @description Lots of a vessel of which a person says how much is meant.
+         */
+        StatementAsked: {
+            label: string;
+            leaves_out: boolean;
+            lots: components["schemas"]["LotThere"][];
+        };
+        /**
+         * StayAct
+         * @description What a device did while a resource was in it.
+         */
+        StayAct: {
+            /** Format: uuid */
+            job_id: string;
+            /** Format: uuid */
+            run_id: string;
+            sentence: string;
+            state: components["schemas"]["JobState"];
+            started_at: string;
+            ended_at: string | null;
+            uncertainty_s: number | null;
+            driver_digest: string;
+            reported: Record<string, unknown>;
+            contexts: Record<string, unknown>;
+        };
+        /**
+         * StayDevice
+         * @description The device in which it was.
+         */
+        StayDevice: {
+            /** Format: uuid */
+            id: string;
+            name: string;
+            key: string;
+        };
+        /**
+         * StayFile
+         * @description A file that came from a device while a resource was in it.
+         */
+        StayFile: {
+            /** Format: uuid */
+            file_id: string;
+            name: string;
+            sha256: string;
+            job_id: string | null;
+            resource_id: string | null;
+            at: string;
+            moment_by: string;
+        };
+        /**
+         * StayResource
+         * @description The resource of which the stays are told.
+         */
+        StayResource: {
+            /** Format: uuid */
+            id: string;
+            name: string;
         };
         /**
          * StepChoice
@@ -3829,6 +4744,18 @@ export interface components {
             is_allowed: boolean;
             why_not: string | null;
             lots: components["schemas"]["StockLot"][];
+        };
+        /**
+         * StopHost
+         * @description A host, and whether it has acknowledged the stop of the lab.
+         */
+        StopHost: {
+            /** Format: uuid */
+            id: string;
+            name: string;
+            state: components["schemas"]["SessionState"];
+            acknowledged_at: string | null;
+            after_s: number | null;
         };
         /**
          * Submission
@@ -4174,6 +5101,16 @@ export interface components {
             reason: string;
         };
         /**
+         * UnconfirmedJob
+         * @description A job that is complete, and whose confirmation could not be made.
+         */
+        UnconfirmedJob: {
+            /** Format: uuid */
+            job_id: string;
+            sentence: string;
+            message: string;
+        };
+        /**
          * UnitTable
          * @description The units in which a quantity may be written.
          */
@@ -4184,6 +5121,14 @@ export interface components {
             spellings: {
                 [key: string]: string;
             };
+        };
+        /**
+         * UnprovedStep
+         * @description A step that no proof covers.
+         */
+        UnprovedStep: {
+            step_id: string;
+            why: string;
         };
         /**
          * Verdict
@@ -4248,6 +5193,12 @@ export interface components {
             valid_days: number;
         };
         /**
+         * Wait
+         * @description What a person has to say before a run can go on.
+         * @enum {unknown}
+         */
+        Wait: "answer" | "recovery";
+        /**
          * Wanted
          * @description What to reserve, for how long, and what for.
          */
@@ -4263,6 +5214,72 @@ export interface components {
         Words: {
             old: string;
             new: string;
+        };
+        /**
+         * WordsOfStep
+         * @description A part of the sentence that says what a step does.
+         */
+        WordsOfStep: {
+            text: string;
+            strong: boolean;
+            sort: string;
+        };
+        /**
+         * WorkflowCheck
+         * @description What a workflow would mean here and now.
+         */
+        WorkflowCheck: {
+            findings: components["schemas"]["CheckFinding"][];
+            plan: components["schemas"]["PlanView"] | null;
+            policies: string[];
+            sentences: {
+                [key: string]: components["schemas"]["WordsOfStep"][];
+            };
+            proof: components["schemas"]["DraftProof"] | null;
+        };
+        /**
+         * WorkflowOverview
+         * @description A workflow with its last run.
+         */
+        WorkflowOverview: {
+            /** Format: uuid */
+            id: string;
+            name: string;
+            description: string;
+            is_template: boolean;
+            latest_version: components["schemas"]["LatestVersion"] | null;
+            steps_count: number;
+            updated_at: string;
+            updated_by: string | null;
+            last_run: components["schemas"]["LastRunOf"] | null;
+        };
+        /**
+         * WorkflowOverviewList
+         * @description A page of workflows.
+         */
+        WorkflowOverviewList: {
+            workflows: components["schemas"]["WorkflowOverview"][];
+            next: string | null;
+        };
+        /**
+         * WorkflowWhole
+         * @description A workflow with its draft and versions.
+         */
+        WorkflowWhole: {
+            /** Format: uuid */
+            id: string;
+            name: string;
+            description: string;
+            is_template: boolean;
+            latest_version: components["schemas"]["LatestVersion"] | null;
+            steps_count: number;
+            updated_at: string;
+            updated_by: string | null;
+            last_run: components["schemas"]["LastRunOf"] | null;
+            draft: Record<string, unknown>;
+            draft_revision: number;
+            versions: components["schemas"]["VersionRow"][];
+            can_edit: boolean;
         };
     };
     responses: never;
@@ -4295,9 +5312,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": {
-                        [key: string]: unknown;
-                    };
+                    "application/json": components["schemas"]["ApprovalList"];
                 };
             };
             /** @description Refused */
@@ -4339,9 +5354,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": {
-                        [key: string]: unknown;
-                    };
+                    "application/json": components["schemas"]["ApprovalDetail"];
                 };
             };
             /** @description Refused */
@@ -4390,9 +5403,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": {
-                        [key: string]: unknown;
-                    };
+                    "application/json": components["schemas"]["ApprovalRow"];
                 };
             };
             /** @description Refused */
@@ -5356,9 +6367,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": {
-                        [key: string]: unknown;
-                    };
+                    "application/json": components["schemas"]["DeviceHaltRow"];
                 };
             };
             /** @description Refused */
@@ -6053,6 +7062,7 @@ export interface operations {
             query?: {
                 depth?: number;
                 direction?: "both" | "up" | "down";
+                /** @description Of the answer; prov: the graph as a PROV-JSON document. */
                 form?: "json" | "prov";
             };
             header?: never;
@@ -6069,9 +7079,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": {
-                        [key: string]: unknown;
-                    };
+                    "application/json": components["schemas"]["ProvenanceGraph"];
                 };
             };
             /** @description Refused */
@@ -6548,9 +7556,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": {
-                        [key: string]: unknown;
-                    };
+                    "application/json": components["schemas"]["RunView"];
                 };
             };
             /** @description Refused */
@@ -6599,9 +7605,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": {
-                        [key: string]: unknown;
-                    };
+                    "application/json": components["schemas"]["RunView"];
                 };
             };
             /** @description Refused */
@@ -6650,9 +7654,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": {
-                        [key: string]: unknown;
-                    };
+                    "application/json": components["schemas"]["JobRow"];
                 };
             };
             /** @description Refused */
@@ -6972,9 +7974,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": {
-                        [key: string]: unknown;
-                    };
+                    "application/json": components["schemas"]["LabSummary"];
                 };
             };
             /** @description Refused */
@@ -7063,9 +8063,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": {
-                        [key: string]: unknown;
-                    };
+                    "application/json": components["schemas"]["LabSummary"];
                 };
             };
             /** @description Refused */
@@ -7109,9 +8107,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": {
-                        [key: string]: unknown;
-                    };
+                    "application/json": components["schemas"]["LabSummary"];
                 };
             };
             /** @description Refused */
@@ -7141,6 +8137,7 @@ export interface operations {
             query?: {
                 depth?: number;
                 direction?: "both" | "up" | "down";
+                /** @description Of the answer; prov: the graph as a PROV-JSON document. */
                 form?: "json" | "prov";
             };
             header?: never;
@@ -7157,9 +8154,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": {
-                        [key: string]: unknown;
-                    };
+                    "application/json": components["schemas"]["ProvenanceGraph"];
                 };
             };
             /** @description Refused */
@@ -7424,6 +8419,7 @@ export interface operations {
             query?: {
                 depth?: number;
                 direction?: "both" | "up" | "down";
+                /** @description Of the answer; prov: the graph as a PROV-JSON document. */
                 form?: "json" | "prov";
             };
             header?: never;
@@ -7440,9 +8436,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": {
-                        [key: string]: unknown;
-                    };
+                    "application/json": components["schemas"]["ProvenanceGraph"];
                 };
             };
             /** @description Refused */
@@ -7862,9 +8856,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": {
-                        [key: string]: unknown;
-                    };
+                    "application/json": components["schemas"]["ResourceConditions"];
                 };
             };
             /** @description Refused */
@@ -8081,6 +9073,7 @@ export interface operations {
             query?: {
                 depth?: number;
                 direction?: "both" | "up" | "down";
+                /** @description Of the answer; prov: the graph as a PROV-JSON document. */
                 form?: "json" | "prov";
             };
             header?: never;
@@ -8097,9 +9090,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": {
-                        [key: string]: unknown;
-                    };
+                    "application/json": components["schemas"]["ProvenanceGraph"];
                 };
             };
             /** @description Refused */
@@ -8322,9 +9313,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": {
-                        [key: string]: unknown;
-                    };
+                    "application/json": components["schemas"]["RunList"];
                 };
             };
             /** @description Refused */
@@ -8366,14 +9355,12 @@ export interface operations {
         };
         responses: {
             /** @description The answer */
-            200: {
+            201: {
                 headers: {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": {
-                        [key: string]: unknown;
-                    };
+                    "application/json": components["schemas"]["RunView"];
                 };
             };
             /** @description Refused */
@@ -8415,9 +9402,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": {
-                        [key: string]: unknown;
-                    };
+                    "application/json": components["schemas"]["RunView"];
                 };
             };
             /** @description Refused */
@@ -8466,9 +9451,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": {
-                        [key: string]: unknown;
-                    };
+                    "application/json": components["schemas"]["RunView"];
                 };
             };
             /** @description Refused */
@@ -8599,9 +9582,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": {
-                        [key: string]: unknown;
-                    };
+                    "application/json": components["schemas"]["RunEventList"];
                 };
             };
             /** @description Refused */
@@ -8648,9 +9629,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": {
-                        [key: string]: unknown;
-                    };
+                    "application/json": components["schemas"]["RunLogPage"];
                 };
             };
             /** @description Refused */
@@ -8695,9 +9674,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": {
-                        [key: string]: unknown;
-                    };
+                    "application/json": components["schemas"]["RunView"];
                 };
             };
             /** @description Refused */
@@ -8727,6 +9704,7 @@ export interface operations {
             query?: {
                 depth?: number;
                 direction?: "both" | "up" | "down";
+                /** @description Of the answer; prov: the graph as a PROV-JSON document. */
                 form?: "json" | "prov";
             };
             header?: never;
@@ -8743,9 +9721,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": {
-                        [key: string]: unknown;
-                    };
+                    "application/json": components["schemas"]["ProvenanceGraph"];
                 };
             };
             /** @description Refused */
@@ -8787,9 +9763,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": {
-                        [key: string]: unknown;
-                    };
+                    "application/json": components["schemas"]["RunReportPage"];
                 };
             };
             /** @description Refused */
@@ -8838,9 +9812,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": {
-                        [key: string]: unknown;
-                    };
+                    "application/json": components["schemas"]["RunView"];
                 };
             };
             /** @description Refused */
@@ -9575,9 +10547,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": {
-                        [key: string]: unknown;
-                    };
+                    "application/json": components["schemas"]["WorkflowOverviewList"];
                 };
             };
             /** @description Refused */
@@ -9619,14 +10589,12 @@ export interface operations {
         };
         responses: {
             /** @description The answer */
-            200: {
+            201: {
                 headers: {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": {
-                        [key: string]: unknown;
-                    };
+                    "application/json": components["schemas"]["WorkflowWhole"];
                 };
             };
             /** @description Refused */
@@ -9668,9 +10636,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": {
-                        [key: string]: unknown;
-                    };
+                    "application/json": components["schemas"]["WorkflowWhole"];
                 };
             };
             /** @description Refused */
@@ -9902,9 +10868,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": {
-                        [key: string]: unknown;
-                    };
+                    "application/json": components["schemas"]["WorkflowCheck"];
                 };
             };
             /** @description Refused */

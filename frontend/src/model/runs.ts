@@ -136,8 +136,8 @@ export function findProblems(run: Run): Problem[] {
       const question = job.question ?? {
         text: `What became of “${job.sentence}”?`,
         asked_ul: null,
-        source: null,
-        target: null,
+        source: "",
+        target: "",
         attempt_id: null,
         measured: null,
         then: {},

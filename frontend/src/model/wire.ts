@@ -19,7 +19,7 @@ import type {
 } from "./wirebase";
 import type { RunFile } from "./wirefiles";
 import type { DeviceHalt, DeviceRow, HostAway, HostRow } from "./wirelab";
-import type { Asks, Recovery, RecoveryCard, RecoveryChoice } from "./wirerecovery";
+import type { Asks, RecoveryCard } from "./wirerecovery";
 
 type Answers = components["schemas"];
 
@@ -35,31 +35,9 @@ export type Mode = "sim" | "live";
 
 export type User = Answers["SignedInUser"];
 
-export interface StopHost {
-  id: Id;
-  name: string;
-  state: string;
-  acknowledged_at: Iso | null;
-  /** From the click to the acknowledgement, seconds. */
-  after_s: number | null;
-}
+export type StopHost = components["schemas"]["StopHost"];
 
-export interface Lab {
-  id: Id;
-  key: string;
-  name: string;
-  mode: Mode;
-  time_zone: string;
-  speed: number;
-  stop: {
-    is_stopped: boolean;
-    stop_id: Id | null;
-    stopped_at: Iso | null;
-    stopped_by: string | null;
-    hosts: StopHost[];
-  };
-  counts: { runs_live: number; approvals_open: number; drivers_open: number; needs_you: number };
-}
+export type Lab = components["schemas"]["LabSummary"];
 
 export interface Session {
   user: User | null;
@@ -130,14 +108,7 @@ export interface WorkflowRow {
   last_run: LastRun | null;
 }
 
-export interface LastRun {
-  id: Id;
-  number: number;
-  state: string;
-  ended_at: Iso | null;
-  /** What a person has to say before it can go on. */
-  waits_for: "answer" | "recovery" | null;
-}
+export type LastRun = components["schemas"]["LastRunOf"];
 
 export interface Workflow extends WorkflowRow {
   draft: WorkflowDocument;
@@ -162,54 +133,13 @@ export interface Proof {
   changes: Finding[];
 }
 
-export interface PauseReason {
-  kind: string;
-  by: string | null;
-  at: Iso;
-}
+export type PauseReason = components["schemas"]["PauseReason"];
 
-export interface RunRow {
-  id: Id;
-  number: number;
-  workflow: { id: Id; name: string; version: number };
-  mode: Mode;
-  state: RunState;
-  created_by: string;
-  created_at: Iso;
-  started_at: Iso | null;
-  ended_at: Iso | null;
-  steps_total: number;
-  steps_done: number;
-  step_now: string | null;
-  in_doubt_count: number;
-  estimate_s: number;
-  left_s: number | null;
-  pause_reasons: PauseReason[];
-  recoveries: Recovery[];
-  /** Somebody aborted it: it ends once each of its devices stands, or does not answer. */
-  is_given_up: boolean;
-  /** The run that keeps what this one needs, or asked for it before. */
-  waits_for: WaitsFor | null;
-  /** What the run keeps for itself now. */
-  holds: Hold[];
-}
+export type RunRow = components["schemas"]["RunRow"];
 
-export interface WaitsFor {
-  id: Id;
-  number: number;
-  resource: string;
-  until_step: number | null;
-  /** The whole sentence: "waits for run #12, which holds Reactor 1 until its step 7". */
-  text: string;
-}
+export type WaitsFor = components["schemas"]["RunWait"];
 
-export interface Hold {
-  resource_id: Id;
-  resource: string;
-  /** Others may draw from it, or pour into it, too. */
-  is_shared: boolean;
-  until_step: number;
-}
+export type Hold = components["schemas"]["RunHold"];
 
 export type RunState =
   | "draft"
@@ -223,17 +153,7 @@ export type RunState =
   | "aborted";
 
 /** How much the readings before and since say was moved. */
-export interface Measured {
-  /** The subtraction in words, or which reading is missing. */
-  text: string;
-  before_ul: number | null;
-  after_ul: number | null;
-  moved_ul: number | null;
-  tolerance_ul: number;
-  answer: "happened" | "did_not" | "partly" | null;
-  /** Answers without an amount that the readings contradict. */
-  contradicts: string[];
-}
+export type Measured = components["schemas"]["MeasuredAmount"];
 
 /** What a person answered about a doubt, and when that ended it. */
 export interface Resolution {
@@ -246,22 +166,7 @@ export interface Resolution {
   at?: Iso | null;
 }
 
-export interface Question {
-  text: string;
-  /** The try that is in doubt: an answer names it. */
-  attempt_id: Id | null;
-  asked_ul: number | null;
-  source: string | { id: Id; name: string } | null;
-  target: string | { id: Id; name: string } | null;
-  /** What the readings say; null: no reading tells how far such an action came. */
-  measured: Measured | null;
-  /** By answer: what may follow it in the same request. */
-  then: Record<string, RecoveryChoice[]>;
-  answer_sent: boolean;
-  /** Who has answered, and when, while the host has not heard of it. */
-  answered_by: string | null;
-  answered_at: Iso | null;
-}
+export type Question = components["schemas"]["JobQuestion"];
 
 /** One condition, with what was seen. */
 export interface ConditionResult {

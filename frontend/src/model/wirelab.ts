@@ -35,29 +35,7 @@ export interface LogLine {
   body: unknown;
 }
 
-export interface ApprovalRequest {
-  id: Id;
-  title: string;
-  state: string;
-  about: "run" | "calibration";
-  /** The run that waits for it, or that measured. */
-  run: { id: Id; number: number };
-  workflow: { id: Id; name: string; version: number };
-  policies: string[];
-  asked_by: { name: string };
-  asked_at: Iso;
-  expires_at: Iso | null;
-  plan_digest: string;
-  can_decide: boolean;
-  why_not: string | null;
-  decision: {
-    is_approved: boolean;
-    printed_name: string;
-    meaning: string;
-    comment: string;
-    at: Iso;
-  } | null;
-}
+export type ApprovalRequest = components["schemas"]["ApprovalRow"];
 
 export interface CalibrationApproval extends ApprovalRequest {
   about: "calibration";
@@ -211,17 +189,7 @@ export type SearchHit = components["schemas"]["SearchHit"];
 export type Reading = Answers["DeviceReading"];
 
 /** A wish to halt one device, and what came of it. */
-export interface DeviceHalt {
-  id: Id;
-  device: { id: Id; name: string };
-  state: "asked" | "taken" | "owed" | "halted" | "kept" | "lost";
-  message: string;
-  at: Iso;
-  ended_at: Iso | null;
-  /** Run that was aborted; null: a person stopped the device. */
-  run: { id: Id; number: number } | null;
-  by: string | null;
-}
+export type DeviceHalt = components["schemas"]["DeviceHaltRow"];
 
 export type DeviceRow = Omit<Answers["DeviceRow"], "halt"> & { halt: DeviceHalt | null };
 
@@ -242,13 +210,7 @@ export type HostRow = Answers["HostRow"];
 export type HostJob = Answers["HostJob"];
 
 /** A host that works alone: of its jobs in a run only what was last heard is known. */
-export interface HostAway {
-  id: Id;
-  name: string;
-  since_at: Iso | null;
-  jobs_count: number;
-  job_ids: Id[];
-}
+export type HostAway = components["schemas"]["HostAway"];
 
 export type Host = Omit<Answers["HostDetail"], "devices"> & { devices: DeviceRow[] };
 

@@ -3,7 +3,7 @@ import { screen } from "@testing-library/react";
 import userEvent from "@testing-library/user-event";
 import { expect, test } from "vitest";
 import { aJob, aRun, iso } from "@/model/samples";
-import type { Question } from "@/model/wire";
+import type { Measured, Question } from "@/model/wire";
 import { serve, show, type Sent } from "@/testpage";
 import { DoubtCard } from "./doubt";
 
@@ -37,13 +37,13 @@ function card(change: Partial<typeof question> = {}, changed = run) {
 /** What was written; the card reads what its device tells, too. */
 const posted = (sent: Sent[]): Sent[] => sent.filter((one) => one.method === "POST");
 
-const measured = {
+const measured: Measured = {
   text: "The plunger stood at 10.000 mL before and stands at 6.500 mL now: 10.000 − 6.500 = 3.500 mL moved.",
   before_ul: 10_000,
   after_ul: 6500,
   moved_ul: 3500,
   tolerance_ul: 10,
-  answer: "partly" as const,
+  answer: "partly",
   contradicts: ["happened", "did_not"],
 };
 

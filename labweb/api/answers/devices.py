@@ -11,6 +11,8 @@ from labweb.common.answers import ApiAnswer
 from labweb.domain.runs.custody import CustodyState
 from labweb.domain.runs.job import JobState
 from labweb.domain.runs.session import SessionState
+from labweb.runs.answers.runs import DeviceHaltRow
+from labweb.workflows.answers import DeviceAction
 
 DeviceLink = Literal["online", "stale", "offline", "not_enrolled", "quarantined"]
 DiskLevel = Literal["ok", "low", "full"]
@@ -69,7 +71,7 @@ class DeviceRow(ApiAnswer):
     is_halt_owed: bool
     """Nothing begins on it before its host has halted it."""
 
-    halt: dict[str, Any] | None
+    halt: DeviceHaltRow | None
     """The halt that was asked for last and is not delivered; of one device alone, the last one."""
 
     job: DeviceJob | None
@@ -110,7 +112,7 @@ class DeviceDetail(DeviceRow):
     """One device whole."""
 
     driver: DeviceDriver
-    actions: list[dict[str, Any]]
+    actions: list[DeviceAction]
     shows_itself: bool
     """It can show which one it is, on a display or by a light."""
 

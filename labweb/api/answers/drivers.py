@@ -11,6 +11,7 @@ from labweb.domain.enrollment.changes import ModuleChange
 from labweb.domain.enrollment.tryout import Tried
 from labweb.domain.errors import Finding
 from labweb.domain.runs.session import SessionState
+from labweb.workflows.answers import DeviceAction
 
 DriverOrigin = Literal["release", "upload"]
 DriverState = Literal["proposed", "approved", "rejected", "withdrawn"]
@@ -135,7 +136,7 @@ class DriverReading(ApiAnswer):
     imports: list[str]
     protocol: str
     safe_state: str
-    actions: list[dict[str, Any]]
+    actions: list[DeviceAction]
     statuses: list[DriverStatus]
     config: dict[str, Any]
     """JSON Schema of its settings."""
@@ -200,7 +201,7 @@ class DriverDetail(DriverRow):
     imports: list[str]
     protocol: str
     safe_state: str
-    actions: list[dict[str, Any]]
+    actions: list[DeviceAction]
     statuses: list[DriverStatus]
     config: dict[str, Any]
     """JSON Schema of its settings."""

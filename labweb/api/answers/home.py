@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from datetime import datetime
-from typing import Any, Literal
+from typing import Literal
 from uuid import UUID
 
 from labweb.api.answers.devices import DeviceRow, HostRow
 from labweb.common.answers import ApiAnswer
+from labweb.runs.answers.drawing import WorkflowOverview
+from labweb.runs.answers.rows import RunRow
 
 NeedKind = Literal[
     "in_doubt",
@@ -47,8 +49,8 @@ class HomePage(ApiAnswer):
     """What a person sees first."""
 
     needs_you: list[Need]
-    running: list[dict[str, Any]]
-    last_results: list[dict[str, Any]]
-    workflows: list[dict[str, Any]]
+    running: list[RunRow]
+    last_results: list[RunRow]
+    workflows: list[WorkflowOverview]
     devices: list[DeviceRow]
     hosts: list[HostRow]

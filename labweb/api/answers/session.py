@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any, Literal
+from typing import Literal
 from uuid import UUID
 
 from labweb.common.answers import ApiAnswer
 from labweb.domain.approvals.roles import Permission
+from labweb.runs.answers.lab import LabSummary
 
 PasswordMaker = Literal["own", "admin", "seed"]
 
@@ -35,7 +36,7 @@ class OpenSession(ApiAnswer):
     user: SignedInUser | None
     """Null: nobody is."""
 
-    lab: dict[str, Any] | None
+    lab: LabSummary | None
     """Null: nobody is signed in, or no lab was imported yet."""
 
 

@@ -34,7 +34,6 @@ from labweb.crutd.answers import (
     SeenConnection,
 )
 from labweb.crutd.api.events import event_rows as event_rows
-from labweb.crutd.api.events import render_events as render_events
 from labweb.crutd.api.holds import keepers_of
 from labweb.crutd.selectors import lineage
 from labweb.crutd.selectors.archived import with_former_place

@@ -22,14 +22,6 @@ _ELSEWHERE = "elsewhere"
 _MOVES = frozenset({"transfer_liquid", "transfer_mass"})
 
 
-def render_events(
-    events: list[Event], seen: Collection[UUID] | None = None
-) -> list[dict[str, Any]]:
-    """Return events as `event_rows` does, as plain data."""
-    rows: list[dict[str, Any]] = msgspec.to_builtins(event_rows(events, seen))
-    return rows
-
-
 def event_rows(events: list[Event], seen: Collection[UUID] | None = None) -> list[EventRow]:
     """Return events with the resources they concern; four queries at most.
 

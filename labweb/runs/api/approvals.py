@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any, ClassVar
+from typing import ClassVar
 from uuid import UUID
 
 import msgspec
 from django.db.models import Q
+from msgspec.structs import asdict
 from rest_framework.request import Request
-from rest_framework.response import Response
 
 from labweb.accounts.api import Endpoint
 from labweb.accounts.selectors import User, user_of
@@ -21,8 +21,15 @@ from labweb.crutd import selectors as crutd_selectors
 from labweb.domain.errors import NotFoundError
 from labweb.resources import selectors as resource_selectors
 from labweb.runs import selectors, services
+from labweb.runs.answers.approvals import (
+    ApprovalDetail,
+    ApprovalList,
+    ApprovalRow,
+    MaterialChange,
+)
 from labweb.runs.api import render
 from labweb.runs.api.calibrations import result_of
+from labweb.runs.api.requests import render_request
 from labweb.runs.api.runs import visible, visible_runs
 from labweb.runs.models import Run
 
@@ -44,7 +51,7 @@ class Requests(Endpoint):
         **HISTORY.parameters,
     }
 
-    def get(self, request: Request) -> Response:
+    def get(self, request: Request) -> ApprovalList:
         """List requests, open ones by default."""
         user = user_of(request)
         lab = resource_selectors.the_lab()
@@ -58,37 +65,28 @@ class Requests(Endpoint):
         behind = _runs_behind(found)
         runs = selectors.runs_by_id(list(behind.values()))
         allowed = resource_selectors.permissions_on_all(user, lab)
-        return Response(
-            {
-                "requests": [
-                    render.render_request(row, runs[behind[row.pk]], user, allowed) for row in found
-                ],
-                "next": following,
-            }
+        return ApprovalList(
+            requests=[render_request(row, runs[behind[row.pk]], user, allowed) for row in found],
+            next=following,
         )
 
 
 class RequestDetail(Endpoint):
     """One approval request."""
 
-    def get(self, request: Request, request_id: UUID) -> Response:
+    def get(self, request: Request, request_id: UUID) -> ApprovalDetail:
         """Return a request with the exact plan, or the result, that it is about."""
         user = user_of(request)
         row, run = _visible(request_id, user)
+        told = asdict(render_request(row, run, user))
         if row.calibration_id is not None:
             result = result_of(selectors.find_calibration(row.calibration_id), user)
-            return Response({**render.render_request(row, run, user), "calibration": result})
-        jobs = list(selectors.jobs_of(run))
-        return Response(
-            {
-                **render.render_request(row, run, user),
-                "plan": render.render_plan(run, jobs),
-                "materials": _materials(run),
-            }
-        )
+            return ApprovalDetail(**told, calibration=result)
+        plan = render.render_plan(run, selectors.jobs_of(run))
+        return ApprovalDetail(**told, plan=plan, materials=_materials(run))
 
 
-def _materials(run: Run) -> list[dict[str, Any]]:
+def _materials(run: Run) -> list[MaterialChange]:
     states = crutd_selectors.lab_snapshot(list(resource_selectors.resources_of(run.lab)))
     before = {str(node): sum(state.contents.values()) for node, state in states.items()}
     after = dict(before)
@@ -98,12 +96,12 @@ def _materials(run: Run) -> list[dict[str, Any]]:
             after[operation["source_id"]] -= operation["amount_nl"]
             after[operation["target_id"]] += operation["amount_nl"]
     return [
-        {
-            "id": node,
-            "name": states[UUID(node)].name,
-            "before_nl": before[node],
-            "after_nl": after[node],
-        }
+        MaterialChange(
+            id=UUID(node),
+            name=states[UUID(node)].name,
+            before_nl=before[node],
+            after_nl=after[node],
+        )
         for node in before
         if before[node] != after[node]
     ]
@@ -115,7 +113,7 @@ class DecideRequest(Endpoint):
     signs = frozenset({"post"})
     bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": Verdict}
 
-    def post(self, request: Request, request_id: UUID) -> Response:
+    def post(self, request: Request, request_id: UUID) -> ApprovalRow:
         """Approve or reject."""
         user = user_of(request)
         verdict = body(request, Verdict)
@@ -130,7 +128,7 @@ class DecideRequest(Endpoint):
                 row.calibration_id, actor=user, is_accepted=is_approved, comment=comment
             )
         row, run = _visible(request_id, user)
-        return Response(render.render_request(row, run, user))
+        return render_request(row, run, user)
 
 
 def _visible(request_id: UUID, user: User) -> tuple[ApprovalRequest, Run]:

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Any
 from uuid import UUID
 
 from labweb.domain.runs.holding import Mode
 from labweb.domain.runs.job import RunState
+from labweb.runs.answers.rows import RunHold, RunWait
 from labweb.runs.models import Run
 from labweb.runs.selectors.holding import holds_of
 
@@ -15,32 +15,32 @@ _WAITING = {RunState.QUEUED.value, RunState.RUNNING.value}
 _SHARED = {Mode.DRAW.value, Mode.POUR.value}
 
 
-def render_wait(run: Run) -> dict[str, Any] | None:
+def render_wait(run: Run) -> RunWait | None:
     """Name the run that this one waits for, what it holds, and until which of its steps."""
     waits = run.waits
     if waits is None or waits["run_id"] is None:
         return None
     if run.pause_reasons or run.state not in _WAITING:
         return None
-    return {
-        "id": waits["run_id"],
-        "number": waits["number"],
-        "resource": waits["resource"],
-        "until_step": waits["until_step"],
-        "text": waits["text"],
-    }
+    return RunWait(
+        id=UUID(waits["run_id"]),
+        number=waits["number"],
+        resource=waits["resource"],
+        until_step=waits["until_step"],
+        text=waits["text"],
+    )
 
 
-def render_holds(runs: Iterable[Run]) -> dict[UUID, list[dict[str, Any]]]:
+def render_holds(runs: Iterable[Run]) -> dict[UUID, list[RunHold]]:
     """Render what runs keep for themselves now, by run; one query."""
-    found: dict[UUID, list[dict[str, Any]]] = {}
+    found: dict[UUID, list[RunHold]] = {}
     for row in holds_of([run.pk for run in runs]):
         found.setdefault(row.run_id, []).append(
-            {
-                "resource_id": str(row.resource_id),
-                "resource": row.resource.name,
-                "is_shared": row.mode in _SHARED,
-                "until_step": row.until_step,
-            }
+            RunHold(
+                resource_id=row.resource_id,
+                resource=row.resource.name,
+                is_shared=row.mode in _SHARED,
+                until_step=row.until_step,
+            )
         )
     return found

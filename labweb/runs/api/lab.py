@@ -10,13 +10,13 @@ import msgspec
 from django.db import OperationalError
 from psycopg.errors import DeadlockDetected, LockNotAvailable
 from rest_framework.request import Request
-from rest_framework.response import Response
 
 from labweb.accounts.api import Endpoint
 from labweb.accounts.selectors import User, user_of
 from labweb.common.requests import Nothing, body
 from labweb.resources import selectors as resource_selectors
 from labweb.runs import selectors, services
+from labweb.runs.answers.lab import LabSummary
 from labweb.runs.api.runs import Reason
 
 logger = logging.getLogger(__name__)
@@ -27,10 +27,10 @@ _TRIES = 3
 class LabView(Endpoint):
     """The lab and its stop."""
 
-    def get(self, request: Request) -> Response:
+    def get(self, request: Request) -> LabSummary:
         """Return the lab."""
         user_of(request)
-        return Response(selectors.lab_summary(resource_selectors.the_lab()))
+        return selectors.lab_summary(resource_selectors.the_lab())
 
 
 class StopLab(Endpoint):
@@ -39,11 +39,11 @@ class StopLab(Endpoint):
     bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": Nothing}
     harmless: ClassVar[Mapping[str, str]] = {"post": "a lab that is stopped twice is stopped"}
 
-    def post(self, request: Request) -> Response:
+    def post(self, request: Request) -> LabSummary:
         """Stop every device now and latch."""
         body(request, Nothing)
         _stop(user_of(request))
-        return Response(selectors.lab_summary(resource_selectors.the_lab()))
+        return selectors.lab_summary(resource_selectors.the_lab())
 
 
 def _stop(actor: User) -> None:
@@ -65,7 +65,7 @@ class ResetLab(Endpoint):
 
     bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": Reason}
 
-    def post(self, request: Request) -> Response:
+    def post(self, request: Request) -> LabSummary:
         """Release the latch; starts nothing."""
         services.reset_lab(actor=user_of(request), reason=body(request, Reason).reason)
-        return Response(selectors.lab_summary(resource_selectors.the_lab()))
+        return selectors.lab_summary(resource_selectors.the_lab())

@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
-from typing import Any
+from collections.abc import Iterable, Sequence
+from typing import TypeVar
+
+from msgspec.structs import replace
 
 from labweb.common.clock import now
 from labweb.domain.runs.duration import Part, span_s
+from labweb.domain.workflows.plan import PlannedStep
+from labweb.runs.answers.plans import PlanJob, PlanView
 from labweb.runs.models import Job
+
+Timed = TypeVar("Timed", PlanJob, PlannedStep)
 
 
 def estimate_s(job: Job) -> float:
@@ -30,15 +36,10 @@ def _part(job: Job, takes_s: float) -> Part:
     return Part(index=job.index, after=job.after, device=job.device_id, takes_s=takes_s)
 
 
-def planned_s(jobs: Iterable[Mapping[str, Any]]) -> float:
+def planned_s(jobs: Iterable[PlanJob]) -> float:
     """Return how long the jobs of a rendered plan take together."""
     return span_s(
-        Part(
-            index=one["index"],
-            after=one["after"],
-            device=one["device"]["id"],
-            takes_s=one["estimate_s"],
-        )
+        Part(index=one.index, after=one.after, device=one.device.id, takes_s=one.estimate_s)
         for one in jobs
     )
 
@@ -47,18 +48,18 @@ def _spent_s(job: Job, at_s: float) -> float:
     return 0.0 if job.started_at is None else at_s - job.started_at.timestamp()
 
 
-def on_the_wall(plan: Mapping[str, Any], jobs: Sequence[Job]) -> dict[str, Any]:
+def on_the_wall(plan: PlanView, jobs: Sequence[Job]) -> PlanView:
     """Return a rendered plan with the estimates of its steps and jobs in real time."""
     by_step = {job.step_id: job.device.host.pace for job in jobs}
     by_index = {job.index: job.device.host.pace for job in jobs}
-    parts = [_at(one, by_index.get(one["index"], 1.0)) for one in plan["jobs"]]
-    return {
-        **plan,
-        "steps": [_at(one, by_step.get(one["step_id"], 1.0)) for one in plan["steps"]],
-        "jobs": parts,
-        "estimate_s": planned_s(parts),
-    }
+    parts = [_at(one, by_index.get(one.index, 1.0)) for one in plan.jobs]
+    return replace(
+        plan,
+        steps=[_at(one, by_step.get(one.step_id, 1.0)) for one in plan.steps],
+        jobs=parts,
+        estimate_s=planned_s(parts),
+    )
 
 
-def _at(row: Mapping[str, Any], pace: float) -> dict[str, Any]:
-    return {**row, "estimate_s": row["estimate_s"] / pace}
+def _at(row: Timed, pace: float) -> Timed:
+    return replace(row, estimate_s=row.estimate_s / pace)

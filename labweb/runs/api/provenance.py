@@ -7,11 +7,13 @@ from datetime import UTC, datetime
 from typing import Any, ClassVar
 from uuid import UUID
 
+import msgspec
 from rest_framework.request import Request
 from rest_framework.response import Response
 
 from labweb.accounts.api import Endpoint
 from labweb.accounts.selectors import user_of
+from labweb.common.answers import ApiAnswer
 from labweb.common.clock import now
 from labweb.common.requests import Parameter, identity, one_of, seconds, whole_number, word
 from labweb.crutd import selectors as crutd_selectors
@@ -24,6 +26,7 @@ from labweb.domain.errors import NotFoundError
 from labweb.enrollment import selectors as enrollment_selectors
 from labweb.resources import selectors as resource_selectors
 from labweb.resources.selectors import Lab
+from labweb.runs.answers.provenance import ProvenanceGraph, ResourceConditions
 from labweb.runs.api.runs import visible as visible_run
 from labweb.runs.selectors import conditions as condition_selectors
 from labweb.runs.selectors import provenance, shown
@@ -35,8 +38,9 @@ _DEPTH = 10
 _GRAPH: Mapping[str, Parameter] = {
     "direction": one_of(provenance.DIRECTIONS),
     "depth": Parameter({"type": "integer", "minimum": 1, "maximum": DEEPEST}),
-    "form": one_of(_FORMS),
+    "form": one_of(_FORMS, "Of the answer; prov: the graph as a PROV-JSON document."),
 }
+_ANSWERS: Mapping[str, Mapping[int, type[ApiAnswer]]] = {"get": {200: ProvenanceGraph}}
 
 
 def _asked(request: Request) -> dict[str, Any]:
@@ -56,13 +60,15 @@ def _told(request: Request, found: Provenance) -> Response:
     graph = shown.seen_by(found, seen)
     if request.query_params.get("form") == "prov":
         return Response(render_prov(graph, str(found.lab.id)))
-    return Response({**to_json(graph), "truncation": found.truncation()})
+    told = {**to_json(graph), "truncation": found.truncation()}
+    return Response(msgspec.convert(told, ProvenanceGraph))
 
 
 class ResourceProvenance(Endpoint):
     """What led to a resource, and what it touched."""
 
     queries = _GRAPH
+    answers = _ANSWERS
 
     def get(self, request: Request, resource_id: UUID) -> Response:
         """Return the graph: `direction` up, down or both; `depth`; `form` json or prov."""
@@ -74,6 +80,7 @@ class LotProvenance(Endpoint):
     """What was made from a lot."""
 
     queries = _GRAPH
+    answers = _ANSWERS
 
     def get(self, request: Request, lot_id: UUID) -> Response:
         """Return the graph: `direction` up, down or both; `depth`; `form` json or prov."""
@@ -89,6 +96,7 @@ class RunProvenance(Endpoint):
     """What a run used and made."""
 
     queries = _GRAPH
+    answers = _ANSWERS
 
     def get(self, request: Request, run_id: UUID) -> Response:
         """Return the graph: `direction` up, down or both; `depth`; `form` json or prov."""
@@ -100,6 +108,7 @@ class FileProvenance(Endpoint):
     """What a kept file is of."""
 
     queries = _GRAPH
+    answers = _ANSWERS
 
     def get(self, request: Request, file_id: UUID) -> Response:
         """Return the graph: `direction` up, down or both; `depth`; `form` json or prov."""
@@ -111,6 +120,7 @@ class ReadingProvenance(Endpoint):
     """Where a reading comes from."""
 
     queries = _GRAPH
+    answers = _ANSWERS
 
     def get(self, request: Request, reading_id: UUID) -> Response:
         """Return the graph: `direction` up, down or both; `depth`; `form` json or prov."""
@@ -132,7 +142,7 @@ class Conditions(Endpoint):
         "until_s": Parameter({"type": "number"}, "End; without it, now."),
     }
 
-    def get(self, request: Request, resource_id: UUID) -> Response:
+    def get(self, request: Request, resource_id: UUID) -> ResourceConditions:
         """Return each stay in the device `device` from `since_s` to `until_s`.
 
         Without `since_s` from when the resource was made, without `until_s` till now.
@@ -151,7 +161,7 @@ class Conditions(Endpoint):
         _hide_acts(request, found)
         _hide_files(device.lab, seen, found)
         _hide_surroundings(device.lab, seen, found)
-        return Response(found)
+        return msgspec.convert(found, ResourceConditions)
 
 
 def _hide_acts(request: Request, found: dict[str, Any]) -> None:

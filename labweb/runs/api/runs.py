@@ -3,24 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from datetime import datetime
 from typing import Any, ClassVar
 from uuid import UUID
 
 import msgspec
 from django.db.models import QuerySet
+from msgspec.structs import replace
 from rest_framework.request import Request
-from rest_framework.response import Response
 
 from labweb.accounts.api import Endpoint
 from labweb.accounts.selectors import User, user_of
 from labweb.common.lists import HISTORY, STANDING
 from labweb.common.reading import one_moment
-from labweb.common.render import iso
 from labweb.common.requests import Parameter, body
 from labweb.crutd import api as crutd_api
 from labweb.crutd import selectors as crutd_selectors
-from labweb.crutd.selectors.resolving import Resolved, resolved_of
+from labweb.crutd.answers import EventRun
+from labweb.crutd.selectors.resolving import resolved_of
 from labweb.domain.approvals.roles import Permission
 from labweb.domain.errors import DefinitionError, NotFoundError
 from labweb.domain.runs.context import without_surroundings
@@ -29,7 +28,11 @@ from labweb.domain.runs.job import RunState
 from labweb.resources import selectors as resource_selectors
 from labweb.resources.selectors import Lab
 from labweb.runs import selectors, services
-from labweb.runs.api import render
+from labweb.runs.answers.jobs import JobRow
+from labweb.runs.answers.rows import RunList
+from labweb.runs.answers.runs import LogLine, RunEventList, RunLogPage, RunView
+from labweb.runs.api import log, render
+from labweb.runs.api.jobs import render_job
 from labweb.runs.models import HostEvent, Job, Run
 from labweb.workflows import selectors as workflow_selectors
 
@@ -120,12 +123,13 @@ class Runs(Endpoint):
     """Runs of the lab."""
 
     bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": StartRun}
+    statuses: ClassVar[Mapping[str, int]] = {"post": 201}
     queries: ClassVar[Mapping[str, Parameter]] = {
         "state": Parameter({"type": "string"}, "States of runs, with commas between."),
         **HISTORY.parameters,
     }
 
-    def get(self, request: Request) -> Response:
+    def get(self, request: Request) -> RunList:
         """List runs, newest first."""
         rows = visible_runs(resource_selectors.the_lab(), user_of(request))
         states = [s for s in request.query_params.get("state", "").split(",") if s]
@@ -141,9 +145,9 @@ class Runs(Endpoint):
             rows = rows.filter(state__in=states)
         with one_moment():
             found, following = HISTORY.of_rows(request, rows, "-number")
-            return Response({"runs": render.render_rows(found), "next": following})
+            return RunList(runs=render.render_rows(found), next=following)
 
-    def post(self, request: Request) -> Response:
+    def post(self, request: Request) -> RunView:
         """Start a version, or ask for approval where a policy wants it."""
         user = user_of(request)
         wanted = body(request, StartRun)
@@ -154,17 +158,17 @@ class Runs(Endpoint):
             seen_digest=wanted.plan_digest,
             is_asked=not wanted.is_second,
         )
-        return Response(render.render_run(run, user), status=201)
+        return render.render_run(run, user)
 
 
 class RunDetail(Endpoint):
     """One run."""
 
-    def get(self, request: Request, run_id: UUID) -> Response:
+    def get(self, request: Request, run_id: UUID) -> RunView:
         """Return a run whole."""
         user = user_of(request)
         with one_moment():
-            return Response(render.render_run(visible(run_id, user), user))
+            return render.render_run(visible(run_id, user), user)
 
 
 class RunEvents(Endpoint):
@@ -172,16 +176,16 @@ class RunEvents(Endpoint):
 
     queries = HISTORY.parameters
 
-    def get(self, request: Request, run_id: UUID) -> Response:
+    def get(self, request: Request, run_id: UUID) -> RunEventList:
         """List what the run's transactions did, newest first."""
         run = visible(run_id, user_of(request))
         ids = run.jobs.values_list("id", flat=True)
         rows = crutd_selectors.events_of(run.lab, job_ids=ids)
         events, following = HISTORY.of_rows(request, rows, "-seq")
-        rendered = crutd_api.render_events(events)
-        for event in rendered:
-            event["run"] = {"id": str(run.id), "number": run.number}
-        return Response({"events": rendered, "next": following})
+        found = crutd_api.event_rows(events)
+        for event in found:
+            event.run = EventRun(id=run.id, number=run.number)
+        return RunEventList(events=found, next=following)
 
 
 class RunLog(Endpoint):
@@ -189,7 +193,7 @@ class RunLog(Endpoint):
 
     queries = STANDING.parameters
 
-    def get(self, request: Request, run_id: UUID) -> Response:
+    def get(self, request: Request, run_id: UUID) -> RunLogPage:
         """List host events of the run's actions, oldest first."""
         run = visible(run_id, user_of(request))
         tries = [
@@ -198,74 +202,33 @@ class RunLog(Endpoint):
             for attempt in job.attempts.all()
         ]
         jobs = {attempt.id: job for attempt, job in tries}
-        told: list[HostEvent | dict[str, Any]] = [
+        told: list[HostEvent | LogLine] = [
             *selectors.host_events(list(jobs)),
-            *render.render_hand_overs(run),
+            *log.render_hand_overs(run),
         ]
-        page, following = STANDING.of_list(request, told, _place)
+        page, following = STANDING.of_list(request, told, log.place_of)
         by_transaction = resolved_of(attempt.transaction_id for attempt, _ in tries)
         ends = {one.id: by_transaction.get(one.transaction_id) for one, _ in tries}
         root = resource_selectors.root_of(run.lab).id
         is_all_seen = root in resource_selectors.allowed_ids(user_of(request), Permission.VIEW)
-        lines = [line if isinstance(line, dict) else _reported(line, jobs, ends) for line in page]
+        lines = [
+            line if isinstance(line, LogLine) else log.render_reported(line, jobs, ends)
+            for line in page
+        ]
         if not is_all_seen:
-            lines = [{**line, "body": without_surroundings(line["body"])} for line in lines]
-        return Response({"lines": lines, "next": following})
-
-
-def _reported(
-    event: HostEvent, jobs: Mapping[UUID, Job], ends: Mapping[UUID, Resolved | None]
-) -> dict[str, Any]:
-    if event.action_id is None:
-        raise ValueError(event)  # they were found by the actions
-    job, end = jobs[event.action_id], ends[event.action_id]
-    return {
-        "at": iso(event.happened_at or event.received_at),
-        "received_at": iso(event.received_at),
-        "uncertainty_s": event.uncertainty_s,
-        "is_bounded": event.is_bounded,
-        "job_id": str(job.id),
-        "job_index": job.index,
-        "kind": event.kind,
-        "text": _line(event.kind, event.body, job.sentence, end),
-        "resolved": _end_of(event.kind, end),
-        "body": event.body,
-    }
-
-
-def _place(line: HostEvent | dict[str, Any]) -> list[Any]:
-    """Order lines by time; what a host reported stands before how things went on from it."""
-    if isinstance(line, HostEvent):
-        return [(line.happened_at or line.received_at).timestamp(), line.pk, ""]
-    at = datetime.fromisoformat(line["at"]).timestamp()
-    return [at, 2**62, f"{line['kind']} {line['text']}"]
-
-
-def _line(kind: str, report: dict[str, Any], sentence_text: str, end: Resolved | None) -> str:
-    """Say what a host reported; of a doubt that is over, how it ended."""
-    message = report.get("message")
-    about = f", {message}" if message else ""
-    if end is None or kind not in {"in_doubt", "resolved"}:
-        return f"{sentence_text}: {kind.replace('_', ' ')}{about}"
-    told = end.to_json()
-    if kind == "resolved":
-        return f"{sentence_text}: {told['text']}" + (f". {told['note']}" if told["note"] else "")
-    return f"{sentence_text}: outcome not known then{about}. {told['text']}"
-
-
-def _end_of(kind: str, end: Resolved | None) -> dict[str, Any] | None:
-    return end.to_json() if end is not None and kind == "in_doubt" else None
+            lines = [replace(line, body=without_surroundings(line.body)) for line in lines]
+        return RunLogPage(lines=lines, next=following)
 
 
 class PauseRun(Endpoint):
     """A pause."""
 
-    def post(self, request: Request, run_id: UUID) -> Response:
+    def post(self, request: Request, run_id: UUID) -> RunView:
         """Let nothing more of the run begin, and return it."""
         user = user_of(request)
         visible(run_id, user)
         services.pause_run(run_id, actor=user)
-        return Response(render.render_run(selectors.find_run(run_id), user))
+        return render.render_run(selectors.find_run(run_id), user)
 
 
 class ResumeRun(Endpoint):
@@ -273,12 +236,12 @@ class ResumeRun(Endpoint):
 
     bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": Resume}
 
-    def post(self, request: Request, run_id: UUID) -> Response:
+    def post(self, request: Request, run_id: UUID) -> RunView:
         """Let the run go on, and return it."""
         user, seen = user_of(request), body(request, Resume)
         visible(run_id, user)
         services.resume_run(run_id, actor=user, departures=seen.departures, pauses=seen.pauses)
-        return Response(render.render_run(selectors.find_run(run_id), user))
+        return render.render_run(selectors.find_run(run_id), user)
 
 
 class AbortRun(Endpoint):
@@ -286,12 +249,12 @@ class AbortRun(Endpoint):
 
     bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": Reason}
 
-    def post(self, request: Request, run_id: UUID) -> Response:
+    def post(self, request: Request, run_id: UUID) -> RunView:
         """Have the run end, and return it."""
         user, reason = user_of(request), body(request, Reason).reason
         visible(run_id, user)
         services.abort_run(run_id, actor=user, reason=reason)
-        return Response(render.render_run(selectors.find_run(run_id), user))
+        return render.render_run(selectors.find_run(run_id), user)
 
 
 def whole_nl(volume_ul: float) -> int:
@@ -323,7 +286,7 @@ class RecoverJob(Endpoint):
 
     bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": RecoveryAnswer}
 
-    def post(self, request: Request, job_id: UUID) -> Response:
+    def post(self, request: Request, job_id: UUID) -> RunView:
         """Carry out a person's choice and return the run."""
         user = user_of(request)
         wanted = body(request, RecoveryAnswer)
@@ -336,7 +299,7 @@ class RecoverJob(Endpoint):
             moved_nl=_by_hand_nl(wanted.moved_ul),
             params=wanted.params,
         )
-        return Response(render.render_run(selectors.find_run(job.run_id), user))
+        return render.render_run(selectors.find_run(job.run_id), user)
 
 
 class Confirmation(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -351,13 +314,13 @@ class ConfirmJob(Endpoint):
 
     bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": Confirmation}
 
-    def post(self, request: Request, job_id: UUID) -> Response:
+    def post(self, request: Request, job_id: UUID) -> RunView:
         """Let the job go, or plan the rest again with what is stated; return the run."""
         user = user_of(request)
         wanted = body(request, Confirmation)
         visible_job(job_id, user)
         job = services.confirm_job(job_id, actor=user, stated=wanted.stated)
-        return Response(render.render_run(selectors.find_run(job.run_id), user))
+        return render.render_run(selectors.find_run(job.run_id), user)
 
 
 def _by_hand_nl(moved_ul: float | None) -> int | None:
@@ -371,7 +334,7 @@ class ResolveJob(Endpoint):
     signs = frozenset({"post"})
     bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": DoubtAnswer}
 
-    def post(self, request: Request, job_id: UUID) -> Response:
+    def post(self, request: Request, job_id: UUID) -> JobRow:
         """Send a person's answer to the host."""
         user = user_of(request)
         answer = body(request, DoubtAnswer)
@@ -395,4 +358,4 @@ class ResolveJob(Endpoint):
         attempt = selectors.last_attempt(job)
         waiting = selectors.answers_under_way([] if attempt is None else [attempt.id])
         names = render.names_of(job.run.lab)
-        return Response(render.render_job(job, attempt, names, waiting))
+        return render_job(job, attempt, names, waiting)

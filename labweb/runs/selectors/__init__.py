@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable
 from datetime import datetime
-from typing import Any, NamedTuple
+from typing import NamedTuple
 from uuid import UUID
 
 from django.db.models import CharField, Q, QuerySet, UUIDField, Value
@@ -14,16 +14,18 @@ from labweb.accounts import selectors as account_selectors
 from labweb.approvals import selectors as approval_selectors
 from labweb.common import disk
 from labweb.common.prepared import Given, Prepared
-from labweb.common.render import iso
 from labweb.crutd import selectors as crutd_selectors
 from labweb.domain.disk import Level
 from labweb.domain.errors import NotFoundError
 from labweb.domain.runs.job import AT_EDGE, JobState, RunState
 from labweb.domain.runs.recovery import Wait
+from labweb.domain.runs.session import SessionState
 from labweb.enrollment import selectors as enrollment_selectors
 from labweb.enrollment.selectors import Device, EdgeHost
 from labweb.resources import selectors as resource_selectors
 from labweb.resources.selectors import Lab
+from labweb.runs.answers.lab import LabCounts, LabStop, LabSummary, StopHost
+from labweb.runs.answers.rows import lab_mode
 from labweb.runs.models import Attempt, HostEvent, Outbox
 from labweb.runs.models import Calibration as Calibration
 from labweb.runs.models import Custody as Custody
@@ -287,7 +289,7 @@ def answers_under_way(ids: Iterable[UUID]) -> dict[UUID, tuple[str, datetime]]:
     return {action_id: (names.get(by, by), at) for action_id, by, at in found}
 
 
-def lab_summary(lab: Lab) -> dict[str, Any]:
+def lab_summary(lab: Lab) -> LabSummary:
     """Return the lab as every page shows it."""
     live = Run.objects.filter(lab=lab, state__in=LIVE)
     doubts = jobs_in_doubt(lab).count()
@@ -297,19 +299,19 @@ def lab_summary(lab: Lab) -> dict[str, Any]:
     waiting = approval_selectors.requests_of(lab).filter(state="open", driver_id=None).count()
     brought = approval_selectors.open_about_drivers(lab).count()
     known = list(enrollment_selectors.hosts_of(lab))
-    return {
-        "id": str(lab.id),
-        "key": lab.key,
-        "name": lab.name,
-        "mode": lab.mode,
-        "time_zone": lab.time_zone,
-        "speed": max((host.pace for host in known), default=1.0),
-        "stop": _stop(lab, known),
-        "counts": {
-            "runs_live": live.count(),
-            "approvals_open": waiting,
-            "drivers_open": brought,
-            "needs_you": doubts
+    return LabSummary(
+        id=lab.id,
+        key=lab.key,
+        name=lab.name,
+        mode=lab_mode(lab.mode),
+        time_zone=lab.time_zone,
+        speed=max((host.pace for host in known), default=1.0),
+        stop=_stop(lab, known),
+        counts=LabCounts(
+            runs_live=live.count(),
+            approvals_open=waiting,
+            drivers_open=brought,
+            needs_you=doubts
             + alone
             + waiting
             + brought
@@ -318,8 +320,8 @@ def lab_summary(lab: Lab) -> dict[str, Any]:
             + lab.is_stopped
             + len(silent_devices())
             + _short_disks_count(known),
-        },
-    }
+        ),
+    )
 
 
 def _short_disks_count(known: list[EdgeHost]) -> int:
@@ -327,26 +329,26 @@ def _short_disks_count(known: list[EdgeHost]) -> int:
     return sum(one is not None and one.level(disk.floors()) is not Level.OK for one in told)
 
 
-def _stop(lab: Lab, known: list[EdgeHost]) -> dict[str, Any]:
+def _stop(lab: Lab, known: list[EdgeHost]) -> LabStop:
     hosts = [
-        {
-            "id": str(host.id),
-            "name": host.name,
-            "state": host.state,
-            "acknowledged_at": iso(host.stop_acknowledged_at)
+        StopHost(
+            id=host.id,
+            name=host.name,
+            state=SessionState(host.state),
+            acknowledged_at=host.stop_acknowledged_at
             if host.stop_acknowledged == lab.stop_id
             else None,
-            "after_s": _after_s(lab, host),
-        }
+            after_s=_after_s(lab, host),
+        )
         for host in known
     ]
-    return {
-        "is_stopped": lab.is_stopped,
-        "stop_id": None if lab.stop_id is None else str(lab.stop_id),
-        "stopped_at": iso(lab.stopped_at),
-        "stopped_by": None if lab.stopped_by is None else lab.stopped_by.printed_name,
-        "hosts": hosts if lab.is_stopped else [],
-    }
+    return LabStop(
+        is_stopped=lab.is_stopped,
+        stop_id=lab.stop_id,
+        stopped_at=lab.stopped_at,
+        stopped_by=None if lab.stopped_by is None else lab.stopped_by.printed_name,
+        hosts=hosts if lab.is_stopped else [],
+    )
 
 
 def _after_s(lab: Lab, host: EdgeHost) -> float | None:

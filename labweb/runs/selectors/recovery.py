@@ -18,6 +18,8 @@ from labweb.domain.runs.departing import Departure
 from labweb.domain.runs.halting import LET_GO
 from labweb.domain.runs.job import FINAL, JobState
 from labweb.domain.runs.recovery import UNDONE, Choice, Ended, Later, Partner, Wait
+from labweb.runs.answers.jobs import RecoveryCard
+from labweb.runs.answers.jobs import recovery_choices as told_choices
 from labweb.runs.models import Attempt, Job, Run
 
 
@@ -178,7 +180,7 @@ def choices_after(job: Job, answer: str) -> tuple[Choice, ...]:
     return doubting.choices_after(ended, is_step_untouched=is_step_untouched(job))
 
 
-def recovery_of(job: Job) -> dict[str, Any] | None:
+def recovery_of(job: Job) -> RecoveryCard | None:
     """Return the recovery card of a job; None: it stands as done, or it was decided."""
     is_undone = JobState(job.state) in FINAL - {JobState.COMPLETE} and not job.passed_by
     if not is_undone and not is_taken_away(job):
@@ -188,19 +190,16 @@ def recovery_of(job: Job) -> dict[str, Any] | None:
     sentences = dict(Job.objects.filter(run_id=job.run_id).values_list("index", "sentence"))
     with_it = recovery.skipped_with(ended, later) if is_undone else []
     relying = recovery.relying_on(targets, ended, later)
-    return {
-        "recovery": job.recovery,
-        "tries": job.attempts.count(),
-        "choices": [
-            {"name": one.name, "why_not": one.why_not or None, "consequence": one.consequence}
-            for one in recovery_choices(job)
-        ],
-        "skips": [sentences[index] for index in with_it],
-        "relying": [sentences[index] for index in relying],
-        "asked_ul": job.operation["amount_nl"] / 1000 if ended.is_liquid else None,
-        "moved_ul": moved_nl(job) / 1000 if ended.is_liquid else None,
-        "params": _params(job),
-    }
+    return RecoveryCard(
+        recovery=job.recovery,
+        tries=job.attempts.count(),
+        choices=told_choices(recovery_choices(job)),
+        skips=[sentences[index] for index in with_it],
+        relying=[sentences[index] for index in relying],
+        asked_ul=job.operation["amount_nl"] / 1000 if ended.is_liquid else None,
+        moved_ul=moved_nl(job) / 1000 if ended.is_liquid else None,
+        params=_params(job),
+    )
 
 
 def _targets(job: Job) -> frozenset[UUID]:

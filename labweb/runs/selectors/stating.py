@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Any
 from uuid import UUID
 
 from labweb.crutd import selectors as crutd_selectors
 from labweb.domain.resources.contents import LotId, Phase
 from labweb.resources import selectors as resource_selectors
+from labweb.runs.answers.jobs import LotThere, StatementAsked
 from labweb.runs.models import Job
 
 
-def to_state(job: Job) -> dict[str, Any] | None:
+def to_state(job: Job) -> StatementAsked | None:
     """Return what a person states in the place of a job; None: nothing.
 
     `label` is what they state; `leaves_out` says that with nothing of any lot the step is left
@@ -32,12 +32,12 @@ def to_state(job: Job) -> dict[str, Any] | None:
         amount = held[LotId(str(lot.pk))]
         is_liquid = Phase(lot.phase) is Phase.LIQUID
         told.append(
-            {
-                "key": lot.key,
-                "name": str(lot),
-                "held_ul": amount.nl / 1000 if is_liquid else None,
-                "held_mg": None if is_liquid else amount.ug / 1000,
-            }
+            LotThere(
+                key=lot.key,
+                name=str(lot),
+                held_ul=amount.nl / 1000 if is_liquid else None,
+                held_mg=None if is_liquid else amount.ug / 1000,
+            )
         )
     leaves_out = job.states.get("leaves_out", True)
-    return {"label": job.states["label"], "leaves_out": leaves_out, "lots": told}
+    return StatementAsked(label=job.states["label"], leaves_out=leaves_out, lots=told)

@@ -94,7 +94,7 @@ def confirm_job(job_id: UUID, *, actor: User, stated: Mapping[str, str] | None =
 def _check_stated(job: Job, stated: Mapping[str, str] | None) -> None:
     told = selectors.to_state(job)
     # A vessel that holds no solid any more needs no statement of any.
-    if told is not None and not told["leaves_out"] and told["lots"] and not stated:
+    if told is not None and not told.leaves_out and told.lots and not stated:
         text = f"{job.asks} Say it of each solid: its mass, 'all' or 'none'"
         raise DefinitionError(text, code="run.nothing_stated")
     if told is not None and stated is None:

@@ -68,12 +68,6 @@ class Steps(Endpoint):
         )
 
 
-def render_actions(spec: DriverSpec) -> list[dict[str, Any]]:
-    """Return what a device does as `device_actions` does, as plain data."""
-    actions: list[dict[str, Any]] = msgspec.to_builtins(device_actions(spec))
-    return actions
-
-
 def device_actions(spec: DriverSpec) -> list[DeviceAction]:
     """Return what a device does, each with the schema of its arguments."""
     return [
@@ -177,12 +171,6 @@ def create(request: Request) -> Workflow:
         document=document,
         actor=user_of(request),
     )
-
-
-def render_version(row: WorkflowVersion) -> dict[str, Any]:
-    """Return a version as `version_row` does, as plain data."""
-    version: dict[str, Any] = msgspec.to_builtins(version_row(row))
-    return version
 
 
 def version_row(row: WorkflowVersion) -> VersionRow:

@@ -64,11 +64,11 @@ def test_what_was_given_up_needs_somebody_until_stock_was_taken(bench: Bench) ->
     assert {need["title"] for need in told} == {f"Nobody knows what {r.name} holds" for r in closed}
     assert {need["url"] for need in told} == {f"/lab?sel={row.id}&stock=1" for row in closed}
     assert {need["verb"] for need in told} == {"Take stock"}
-    before = lab_summary(bench.lab)["counts"]["needs_you"]
+    before = lab_summary(bench.lab).counts.needs_you
     for row in closed:
         take_stock(bench, row)
     assert needs(bench, "quarantined") == []
-    assert lab_summary(bench.lab)["counts"]["needs_you"] == before - 2
+    assert lab_summary(bench.lab).counts.needs_you == before - 2
 
 
 def test_taking_stock_stands_among_the_events_of_the_vessel(bench: Bench) -> None:
@@ -177,12 +177,12 @@ def test_a_ticket_is_read_where_home_leads(bench: Bench) -> None:
 
 def test_a_ticket_is_closed_once_with_a_reason_that_is_kept(bench: Bench) -> None:
     ticket = a_ticket(bench)
-    before = lab_summary(bench.lab)["counts"]["needs_you"]
+    before = lab_summary(bench.lab).counts.needs_you
     status, told = close(bench, ticket, "weighed both")
     assert (status, told["closed_by"]) == (200, bench.people["chemist"].printed_name)
     assert not told["can_close"]
     assert needs(bench, "ticket") == []
-    assert lab_summary(bench.lab)["counts"]["needs_you"] == before - 1
+    assert lab_summary(bench.lab).counts.needs_you == before - 1
     entry = AuditEntry.objects.get(action="ticket.close", subject=str(ticket.id))
     assert (entry.actor, entry.reason) == (bench.people["chemist"], "weighed both")
     status, told = close(bench, ticket, "again")

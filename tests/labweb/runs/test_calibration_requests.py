@@ -36,7 +36,7 @@ def test_a_result_waits_in_the_queue_until_its_own_due_date(bench: Bench) -> Non
     assert request.expires_at == row.measured_at + timedelta(days=365)
     home = read(signed_in(bench.people["approver"]), "/api/v1/home")
     assert [one["title"] for one in home["needs_you"]] == ["Calibration 1 of volume of Pump 1"]
-    assert selectors.lab_summary(bench.lab)["counts"]["approvals_open"] == 1
+    assert selectors.lab_summary(bench.lab).counts.approvals_open == 1
 
 
 def test_who_measured_sees_it_and_may_not_decide_it(bench: Bench) -> None:

@@ -192,8 +192,8 @@ def test_what_is_done_by_hand_instead_is_booked_as_it_was_planned(
     job = undone(weighing)
     card = selectors.recovery_of(job)
     assert card is not None
-    (offered,) = [one for one in card["choices"] if one["name"] == "done_by_hand"]
-    assert "moves the mass that was planned" in offered["consequence"]
+    (offered,) = [one for one in card.choices if one.name == "done_by_hand"]
+    assert "moves the mass that was planned" in offered.consequence
     services.recover_job(job.id, actor=chemist, choice="done_by_hand", note="weighed")
     assert weighing.held_ug() == (8_000_000, 2_000_000)
 

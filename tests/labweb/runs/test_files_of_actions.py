@@ -100,7 +100,7 @@ def brought(lab: Bench, attempt: Attempt, data: bytes, sha256: str | None = None
 
 def shown(attempt: Attempt, lab: Bench) -> list[dict[str, Any]]:
     run = Run.objects.get(pk=attempt.job.run_id)
-    return list(render_run(run, lab.people["chemist"])["files"])
+    return list(msgspec.to_builtins(render_run(run, lab.people["chemist"]).files))
 
 
 def test_a_file_is_missing_until_it_came_and_then_is_read_and_linked(lab: Bench) -> None:

@@ -196,9 +196,9 @@ def test_a_run_that_waits_for_an_answer_is_one_thing_that_needs_a_person(bench: 
     run = a_started_run(bench)
     edge = an_edge(bench)
     edge.lose(to_transfer(run, edge))
-    assert lab_summary(bench.lab)["counts"]["needs_you"] == 1
+    assert lab_summary(bench.lab).counts.needs_you == 1
     a_started_run(bench, HEAT)
-    assert lab_summary(bench.lab)["counts"]["needs_you"] == 2
+    assert lab_summary(bench.lab).counts.needs_you == 2
 
 
 @pytest.mark.parametrize(

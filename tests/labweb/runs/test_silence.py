@@ -67,12 +67,12 @@ def test_a_silent_device_is_told_at_home_and_on_the_page_and_counted(
     bench: Bench, run: Run
 ) -> None:
     read(bench, 5.0)
-    before = lab_summary(bench.lab)["counts"]["needs_you"]
+    before = lab_summary(bench.lab).counts.needs_you
     assert (needs(bench), cards(bench, run)) == ([], [])
     Sample.objects.all().delete()
     at = read(bench, 31.0)
     heater = bench.device("heater_1")
-    assert lab_summary(bench.lab)["counts"]["needs_you"] == before + 1
+    assert lab_summary(bench.lab).counts.needs_you == before + 1
     [need] = needs(bench)
     assert need["title"].startswith(heater.name)
     assert (need["run_id"], need["url"]) == (str(run.id), f"/runs/{run.id}")
@@ -86,7 +86,7 @@ def test_a_silent_device_is_told_at_home_and_on_the_page_and_counted(
     assert (run.state, run.pause_reasons) == ("running", []), "it is not held for that"
     read(bench, 1.0)
     assert (needs(bench), cards(bench, run)) == ([], []), "it answers again"
-    assert lab_summary(bench.lab)["counts"]["needs_you"] == before
+    assert lab_summary(bench.lab).counts.needs_you == before
 
 
 def test_a_status_that_shows_nothing_of_what_was_set_is_no_word_about_it(

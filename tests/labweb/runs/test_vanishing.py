@@ -216,12 +216,12 @@ def test_a_loss_is_told_at_home_and_counted_while_another_action_still_acts(
     bench: Bench, host: Host, run: Run
 ) -> None:
     until_the_hold(host)
-    before = lab_summary(bench.lab)["counts"]["needs_you"]
+    before = lab_summary(bench.lab).counts.needs_you
     lose(host, bench, "motion", 0.0)
     host.tell()
     run.refresh_from_db()
     assert run.state == "pausing", "the hold has not ended"
-    assert lab_summary(bench.lab)["counts"]["needs_you"] == before + 1
+    assert lab_summary(bench.lab).counts.needs_you == before + 1
     needs = signed_in(bench.people["chemist"]).get("/api/v1/home").json()["needs_you"]
     [need] = [one for one in needs if one["run_id"] == str(run.id)]
     heater = bench.device("heater_1").name
@@ -236,22 +236,22 @@ def test_a_run_that_a_person_pauses_waits_for_nobody_while_its_action_acts(
     bench: Bench, host: Host, run: Run
 ) -> None:
     until_the_hold(host)
-    before = lab_summary(bench.lab)["counts"]["needs_you"]
+    before = lab_summary(bench.lab).counts.needs_you
     services.pause_run(run.id, actor=bench.people["chemist"])
     run.refresh_from_db()
     assert run.state == "pausing"
-    assert lab_summary(bench.lab)["counts"]["needs_you"] == before
+    assert lab_summary(bench.lab).counts.needs_you == before
 
 
 def test_a_step_that_somebody_has_answered_for_needs_nobody_any_more(
     bench: Bench, host: Host, run: Run
 ) -> None:
     until_the_hold(host)
-    before = lab_summary(bench.lab)["counts"]["needs_you"]
+    before = lab_summary(bench.lab).counts.needs_you
     lose(host, bench, "motion", 0.0)
     host.tell()
     chemist = bench.people["chemist"]
     services.recover_job(stirring(run).id, actor=chemist, choice="skip", note="it may rest")
     run.refresh_from_db()
     assert run.state == "pausing"
-    assert lab_summary(bench.lab)["counts"]["needs_you"] == before
+    assert lab_summary(bench.lab).counts.needs_you == before
