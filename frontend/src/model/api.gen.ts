@@ -1875,6 +1875,19 @@ export interface components {
             reference: components["schemas"]["Reference"];
         };
         /**
+         * CalibratedQuantity
+         * @description What can be calibrated of a device, and what was.
+         */
+        CalibratedQuantity: {
+            quantity: components["schemas"]["Quantity"];
+            unit: string;
+            is_relative: boolean;
+            may_begin: boolean;
+            stated: components["schemas"]["StatedAccuracy"] | null;
+            newest: string | null;
+            history: components["schemas"]["CalibrationDetail"][];
+        };
+        /**
          * CalibrationDecision
          * @description Body of a decision.
          */
@@ -1884,11 +1897,101 @@ export interface components {
             comment: string;
         };
         /**
+         * CalibrationDetail
+         * @description One calibration of one quantity of a device.
+         */
+        CalibrationDetail: {
+            /** Format: uuid */
+            id: string;
+            /** Format: uuid */
+            device_id: string;
+            quantity: components["schemas"]["Quantity"];
+            number: number;
+            /** @enum {unknown} */
+            state: "accepted" | "awaiting" | "failed" | "measuring" | "rejected" | "withdrawn";
+            standing: components["schemas"]["Standing"] | null;
+            reasons: string[];
+            run: components["schemas"]["CalibrationRun"];
+            references: components["schemas"]["Reference"][];
+            tolerance: number;
+            valid_days: number;
+            points: components["schemas"]["CalibrationPoint"][];
+            result: components["schemas"]["CalibrationResult"] | null;
+            findings: components["schemas"]["Finding"][];
+            made_by: string;
+            made_at: string;
+            measured_at: string | null;
+            decided_by: string | null;
+            decided_at: string | null;
+            comment: string;
+            expires_at: string | null;
+            withdrawn_by: string | null;
+            withdrawn_at: string | null;
+            withdrawn_because: string;
+            request_id: string | null;
+            can: components["schemas"]["CalibrationRights"];
+        };
+        /**
+         * CalibrationPoint
+         * @description One comparison of a device with a reference.
+         */
+        CalibrationPoint: {
+            level: number;
+            indicated: number;
+            reference: number;
+            standard: number;
+            at_s: number;
+            weighing?: Record<string, never>;
+            reading?: Record<string, never>;
+            comparison?: Record<string, never>;
+        };
+        /**
+         * CalibrationResult
+         * @description What a calibration found: `true = offset + gain × device`.
+         */
+        CalibrationResult: {
+            quantity: components["schemas"]["Quantity"];
+            gain: number;
+            offset: number;
+            gain_expanded: number;
+            offset_expanded: number;
+            covariance: number;
+            levels: components["schemas"]["LevelResult"][];
+            slope_pct: number | null;
+            offset_mv: number | null;
+            findings: components["schemas"]["Finding"][];
+        };
+        /**
+         * CalibrationRights
+         * @description What the caller may do with a calibration.
+         */
+        CalibrationRights: {
+            withdraw: boolean;
+        };
+        /**
+         * CalibrationRun
+         * @description The run whose readings are the points of a calibration.
+         */
+        CalibrationRun: {
+            /** Format: uuid */
+            id: string;
+            number: number;
+            state: components["schemas"]["RunState"];
+        };
+        /**
          * CalibrationWithdrawal
          * @description Body of a withdrawal.
          */
         CalibrationWithdrawal: {
             reason: string;
+        };
+        /**
+         * CalibrationsOfDevice
+         * @description A page of the calibrations of a device, by quantity.
+         */
+        CalibrationsOfDevice: {
+            quantities: components["schemas"]["CalibratedQuantity"][];
+            next: string | null;
         };
         /**
          * CheckDocument
@@ -2015,6 +2118,66 @@ export interface components {
             password: string;
         };
         /**
+         * CustodyConnection
+         * @description What keeps a vessel where it is.
+         */
+        CustodyConnection: {
+            key: string;
+            medium: components["schemas"]["Medium"];
+            to: string;
+        };
+        /**
+         * CustodyDetail
+         * @description Which host writes a vessel's facts, and the move that it is on.
+         */
+        CustodyDetail: {
+            host: components["schemas"]["CustodyHost"] | null;
+            move: components["schemas"]["CustodyMove"] | null;
+            connections: components["schemas"]["CustodyConnection"][];
+            is_allowed: boolean;
+            places: components["schemas"]["PlaceChoice"][];
+        };
+        /**
+         * CustodyHost
+         * @description An edge host that writes a vessel's facts, or will.
+         */
+        CustodyHost: {
+            /** Format: uuid */
+            id: string;
+            name: string;
+        };
+        /**
+         * CustodyMove
+         * @description A move of a vessel from one host's hands into another's.
+         */
+        CustodyMove: {
+            /** Format: uuid */
+            id: string;
+            state: components["schemas"]["CustodyState"];
+            from: components["schemas"]["CustodyHost"] | null;
+            to: components["schemas"]["CustodyHost"] | null;
+            place: components["schemas"]["CustodyPlace"] | null;
+            asked_by: string | null;
+            asked_at: string;
+            released_at: string | null;
+            is_told: boolean;
+        };
+        /**
+         * CustodyPlace
+         * @description The place that a vessel is carried to.
+         */
+        CustodyPlace: {
+            /** Format: uuid */
+            id: string;
+            name: string;
+        };
+        /**
+         * CustodyState
+         * @description In whose hands a resource is.
+         * @enum {unknown}
+         */
+        CustodyState: "in_transit" | "leaving" | "owned";
+        /**
          * Delete
          * @description Take a resource out of service into the Archive; nothing is erased.
          */
@@ -2038,6 +2201,22 @@ export interface components {
             lots: {
                 [key: string]: string;
             }[];
+        };
+        /**
+         * DeliveredLot
+         * @description A lot that came, and how the other system calls it.
+         */
+        DeliveredLot: {
+            /** Format: uuid */
+            id: string;
+            key: string;
+        };
+        /**
+         * DeliveredLots
+         * @description Every lot of a delivery, in its order.
+         */
+        DeliveredLots: {
+            lots: components["schemas"]["DeliveredLot"][];
         };
         /**
          * Departure
@@ -2108,6 +2287,46 @@ export interface components {
             revision: number;
         };
         /**
+         * DrawnColumn
+         * @description The measured column of a plot.
+         */
+        DrawnColumn: {
+            column: string;
+            unit: string;
+            least: number | string | null;
+            most: number | string | null;
+        };
+        /**
+         * DrawnScan
+         * @description The axis that numbers several spectra, and the one that is shown.
+         */
+        DrawnScan: {
+            column: string;
+            unit: string;
+            points_count: number;
+            least: number | string | null;
+            most: number | string | null;
+            value: number;
+        };
+        /**
+         * DrawnSeries
+         * @description The points of a reading, with what its axes are.
+         */
+        DrawnSeries: {
+            /** Format: uuid */
+            reading_id: string;
+            x: components["schemas"]["SeriesAxis"];
+            y: components["schemas"]["DrawnColumn"];
+            scan: components["schemas"]["DrawnScan"] | null;
+            points: [
+                number,
+                number | null
+            ][];
+            rows_count: number;
+            is_thinned: boolean;
+            is_time: boolean;
+        };
+        /**
          * DriverChoice
          * @description Body that says which version of its driver a device shall have.
          */
@@ -2135,6 +2354,102 @@ export interface components {
             reason: string;
         };
         /**
+         * FileJob
+         * @description The job that a file came from.
+         */
+        FileJob: {
+            /** Format: uuid */
+            id: string;
+            index: number;
+            sentence: string;
+            run: components["schemas"]["FileRun"];
+        };
+        /**
+         * FileList
+         * @description A page of files.
+         */
+        FileList: {
+            files: components["schemas"]["FileRow"][];
+            next: string | null;
+        };
+        /**
+         * FileRow
+         * @description A file with the names of what it is about, as far as the caller may know of it.
+         */
+        FileRow: {
+            /** Format: uuid */
+            id: string;
+            name: string;
+            media_type: string;
+            format: string;
+            size_bytes: number;
+            sha256: string;
+            made_from_id: string | null;
+            resource_id: string | null;
+            device_id: string | null;
+            job_id: string | null;
+            kept_by: string;
+            kept_at: string;
+            resource: components["schemas"]["FileSubject"] | null;
+            device: components["schemas"]["FileSubject"] | null;
+            job: components["schemas"]["FileJob"] | null;
+        };
+        /**
+         * FileRun
+         * @description The run of the job that a file came from.
+         */
+        FileRun: {
+            /** Format: uuid */
+            id: string;
+            number: number;
+        };
+        /**
+         * FileSubject
+         * @description A resource or a device that a file is about.
+         */
+        FileSubject: {
+            /** Format: uuid */
+            id: string;
+            name: string;
+        };
+        /**
+         * FileWithReadings
+         * @description A file with what was read from it.
+         */
+        FileWithReadings: {
+            /** Format: uuid */
+            id: string;
+            name: string;
+            media_type: string;
+            format: string;
+            size_bytes: number;
+            sha256: string;
+            made_from_id: string | null;
+            resource_id: string | null;
+            device_id: string | null;
+            job_id: string | null;
+            kept_by: string;
+            kept_at: string;
+            resource: components["schemas"]["FileSubject"] | null;
+            device: components["schemas"]["FileSubject"] | null;
+            job: components["schemas"]["FileJob"] | null;
+            facts: Record<string, never>;
+            readings: components["schemas"]["ReadingRow"][];
+            series: components["schemas"]["KeptFile"][];
+            readings_count: number;
+        };
+        /**
+         * Finding
+         * @description One reason why something may not go.
+         */
+        Finding: {
+            code: string;
+            message: string;
+            /** @default  */
+            subject: string;
+            context?: Record<string, never>;
+        };
+        /**
          * HandOver
          * @description Body of a move to another host.
          */
@@ -2144,6 +2459,15 @@ export interface components {
             note: string;
         };
         /**
+         * HandOverStanding
+         * @description How far a move to another host has come.
+         */
+        HandOverStanding: {
+            /** Format: uuid */
+            id: string;
+            state: components["schemas"]["CustodyState"];
+        };
+        /**
          * HostReason
          * @description Why; and for a revocation, whether it is known that the host has work.
          */
@@ -2151,6 +2475,47 @@ export interface components {
             reason: string;
             /** @default false */
             with_work: boolean;
+        };
+        /**
+         * HostStanding
+         * @description How a host stands after an act.
+         */
+        HostStanding: {
+            /** Format: uuid */
+            id: string;
+            state: components["schemas"]["SessionState"];
+        };
+        /**
+         * IncomingList
+         * @description A page of files that were brought to be read.
+         */
+        IncomingList: {
+            incoming: components["schemas"]["IncomingRow"][];
+            next: string | null;
+        };
+        /**
+         * IncomingRow
+         * @description A file that was brought to be read, and what became of it.
+         */
+        IncomingRow: {
+            /** Format: uuid */
+            id: string;
+            name: string;
+            format: string;
+            size_bytes: number;
+            sha256: string;
+            /** @enum {unknown} */
+            state: "awaited" | "lost" | "parsed" | "pending" | "refused";
+            file_id: string | null;
+            code: string;
+            message: string;
+            findings: components["schemas"]["Finding"][];
+            resource_id: string | null;
+            device_id: string | null;
+            job_id: string | null;
+            brought_by: string;
+            brought_at: string;
+            ended_at: string | null;
         };
         /**
          * Kept
@@ -2187,6 +2552,39 @@ export interface components {
             equiv_reference: string;
             /** @default  */
             equiv_amount: string;
+        };
+        /**
+         * KeptFile
+         * @description A file without its bytes.
+         */
+        KeptFile: {
+            /** Format: uuid */
+            id: string;
+            name: string;
+            media_type: string;
+            format: string;
+            size_bytes: number;
+            sha256: string;
+            made_from_id: string | null;
+            resource_id: string | null;
+            device_id: string | null;
+            job_id: string | null;
+            kept_by: string;
+            kept_at: string;
+        };
+        /**
+         * LevelResult
+         * @description What came out at one level.
+         */
+        LevelResult: {
+            level: number;
+            count: number;
+            indicated: number;
+            reference: number;
+            error: number;
+            residual: number;
+            repeatability: number;
+            expanded: number;
         };
         /**
          * Medium
@@ -2288,6 +2686,24 @@ export interface components {
          */
         Phase: "gas" | "liquid" | "solid";
         /**
+         * PhotoRow
+         * @description A photo of a device.
+         */
+        PhotoRow: {
+            url: string;
+            brought_at: string;
+            brought_by: string;
+        };
+        /**
+         * PlaceChoice
+         * @description A place of a kind that takes the vessel.
+         */
+        PlaceChoice: {
+            /** Format: uuid */
+            id: string;
+            why_not: string | null;
+        };
+        /**
          * Portion
          * @description What of a delivery comes into one vessel: in the unit of its phase.
          */
@@ -2322,6 +2738,12 @@ export interface components {
             purity: string;
         };
         /**
+         * Quantity
+         * @description What can be calibrated.
+         * @enum {unknown}
+         */
+        Quantity: "ph" | "temperature" | "volume";
+        /**
          * React
          * @description Record a reaction in a vessel: reactants go into REACTION, products come out of it.
          *
@@ -2340,6 +2762,51 @@ export interface components {
             residue_ug: number;
             /** Format: uuid */
             basis?: string;
+        };
+        /**
+         * ReadingList
+         * @description A page of readings.
+         */
+        ReadingList: {
+            readings: components["schemas"]["ReadingRow"][];
+            next: string | null;
+        };
+        /**
+         * ReadingRow
+         * @description One thing that was measured; the values of a series are in its file.
+         */
+        ReadingRow: {
+            /** Format: uuid */
+            id: string;
+            /** Format: uuid */
+            file_id: string;
+            file_sha256: string;
+            index: number;
+            name: string;
+            quantity: string;
+            unit: string;
+            value: number | null;
+            text: string;
+            series_file_id: string | null;
+            series: components["schemas"]["ReadingSeries"] | null;
+            facts: Record<string, never>;
+            measured_at: string | null;
+            kept_at: string;
+            resource_id: string | null;
+            device_id: string | null;
+            job_id: string | null;
+        };
+        /**
+         * ReadingSeries
+         * @description The measured column of a series, and the axes that it is over.
+         */
+        ReadingSeries: {
+            column: string;
+            unit: string;
+            points_count: number;
+            least: number | string | null;
+            most: number | string | null;
+            axes: components["schemas"]["SeriesAxis"][];
         };
         /**
          * Reason
@@ -2395,6 +2862,55 @@ export interface components {
             due_on: string;
         };
         /**
+         * ReservationList
+         * @description A page of reservations that hold now.
+         */
+        ReservationList: {
+            reservations: components["schemas"]["ReservationRow"][];
+            next: string | null;
+        };
+        /**
+         * ReservationRow
+         * @description Exclusive use of a resource in the near future; the time ends it.
+         */
+        ReservationRow: {
+            /** Format: uuid */
+            id: string;
+            resource: components["schemas"]["ReservedResource"];
+            holder: string;
+            is_own: boolean;
+            may_end: boolean;
+            reason: string;
+            made_at: string;
+            expires_at: string;
+            ended_at: string | null;
+        };
+        /**
+         * ReservationsMade
+         * @description What was reserved together.
+         */
+        ReservationsMade: {
+            reservations: components["schemas"]["ReservationRow"][];
+        };
+        /**
+         * ReservationsOfResource
+         * @description What is reserved of a resource and of what it stands in.
+         */
+        ReservationsOfResource: {
+            is_allowed: boolean;
+            reservations: components["schemas"]["ReservationRow"][];
+            next: string | null;
+        };
+        /**
+         * ReservedResource
+         * @description The resource that is reserved.
+         */
+        ReservedResource: {
+            /** Format: uuid */
+            id: string;
+            name: string;
+        };
+        /**
          * Restore
          * @description Take a resource out of the Archive, back into service.
          */
@@ -2421,12 +2937,35 @@ export interface components {
             pauses: string[] | null;
         };
         /**
+         * RunState
+         * @description Where one execution of a workflow stands.
+         * @enum {unknown}
+         */
+        RunState: "aborted" | "awaiting_approval" | "complete" | "completing" | "draft" | "paused" | "pausing" | "queued" | "running";
+        /**
          * Said
          * @description Body of a rejection.
          */
         Said: {
             reason: string;
         };
+        /**
+         * SeriesAxis
+         * @description A column of a series, and how far its values go.
+         */
+        SeriesAxis: {
+            column: string;
+            unit: string;
+            points_count: number;
+            least: number | string | null;
+            most: number | string | null;
+        };
+        /**
+         * SessionState
+         * @description How the server sees a host.
+         * @enum {unknown}
+         */
+        SessionState: "enrolling" | "fenced" | "isolated" | "online" | "quarantined" | "revoked" | "suspect" | "syncing";
         /**
          * Share
          * @description What a reaction consumed of one lot: in the unit that the lot is counted in.
@@ -2442,6 +2981,12 @@ export interface components {
             mass_ug: number | null;
         };
         /**
+         * Standing
+         * @description Whether a calibration may be relied on now.
+         * @enum {unknown}
+         */
+        Standing: "changed" | "expired" | "in_force" | "withdrawn";
+        /**
          * StartRun
          * @description Body of a start.
          */
@@ -2452,6 +2997,14 @@ export interface components {
             plan_digest: string | null;
             /** @default false */
             is_second: boolean;
+        };
+        /**
+         * StatedAccuracy
+         * @description What the maker states: a share of the value, or a number in the unit.
+         */
+        StatedAccuracy: {
+            ratio: number | null;
+            absolute: number | null;
         };
         /**
          * Submission
@@ -2472,6 +3025,52 @@ export interface components {
             pressure_kpa: number;
             /** @default 0.5 */
             humidity_ratio: number;
+        };
+        /**
+         * TelemetryCurve
+         * @description One status over a range, as samples or as buckets.
+         */
+        TelemetryCurve: {
+            status: string;
+            label: string;
+            unit: string;
+            every_s: number | null;
+            is_share: boolean;
+            level_s: number;
+            step_s: number;
+            points: (number | string | boolean | null)[][];
+        };
+        /**
+         * TelemetryCurves
+         * @description What a device told within a range, as finely as a plot can show it.
+         */
+        TelemetryCurves: {
+            since_s: number;
+            until_s: number;
+            curves: components["schemas"]["TelemetryCurve"][];
+            gaps: components["schemas"]["TelemetryGap"][];
+        };
+        /**
+         * TelemetryGap
+         * @description A time in which samples of a device were lost, or may have been.
+         */
+        TelemetryGap: {
+            since: number;
+            until: number;
+            lost_count: number | null;
+            reason: string;
+        };
+        /**
+         * TelemetrySeries
+         * @description What a device told within a window.
+         */
+        TelemetrySeries: {
+            series: {
+                [key: string]: [
+                    number,
+                    number | string | boolean | null
+                ][];
+            };
         };
         /**
          * TemperatureOrder
@@ -2819,9 +3418,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": {
-                        [key: string]: unknown;
-                    };
+                    "application/json": components["schemas"]["CalibrationDetail"];
                 };
             };
             /** @description Refused */
@@ -2870,9 +3467,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": {
-                        [key: string]: unknown;
-                    };
+                    "application/json": components["schemas"]["CalibrationDetail"];
                 };
             };
             /** @description Refused */
@@ -2921,9 +3516,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": {
-                        [key: string]: unknown;
-                    };
+                    "application/json": components["schemas"]["CalibrationDetail"];
                 };
             };
             /** @description Refused */
@@ -3010,14 +3603,12 @@ export interface operations {
         };
         responses: {
             /** @description The answer */
-            200: {
+            201: {
                 headers: {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": {
-                        [key: string]: unknown;
-                    };
+                    "application/json": components["schemas"]["DeliveredLots"];
                 };
             };
             /** @description Refused */
@@ -3111,9 +3702,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": {
-                        [key: string]: unknown;
-                    };
+                    "application/json": components["schemas"]["CalibrationsOfDevice"];
                 };
             };
             /** @description Refused */
@@ -3157,14 +3746,12 @@ export interface operations {
         };
         responses: {
             /** @description The answer */
-            200: {
+            201: {
                 headers: {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": {
-                        [key: string]: unknown;
-                    };
+                    "application/json": components["schemas"]["CalibrationDetail"];
                 };
             };
             /** @description Refused */
@@ -3396,14 +3983,12 @@ export interface operations {
         };
         responses: {
             /** @description The answer */
-            200: {
+            201: {
                 headers: {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": {
-                        [key: string]: unknown;
-                    };
+                    "application/json": components["schemas"]["PhotoRow"];
                 };
             };
             /** @description Refused */
@@ -3450,9 +4035,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": {
-                        [key: string]: unknown;
-                    };
+                    "application/json": components["schemas"]["TelemetrySeries"];
                 };
             };
             /** @description Refused */
@@ -3503,9 +4086,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": {
-                        [key: string]: unknown;
-                    };
+                    "application/json": components["schemas"]["TelemetryCurves"];
                 };
             };
             /** @description Refused */
@@ -3600,14 +4181,12 @@ export interface operations {
         };
         responses: {
             /** @description The answer */
-            200: {
+            201: {
                 headers: {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": {
-                        [key: string]: unknown;
-                    };
+                    "application/json": components["schemas"]["CalibrationDetail"];
                 };
             };
             /** @description Refused */
@@ -3651,14 +4230,12 @@ export interface operations {
         };
         responses: {
             /** @description The answer */
-            200: {
+            201: {
                 headers: {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": {
-                        [key: string]: unknown;
-                    };
+                    "application/json": components["schemas"]["CalibrationDetail"];
                 };
             };
             /** @description Refused */
@@ -4290,9 +4867,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": {
-                        [key: string]: unknown;
-                    };
+                    "application/json": components["schemas"]["FileList"];
                 };
             };
             /** @description Refused */
@@ -4345,14 +4920,21 @@ export interface operations {
         };
         responses: {
             /** @description The answer */
-            200: {
+            201: {
                 headers: {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": {
-                        [key: string]: unknown;
-                    };
+                    "application/json": components["schemas"]["FileWithReadings"];
+                };
+            };
+            /** @description The answer */
+            202: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["IncomingRow"];
                 };
             };
             /** @description Refused */
@@ -4394,9 +4976,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": {
-                        [key: string]: unknown;
-                    };
+                    "application/json": components["schemas"]["FileWithReadings"];
                 };
             };
             /** @description Refused */
@@ -4537,9 +5117,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": {
-                        [key: string]: unknown;
-                    };
+                    "application/json": components["schemas"]["IncomingList"];
                 };
             };
             /** @description Refused */
@@ -4581,9 +5159,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": {
-                        [key: string]: unknown;
-                    };
+                    "application/json": components["schemas"]["IncomingRow"];
                 };
             };
             /** @description Refused */
@@ -4632,9 +5208,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": {
-                        [key: string]: unknown;
-                    };
+                    "application/json": components["schemas"]["HandOverStanding"];
                 };
             };
             /** @description Refused */
@@ -4816,9 +5390,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": {
-                        [key: string]: unknown;
-                    };
+                    "application/json": components["schemas"]["HostStanding"];
                 };
             };
             /** @description Refused */
@@ -4867,9 +5439,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": {
-                        [key: string]: unknown;
-                    };
+                    "application/json": components["schemas"]["HostStanding"];
                 };
             };
             /** @description Refused */
@@ -4918,9 +5488,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": {
-                        [key: string]: unknown;
-                    };
+                    "application/json": components["schemas"]["HostStanding"];
                 };
             };
             /** @description Refused */
@@ -5780,9 +6348,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": {
-                        [key: string]: unknown;
-                    };
+                    "application/json": components["schemas"]["ReadingList"];
                 };
             };
             /** @description Refused */
@@ -5829,9 +6395,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": {
-                        [key: string]: unknown;
-                    };
+                    "application/json": components["schemas"]["DrawnSeries"];
                 };
             };
             /** @description Refused */
@@ -6065,9 +6629,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": {
-                        [key: string]: unknown;
-                    };
+                    "application/json": components["schemas"]["ReservationList"];
                 };
             };
             /** @description Refused */
@@ -6109,14 +6671,12 @@ export interface operations {
         };
         responses: {
             /** @description The answer */
-            200: {
+            201: {
                 headers: {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": {
-                        [key: string]: unknown;
-                    };
+                    "application/json": components["schemas"]["ReservationsMade"];
                 };
             };
             /** @description Refused */
@@ -6165,9 +6725,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": {
-                        [key: string]: unknown;
-                    };
+                    "application/json": components["schemas"]["ReservationRow"];
                 };
             };
             /** @description Refused */
@@ -6353,9 +6911,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": {
-                        [key: string]: unknown;
-                    };
+                    "application/json": components["schemas"]["CustodyDetail"];
                 };
             };
             /** @description Refused */
@@ -6448,14 +7004,12 @@ export interface operations {
         };
         responses: {
             /** @description The answer */
-            200: {
+            201: {
                 headers: {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": {
-                        [key: string]: unknown;
-                    };
+                    "application/json": components["schemas"]["HandOverStanding"];
                 };
             };
             /** @description Refused */
@@ -6641,9 +7195,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": {
-                        [key: string]: unknown;
-                    };
+                    "application/json": components["schemas"]["ReservationsOfResource"];
                 };
             };
             /** @description Refused */

@@ -1,0 +1,1 @@
+"""What the endpoints of runs, jobs, requests and provenance answer with."""
