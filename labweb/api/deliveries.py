@@ -14,11 +14,11 @@ from drf_spectacular.extensions import OpenApiAuthenticationExtension
 from rest_framework.authentication import BaseAuthentication
 from rest_framework.exceptions import NotAuthenticated
 from rest_framework.request import Request
-from rest_framework.response import Response
 
 from labweb.accounts import selectors as account_selectors
 from labweb.accounts.api import Endpoint
 from labweb.accounts.selectors import User, user_of
+from labweb.api.answers.deliveries import DeliveredLot, DeliveredLots
 from labweb.api.parsers import MAX_BODY_BYTES, StrictJSONParser, TooLargeError
 from labweb.common.requests import body
 from labweb.crutd import services as crutd_services
@@ -79,8 +79,9 @@ class Deliveries(Endpoint):
     authentication_classes = (Signed,)
     parser_classes = (OfAnyType,)
     bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": Delivered}
+    statuses: ClassVar = {"post": 201}
 
-    def post(self, request: Request) -> Response:
+    def post(self, request: Request) -> DeliveredLots:
         """Receive every lot of a signed request, or none."""
         deliveries = read_deliveries(body(request, Delivered).lots)
         lots = crutd_services.receive_deliveries(
@@ -90,8 +91,7 @@ class Deliveries(Endpoint):
             source={"file": "a request", "sha256": hashlib.sha256(_raw(request)).hexdigest()},
         )
         pairs = zip(lots, deliveries, strict=True)
-        answer = [{"id": str(lot), "key": one.lot} for lot, one in pairs]
-        return Response({"lots": answer}, status=201)
+        return DeliveredLots(lots=[DeliveredLot(id=lot, key=one.lot) for lot, one in pairs])
 
 
 def _raw(request: Request) -> bytes:

@@ -9,7 +9,6 @@ from typing import Any, ClassVar, Union, get_args, get_origin, get_type_hints
 
 import msgspec
 from rest_framework.renderers import JSONRenderer
-from rest_framework.utils.encoders import JSONEncoder
 
 
 class ApiAnswer(msgspec.Struct):
@@ -21,15 +20,8 @@ class ApiAnswer(msgspec.Struct):
     """
 
 
-class _Encoder(JSONEncoder):
-    def default(self, obj: Any) -> Any:  # noqa: ANN401 - the library's shape
-        return msgspec.to_builtins(obj) if isinstance(obj, ApiAnswer) else super().default(obj)
-
-
 class AnswerRenderer(JSONRenderer):
     """Writes structs as JSON, and refusals, which are none, as the library does."""
-
-    encoder_class = _Encoder
 
     def render(
         self,

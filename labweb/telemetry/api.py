@@ -10,12 +10,10 @@ from uuid import UUID
 from django.http import HttpRequest, StreamingHttpResponse
 from rest_framework.parsers import MultiPartParser
 from rest_framework.request import Request
-from rest_framework.response import Response
 
 from labweb.accounts.api import Endpoint
 from labweb.accounts.selectors import user_of
 from labweb.common.download import Blocks, sent
-from labweb.common.render import iso
 from labweb.common.requests import Parameter, one_of, seconds, whole_number, word
 from labweb.common.uploads import Bounded, one_file
 from labweb.domain.enrollment.spec import UNITS, StatusSpec
@@ -24,6 +22,13 @@ from labweb.domain.telemetry import MOST_POINTS, NAMES
 from labweb.enrollment import selectors as enrollment_selectors
 from labweb.enrollment.selectors import Device
 from labweb.telemetry import selectors, services
+from labweb.telemetry.answers import (
+    PhotoRow,
+    TelemetryCurve,
+    TelemetryCurves,
+    TelemetryGap,
+    TelemetrySeries,
+)
 from labweb.telemetry.selectors import DevicePhoto
 from labweb.telemetry.services.files import digest_header, opened
 
@@ -46,12 +51,12 @@ class Telemetry(Endpoint):
 
     queries = _RANGE
 
-    def get(self, request: Request, device_id: UUID) -> Response:
+    def get(self, request: Request, device_id: UUID) -> TelemetrySeries:
         """Return the series of each status between `since_s` and `until_s`."""
         device = _device(request, device_id)
         until = seconds(request, "until_s", time.time())
         since = seconds(request, "since_s", until - _DEFAULT_WINDOW_S)
-        return Response({"series": selectors.series(device.id, since, until)})
+        return TelemetrySeries(series=selectors.series(device.id, since, until))
 
 
 class Curves(Endpoint):
@@ -66,7 +71,7 @@ class Curves(Endpoint):
         ),
     }
 
-    def get(self, request: Request, device_id: UUID) -> Response:
+    def get(self, request: Request, device_id: UUID) -> TelemetryCurves:
         """Return each status as samples or as buckets, with its level, and the recorded gaps."""
         device = _device(request, device_id)
         since, until = _range(request)
@@ -76,22 +81,20 @@ class Curves(Endpoint):
         specs = {status.name: status for status in enrollment_selectors.spec_of(device).statuses}
         asked = _statuses(request, device, specs)
         found = selectors.curves(device.id, since, until, points=points, statuses=asked)
-        return Response(
-            {
-                "since_s": since,
-                "until_s": until,
-                "curves": [
-                    {
-                        "status": name,
-                        **_words(name, specs.get(name)),
-                        "level_s": curve.level_s,
-                        "step_s": curve.step_s,
-                        "points": curve.points,
-                    }
-                    for name, curve in sorted(found.items())
-                ],
-                "gaps": selectors.gaps(device.id, since, until),
-            }
+        return TelemetryCurves(
+            since_s=since,
+            until_s=until,
+            curves=[
+                TelemetryCurve(
+                    status=name,
+                    **_words(name, specs.get(name)),
+                    level_s=curve.level_s,
+                    step_s=curve.step_s,
+                    points=curve.points,
+                )
+                for name, curve in sorted(found.items())
+            ],
+            gaps=[TelemetryGap(**gap) for gap in selectors.gaps(device.id, since, until)],
         )
 
 
@@ -144,6 +147,7 @@ class Photo(Endpoint):
         }
     }
 
+    statuses: ClassVar = {"post": 201}
     queries: ClassVar[Mapping[str, Parameter]] = {
         "of": Parameter({"type": "string"}, "Names the bytes, so that a browser may keep them.")
     }
@@ -169,23 +173,25 @@ class Photo(Endpoint):
         answer["Content-Security-Policy"] = "sandbox; default-src 'none'"
         return answer
 
-    def post(self, request: Request, device_id: UUID) -> Response:
+    def post(self, request: Request, device_id: UUID) -> PhotoRow:
         """Keep a photo: a form with one `file`, a JPEG, PNG or WebP of at most 16 MiB."""
         _device(request, device_id)
         _, file = one_file(request, (), services.MOST_PHOTO_BYTES)
-        row = services.keep_photo(device_id, file, actor=user_of(request))
-        return Response(photo_told(row), status=201)
+        return _photo(services.keep_photo(device_id, file, actor=user_of(request)))
 
 
-def photo_told(row: DevicePhoto | None) -> dict[str, Any] | None:
-    """Render where a photo is, and who brought it when; its address names its bytes."""
-    if row is None:
-        return None
-    return {
-        "url": f"/api/v1/devices/{row.device_id}/photo?of={row.file.sha256[:12]}",
-        "brought_at": iso(row.brought_at),
-        "brought_by": row.brought_by.printed_name,
-    }
+def photo_told(row: DevicePhoto | None) -> PhotoRow | None:
+    """Say where a photo is, and who brought it when; None: there is none."""
+    return None if row is None else _photo(row)
+
+
+def _photo(row: DevicePhoto) -> PhotoRow:
+    """Say one photo; its address names its bytes."""
+    return PhotoRow(
+        url=f"/api/v1/devices/{row.device_id}/photo?of={row.file.sha256[:12]}",
+        brought_at=row.brought_at,
+        brought_by=row.brought_by.printed_name,
+    )
 
 
 def _device(request: Request, device_id: UUID) -> Device:

@@ -1945,7 +1945,7 @@ export interface components {
             can_decide: boolean;
             why_not: string | null;
             decision: components["schemas"]["DecisionMade"] | null;
-            calibration?: Record<string, unknown>;
+            calibration?: components["schemas"]["CalibrationChange"];
             plan?: components["schemas"]["PlanView"];
             materials?: components["schemas"]["MaterialChange"][];
         };
@@ -2004,6 +2004,40 @@ export interface components {
             reference: components["schemas"]["Reference"];
         };
         /**
+         * CalibratedDevice
+         * @description The device that a calibration is of.
+         */
+        CalibratedDevice: {
+            /** Format: uuid */
+            id: string;
+            name: string;
+        };
+        /**
+         * CalibratedQuantity
+         * @description What can be calibrated of a device, and what was.
+         */
+        CalibratedQuantity: {
+            quantity: components["schemas"]["Quantity"];
+            unit: string;
+            is_relative: boolean;
+            may_begin: boolean;
+            stated: components["schemas"]["StatedAccuracy"] | null;
+            newest: string | null;
+            history: components["schemas"]["CalibrationDetail"][];
+        };
+        /**
+         * CalibrationChange
+         * @description What a decision changes: the calibration that holds now, and the one that waits.
+         */
+        CalibrationChange: {
+            device: components["schemas"]["CalibratedDevice"];
+            quantity: components["schemas"]["Quantity"];
+            unit: string;
+            is_relative: boolean;
+            becomes: components["schemas"]["CalibrationDetail"];
+            was: components["schemas"]["CalibrationDetail"] | null;
+        };
+        /**
          * CalibrationDecision
          * @description Body of a decision.
          */
@@ -2013,11 +2047,101 @@ export interface components {
             comment: string;
         };
         /**
+         * CalibrationDetail
+         * @description One calibration of one quantity of a device.
+         */
+        CalibrationDetail: {
+            /** Format: uuid */
+            id: string;
+            /** Format: uuid */
+            device_id: string;
+            quantity: components["schemas"]["Quantity"];
+            number: number;
+            /** @enum {unknown} */
+            state: "accepted" | "awaiting" | "failed" | "measuring" | "rejected" | "withdrawn";
+            standing: components["schemas"]["Standing"] | null;
+            reasons: string[];
+            run: components["schemas"]["CalibrationRun"];
+            references: components["schemas"]["Reference"][];
+            tolerance: number;
+            valid_days: number;
+            points: components["schemas"]["CalibrationPoint"][];
+            result: components["schemas"]["CalibrationResult"] | null;
+            findings: components["schemas"]["Finding"][];
+            made_by: string;
+            made_at: string;
+            measured_at: string | null;
+            decided_by: string | null;
+            decided_at: string | null;
+            comment: string;
+            expires_at: string | null;
+            withdrawn_by: string | null;
+            withdrawn_at: string | null;
+            withdrawn_because: string;
+            request_id: string | null;
+            can: components["schemas"]["CalibrationRights"];
+        };
+        /**
+         * CalibrationPoint
+         * @description One comparison of a device with a reference.
+         */
+        CalibrationPoint: {
+            level: number;
+            indicated: number;
+            reference: number;
+            standard: number;
+            at_s: number;
+            weighing?: Record<string, unknown>;
+            reading?: Record<string, unknown>;
+            comparison?: Record<string, unknown>;
+        };
+        /**
+         * CalibrationResult
+         * @description What a calibration found: `true = offset + gain × device`.
+         */
+        CalibrationResult: {
+            quantity: components["schemas"]["Quantity"];
+            gain: number;
+            offset: number;
+            gain_expanded: number;
+            offset_expanded: number;
+            covariance: number;
+            levels: components["schemas"]["LevelResult"][];
+            slope_pct: number | null;
+            offset_mv: number | null;
+            findings: components["schemas"]["Finding"][];
+        };
+        /**
+         * CalibrationRights
+         * @description What the caller may do with a calibration.
+         */
+        CalibrationRights: {
+            withdraw: boolean;
+        };
+        /**
+         * CalibrationRun
+         * @description The run whose readings are the points of a calibration.
+         */
+        CalibrationRun: {
+            /** Format: uuid */
+            id: string;
+            number: number;
+            state: components["schemas"]["RunState"];
+        };
+        /**
          * CalibrationWithdrawal
          * @description Body of a withdrawal.
          */
         CalibrationWithdrawal: {
             reason: string;
+        };
+        /**
+         * CalibrationsOfDevice
+         * @description A page of the calibrations of a device, by quantity.
+         */
+        CalibrationsOfDevice: {
+            quantities: components["schemas"]["CalibratedQuantity"][];
+            next: string | null;
         };
         /**
          * ChangedLine
@@ -2237,6 +2361,60 @@ export interface components {
             password: string;
         };
         /**
+         * CustodyConnection
+         * @description What keeps a vessel where it is.
+         */
+        CustodyConnection: {
+            key: string;
+            medium: components["schemas"]["Medium"];
+            to: string;
+        };
+        /**
+         * CustodyDetail
+         * @description Which host writes a vessel's facts, and the move that it is on.
+         */
+        CustodyDetail: {
+            host: components["schemas"]["CustodyHost"] | null;
+            move: components["schemas"]["CustodyMove"] | null;
+            connections: components["schemas"]["CustodyConnection"][];
+            is_allowed: boolean;
+            places: components["schemas"]["PlaceChoice"][];
+        };
+        /**
+         * CustodyHost
+         * @description An edge host that writes a vessel's facts, or will.
+         */
+        CustodyHost: {
+            /** Format: uuid */
+            id: string;
+            name: string;
+        };
+        /**
+         * CustodyMove
+         * @description A move of a vessel from one host's hands into another's.
+         */
+        CustodyMove: {
+            /** Format: uuid */
+            id: string;
+            state: components["schemas"]["CustodyState"];
+            from: components["schemas"]["CustodyHost"] | null;
+            to: components["schemas"]["CustodyHost"] | null;
+            place: components["schemas"]["CustodyPlace"] | null;
+            asked_by: string | null;
+            asked_at: string;
+            released_at: string | null;
+            is_told: boolean;
+        };
+        /**
+         * CustodyPlace
+         * @description The place that a vessel is carried to.
+         */
+        CustodyPlace: {
+            /** Format: uuid */
+            id: string;
+            name: string;
+        };
+        /**
          * CustodyState
          * @description In whose hands a resource is.
          * @enum {unknown}
@@ -2277,6 +2455,22 @@ export interface components {
             lots: {
                 [key: string]: string;
             }[];
+        };
+        /**
+         * DeliveredLot
+         * @description A lot that came, and how the other system calls it.
+         */
+        DeliveredLot: {
+            /** Format: uuid */
+            id: string;
+            key: string;
+        };
+        /**
+         * DeliveredLots
+         * @description Every lot of a delivery, in its order.
+         */
+        DeliveredLots: {
+            lots: components["schemas"]["DeliveredLot"][];
         };
         /**
          * Departure
@@ -2325,7 +2519,7 @@ export interface components {
             config: Record<string, unknown>;
             nodes: components["schemas"]["DeviceNode"][];
             transport: string;
-            photo: Record<string, unknown> | null;
+            photo: components["schemas"]["PhotoRow"] | null;
         };
         /**
          * DeviceDriver
@@ -2547,6 +2741,46 @@ export interface components {
          */
         DraftSaved: {
             revision: number;
+        };
+        /**
+         * DrawnColumn
+         * @description The measured column of a plot.
+         */
+        DrawnColumn: {
+            column: string;
+            unit: string;
+            least: number | string | null;
+            most: number | string | null;
+        };
+        /**
+         * DrawnScan
+         * @description The axis that numbers several spectra, and the one that is shown.
+         */
+        DrawnScan: {
+            column: string;
+            unit: string;
+            points_count: number;
+            least: number | string | null;
+            most: number | string | null;
+            value: number;
+        };
+        /**
+         * DrawnSeries
+         * @description The points of a reading, with what its axes are.
+         */
+        DrawnSeries: {
+            /** Format: uuid */
+            reading_id: string;
+            x: components["schemas"]["SeriesAxis"];
+            y: components["schemas"]["DrawnColumn"];
+            scan: components["schemas"]["DrawnScan"] | null;
+            points: [
+                number,
+                number | null
+            ][];
+            rows_count: number;
+            is_thinned: boolean;
+            is_time: boolean;
         };
         /**
          * DriverChoice
@@ -2867,6 +3101,91 @@ export interface components {
             job_id: string | null;
         };
         /**
+         * FileJob
+         * @description The job that a file came from.
+         */
+        FileJob: {
+            /** Format: uuid */
+            id: string;
+            index: number;
+            sentence: string;
+            run: components["schemas"]["FileRun"];
+        };
+        /**
+         * FileList
+         * @description A page of files.
+         */
+        FileList: {
+            files: components["schemas"]["FileRow"][];
+            next: string | null;
+        };
+        /**
+         * FileRow
+         * @description A file with the names of what it is about, as far as the caller may know of it.
+         */
+        FileRow: {
+            /** Format: uuid */
+            id: string;
+            name: string;
+            media_type: string;
+            format: string;
+            size_bytes: number;
+            sha256: string;
+            made_from_id: string | null;
+            resource_id: string | null;
+            device_id: string | null;
+            job_id: string | null;
+            kept_by: string;
+            kept_at: string;
+            resource: components["schemas"]["FileSubject"] | null;
+            device: components["schemas"]["FileSubject"] | null;
+            job: components["schemas"]["FileJob"] | null;
+        };
+        /**
+         * FileRun
+         * @description The run of the job that a file came from.
+         */
+        FileRun: {
+            /** Format: uuid */
+            id: string;
+            number: number;
+        };
+        /**
+         * FileSubject
+         * @description A resource or a device that a file is about.
+         */
+        FileSubject: {
+            /** Format: uuid */
+            id: string;
+            name: string;
+        };
+        /**
+         * FileWithReadings
+         * @description A file with what was read from it.
+         */
+        FileWithReadings: {
+            /** Format: uuid */
+            id: string;
+            name: string;
+            media_type: string;
+            format: string;
+            size_bytes: number;
+            sha256: string;
+            made_from_id: string | null;
+            resource_id: string | null;
+            device_id: string | null;
+            job_id: string | null;
+            kept_by: string;
+            kept_at: string;
+            resource: components["schemas"]["FileSubject"] | null;
+            device: components["schemas"]["FileSubject"] | null;
+            job: components["schemas"]["FileJob"] | null;
+            facts: Record<string, unknown>;
+            readings: components["schemas"]["ReadingRow"][];
+            series: components["schemas"]["KeptFile"][];
+            readings_count: number;
+        };
+        /**
          * Finding
          * @description One reason why something may not go.
          */
@@ -2900,6 +3219,22 @@ export interface components {
             /** Format: uuid */
             place_id: string;
             note: string;
+        };
+        /**
+         * HandOverAsked
+         * @description An operation by hand for which two hosts have to agree: the first was asked.
+         */
+        HandOverAsked: {
+            handover: components["schemas"]["HandOverStanding"];
+        };
+        /**
+         * HandOverStanding
+         * @description How far a move to another host has come.
+         */
+        HandOverStanding: {
+            /** Format: uuid */
+            id: string;
+            state: components["schemas"]["CustodyState"];
         };
         /**
          * HomePage
@@ -3060,6 +3395,15 @@ export interface components {
             disk: components["schemas"]["HostDisk"] | null;
         };
         /**
+         * HostStanding
+         * @description How a host stands after an act.
+         */
+        HostStanding: {
+            /** Format: uuid */
+            id: string;
+            state: components["schemas"]["SessionState"];
+        };
+        /**
          * HostTicket
          * @description An open ticket about a host.
          */
@@ -3069,6 +3413,38 @@ export interface components {
             code: string;
             message: string;
             opened_at: string;
+        };
+        /**
+         * IncomingList
+         * @description A page of files that were brought to be read.
+         */
+        IncomingList: {
+            incoming: components["schemas"]["IncomingRow"][];
+            next: string | null;
+        };
+        /**
+         * IncomingRow
+         * @description A file that was brought to be read, and what became of it.
+         */
+        IncomingRow: {
+            /** Format: uuid */
+            id: string;
+            name: string;
+            format: string;
+            size_bytes: number;
+            sha256: string;
+            /** @enum {unknown} */
+            state: "awaited" | "lost" | "parsed" | "pending" | "refused";
+            file_id: string | null;
+            code: string;
+            message: string;
+            findings: components["schemas"]["Finding"][];
+            resource_id: string | null;
+            device_id: string | null;
+            job_id: string | null;
+            brought_by: string;
+            brought_at: string;
+            ended_at: string | null;
         };
         /**
          * JobAsks
@@ -3301,6 +3677,25 @@ export interface components {
             equiv_amount: string;
         };
         /**
+         * KeptFile
+         * @description A file without its bytes.
+         */
+        KeptFile: {
+            /** Format: uuid */
+            id: string;
+            name: string;
+            media_type: string;
+            format: string;
+            size_bytes: number;
+            sha256: string;
+            made_from_id: string | null;
+            resource_id: string | null;
+            device_id: string | null;
+            job_id: string | null;
+            kept_by: string;
+            kept_at: string;
+        };
+        /**
          * KeptRecipe
          * @description A recipe that was kept as a workflow.
          */
@@ -3382,6 +3777,20 @@ export interface components {
             /** Format: uuid */
             id: string;
             number: number;
+        };
+        /**
+         * LevelResult
+         * @description What came out at one level.
+         */
+        LevelResult: {
+            level: number;
+            count: number;
+            indicated: number;
+            reference: number;
+            error: number;
+            residual: number;
+            repeatability: number;
+            expanded: number;
         };
         /**
          * LineageEdge
@@ -3719,6 +4128,24 @@ export interface components {
          */
         Phase: "gas" | "liquid" | "solid";
         /**
+         * PhotoRow
+         * @description A photo of a device.
+         */
+        PhotoRow: {
+            url: string;
+            brought_at: string;
+            brought_by: string;
+        };
+        /**
+         * PlaceChoice
+         * @description A place of a kind that takes the vessel.
+         */
+        PlaceChoice: {
+            /** Format: uuid */
+            id: string;
+            why_not: string | null;
+        };
+        /**
          * PlanJob
          * @description One action of a plan on one device.
          */
@@ -3942,6 +4369,51 @@ export interface components {
             materials: components["schemas"]["ReactionMaterial"][];
         };
         /**
+         * ReadingList
+         * @description A page of readings.
+         */
+        ReadingList: {
+            readings: components["schemas"]["ReadingRow"][];
+            next: string | null;
+        };
+        /**
+         * ReadingRow
+         * @description One thing that was measured; the values of a series are in its file.
+         */
+        ReadingRow: {
+            /** Format: uuid */
+            id: string;
+            /** Format: uuid */
+            file_id: string;
+            file_sha256: string;
+            index: number;
+            name: string;
+            quantity: string;
+            unit: string;
+            value: number | null;
+            text: string;
+            series_file_id: string | null;
+            series: components["schemas"]["ReadingSeries"] | null;
+            facts: Record<string, unknown>;
+            measured_at: string | null;
+            kept_at: string;
+            resource_id: string | null;
+            device_id: string | null;
+            job_id: string | null;
+        };
+        /**
+         * ReadingSeries
+         * @description The measured column of a series, and the axes that it is over.
+         */
+        ReadingSeries: {
+            column: string;
+            unit: string;
+            points_count: number;
+            least: number | string | null;
+            most: number | string | null;
+            axes: components["schemas"]["SeriesAxis"][];
+        };
+        /**
          * Reason
          * @description Body of an act that needs a reason.
          */
@@ -4079,6 +4551,55 @@ export interface components {
             expanded: number;
             /** Format: date */
             due_on: string;
+        };
+        /**
+         * ReservationList
+         * @description A page of reservations that hold now.
+         */
+        ReservationList: {
+            reservations: components["schemas"]["ReservationRow"][];
+            next: string | null;
+        };
+        /**
+         * ReservationRow
+         * @description Exclusive use of a resource in the near future; the time ends it.
+         */
+        ReservationRow: {
+            /** Format: uuid */
+            id: string;
+            resource: components["schemas"]["ReservedResource"];
+            holder: string;
+            is_own: boolean;
+            may_end: boolean;
+            reason: string;
+            made_at: string;
+            expires_at: string;
+            ended_at: string | null;
+        };
+        /**
+         * ReservationsMade
+         * @description What was reserved together.
+         */
+        ReservationsMade: {
+            reservations: components["schemas"]["ReservationRow"][];
+        };
+        /**
+         * ReservationsOfResource
+         * @description What is reserved of a resource and of what it stands in.
+         */
+        ReservationsOfResource: {
+            is_allowed: boolean;
+            reservations: components["schemas"]["ReservationRow"][];
+            next: string | null;
+        };
+        /**
+         * ReservedResource
+         * @description The resource that is reserved.
+         */
+        ReservedResource: {
+            /** Format: uuid */
+            id: string;
+            name: string;
         };
         /**
          * ResourceConditions
@@ -4307,7 +4828,7 @@ export interface components {
             /** Format: uuid */
             job_id: string;
             sentence: string;
-            resolved: Record<string, unknown> | null;
+            resolved: components["schemas"]["DoubtEnd"] | null;
         };
         /**
          * RunEventList
@@ -4400,7 +4921,7 @@ export interface components {
             gap_ug: number;
             unknown: string[];
             yields: components["schemas"]["ProductYield"][];
-            readings: Record<string, unknown>[];
+            readings: components["schemas"]["ReadingRow"][];
             doubts: components["schemas"]["RunDoubt"][];
             unconfirmed: components["schemas"]["UnconfirmedJob"][];
         };
@@ -4566,6 +5087,17 @@ export interface components {
             medium: components["schemas"]["Medium"];
         };
         /**
+         * SeriesAxis
+         * @description A column of a series, and how far its values go.
+         */
+        SeriesAxis: {
+            column: string;
+            unit: string;
+            points_count: number;
+            least: number | string | null;
+            most: number | string | null;
+        };
+        /**
          * SessionState
          * @description How the server sees a host.
          * @enum {unknown}
@@ -4620,6 +5152,12 @@ export interface components {
             sentences: string[];
         };
         /**
+         * Standing
+         * @description Whether a calibration may be relied on now.
+         * @enum {unknown}
+         */
+        Standing: "changed" | "expired" | "in_force" | "withdrawn";
+        /**
          * StartRun
          * @description Body of a start.
          */
@@ -4630,6 +5168,14 @@ export interface components {
             plan_digest: string | null;
             /** @default false */
             is_second: boolean;
+        };
+        /**
+         * StatedAccuracy
+         * @description What the maker states: a share of the value, or a number in the unit.
+         */
+        StatedAccuracy: {
+            ratio: number | null;
+            absolute: number | null;
         };
         /**
          * StatementAsked
@@ -4776,6 +5322,52 @@ export interface components {
             pressure_kpa: number;
             /** @default 0.5 */
             humidity_ratio: number;
+        };
+        /**
+         * TelemetryCurve
+         * @description One status over a range, as samples or as buckets.
+         */
+        TelemetryCurve: {
+            status: string;
+            label: string;
+            unit: string;
+            every_s: number | null;
+            is_share: boolean;
+            level_s: number;
+            step_s: number;
+            points: (number | string | boolean | null)[][];
+        };
+        /**
+         * TelemetryCurves
+         * @description What a device told within a range, as finely as a plot can show it.
+         */
+        TelemetryCurves: {
+            since_s: number;
+            until_s: number;
+            curves: components["schemas"]["TelemetryCurve"][];
+            gaps: components["schemas"]["TelemetryGap"][];
+        };
+        /**
+         * TelemetryGap
+         * @description A time in which samples of a device were lost, or may have been.
+         */
+        TelemetryGap: {
+            since: number;
+            until: number;
+            lost_count: number | null;
+            reason: string;
+        };
+        /**
+         * TelemetrySeries
+         * @description What a device told within a window.
+         */
+        TelemetrySeries: {
+            series: {
+                [key: string]: [
+                    number,
+                    number | string | boolean | null
+                ][];
+            };
         };
         /**
          * TemperatureOrder
@@ -5445,9 +6037,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": {
-                        [key: string]: unknown;
-                    };
+                    "application/json": components["schemas"]["CalibrationDetail"];
                 };
             };
             /** @description Refused */
@@ -5496,9 +6086,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": {
-                        [key: string]: unknown;
-                    };
+                    "application/json": components["schemas"]["CalibrationDetail"];
                 };
             };
             /** @description Refused */
@@ -5547,9 +6135,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": {
-                        [key: string]: unknown;
-                    };
+                    "application/json": components["schemas"]["CalibrationDetail"];
                 };
             };
             /** @description Refused */
@@ -5636,14 +6222,12 @@ export interface operations {
         };
         responses: {
             /** @description The answer */
-            200: {
+            201: {
                 headers: {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": {
-                        [key: string]: unknown;
-                    };
+                    "application/json": components["schemas"]["DeliveredLots"];
                 };
             };
             /** @description Refused */
@@ -5735,9 +6319,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": {
-                        [key: string]: unknown;
-                    };
+                    "application/json": components["schemas"]["CalibrationsOfDevice"];
                 };
             };
             /** @description Refused */
@@ -5781,14 +6363,12 @@ export interface operations {
         };
         responses: {
             /** @description The answer */
-            200: {
+            201: {
                 headers: {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": {
-                        [key: string]: unknown;
-                    };
+                    "application/json": components["schemas"]["CalibrationDetail"];
                 };
             };
             /** @description Refused */
@@ -6014,14 +6594,12 @@ export interface operations {
         };
         responses: {
             /** @description The answer */
-            200: {
+            201: {
                 headers: {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": {
-                        [key: string]: unknown;
-                    };
+                    "application/json": components["schemas"]["PhotoRow"];
                 };
             };
             /** @description Refused */
@@ -6068,9 +6646,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": {
-                        [key: string]: unknown;
-                    };
+                    "application/json": components["schemas"]["TelemetrySeries"];
                 };
             };
             /** @description Refused */
@@ -6121,9 +6697,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": {
-                        [key: string]: unknown;
-                    };
+                    "application/json": components["schemas"]["TelemetryCurves"];
                 };
             };
             /** @description Refused */
@@ -6218,14 +6792,12 @@ export interface operations {
         };
         responses: {
             /** @description The answer */
-            200: {
+            201: {
                 headers: {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": {
-                        [key: string]: unknown;
-                    };
+                    "application/json": components["schemas"]["CalibrationDetail"];
                 };
             };
             /** @description Refused */
@@ -6269,14 +6841,12 @@ export interface operations {
         };
         responses: {
             /** @description The answer */
-            200: {
+            201: {
                 headers: {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": {
-                        [key: string]: unknown;
-                    };
+                    "application/json": components["schemas"]["CalibrationDetail"];
                 };
             };
             /** @description Refused */
@@ -6884,9 +7454,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": {
-                        [key: string]: unknown;
-                    };
+                    "application/json": components["schemas"]["FileList"];
                 };
             };
             /** @description Refused */
@@ -6939,14 +7507,21 @@ export interface operations {
         };
         responses: {
             /** @description The answer */
-            200: {
+            201: {
                 headers: {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": {
-                        [key: string]: unknown;
-                    };
+                    "application/json": components["schemas"]["FileWithReadings"];
+                };
+            };
+            /** @description The answer */
+            202: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["IncomingRow"];
                 };
             };
             /** @description Refused */
@@ -6988,9 +7563,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": {
-                        [key: string]: unknown;
-                    };
+                    "application/json": components["schemas"]["FileWithReadings"];
                 };
             };
             /** @description Refused */
@@ -7130,9 +7703,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": {
-                        [key: string]: unknown;
-                    };
+                    "application/json": components["schemas"]["IncomingList"];
                 };
             };
             /** @description Refused */
@@ -7174,9 +7745,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": {
-                        [key: string]: unknown;
-                    };
+                    "application/json": components["schemas"]["IncomingRow"];
                 };
             };
             /** @description Refused */
@@ -7225,9 +7794,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": {
-                        [key: string]: unknown;
-                    };
+                    "application/json": components["schemas"]["HandOverStanding"];
                 };
             };
             /** @description Refused */
@@ -7403,9 +7970,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": {
-                        [key: string]: unknown;
-                    };
+                    "application/json": components["schemas"]["HostStanding"];
                 };
             };
             /** @description Refused */
@@ -7454,9 +8019,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": {
-                        [key: string]: unknown;
-                    };
+                    "application/json": components["schemas"]["HostStanding"];
                 };
             };
             /** @description Refused */
@@ -7505,9 +8068,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": {
-                        [key: string]: unknown;
-                    };
+                    "application/json": components["schemas"]["HostStanding"];
                 };
             };
             /** @description Refused */
@@ -8244,6 +8805,15 @@ export interface operations {
                     "application/json": components["schemas"]["EventRow"];
                 };
             };
+            /** @description The answer */
+            202: {
+                headers: {
+                    [name: string]: unknown;
+                };
+                content: {
+                    "application/json": components["schemas"]["HandOverAsked"];
+                };
+            };
             /** @description Refused */
             "4XX": {
                 headers: {
@@ -8338,9 +8908,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": {
-                        [key: string]: unknown;
-                    };
+                    "application/json": components["schemas"]["ReadingList"];
                 };
             };
             /** @description Refused */
@@ -8387,9 +8955,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": {
-                        [key: string]: unknown;
-                    };
+                    "application/json": components["schemas"]["DrawnSeries"];
                 };
             };
             /** @description Refused */
@@ -8616,9 +9182,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": {
-                        [key: string]: unknown;
-                    };
+                    "application/json": components["schemas"]["ReservationList"];
                 };
             };
             /** @description Refused */
@@ -8660,14 +9224,12 @@ export interface operations {
         };
         responses: {
             /** @description The answer */
-            200: {
+            201: {
                 headers: {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": {
-                        [key: string]: unknown;
-                    };
+                    "application/json": components["schemas"]["ReservationsMade"];
                 };
             };
             /** @description Refused */
@@ -8716,9 +9278,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": {
-                        [key: string]: unknown;
-                    };
+                    "application/json": components["schemas"]["ReservationRow"];
                 };
             };
             /** @description Refused */
@@ -8898,9 +9458,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": {
-                        [key: string]: unknown;
-                    };
+                    "application/json": components["schemas"]["CustodyDetail"];
                 };
             };
             /** @description Refused */
@@ -8991,14 +9549,12 @@ export interface operations {
         };
         responses: {
             /** @description The answer */
-            200: {
+            201: {
                 headers: {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": {
-                        [key: string]: unknown;
-                    };
+                    "application/json": components["schemas"]["HandOverStanding"];
                 };
             };
             /** @description Refused */
@@ -9179,9 +9735,7 @@ export interface operations {
                     [name: string]: unknown;
                 };
                 content: {
-                    "application/json": {
-                        [key: string]: unknown;
-                    };
+                    "application/json": components["schemas"]["ReservationsOfResource"];
                 };
             };
             /** @description Refused */

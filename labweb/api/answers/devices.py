@@ -12,6 +12,7 @@ from labweb.domain.runs.custody import CustodyState
 from labweb.domain.runs.job import JobState
 from labweb.domain.runs.session import SessionState
 from labweb.runs.answers.runs import DeviceHaltRow
+from labweb.telemetry.answers import PhotoRow
 from labweb.workflows.answers import DeviceAction
 
 DeviceLink = Literal["online", "stale", "offline", "not_enrolled", "quarantined"]
@@ -124,7 +125,7 @@ class DeviceDetail(DeviceRow):
     """Those that the caller may see."""
 
     transport: str
-    photo: dict[str, Any] | None
+    photo: PhotoRow | None
 
 
 class ShowingRun(ApiAnswer):

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from datetime import datetime
-from typing import Any, Literal
+from typing import Literal
 from uuid import UUID
 
 import msgspec
 from msgspec import UNSET, UnsetType
 
 from labweb.common.answers import ApiAnswer
+from labweb.runs.answers.calibrations import CalibrationChange
 from labweb.runs.answers.labels import RunLabel, RunWorkflow
 from labweb.runs.answers.plans import PlanView
 
@@ -80,7 +81,7 @@ class MaterialChange(ApiAnswer):
 class ApprovalDetail(ApprovalRow):
     """A request with the exact plan, or the result, that it is about."""
 
-    calibration: dict[str, Any] | UnsetType = UNSET
+    calibration: CalibrationChange | UnsetType = UNSET
     """The result of a calibration; left out where it is about a run."""
 
     plan: PlanView | UnsetType = UNSET

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from datetime import datetime
-from typing import Any
 from uuid import UUID
 
 from labweb.common.answers import ApiAnswer
+from labweb.crutd.answers import DoubtEnd
+from labweb.telemetry.answers import ReadingRow
 
 
 class LotMass(ApiAnswer):
@@ -61,7 +62,7 @@ class RunDoubt(ApiAnswer):
 
     job_id: UUID
     sentence: str
-    resolved: dict[str, Any] | None
+    resolved: DoubtEnd | None
     """Null: it is still open."""
 
 
@@ -89,6 +90,6 @@ class RunReportPage(ApiAnswer):
     """Lots that moved and whose density nobody stated: they are in neither side."""
 
     yields: list[ProductYield]
-    readings: list[dict[str, Any]]
+    readings: list[ReadingRow]
     doubts: list[RunDoubt]
     unconfirmed: list[UnconfirmedJob]

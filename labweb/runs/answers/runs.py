@@ -10,7 +10,7 @@ import msgspec
 from msgspec import UNSET, UnsetType
 
 from labweb.common.answers import ApiAnswer
-from labweb.crutd.answers import EventRow
+from labweb.crutd.answers import DoubtEnd, EventRow
 from labweb.domain.runs.departing import Departure
 from labweb.domain.runs.halt_state import HaltState
 from labweb.domain.workflows.plan import Execution
@@ -168,7 +168,7 @@ class LogLine(ApiAnswer, kw_only=True):
     job_index: int
     kind: str
     text: str
-    resolved: dict[str, Any] | UnsetType | None = UNSET
+    resolved: DoubtEnd | UnsetType | None = UNSET
     """How a doubt ended that the line began; null: it is open, or it began none."""
 
     body: dict[str, Any]

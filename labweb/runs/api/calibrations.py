@@ -3,29 +3,41 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, ClassVar
 from uuid import UUID
 
 import msgspec
 from rest_framework.request import Request
-from rest_framework.response import Response
 
 from labweb.accounts.api import Endpoint
 from labweb.accounts.selectors import User, user_of
 from labweb.approvals import selectors as approval_selectors
 from labweb.common.clock import now
 from labweb.common.lists import HISTORY
-from labweb.common.render import iso
 from labweb.common.requests import body
 from labweb.domain.approvals.roles import Permission
 from labweb.domain.calibration.model import IS_RELATIVE, SYMBOLS, Quantity, Standing
 from labweb.domain.calibration.order import Order, PhOrder, TemperatureOrder, VolumeOrder
 from labweb.domain.enrollment.spec import DriverSpec, ParameterSpec
-from labweb.domain.errors import NotFoundError
+from labweb.domain.errors import Finding, NotFoundError
+from labweb.domain.runs.job import RunState
 from labweb.enrollment import selectors as enrollment_selectors
 from labweb.enrollment.selectors import Device
 from labweb.resources import selectors as resource_selectors
 from labweb.runs import selectors, services
+from labweb.runs.answers.calibrations import (
+    CalibratedDevice,
+    CalibratedQuantity,
+    CalibrationChange,
+    CalibrationPoint,
+    CalibrationResult,
+    CalibrationRights,
+    CalibrationRun,
+    CalibrationsOfDevice,
+    CalibrationState,
+    StatedAccuracy,
+)
+from labweb.runs.answers.calibrations import CalibrationDetail as Detail
 from labweb.runs.models import Calibration
 
 _MEASURED = (Quantity.VOLUME, Quantity.PH, Quantity.TEMPERATURE)
@@ -49,17 +61,18 @@ class DeviceCalibrations(Endpoint):
     """Calibrations of one device."""
 
     bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": VolumeOrder}
+    statuses: ClassVar = {"post": 201}
     queries = HISTORY.parameters
 
-    def get(self, request: Request, calibrated_id: UUID) -> Response:
+    def get(self, request: Request, calibrated_id: UUID) -> CalibrationsOfDevice:
         """List what can be calibrated of it, what is in force, and every version, newest first."""
         user = user_of(request)
         device = enrollment_selectors.visible_device(calibrated_id, user)
         rows = selectors.history_of(device)
         page, following = HISTORY.of_rows(request, rows, "-made_at", "-id")
-        return Response({"quantities": _quantities(device, page, user), "next": following})
+        return CalibrationsOfDevice(quantities=_quantities(device, page, user), next=following)
 
-    def post(self, request: Request, calibrated_id: UUID) -> Response:
+    def post(self, request: Request, calibrated_id: UUID) -> Detail:
         """Start the run that calibrates it (412 with everything that speaks against it)."""
         return _begun(calibrated_id, body(request, VolumeOrder), user_of(request))
 
@@ -68,8 +81,9 @@ class PhCalibrations(Endpoint):
     """Calibrations of one probe in buffers."""
 
     bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": PhOrder}
+    statuses: ClassVar = {"post": 201}
 
-    def post(self, request: Request, probe_id: UUID) -> Response:
+    def post(self, request: Request, probe_id: UUID) -> Detail:
         """Start the run that calibrates it (412 with everything that speaks against it)."""
         return _begun(probe_id, body(request, PhOrder), user_of(request))
 
@@ -78,28 +92,29 @@ class TemperatureCalibrations(Endpoint):
     """Calibrations of one heater or thermostat beside a reference thermometer."""
 
     bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": TemperatureOrder}
+    statuses: ClassVar = {"post": 201}
 
-    def post(self, request: Request, heating_id: UUID) -> Response:
+    def post(self, request: Request, heating_id: UUID) -> Detail:
         """Start the run that calibrates it (412 with everything that speaks against it)."""
         return _begun(heating_id, body(request, TemperatureOrder), user_of(request))
 
 
-def _begun(device_id: UUID, order: Order, user: User) -> Response:
-    """Begin a calibration with what the user may see, and render it."""
+def _begun(device_id: UUID, order: Order, user: User) -> Detail:
+    """Begin a calibration with what the user may see, and tell of it."""
     for one in (device_id, order.device_id):
         enrollment_selectors.visible_device(one, user)
     resource_selectors.require_seen(user, order.vessel_ids)
     row = services.begin_calibration(device_id, order, actor=user)
-    return Response(render_calibration(selectors.find_calibration(row.id), user), status=201)
+    return calibration_detail(selectors.find_calibration(row.id), user)
 
 
 class CalibrationDetail(Endpoint):
     """One calibration."""
 
-    def get(self, request: Request, calibration_id: UUID) -> Response:
+    def get(self, request: Request, calibration_id: UUID) -> Detail:
         """Return it with its points and its result."""
         user = user_of(request)
-        return Response(render_calibration(_find(calibration_id, user), user))
+        return calibration_detail(_find(calibration_id, user), user)
 
 
 class DecideCalibration(Endpoint):
@@ -108,7 +123,7 @@ class DecideCalibration(Endpoint):
     signs = frozenset({"post"})
     bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": CalibrationDecision}
 
-    def post(self, request: Request, calibration_id: UUID) -> Response:
+    def post(self, request: Request, calibration_id: UUID) -> Detail:
         """Accept or reject a result that somebody else measured."""
         user = user_of(request)
         wanted = body(request, CalibrationDecision)
@@ -116,7 +131,7 @@ class DecideCalibration(Endpoint):
         services.decide_calibration(
             calibration_id, actor=user, is_accepted=wanted.is_accepted, comment=wanted.comment
         )
-        return Response(render_calibration(selectors.find_calibration(calibration_id), user))
+        return calibration_detail(selectors.find_calibration(calibration_id), user)
 
 
 class WithdrawCalibration(Endpoint):
@@ -124,13 +139,13 @@ class WithdrawCalibration(Endpoint):
 
     bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": CalibrationWithdrawal}
 
-    def post(self, request: Request, calibration_id: UUID) -> Response:
+    def post(self, request: Request, calibration_id: UUID) -> Detail:
         """Let it be relied on no more, for a reason."""
         user = user_of(request)
         wanted = body(request, CalibrationWithdrawal)
         _find(calibration_id, user)
         services.withdraw_calibration(calibration_id, actor=user, reason=wanted.reason)
-        return Response(render_calibration(selectors.find_calibration(calibration_id), user))
+        return calibration_detail(selectors.find_calibration(calibration_id), user)
 
 
 def _find(calibration_id: UUID, user: User) -> Calibration:
@@ -142,24 +157,26 @@ def _find(calibration_id: UUID, user: User) -> Calibration:
     return row
 
 
-def result_of(row: Calibration, user: User) -> dict[str, Any]:
-    """Render a result as the queue shows it: what it was before, and what it becomes."""
+def result_of(row: Calibration, user: User) -> CalibrationChange:
+    """Say a result as the queue shows it: what it was before, and what it becomes."""
     quantity = Quantity(row.quantity)
     before = selectors.accepted_of([row.device]).get(row.device_id, [])
     was = next((one for one in before if one.quantity == quantity and one.pk != row.pk), None)
     if was is not None:
         was.device = row.device
-    return {
-        "device": {"id": str(row.device_id), "name": row.device.name},
-        "quantity": quantity.value,
-        "unit": SYMBOLS[quantity],
-        "is_relative": IS_RELATIVE[quantity],
-        "becomes": render_calibration(row, user),
-        "was": None if was is None else render_calibration(was, user),
-    }
+    return CalibrationChange(
+        device=CalibratedDevice(id=row.device_id, name=row.device.name),
+        quantity=quantity,
+        unit=SYMBOLS[quantity],
+        is_relative=IS_RELATIVE[quantity],
+        becomes=calibration_detail(row, user),
+        was=None if was is None else calibration_detail(was, user),
+    )
 
 
-def _quantities(device: Device, history: Iterable[Calibration], user: User) -> list[dict[str, Any]]:
+def _quantities(
+    device: Device, history: Iterable[Calibration], user: User
+) -> list[CalibratedQuantity]:
     rows: dict[str, list[Calibration]] = {}
     for row in history:
         row.device = device
@@ -170,15 +187,15 @@ def _quantities(device: Device, history: Iterable[Calibration], user: User) -> l
     for quantity in (one for one in _MEASURED if {one.value} & (marked.keys() | rows.keys())):
         newest = counted.get(quantity.value)
         found.append(
-            {
-                "quantity": quantity.value,
-                "unit": SYMBOLS[quantity],
-                "is_relative": IS_RELATIVE[quantity],
-                "may_begin": quantity.value in marked,
-                "stated": _stated(marked.get(quantity.value)),
-                "newest": None if newest is None else str(newest.id),
-                "history": [render_calibration(one, user) for one in rows.get(quantity.value, [])],
-            }
+            CalibratedQuantity(
+                quantity=quantity,
+                unit=SYMBOLS[quantity],
+                is_relative=IS_RELATIVE[quantity],
+                may_begin=quantity.value in marked,
+                stated=_stated(marked.get(quantity.value)),
+                newest=None if newest is None else newest.id,
+                history=[calibration_detail(one, user) for one in rows.get(quantity.value, [])],
+            )
         )
     return found
 
@@ -192,49 +209,49 @@ def _marked(spec: DriverSpec) -> Iterator[ParameterSpec]:
             yield status.value
 
 
-def _stated(parameter: ParameterSpec | None) -> dict[str, float | None] | None:
+def _stated(parameter: ParameterSpec | None) -> StatedAccuracy | None:
     """Return what the maker states; None: nothing."""
     stated = None if parameter is None else parameter.accuracy
     if stated is None or (stated.ratio is None and stated.absolute is None):
         return None
-    return {"ratio": stated.ratio, "absolute": stated.absolute}
+    return StatedAccuracy(ratio=stated.ratio, absolute=stated.absolute)
 
 
-def render_calibration(row: Calibration, user: User) -> dict[str, Any]:
-    """Render one calibration as a page shows it, with what this person may do."""
+def calibration_detail(row: Calibration, user: User) -> Detail:
+    """Say one calibration as a page shows it, with what this person may do."""
     reach = resource_selectors.permissions_of(user)
     may_decide = Permission.DECIDE in reach
     standing: Standing | None = None
     reasons: tuple[str, ...] = ()
     if row.expires_at is not None:
         standing, reasons = selectors.standing_of(row, row.device, at=now())
-    return {
-        "id": str(row.id),
-        "device_id": str(row.device_id),
-        "quantity": row.quantity,
-        "number": row.number,
-        "state": row.state,
-        "standing": None if standing is None else standing.value,
-        "reasons": list(reasons),
-        "run": {"id": str(row.run_id), "number": row.run.number, "state": row.run.state},
-        "references": msgspec.to_builtins(selectors.references_of(row)),
-        "tolerance": row.order["tolerance"],
-        "valid_days": row.valid_days,
-        "points": row.points,
-        "result": row.result,
-        "findings": row.findings,
-        "made_by": row.made_by.printed_name,
-        "made_at": iso(row.made_at),
-        "measured_at": iso(row.measured_at),
-        "decided_by": None if row.decided_by is None else row.decided_by.printed_name,
-        "decided_at": iso(row.decided_at),
-        "comment": row.comment,
-        "expires_at": iso(row.expires_at),
-        "withdrawn_by": None if row.withdrawn_by is None else row.withdrawn_by.printed_name,
-        "withdrawn_at": iso(row.withdrawn_at),
-        "withdrawn_because": row.withdrawn_because,
-        "request_id": str(approval_selectors.about_calibration(row.id).id)
+    return Detail(
+        id=row.id,
+        device_id=row.device_id,
+        quantity=Quantity(row.quantity),
+        number=row.number,
+        state=msgspec.convert(str(row.state), CalibrationState),
+        standing=standing,
+        reasons=list(reasons),
+        run=CalibrationRun(id=row.run_id, number=row.run.number, state=RunState(row.run.state)),
+        references=selectors.references_of(row),
+        tolerance=row.order["tolerance"],
+        valid_days=row.valid_days,
+        points=msgspec.convert(row.points, list[CalibrationPoint]),
+        result=msgspec.convert(row.result, CalibrationResult | None),
+        findings=msgspec.convert(row.findings, list[Finding]),
+        made_by=row.made_by.printed_name,
+        made_at=row.made_at,
+        measured_at=row.measured_at,
+        decided_by=None if row.decided_by is None else row.decided_by.printed_name,
+        decided_at=row.decided_at,
+        comment=row.comment,
+        expires_at=row.expires_at,
+        withdrawn_by=None if row.withdrawn_by is None else row.withdrawn_by.printed_name,
+        withdrawn_at=row.withdrawn_at,
+        withdrawn_because=row.withdrawn_because,
+        request_id=approval_selectors.about_calibration(row.id).id
         if row.state == Calibration.State.AWAITING
         else None,
-        "can": {"withdraw": may_decide and row.state == Calibration.State.ACCEPTED},
-    }
+        can=CalibrationRights(withdraw=may_decide and row.state == Calibration.State.ACCEPTED),
+    )

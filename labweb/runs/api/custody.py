@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection
-from typing import Any, ClassVar
+from typing import ClassVar
 from uuid import UUID
 
 import msgspec
@@ -12,8 +12,8 @@ from rest_framework.response import Response
 
 from labweb.accounts.api import Endpoint
 from labweb.accounts.selectors import User, user_of
-from labweb.common.render import iso
 from labweb.common.requests import Nothing, body
+from labweb.crutd.answers import EventRow
 from labweb.crutd.api import Act, HandOperations, OperationCheck, require_act, visible
 from labweb.crutd.selectors import Transaction
 from labweb.domain.approvals.roles import Permission
@@ -27,6 +27,16 @@ from labweb.resources import selectors as resource_selectors
 from labweb.resources.selectors import Resource
 from labweb.resources.selectors.standing import places_of_kinds
 from labweb.runs import selectors, services
+from labweb.runs.answers.custody import (
+    CustodyConnection,
+    CustodyDetail,
+    CustodyHost,
+    CustodyMove,
+    CustodyPlace,
+    HandOverAsked,
+    HandOverStanding,
+    PlaceChoice,
+)
 from labweb.runs.selectors import Custody
 from labweb.runs.services.disconnecting import check_disconnect, disconnect
 
@@ -41,6 +51,8 @@ class HandOver(msgspec.Struct, forbid_unknown_fields=True):
 class Operations(HandOperations):
     """Operations by hand, a transfer between two edge hosts among them."""
 
+    answers: ClassVar = {"post": {201: EventRow, 202: HandOverAsked}}
+
     def post(self, request: Request) -> Response:
         """Carry it out at once; where two hosts have to agree, ask the first (202)."""
         act = body(request, Act)
@@ -49,7 +61,8 @@ class Operations(HandOperations):
             require_act(user, act.operation)
             made = services.begin_transfer(act.operation, actor=user, note=act.note)
             if made is not None:
-                return Response({"handover": {"id": str(made.id), "state": made.state}}, status=202)
+                asked = HandOverStanding(id=made.id, state=CustodyState(made.state))
+                return Response(HandOverAsked(handover=asked), status=202)
         return super().post(request)
 
     def carry_out(self, act: Act, user: User) -> Transaction:
@@ -73,25 +86,23 @@ class OperationsCheck(OperationCheck):
 class InWhoseHands(Endpoint):
     """Which host writes a resource's facts, and the move it is on."""
 
-    def get(self, request: Request, resource_id: UUID) -> Response:
+    def get(self, request: Request, resource_id: UUID) -> CustodyDetail:
         """Tell its host, its move if there is one, what it is connected to, and who may act."""
         row = visible(request, resource_id)
         user = user_of(request)
         move = selectors.open_move_of(row.id)
         owner = None if move is not None else selectors.owner_of(row.lab, row.id)
-        return Response(
-            {
-                "host": _named(owner),
-                "move": None if move is None else _move(move, request),
-                "connections": _connections(row.id, request),
-                "is_allowed": row.id in resource_selectors.allowed_ids(user, Permission.RUN),
-                "places": _places(row, request),
-            }
+        return CustodyDetail(
+            host=_host(owner),
+            move=None if move is None else _move(move, request),
+            connections=_connections(row.id, request),
+            is_allowed=row.id in resource_selectors.allowed_ids(user, Permission.RUN),
+            places=_places(row, request),
         )
 
 
-def _places(row: Resource, request: Request) -> list[dict[str, Any]]:
-    """Render the places of a kind that takes the resource, each with why there is no room.
+def _places(row: Resource, request: Request) -> list[PlaceChoice]:
+    """Say the places of a kind that takes the resource, each with why there is no room.
 
     What stands there already is named only where the caller may see it.
     """
@@ -99,7 +110,7 @@ def _places(row: Resource, request: Request) -> list[dict[str, Any]]:
     seen = resource_selectors.allowed_ids(user_of(request), Permission.VIEW)
     found = places_of_kinds(row.lab, kinds)
     return [
-        {"id": str(place.thing.id), "why_not": _why_not(row, place, seen)}
+        PlaceChoice(id=place.thing.id, why_not=_why_not(row, place, seen))
         for place in found
         if place.thing.id in seen and place.thing.id != row.id
     ]
@@ -113,53 +124,54 @@ def _why_not(row: Resource, place: Place, seen: Collection[UUID]) -> str | None:
     return f"there is no room in {place.thing.name}" if is_hidden else findings[0].message
 
 
-def _connections(resource_id: UUID, request: Request) -> list[dict[str, str]]:
-    """Render what keeps a resource where it is; a far end that is hidden stays unnamed."""
+def _connections(resource_id: UUID, request: Request) -> list[CustodyConnection]:
+    """Say what keeps a resource where it is; a far end that is hidden stays unnamed."""
     found = that_hold(resource_selectors.attachments_of(resource_id))
     seen = resource_selectors.allowed_ids(user_of(request), Permission.VIEW)
     names = resource_selectors.names(one.other.resource_id for one in found)
     return [
-        {
-            "key": one.key,
-            "medium": one.medium.value,
-            "to": names[one.other.resource_id] if one.other.resource_id in seen else "",
-        }
+        CustodyConnection(
+            key=one.key,
+            medium=one.medium,
+            to=names[one.other.resource_id] if one.other.resource_id in seen else "",
+        )
         for one in found
     ]
 
 
-def _named(host: EdgeHost | None) -> dict[str, str] | None:
-    return None if host is None else {"id": str(host.id), "name": host.name}
+def _host(host: EdgeHost | None) -> CustodyHost | None:
+    return None if host is None else CustodyHost(id=host.id, name=host.name)
 
 
-def _move(move: Custody, request: Request) -> dict[str, Any]:
+def _move(move: Custody, request: Request) -> CustodyMove:
     seen = resource_selectors.allowed_ids(user_of(request), Permission.VIEW)
     place = move.place
     is_seen = place is not None and place.id in seen
-    return {
-        "id": str(move.id),
-        "state": move.state,
-        "from": _named(move.origin),
-        "to": _named(move.target),
-        "place": {"id": str(place.id), "name": place.name} if place and is_seen else None,
-        "asked_by": None if move.asked_by is None else move.asked_by.printed_name,
-        "asked_at": iso(move.at),
-        "released_at": iso(move.released_at),
-        "is_told": move.state == CustodyState.IN_TRANSIT.value and selectors.is_told(move),
-    }
+    return CustodyMove(
+        id=move.id,
+        state=CustodyState(move.state),
+        origin=_host(move.origin),
+        target=_host(move.target),
+        place=CustodyPlace(id=place.id, name=place.name) if place and is_seen else None,
+        asked_by=None if move.asked_by is None else move.asked_by.printed_name,
+        asked_at=move.at,
+        released_at=move.released_at,
+        is_told=move.state == CustodyState.IN_TRANSIT.value and selectors.is_told(move),
+    )
 
 
 class HandOvers(Endpoint):
     """Move a vessel to a place of another host."""
 
     bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": HandOver}
+    statuses: ClassVar = {"post": 201}
 
-    def post(self, request: Request, resource_id: UUID) -> Response:
+    def post(self, request: Request, resource_id: UUID) -> HandOverStanding:
         """Ask its host to let it go."""
         user, wanted = user_of(request), body(request, HandOver)
         resource_selectors.require_seen(user, [resource_id, wanted.place_id])
         made = services.hand_over(resource_id, wanted.place_id, actor=user, note=wanted.note)
-        return Response({"id": str(made.id), "state": made.state}, status=201)
+        return HandOverStanding(id=made.id, state=CustodyState(made.state))
 
 
 class Arrival(Endpoint):
@@ -167,10 +179,10 @@ class Arrival(Endpoint):
 
     bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": Nothing}
 
-    def post(self, request: Request, custody_id: UUID) -> Response:
+    def post(self, request: Request, custody_id: UUID) -> HandOverStanding:
         """Tell its new host to take it over."""
         body(request, Nothing)
         user = user_of(request)
         selectors.find_move(custody_id, resource_selectors.allowed_ids(user, Permission.VIEW))
         made = services.confirm_arrival(custody_id, actor=user)
-        return Response({"id": str(made.id), "state": made.state})
+        return HandOverStanding(id=made.id, state=CustodyState(made.state))

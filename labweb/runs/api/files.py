@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any, ClassVar
 from uuid import UUID
 
+import msgspec
 from django.http import HttpRequest, QueryDict, StreamingHttpResponse
 from django.utils.http import content_disposition_header
 from rest_framework.parsers import MultiPartParser
@@ -16,12 +17,11 @@ from labweb.accounts.api import Endpoint
 from labweb.accounts.selectors import User, user_of
 from labweb.common.download import Blocks
 from labweb.common.lists import HISTORY
-from labweb.common.render import iso
 from labweb.common.requests import Parameter, id_of, identity, whole_number
 from labweb.common.uploads import Bounded, one_file
 from labweb.crutd import api as crutd_api
 from labweb.domain.approvals.roles import Permission
-from labweb.domain.errors import DefinitionError
+from labweb.domain.errors import DefinitionError, Finding
 from labweb.domain.files import KEPT_ONLY, MEDIA_TYPES
 from labweb.enrollment import selectors as enrollment_selectors
 from labweb.enrollment.selectors import Device
@@ -32,6 +32,22 @@ from labweb.runs.api.runs import visible_job
 from labweb.runs.models import Job
 from labweb.telemetry import selectors as telemetry_selectors
 from labweb.telemetry import services as telemetry_services
+from labweb.telemetry.answers import (
+    DrawnSeries,
+    FileJob,
+    FileList,
+    FileRow,
+    FileRun,
+    FileState,
+    FileSubject,
+    FileWithReadings,
+    IncomingList,
+    IncomingRow,
+    KeptFile,
+    ReadingList,
+    ReadingRow,
+    ReadingSeries,
+)
 from labweb.telemetry.selectors import File, Incoming, Reading
 from labweb.telemetry.services.files import MOST_BYTES, digest_header, opened
 
@@ -57,6 +73,7 @@ class Files(Endpoint):
 
     parser_classes = [MultiPartParser]
     forms: ClassVar[dict[str, dict[str, Any]]] = {"post": _UPLOAD}
+    answers: ClassVar = {"post": {201: FileWithReadings, 202: IncomingRow}}
 
     def initialize_request(
         self,
@@ -74,12 +91,12 @@ class Files(Endpoint):
         **HISTORY.parameters,
     }
 
-    def get(self, request: Request) -> Response:
+    def get(self, request: Request) -> FileList:
         """List files, newest first; `resource`, `device`, `job` and `sha256` narrow it."""
         rows = telemetry_selectors.visible_files(resource_selectors.the_lab(), _seen(request))
         rows = rows.filter(made_from__isnull=True, **_narrowed(request))
         found, following = HISTORY.of_rows(request, rows, "-id")
-        return Response({"files": rendered(found, user_of(request)), "next": following})
+        return FileList(files=file_rows(found, user_of(request)), next=following)
 
     def post(self, request: Request) -> Response:
         """Take a file in: a form with `file`, `format` and `resource`, `device` or `job`.
@@ -106,7 +123,7 @@ class Files(Endpoint):
             row = telemetry_services.keep_file(upload, lab=lab, actor=user)
             return Response(_detail(row, user), status=201)
         incoming = telemetry_services.bring(upload, lab=lab, actor=user)
-        return Response(_render_incoming(incoming), status=202)
+        return Response(_incoming(incoming), status=202)
 
 
 class IncomingFiles(Endpoint):
@@ -114,30 +131,30 @@ class IncomingFiles(Endpoint):
 
     queries: ClassVar[Mapping[str, Parameter]] = {**_ABOUT, **HISTORY.parameters}
 
-    def get(self, request: Request) -> Response:
+    def get(self, request: Request) -> IncomingList:
         """List those that wait, were refused or are lost, newest first; `resource`… narrow it."""
         rows = telemetry_selectors.visible_incoming(resource_selectors.the_lab(), _seen(request))
         rows = rows.exclude(state=Incoming.State.PARSED).filter(**_narrowed(request))
         found, following = HISTORY.of_rows(request, rows, "-id")
-        return Response({"incoming": [_render_incoming(row) for row in found], "next": following})
+        return IncomingList(incoming=[_incoming(row) for row in found], next=following)
 
 
 class IncomingFile(Endpoint):
     """A file that was brought to be read."""
 
-    def get(self, request: Request, incoming_id: UUID) -> Response:
+    def get(self, request: Request, incoming_id: UUID) -> IncomingRow:
         """Return whether it was read, and into which file, or why not."""
         lab = resource_selectors.the_lab()
         row = telemetry_selectors.find_incoming(lab, incoming_id, _seen(request))
-        return Response(_render_incoming(row))
+        return _incoming(row)
 
 
 class FileDetail(Endpoint):
     """One file."""
 
-    def get(self, request: Request, file_id: UUID) -> Response:
+    def get(self, request: Request, file_id: UUID) -> FileWithReadings:
         """Return a file with its readings and the series made from it."""
-        return Response(_detail(_find(request, file_id), user_of(request)))
+        return _detail(_find(request, file_id), user_of(request))
 
 
 class FileContent(Endpoint):
@@ -169,14 +186,14 @@ class ReadingPoints(Endpoint):
         "scan": Parameter({"type": "integer", "minimum": 0}, "Which of several spectra."),
     }
 
-    def get(self, request: Request, reading_id: UUID) -> Response:
+    def get(self, request: Request, reading_id: UUID) -> DrawnSeries:
         """Return at most `points` points; `scan` says which of several spectra."""
         lab = resource_selectors.the_lab()
         row = telemetry_selectors.find_reading(lab, reading_id, _seen(request))
         most = whole_number(request, "points", default=2000, low=2, high=_MOST_POINTS)
         is_told = "scan" in request.query_params
         scan = whole_number(request, "scan", default=0, low=0, high=2**31) if is_told else None
-        return Response(telemetry_services.drawn(row, scan=scan, most=most))
+        return telemetry_services.drawn(row, scan=scan, most=most)
 
 
 class Readings(Endpoint):
@@ -188,12 +205,12 @@ class Readings(Endpoint):
         **HISTORY.parameters,
     }
 
-    def get(self, request: Request) -> Response:
+    def get(self, request: Request) -> ReadingList:
         """List readings, newest file first; `resource`, `device`, `job` and `file` narrow it."""
         rows = telemetry_selectors.visible_readings(resource_selectors.the_lab(), _seen(request))
         rows = rows.filter(**_narrowed(request))
         found, following = HISTORY.of_rows(request, rows, "-file_id", "index")
-        return Response({"readings": [render_reading(row) for row in found], "next": following})
+        return ReadingList(readings=[render_reading(row) for row in found], next=following)
 
 
 def _seen(request: Request) -> set[UUID]:
@@ -241,18 +258,19 @@ def _device(form: QueryDict, job: Job | None, seen: set[UUID]) -> Device | None:
     return device
 
 
-def _detail(row: File, user: User) -> dict[str, Any]:
-    return {
-        **rendered([row], user)[0],
-        "facts": row.facts,
-        "readings": [render_reading(reading) for reading in row.readings.all()[:_MOST_ROWS]],
-        "series": [render_file(made) for made in row.made_files.order_by("id")],
-        "readings_count": row.readings.count(),
-    }
+def _detail(row: File, user: User) -> FileWithReadings:
+    (told,) = file_rows([row], user)
+    return FileWithReadings(
+        **msgspec.structs.asdict(told),
+        facts=row.facts,
+        readings=[render_reading(reading) for reading in row.readings.all()[:_MOST_ROWS]],
+        series=[kept_file(made) for made in row.made_files.order_by("id")],
+        readings_count=row.readings.count(),
+    )
 
 
-def rendered(rows: Sequence[File], user: User) -> list[dict[str, Any]]:
-    """Render files with the names of what they are about, as far as the user may know of it."""
+def file_rows(rows: Sequence[File], user: User) -> list[FileRow]:
+    """Say files with the names of what they are about, as far as the user may know of it."""
     lab = resource_selectors.the_lab()
     seen = resource_selectors.allowed_ids(user, Permission.VIEW)
     devices: dict[UUID | None, Device] = {
@@ -265,88 +283,84 @@ def rendered(rows: Sequence[File], user: User) -> list[dict[str, Any]]:
         job.pk: job for job in selectors.jobs_with_runs(lab, seen, wanted)
     }
     return [
-        {
-            **render_file(row),
-            "resource": _named(resources.get(row.resource_id)),
-            "device": _named(devices.get(row.device_id)),
-            "job": _job_told(jobs.get(row.job_id)),
-        }
+        FileRow(
+            **msgspec.structs.asdict(kept_file(row)),
+            resource=_named(resources.get(row.resource_id)),
+            device=_named(devices.get(row.device_id)),
+            job=_job_told(jobs.get(row.job_id)),
+        )
         for row in rows
     ]
 
 
-def _named(row: Resource | Device | None) -> dict[str, str] | None:
-    return None if row is None else {"id": str(row.pk), "name": row.name}
+def _named(row: Resource | Device | None) -> FileSubject | None:
+    return None if row is None else FileSubject(id=row.pk, name=row.name)
 
 
-def _job_told(job: Job | None) -> dict[str, Any] | None:
+def _job_told(job: Job | None) -> FileJob | None:
     if job is None:
         return None
-    run = {"id": str(job.run_id), "number": job.run.number}
-    return {"id": str(job.pk), "index": job.index, "sentence": job.sentence, "run": run}
+    run = FileRun(id=job.run_id, number=job.run.number)
+    return FileJob(id=job.pk, index=job.index, sentence=job.sentence, run=run)
 
 
-def _render_incoming(row: Incoming) -> dict[str, Any]:
-    return {
-        "id": str(row.pk),
-        "name": row.name,
-        "format": row.format,
-        "size_bytes": row.size_bytes,
-        "sha256": row.sha256,
-        "state": str(row.state),
-        "file_id": _text(row.file_id),
-        "code": row.code,
-        "message": row.message,
-        "findings": row.findings,
-        "resource_id": _text(row.resource_id),
-        "device_id": _text(row.device_id),
-        "job_id": _text(row.job_id),
-        "brought_by": "" if row.brought_by is None else row.brought_by.printed_name,
-        "brought_at": iso(row.brought_at),
-        "ended_at": None if row.ended_at is None else iso(row.ended_at),
-    }
+def _incoming(row: Incoming) -> IncomingRow:
+    return IncomingRow(
+        id=row.pk,
+        name=row.name,
+        format=row.format,
+        size_bytes=row.size_bytes,
+        sha256=row.sha256,
+        state=msgspec.convert(str(row.state), FileState),
+        file_id=row.file_id,
+        code=row.code,
+        message=row.message,
+        findings=msgspec.convert(row.findings, list[Finding]),
+        resource_id=row.resource_id,
+        device_id=row.device_id,
+        job_id=row.job_id,
+        brought_by="" if row.brought_by is None else row.brought_by.printed_name,
+        brought_at=row.brought_at,
+        ended_at=row.ended_at,
+    )
 
 
-def render_file(row: File) -> dict[str, Any]:
-    """Render a file without its bytes."""
-    return {
-        "id": str(row.pk),
-        "name": row.name,
-        "media_type": row.media_type,
-        "format": row.format,
-        "size_bytes": row.size_bytes,
-        "sha256": row.sha256,
-        "made_from_id": _text(row.made_from_id),
-        "resource_id": _text(row.resource_id),
-        "device_id": _text(row.device_id),
-        "job_id": _text(row.job_id),
-        "kept_by": "" if row.kept_by is None else row.kept_by.printed_name,
-        "kept_at": iso(row.kept_at),
-    }
+def kept_file(row: File) -> KeptFile:
+    """Say a file without its bytes."""
+    return KeptFile(
+        id=row.pk,
+        name=row.name,
+        media_type=row.media_type,
+        format=row.format,
+        size_bytes=row.size_bytes,
+        sha256=row.sha256,
+        made_from_id=row.made_from_id,
+        resource_id=row.resource_id,
+        device_id=row.device_id,
+        job_id=row.job_id,
+        kept_by="" if row.kept_by is None else row.kept_by.printed_name,
+        kept_at=row.kept_at,
+    )
 
 
-def render_reading(row: Reading) -> dict[str, Any]:
-    """Render a reading; the values of a series are in its file."""
-    return {
-        "id": str(row.pk),
-        "file_id": str(row.file_id),
-        "file_sha256": row.file.sha256,
-        "index": row.index,
-        "name": row.name,
-        "quantity": row.quantity,
-        "unit": row.unit,
-        "value": row.value,
-        "text": row.text,
-        "series_file_id": _text(row.series_file_id),
-        "series": row.series,
-        "facts": row.facts,
-        "measured_at": iso(row.measured_at),
-        "kept_at": iso(row.kept_at),
-        "resource_id": _text(row.resource_id),
-        "device_id": _text(row.device_id),
-        "job_id": _text(row.job_id),
-    }
-
-
-def _text(value: UUID | None) -> str | None:
-    return None if value is None else str(value)
+def render_reading(row: Reading) -> ReadingRow:
+    """Say a reading; the values of a series are in its file."""
+    return ReadingRow(
+        id=row.pk,
+        file_id=row.file_id,
+        file_sha256=row.file.sha256,
+        index=row.index,
+        name=row.name,
+        quantity=row.quantity,
+        unit=row.unit,
+        value=row.value,
+        text=row.text,
+        series_file_id=row.series_file_id,
+        series=msgspec.convert(row.series, ReadingSeries | None),
+        facts=row.facts,
+        measured_at=row.measured_at,
+        kept_at=row.kept_at,
+        resource_id=row.resource_id,
+        device_id=row.device_id,
+        job_id=row.job_id,
+    )

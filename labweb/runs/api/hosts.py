@@ -7,15 +7,16 @@ from uuid import UUID
 
 import msgspec
 from rest_framework.request import Request
-from rest_framework.response import Response
 
 from labweb.accounts.api import Endpoint
 from labweb.accounts.selectors import user_of
 from labweb.common.requests import body
+from labweb.domain.runs.session import SessionState
 from labweb.enrollment import selectors as enrollment_selectors
 from labweb.enrollment import services as enrollment_services
 from labweb.resources import selectors as resource_selectors
 from labweb.runs import services
+from labweb.runs.answers.hosts import HostStanding
 from labweb.runs.api.runs import Reason
 
 
@@ -32,7 +33,7 @@ class HostAct(Endpoint):
     act = ""
     bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": HostReason}
 
-    def post(self, request: Request, host_id: UUID) -> Response:
+    def post(self, request: Request, host_id: UUID) -> HostStanding:
         """Carry out the act; say how the host stands then."""
         user, said = user_of(request), body(request, HostReason)
         reason = said.reason
@@ -45,4 +46,4 @@ class HostAct(Endpoint):
             )
         else:
             host = enrollment_services.readmit_host(host_id, actor=user, reason=reason)
-        return Response({"id": str(host.id), "state": host.state})
+        return HostStanding(id=host.id, state=SessionState(host.state))

@@ -53,8 +53,10 @@ def _line(kind: str, report: dict[str, Any], sentence_text: str, end: Resolved |
     return f"{sentence_text}: outcome not known then{about}. {told['text']}"
 
 
-def _end_of(kind: str, end: Resolved | None) -> dict[str, Any] | None:
-    return end.to_json() if end is not None and kind == "in_doubt" else None
+def _end_of(kind: str, end: Resolved | None) -> DoubtEnd | None:
+    if end is None or kind != "in_doubt":
+        return None
+    return msgspec.convert(end.to_json(), DoubtEnd)
 
 
 def render_hand_overs(run: Run) -> list[LogLine]:

@@ -5,10 +5,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 from uuid import UUID
 
+import msgspec
 from rest_framework.request import Request
 
 from labweb.accounts.api import Endpoint
 from labweb.accounts.selectors import user_of
+from labweb.crutd.answers import DoubtEnd
 from labweb.domain.approvals.roles import Permission
 from labweb.domain.crutd.balance import AccountChange, Yield
 from labweb.domain.crutd.provenance import is_nominal
@@ -61,7 +63,7 @@ class RunReport(Endpoint):
                 RunDoubt(
                     job_id=job.pk,
                     sentence=job.sentence,
-                    resolved=None if end is None else end.to_json(),
+                    resolved=None if end is None else msgspec.convert(end.to_json(), DoubtEnd),
                 )
                 for job, end in report.doubts
             ],

@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 from datetime import timedelta
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, ClassVar
 from uuid import UUID
 
 import msgspec
 from rest_framework.request import Request
-from rest_framework.response import Response
 
 from labweb.accounts.api import Endpoint
 from labweb.accounts.selectors import User, user_of
 from labweb.common.lists import HISTORY
-from labweb.common.render import iso
 from labweb.common.requests import Nothing, body
 from labweb.crutd.api import visible
 from labweb.crutd.selectors import reserved
@@ -22,6 +20,13 @@ from labweb.domain.errors import NotFoundError
 from labweb.domain.runs.reserving import LONGEST_REASON, MOST
 from labweb.resources import selectors as resource_selectors
 from labweb.runs import services
+from labweb.runs.answers.reservations import (
+    ReservationList,
+    ReservationRow,
+    ReservationsMade,
+    ReservationsOfResource,
+    ReservedResource,
+)
 from labweb.runs.services import reservations
 
 _MOST_MINUTES = 1_000_000_000
@@ -40,18 +45,21 @@ class Reservations(Endpoint):
     """What is reserved now."""
 
     bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": Wanted}
+    statuses: ClassVar = {"post": 201}
 
     queries = HISTORY.parameters
 
-    def get(self, request: Request) -> Response:
+    def get(self, request: Request) -> ReservationList:
         """List the reservations that hold now, of resources the caller may see, oldest first."""
         user = user_of(request)
         seen = resource_selectors.allowed_ids(user, Permission.VIEW)
         rows = reserved.reservations_on(resource_selectors.the_lab(), seen)
         found, following = HISTORY.of_rows(request, rows, "made_at", "id")
-        return Response({"reservations": [_render(row, user) for row in found], "next": following})
+        return ReservationList(
+            reservations=[_reservation(row, user) for row in found], next=following
+        )
 
-    def post(self, request: Request) -> Response:
+    def post(self, request: Request) -> ReservationsMade:
         """Reserve all of the resources for the caller, or none (423 with each reason)."""
         wanted = body(request, Wanted)
         user = user_of(request)
@@ -61,7 +69,7 @@ class Reservations(Endpoint):
             ids, actor=user, lasts=timedelta(minutes=wanted.minutes), reason=wanted.reason
         )
         found = [reserved.find_reservation(row.pk) for row in made]
-        return Response({"reservations": [_render(row, user) for row in found]}, status=201)
+        return ReservationsMade(reservations=[_reservation(row, user) for row in found])
 
 
 class ResourceReservations(Endpoint):
@@ -69,7 +77,7 @@ class ResourceReservations(Endpoint):
 
     queries = HISTORY.parameters
 
-    def get(self, request: Request, resource_id: UUID) -> Response:
+    def get(self, request: Request, resource_id: UUID) -> ReservationsOfResource:
         """List the reservations of it and of what it stands in; may the caller reserve it?"""
         row = visible(request, resource_id)
         user = user_of(request)
@@ -77,12 +85,10 @@ class ResourceReservations(Endpoint):
         seen = resource_selectors.allowed_ids(user, Permission.VIEW)
         rows = reserved.reservations_on(row.lab, {row.id, *above} & seen)
         found, following = HISTORY.of_rows(request, rows, "made_at", "id")
-        return Response(
-            {
-                "is_allowed": row.id in resource_selectors.allowed_ids(user, Permission.RUN),
-                "reservations": [_render(one, user) for one in found],
-                "next": following,
-            }
+        return ReservationsOfResource(
+            is_allowed=row.id in resource_selectors.allowed_ids(user, Permission.RUN),
+            reservations=[_reservation(one, user) for one in found],
+            next=following,
         )
 
 
@@ -91,7 +97,7 @@ class EndReservation(Endpoint):
 
     bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": Nothing}
 
-    def post(self, request: Request, reservation_id: UUID) -> Response:
+    def post(self, request: Request, reservation_id: UUID) -> ReservationRow:
         """End it now; one that is over stays as it is."""
         body(request, Nothing)
         user = user_of(request)
@@ -99,18 +105,18 @@ class EndReservation(Endpoint):
         if row.resource_id not in resource_selectors.allowed_ids(user, Permission.VIEW):
             raise NotFoundError(f"no reservation {reservation_id}", code="reservation.not_found")
         services.end_reservation(row, actor=user)
-        return Response(_render(reserved.find_reservation(reservation_id), user))
+        return _reservation(reserved.find_reservation(reservation_id), user)
 
 
-def _render(row: reserved.ResourceReservation, user: User) -> dict[str, Any]:
-    return {
-        "id": str(row.pk),
-        "resource": {"id": str(row.resource_id), "name": row.resource.name},
-        "holder": row.holder.printed_name,
-        "is_own": row.holder_id == user.pk,
-        "may_end": reservations.may_end(row, user),
-        "reason": row.reason,
-        "made_at": iso(row.made_at),
-        "expires_at": iso(row.expires_at),
-        "ended_at": iso(row.ended_at),
-    }
+def _reservation(row: reserved.ResourceReservation, user: User) -> ReservationRow:
+    return ReservationRow(
+        id=row.pk,
+        resource=ReservedResource(id=row.resource_id, name=row.resource.name),
+        holder=row.holder.printed_name,
+        is_own=row.holder_id == user.pk,
+        may_end=reservations.may_end(row, user),
+        reason=row.reason,
+        made_at=row.made_at,
+        expires_at=row.expires_at,
+        ended_at=row.ended_at,
+    )

@@ -4,14 +4,17 @@ from __future__ import annotations
 
 from typing import Any
 
+import msgspec
+
 from labweb.common.series import axes_of, points
 from labweb.domain.errors import DefinitionError
+from labweb.telemetry.answers import DrawnColumn, DrawnScan, DrawnSeries, SeriesAxis
 from labweb.telemetry.selectors import Reading
 from labweb.telemetry.services.files import checked
 
 
-def drawn(reading: Reading, *, scan: int | None, most: int) -> dict[str, Any]:
-    """Return the points of a reading with what its axes are, as plain data.
+def drawn(reading: Reading, *, scan: int | None, most: int) -> DrawnSeries:
+    """Return the points of a reading with what its axes are.
 
     Args:
         reading: What was measured.
@@ -32,16 +35,16 @@ def drawn(reading: Reading, *, scan: int | None, most: int) -> dict[str, Any]:
         found = points(path, reading.series, scan=number, most=most)
     except TypeError as error:
         raise DefinitionError(f"{reading.name!r}: {error}", code="reading.not_drawn") from error
-    return {
-        "reading_id": str(reading.pk),
-        "x": axis,
-        "y": {key: reading.series[key] for key in ("column", "unit", "least", "most")},
-        "scan": None if numbering is None else {**numbering, "value": number},
-        "points": found.points,
-        "rows_count": found.rows_count,
-        "is_thinned": found.is_thinned,
-        "is_time": isinstance(axis["least"], str),
-    }
+    return DrawnSeries(
+        reading_id=reading.pk,
+        x=msgspec.convert(axis, SeriesAxis),
+        y=msgspec.convert(reading.series, DrawnColumn),
+        scan=None if numbering is None or number is None else DrawnScan(**numbering, value=number),
+        points=list(found.points),
+        rows_count=found.rows_count,
+        is_thinned=found.is_thinned,
+        is_time=isinstance(axis["least"], str),
+    )
 
 
 def _number(least: Any, scan: int | None) -> int:  # noqa: ANN401 - any JSON
