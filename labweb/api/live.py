@@ -19,7 +19,9 @@ from django.http import HttpRequest
 from django.http.request import split_domain_port, validate_host
 
 from labweb.accounts.selectors import User
+from labweb.accounts.selectors.tokens import find_token
 from labweb.api.parsers import finite, refuse_constant, whole
+from labweb.api.token_sign_in import bearer_of
 from labweb.common.buckets import Rate
 from labweb.common.feed import GROUP
 from labweb.common.sockets import CLOSE_TOO_BIG, BoundedConsumer
@@ -72,17 +74,28 @@ class BrowserConsumer(BoundedConsumer):
 
     topics: frozenset[str] = frozenset()
     user: User | None = None
+    secret: str | None = None
+    """Of the access token that was shown; None: whoever asks has a session."""
+
+    caller: str = ""
+    """Under which name frames and topics are counted."""
+
     watch: asyncio.Task[None] | None = None
 
     async def connect(self) -> None:
-        """Accept a signed-in user from our own origin."""
+        """Accept a signed-in user from our own origin, or a program with an access token.
+
+        A browser cannot send the header of a token, so that no foreign page can.
+        """
         self.seq: Counter[str] = Counter()
         await self.accept()
-        if not self._has_own_origin():
+        headers = dict(self.scope["headers"])
+        self.secret = bearer_of(headers.get(b"authorization", b"").decode("latin-1"))
+        if self.secret is None and not self._has_own_origin():
             await self.close(code=CLOSE_BAD_ORIGIN)
         elif not await self._is_signed_in():
             await self.close(code=CLOSE_NOT_SIGNED_IN)
-        elif self.user is not None and await self.count_as(f"user:{self.user.pk}"):
+        elif self.user is not None and await self.count_as(self.caller):
             await self.channel_layer.group_add(GROUP, self.channel_name)
             self.watch = asyncio.create_task(self._watch())
 
@@ -101,9 +114,14 @@ class BrowserConsumer(BoundedConsumer):
         return is_ours and bool(origin) and urlparse(origin).netloc == host
 
     async def _is_signed_in(self) -> bool:
-        """Read the session anew: it may have ended since the page was loaded."""
+        """Read session or token anew: it may have ended since the socket was opened."""
+        if self.secret is not None:
+            found = await self.ask(_holder, self.secret)
+            self.user, self.caller = found or (None, "")
+            return self.user is not None
         key = self.scope["session"].session_key
         self.user = await self.ask(_member, key) if key else None
+        self.caller = "" if self.user is None else f"user:{self.user.pk}"
         return self.user is not None
 
     async def _watch(self) -> None:
@@ -167,6 +185,14 @@ def _member(session_key: str) -> User | None:
     store = import_module(settings.SESSION_ENGINE).SessionStore(session_key)
     user = get_user(cast("HttpRequest", SimpleNamespace(session=store)))
     return user if isinstance(user, User) and _allowed(user, OPEN_TOPICS) else None
+
+
+def _holder(secret: str) -> tuple[User, str] | None:
+    """Return the owner of an access token and its name, if they may hear of anything."""
+    token = find_token(secret)
+    if token is None or not _allowed(token.user, OPEN_TOPICS):
+        return None
+    return token.user, f"token:{token.pk}"
 
 
 def _allowed(user: User, topics: Iterable[str]) -> frozenset[str]:

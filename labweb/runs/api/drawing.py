@@ -14,6 +14,7 @@ from labweb.accounts.selectors import User, user_of
 from labweb.common.lists import STANDING
 from labweb.common.requests import body
 from labweb.domain.approvals.roles import Permission
+from labweb.domain.approvals.scopes import Scope
 from labweb.domain.errors import Finding, LabError
 from labweb.domain.runs.job import RunState
 from labweb.domain.workflows import plan as plans
@@ -48,6 +49,7 @@ class CheckDocument(msgspec.Struct, forbid_unknown_fields=True):
 class Check(Endpoint):
     """What a workflow would mean here and now."""
 
+    scopes: ClassVar[Mapping[str, Scope]] = {"post": Scope.DRAFT}
     bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": CheckDocument}
     harmless: ClassVar[Mapping[str, str]] = {"post": "it calculates and writes nothing"}
 
@@ -104,6 +106,7 @@ def _sentences(document: dict[str, Any], names: dict[str, str]) -> dict[str, lis
 class Workflows(Endpoint):
     """Workflows with their last runs."""
 
+    scopes: ClassVar[Mapping[str, Scope]] = {"post": Scope.DRAFT}
     bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": workflow_api.NewWorkflow}
     statuses: ClassVar[Mapping[str, int]] = {"post": 201}
     queries = STANDING.parameters

@@ -6,6 +6,9 @@ from collections.abc import Mapping
 from typing import Any
 from uuid import UUID
 
+import msgspec
+
+from labweb.crutd.answers import DoubtEnd
 from labweb.crutd.selectors.resolving import Resolved
 from labweb.domain.runs.custody import CustodyState
 from labweb.runs import selectors

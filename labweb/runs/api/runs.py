@@ -11,7 +11,7 @@ from django.db.models import QuerySet
 from msgspec.structs import replace
 from rest_framework.request import Request
 
-from labweb.accounts.api import Endpoint
+from labweb.accounts.api import Endpoint, check_scope
 from labweb.accounts.selectors import User, user_of
 from labweb.common.lists import HISTORY, STANDING
 from labweb.common.reading import one_moment
@@ -21,7 +21,9 @@ from labweb.crutd import selectors as crutd_selectors
 from labweb.crutd.answers import EventRun
 from labweb.crutd.selectors.resolving import resolved_of
 from labweb.domain.approvals.roles import Permission
+from labweb.domain.approvals.scopes import Scope
 from labweb.domain.errors import DefinitionError, NotFoundError
+from labweb.domain.graph.lab_file.model import Mode
 from labweb.domain.runs.context import without_surroundings
 from labweb.domain.runs.departing import Departure
 from labweb.domain.runs.job import RunState
@@ -119,9 +121,20 @@ def visible_runs(lab: Lab, user: User) -> QuerySet[Run]:
     return selectors.visible_runs(lab, seen)
 
 
+def check_own(request: Request, run: Run) -> None:
+    """Refuse a token what is another person's run; whoever is signed in needs none.
+
+    Raises:
+        ForbiddenError: The owner of the token has not started it.
+    """
+    if run.created_by_id != user_of(request).pk:
+        check_scope(request, None)
+
+
 class Runs(Endpoint):
     """Runs of the lab."""
 
+    scopes: ClassVar[Mapping[str, Scope]] = {"post": Scope.SIMULATE}
     bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": StartRun}
     statuses: ClassVar[Mapping[str, int]] = {"post": 201}
     queries: ClassVar[Mapping[str, Parameter]] = {
@@ -152,6 +165,8 @@ class Runs(Endpoint):
         user = user_of(request)
         wanted = body(request, StartRun)
         version = workflow_selectors.visible_version(wanted.version_id, user)
+        if resource_selectors.the_lab().mode != Mode.SIM:
+            check_scope(request, Scope.SUBMIT)
         run = services.start_run(
             version,
             actor=user,
@@ -223,10 +238,12 @@ class RunLog(Endpoint):
 class PauseRun(Endpoint):
     """A pause."""
 
+    scopes: ClassVar[Mapping[str, Scope]] = {"post": Scope.SIMULATE}
+
     def post(self, request: Request, run_id: UUID) -> RunView:
         """Let nothing more of the run begin, and return it."""
         user = user_of(request)
-        visible(run_id, user)
+        check_own(request, visible(run_id, user))
         services.pause_run(run_id, actor=user)
         return render.render_run(selectors.find_run(run_id), user)
 
@@ -247,12 +264,13 @@ class ResumeRun(Endpoint):
 class AbortRun(Endpoint):
     """The end of a run before its time."""
 
+    scopes: ClassVar[Mapping[str, Scope]] = {"post": Scope.SIMULATE}
     bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": Reason}
 
     def post(self, request: Request, run_id: UUID) -> RunView:
         """Have the run end, and return it."""
         user, reason = user_of(request), body(request, Reason).reason
-        visible(run_id, user)
+        check_own(request, visible(run_id, user))
         services.abort_run(run_id, actor=user, reason=reason)
         return render.render_run(selectors.find_run(run_id), user)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any, ClassVar
 from uuid import UUID
 
@@ -14,6 +15,7 @@ from labweb.common.lists import HISTORY
 from labweb.common.render import iso
 from labweb.common.requests import body
 from labweb.domain.approvals.roles import Permission
+from labweb.domain.approvals.scopes import Scope
 from labweb.domain.dimensions import DIMENSIONS
 from labweb.domain.enrollment.spec import DriverSpec
 from labweb.domain.workflows.steps import palette
@@ -109,6 +111,7 @@ class NewVersion(msgspec.Struct, forbid_unknown_fields=True):
 class Drafts(Endpoint):
     """The draft of one workflow."""
 
+    scopes: ClassVar[Mapping[str, Scope]] = {"put": Scope.DRAFT}
     bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"put": Draft}
 
     def put(self, request: Request, workflow_id: UUID) -> DraftSaved:
@@ -127,6 +130,7 @@ class Drafts(Endpoint):
 class Versions(Endpoint):
     """Versions of one workflow."""
 
+    scopes: ClassVar[Mapping[str, Scope]] = {"post": Scope.DRAFT}
     bodies: ClassVar[dict[str, type[msgspec.Struct]]] = {"post": NewVersion}
     queries = HISTORY.parameters
     statuses: ClassVar[dict[str, int]] = {"post": 201}

@@ -157,3 +157,43 @@ def test_a_token_is_no_session_and_needs_no_cookie(bench: Bench) -> None:
     answer = shown(secret, "GET", "/api/v1/runs")
     assert "sessionid" not in answer.cookies
     assert refusal(call(signed_in(None), "GET", "/api/v1/runs"))[0] == 403
+
+
+REACH = [
+    ("POST", "/api/v1/workflows", {"name": "By a script"}, Scope.DRAFT),
+    ("POST", "/api/v1/lab/stop", {}, Scope.SIMULATE),
+]
+
+
+@pytest.mark.parametrize(("method", "path", "body", "needed"), REACH)
+@pytest.mark.parametrize("scope", Scope)
+def test_a_scope_reaches_as_far_as_it_says(
+    bench: Bench, scope: Scope, method: str, path: str, body: object, needed: Scope
+) -> None:
+    _, secret = made(bench, scope)
+    answer = shown(secret, method, path, body)
+    if scope.holds(needed):
+        assert answer.status_code < 300, answer.content
+    else:
+        assert refusal(answer) == (403, "token.scope")
+
+
+def test_a_live_lab_needs_more_than_a_simulated_one(bench: Bench) -> None:
+    body = {"version_id": str(bench.version("Move 5 mL of water").id)}
+    _, simulates = made(bench, Scope.SIMULATE)
+    _, submits = made(bench, Scope.SUBMIT)
+    bench.lab.mode = "live"
+    bench.lab.save()
+    assert refusal(shown(simulates, "POST", "/api/v1/runs", body)) == (403, "token.scope")
+    assert shown(submits, "POST", "/api/v1/runs", body).status_code == 201
+
+
+def test_a_token_aborts_the_runs_of_its_owner_alone(bench: Bench) -> None:
+    body = {"version_id": str(bench.version("Move 5 mL of water").id)}
+    _, own = made(bench, Scope.SIMULATE)
+    _, other = made(bench, Scope.SUBMIT, "approver")
+    run = json.loads(shown(own, "POST", "/api/v1/runs", body).content)
+    path = f"/api/v1/runs/{run['id']}/abort"
+    refused = shown(other, "POST", path, {"reason": "mine"})
+    assert refusal(refused) == (403, "token.not_by_token")
+    assert shown(own, "POST", path, {"reason": "no longer needed"}).status_code == 200

@@ -1,0 +1,1 @@
+"""Makes the Python client from the schema of the interface."""

@@ -1,0 +1,194 @@
+"""A client that waits, and one for programs that are asynchronous."""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from collections.abc import AsyncIterator, Awaitable, Callable, Iterator
+from typing import Any, Protocol, Self, TypeVar
+
+import httpx
+
+from labweb_client.errors import UnansweredError
+from labweb_client.generated.models import RunDetail, RunState
+from labweb_client.generated.operations import AsyncOperations, Operations
+from labweb_client.live import News, follow, follow_async
+from labweb_client.sending import API, Call, read, wait_s
+
+A = TypeVar("A")
+
+_ENDED = frozenset({RunState.complete, RunState.aborted})
+_POLL_S = 0.5
+
+
+class Page(Protocol):
+    """An answer that is one page of a list."""
+
+    @property
+    def next(self) -> str | None:
+        """Return what `after` takes for the next page; None: this is the last one."""
+
+
+P = TypeVar("P", bound=Page)
+
+
+class Client(Operations):
+    """Talks to one server with an access token.
+
+    Each call that acts carries a key of its own, and is sent again with the same key while no
+    answer comes: it has one effect all the same.
+    """
+
+    def __init__(
+        self, url: str, token: str, *, timeout_s: float = 30.0, attempts_count: int = 5
+    ) -> None:
+        """Take the address of the server, such as `https://lab.example.org`, and a token.
+
+        Args:
+            url: Address of the server.
+            token: Secret of an access token, as *Settings* has shown it.
+            timeout_s: For how long one answer is waited for.
+            attempts_count: How often a call is sent at most.
+        """
+        self._url = url.rstrip("/")
+        self._token = token
+        self._attempts_count = attempts_count
+        headers = {"Authorization": f"Bearer {token}"}
+        self._http = httpx.Client(base_url=self._url, headers=headers, timeout=timeout_s)
+
+    def __enter__(self) -> Self:
+        """Return the client."""
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Close its connections."""
+        self._http.close()
+
+    def call(self, call: Call, answer: type[A]) -> A:
+        """Send a call until it is answered.
+
+        Raises:
+            RefusedError: The server refused it.
+            UnansweredError: It was sent as often as is allowed, and no answer came.
+        """
+        headers = call.headers()
+        for attempt in range(1, self._attempts_count + 1):
+            try:
+                found = self._http.request(**_request(call, headers))
+            except httpx.TransportError as error:
+                wanted, problem = wait_s(attempt, 0, None, b""), error
+            else:
+                after = found.headers.get("Retry-After")
+                wanted = wait_s(attempt, found.status_code, after, found.content)
+                if wanted is None or attempt == self._attempts_count:
+                    return read(found.status_code, found.content, answer)
+            if wanted is not None and attempt < self._attempts_count:
+                time.sleep(wanted)
+        raise UnansweredError(f"{call.method} {call.path}: {problem}") from problem
+
+    def pages(self, fetch: Callable[..., P], **query: Any) -> Iterator[P]:  # noqa: ANN401
+        """Yield every page of a list: `client.pages(client.get_runs, state="complete")`."""
+        after: str | None = None
+        while True:
+            page = fetch(**query, after=after)
+            yield page
+            after = page.next
+            if after is None:
+                return
+
+    def wait_for_run(self, run_id: str, *, timeout_s: float | None = None) -> RunDetail:
+        """Return a run once it has ended.
+
+        Raises:
+            TimeoutError: It goes on after that time; it is not aborted.
+        """
+        until = None if timeout_s is None else time.monotonic() + timeout_s
+        while True:
+            run = self.get_run(run_id)
+            if run.state in _ENDED:
+                return run
+            if until is not None and time.monotonic() > until:
+                raise TimeoutError(f"run {run.number} is {run.state.value} after {timeout_s} s")
+            time.sleep(_POLL_S)
+
+    def follow(self, *topics: str) -> Iterator[News]:
+        """Yield what the server announces on topics such as `runs` or `run:<id>`."""
+        return follow(self._url, self._token, topics)
+
+
+class AsyncClient(AsyncOperations):
+    """Talks to one server as `Client` does, from a program that is asynchronous."""
+
+    def __init__(
+        self, url: str, token: str, *, timeout_s: float = 30.0, attempts_count: int = 5
+    ) -> None:
+        """Take address and token, as `Client` does."""
+        self._url = url.rstrip("/")
+        self._token = token
+        self._attempts_count = attempts_count
+        headers = {"Authorization": f"Bearer {token}"}
+        self._http = httpx.AsyncClient(base_url=self._url, headers=headers, timeout=timeout_s)
+
+    async def __aenter__(self) -> Self:
+        """Return the client."""
+        return self
+
+    async def __aexit__(self, *_: object) -> None:
+        """Close its connections."""
+        await self._http.aclose()
+
+    async def call(self, call: Call, answer: type[A]) -> A:
+        """Send a call until it is answered, as `Client.call` does."""
+        headers = call.headers()
+        for attempt in range(1, self._attempts_count + 1):
+            try:
+                found = await self._http.request(**_request(call, headers))
+            except httpx.TransportError as error:
+                wanted, problem = wait_s(attempt, 0, None, b""), error
+            else:
+                after = found.headers.get("Retry-After")
+                wanted = wait_s(attempt, found.status_code, after, found.content)
+                if wanted is None or attempt == self._attempts_count:
+                    return read(found.status_code, found.content, answer)
+            if wanted is not None and attempt < self._attempts_count:
+                await asyncio.sleep(wanted)
+        raise UnansweredError(f"{call.method} {call.path}: {problem}") from problem
+
+    async def pages(
+        self,
+        fetch: Callable[..., Awaitable[P]],
+        **query: Any,  # noqa: ANN401 - what the list takes
+    ) -> AsyncIterator[P]:
+        """Yield every page of a list, as `Client.pages` does."""
+        after: str | None = None
+        while True:
+            page = await fetch(**query, after=after)
+            yield page
+            after = page.next
+            if after is None:
+                return
+
+    async def wait_for_run(self, run_id: str, *, timeout_s: float | None = None) -> RunDetail:
+        """Return a run once it has ended, as `Client.wait_for_run` does."""
+        async with asyncio.timeout(timeout_s):
+            while True:
+                run = await self.get_run(run_id)
+                if run.state in _ENDED:
+                    return run
+                await asyncio.sleep(_POLL_S)
+
+    def follow(self, *topics: str) -> AsyncIterator[News]:
+        """Yield what the server announces, as `Client.follow` does."""
+        return follow_async(self._url, self._token, topics)
+
+
+def _request(call: Call, headers: dict[str, str]) -> dict[str, Any]:
+    return {
+        "method": call.method,
+        "url": API + call.path,
+        "params": call.params(),
+        "headers": headers,
+        "content": call.content(),
+        "data": call.form,
+        "files": call.files,
+    }

@@ -1,0 +1,124 @@
+"""A call as a request, and its answer as a struct; whoever sends them does nothing else."""
+
+from __future__ import annotations
+
+import uuid
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from http import HTTPStatus
+from typing import Any, TypeVar
+
+import msgspec
+
+from labweb_client.errors import Refusal, RefusedError
+
+A = TypeVar("A")
+
+API = "/api/v1"
+Files = Mapping[str, tuple[str, bytes, str]]
+"""Field of a form → name, content and media type of the file."""
+
+_ACTING = frozenset({"POST", "PUT", "PATCH", "DELETE"})
+_AGAIN = frozenset(
+    {
+        HTTPStatus.TOO_MANY_REQUESTS,
+        HTTPStatus.INTERNAL_SERVER_ERROR,
+        HTTPStatus.BAD_GATEWAY,
+        HTTPStatus.SERVICE_UNAVAILABLE,
+        HTTPStatus.GATEWAY_TIMEOUT,
+    }
+)
+_IN_PROGRESS = "http.in_progress"
+_LONGEST_WAIT_S = 30.0
+_FIRST_WAIT_S = 0.25
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Call:
+    """One wish: it has one effect, however often it is sent."""
+
+    method: str
+    path: str
+    query: Mapping[str, Any] = field(default_factory=dict)
+    body: msgspec.Struct | None = None
+    form: Mapping[str, str] | None = None
+    files: Files | None = None
+    key: str | None = None
+    """Names the wish to the server; None: a new one is made where the method acts."""
+
+    def headers(self) -> dict[str, str]:
+        """Return the headers of the request; they are the same each time that it is sent."""
+        found = {"Accept": "application/json"}
+        if self.method in _ACTING:
+            found["Idempotency-Key"] = self.key or str(uuid.uuid4())
+        if self.body is not None:
+            found["Content-Type"] = "application/json"
+        return found
+
+    def params(self) -> list[tuple[str, str]]:
+        """Return the parameters of the address; what is None is left out."""
+        found = []
+        for name, value in self.query.items():
+            for one in value if isinstance(value, list | tuple) else [value]:
+                if one is not None:
+                    text = str(one).lower() if isinstance(one, bool) else str(one)
+                    found.append((name, text))
+        return found
+
+    def content(self) -> bytes | None:
+        """Return the body of the request."""
+        return None if self.body is None else msgspec.json.encode(self.body)
+
+
+def wait_s(attempt: int, status: int, retry_after: str | None, content: bytes) -> float | None:
+    """Return after how many seconds a call is sent again; None: this answer is the last word.
+
+    Args:
+        attempt: How often it was sent, from 1.
+        status: Of the answer; 0: none came.
+        retry_after: What the server says of that.
+        content: The answer.
+    """
+    is_in_progress = status == HTTPStatus.CONFLICT and _code(content) == _IN_PROGRESS
+    if status and status not in _AGAIN and not is_in_progress:
+        return None
+    usual = _FIRST_WAIT_S * 2 ** (attempt - 1)
+    try:
+        return min(_LONGEST_WAIT_S, max(usual, float(retry_after or 0)))
+    except ValueError:
+        return min(_LONGEST_WAIT_S, usual)
+
+
+def read(status: int, content: bytes, answer: type[A]) -> A:
+    """Return an answer.
+
+    Args:
+        status: Its status.
+        content: Its body.
+        answer: What it is read as: a struct, `bytes` of a file, or NoneType where none comes.
+
+    Raises:
+        RefusedError: The server refused the call.
+    """
+    if status >= HTTPStatus.BAD_REQUEST:
+        raise RefusedError(status, _refusal(status, content))
+    if answer is bytes:
+        return content  # type: ignore[return-value] # the type that was asked for
+    if answer is type(None):
+        return None  # type: ignore[return-value] # as above
+    return msgspec.json.decode(content, type=answer)
+
+
+def _refusal(status: int, content: bytes) -> Refusal:
+    try:
+        return msgspec.json.decode(content, type=Refusal)
+    except msgspec.MsgspecError:
+        text = content[:200].decode(errors="replace").strip() or "the server said nothing"
+        return Refusal(code=f"http.{status}", message=text)
+
+
+def _code(content: bytes) -> str:
+    try:
+        return msgspec.json.decode(content, type=Refusal).code
+    except msgspec.MsgspecError:
+        return ""
