@@ -1,5 +1,6 @@
 /** What crosses the border about approvals, resources, devices and hosts. */
 
+import type { components } from "./api.gen";
 import type { DeviceAction, Id, Iso, JobState, Plan } from "./wirebase";
 import type { CalibrationChange } from "./wirecalibration";
 import type { DriverUse } from "./wiredrivers";
@@ -152,17 +153,7 @@ export interface Custody {
 }
 
 /** Exclusive use of a resource in the near future; the time ends it. */
-export interface Reservation {
-  id: Id;
-  resource: { id: Id; name: string };
-  holder: string;
-  is_own: boolean;
-  may_end: boolean;
-  reason: string;
-  made_at: Iso;
-  expires_at: Iso;
-  ended_at: Iso | null;
-}
+export type Reservation = components["schemas"]["ReservationRow"];
 
 /** Reservations of a resource and of what it stands in, in the order of asking. */
 export interface Reservations {
@@ -278,12 +269,7 @@ export interface DeviceRow {
   readings: Reading[];
 }
 
-export interface DevicePhoto {
-  /** Where its bytes are; another photo has another address. */
-  url: string;
-  brought_at: Iso;
-  brought_by: string;
-}
+export type DevicePhoto = components["schemas"]["PhotoRow"];
 
 export interface Device extends DeviceRow {
   driver: (DriverUse & { protocol: string; quality: string; doc: string }) | null;
