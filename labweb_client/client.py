@@ -10,7 +10,7 @@ from typing import Any, Protocol, Self, TypeVar
 import httpx
 
 from labweb_client.errors import UnansweredError
-from labweb_client.generated.models import RunDetail, RunState
+from labweb_client.generated.models import RunView, RunState
 from labweb_client.generated.operations import AsyncOperations, Operations
 from labweb_client.live import News, follow, follow_async
 from labweb_client.sending import API, Call, read, wait_s
@@ -96,7 +96,7 @@ class Client(Operations):
             if after is None:
                 return
 
-    def wait_for_run(self, run_id: str, *, timeout_s: float | None = None) -> RunDetail:
+    def wait_for_run(self, run_id: str, *, timeout_s: float | None = None) -> RunView:
         """Return a run once it has ended.
 
         Raises:
@@ -168,7 +168,7 @@ class AsyncClient(AsyncOperations):
             if after is None:
                 return
 
-    async def wait_for_run(self, run_id: str, *, timeout_s: float | None = None) -> RunDetail:
+    async def wait_for_run(self, run_id: str, *, timeout_s: float | None = None) -> RunView:
         """Return a run once it has ended, as `Client.wait_for_run` does."""
         async with asyncio.timeout(timeout_s):
             while True:

@@ -28,6 +28,53 @@ class Again(Struct):
     password: str
 
 
+class State(Enum):
+    approved = "approved"
+    expired = "expired"
+    open = "open"
+    rejected = "rejected"
+    withdrawn = "withdrawn"
+
+
+class About(Enum):
+    calibration = "calibration"
+    run = "run"
+
+
+class Asker(Struct):
+    """
+    Who asked for an approval.
+    """
+
+    name: str
+
+
+class Bond(Enum):
+    """
+    How one node leads to another; named as in PROV-JSON, from the later to the earlier.
+    """
+
+    actedOnBehalfOf = "actedOnBehalfOf"
+    hadMember = "hadMember"
+    specializationOf = "specializationOf"
+    used = "used"
+    wasAssociatedWith = "wasAssociatedWith"
+    wasAttributedTo = "wasAttributedTo"
+    wasDerivedFrom = "wasDerivedFrom"
+    wasGeneratedBy = "wasGeneratedBy"
+    wasInformedBy = "wasInformedBy"
+    wasInvalidatedBy = "wasInvalidatedBy"
+
+
+class CalibratedDevice(Struct):
+    """
+    The device that a calibration is of.
+    """
+
+    id: str
+    name: str
+
+
 class CalibrationDecision(Struct):
     """
     Body of a decision.
@@ -37,12 +84,61 @@ class CalibrationDecision(Struct):
     comment: Annotated[str, Meta(max_length=10000)] | UnsetType = ""
 
 
+class State2(Enum):
+    accepted = "accepted"
+    awaiting = "awaiting"
+    failed = "failed"
+    measuring = "measuring"
+    rejected = "rejected"
+    withdrawn = "withdrawn"
+
+
+class CalibrationPoint(Struct):
+    """
+    One comparison of a device with a reference.
+    """
+
+    level: float
+    indicated: float
+    reference: float
+    standard: float
+    at_s: float
+    weighing: dict[str, Any] | UnsetType = UNSET
+    reading: dict[str, Any] | UnsetType = UNSET
+    comparison: dict[str, Any] | UnsetType = UNSET
+
+
+class CalibrationRights(Struct):
+    """
+    What the caller may do with a calibration.
+    """
+
+    withdraw: bool
+
+
 class CalibrationWithdrawal(Struct):
     """
     Body of a withdrawal.
     """
 
     reason: Annotated[str, Meta(max_length=10000)]
+
+
+class Sign(Enum):
+    field_ = ""
+    field__1 = "+"
+    field__2 = "-"
+
+
+class ChangedLine(Struct):
+    """
+    One line of a comparison.
+    """
+
+    sign: Sign
+    before: int | None
+    after: int | None
+    text: str
 
 
 class CheckDocument(Struct):
@@ -54,6 +150,17 @@ class CheckDocument(Struct):
     workflow_id: str | None | UnsetType = UNSET
 
 
+class CheckFinding(Struct):
+    """
+    One reason why something may not go.
+    """
+
+    code: str
+    message: str
+    subject: str
+    context: dict[str, Any]
+
+
 class ChosenDevice(Struct):
     """
     A device that shall have a version.
@@ -61,6 +168,15 @@ class ChosenDevice(Struct):
 
     device_id: str
     parts: str | UnsetType = ""
+
+
+class ClaimedHost(Struct):
+    """
+    The host that a machine says it is, with another key.
+    """
+
+    id: str
+    name: str
 
 
 class Closing(Struct):
@@ -87,6 +203,28 @@ class ConnectionEnd(Struct):
     id: str
     name: str
     port: str
+
+
+class ContentRow(Struct):
+    """
+    How much of one lot a vessel holds.
+    """
+
+    lot_id: str
+    lot: str
+    material: str
+    amount_nl: int
+    amount_ug: int
+
+
+class ContradictedAnswer(Struct):
+    """
+    An answer about a doubt that a device reads otherwise since; it is a ticket.
+    """
+
+    ticket_id: str
+    text: str
+    opened_at: str
 
 
 class Op(Enum):
@@ -140,6 +278,46 @@ class Credentials(Struct):
     password: str
 
 
+class CustodyHost(Struct):
+    """
+    An edge host that writes a vessel's facts, or will.
+    """
+
+    id: str
+    name: str
+
+
+class CustodyPlace(Struct):
+    """
+    The place that a vessel is carried to.
+    """
+
+    id: str
+    name: str
+
+
+class CustodyState(Enum):
+    """
+    In whose hands a resource is.
+    """
+
+    in_transit = "in_transit"
+    leaving = "leaving"
+    owned = "owned"
+
+
+class DecisionMade(Struct):
+    """
+    The answer of a person to a request.
+    """
+
+    is_approved: bool
+    printed_name: str
+    meaning: str
+    comment: str
+    at: str
+
+
 class Op2(Enum):
     delete = "delete"
 
@@ -163,6 +341,23 @@ class Delivered(Struct):
     lots: list[dict[str, str]]
 
 
+class DeliveredLot(Struct):
+    """
+    A lot that came, and how the other system calls it.
+    """
+
+    id: str
+    key: str
+
+
+class DeliveredLots(Struct):
+    """
+    Every lot of a delivery, in its order.
+    """
+
+    lots: list[DeliveredLot]
+
+
 class Departure(Struct):
     """
     One way in which a run leaves what was proved.
@@ -170,6 +365,81 @@ class Departure(Struct):
 
     place: str
     text: str
+
+
+class Recovery(Enum):
+    R0 = "R0"
+    R1 = "R1"
+    R2 = "R2"
+    R3 = "R3"
+
+
+class DeviceAction(Struct):
+    """
+    What a device does when it is told to.
+    """
+
+    name: str
+    label: str
+    doc: str
+    schema: dict[str, Any]
+    hazards: list[str]
+    recovery: Recovery
+
+
+class Link(Enum):
+    not_enrolled = "not_enrolled"
+    offline = "offline"
+    online = "online"
+    quarantined = "quarantined"
+    stale = "stale"
+
+
+class DeviceHost(Struct):
+    """
+    The host of a device.
+    """
+
+    id: str
+    name: str
+
+
+class DeviceNode(Struct):
+    """
+    A resource that is a part of a device.
+    """
+
+    role: str
+    id: str
+    name: str
+
+
+class DeviceReading(Struct):
+    """
+    What a device told last of one status.
+    """
+
+    name: str
+    label: str
+    unit: str
+    doc: str
+    status: str
+    value: float | str | bool | None
+    at_s: float
+
+
+class DeviceStatus(Struct):
+    """
+    One thing that a device tells.
+    """
+
+    name: str
+    label: str
+    unit: str
+    doc: str
+
+
+Series: TypeAlias = tuple[float, Any]
 
 
 class Op3(Enum):
@@ -234,6 +504,50 @@ class Draft(Struct):
     revision: int
 
 
+class DraftProof(Struct):
+    """
+    The version whose proof a draft has, and what took the proof away since.
+    """
+
+    version: int
+    changes: list[CheckFinding]
+
+
+class DraftSaved(Struct):
+    """
+    The revision that a draft has now.
+    """
+
+    revision: int
+
+
+class DrawnColumn(Struct):
+    """
+    The measured column of a plot.
+    """
+
+    column: str
+    unit: str
+    least: int | float | str | None
+    most: int | float | str | None
+
+
+class DrawnScan(Struct):
+    """
+    The axis that numbers several spectra, and the one that is shown.
+    """
+
+    column: str
+    unit: str
+    points_count: int
+    least: int | float | str | None
+    most: int | float | str | None
+    value: int
+
+
+Point: TypeAlias = tuple[float, float | None]
+
+
 class DriverChoice(Struct):
     """
     Body that says which version of its driver a device shall have.
@@ -253,12 +567,219 @@ class DriverDecision(Struct):
     comment: str | UnsetType = ""
 
 
+class Origin(Enum):
+    release = "release"
+    upload = "upload"
+
+
+class State3(Enum):
+    approved = "approved"
+    proposed = "proposed"
+    rejected = "rejected"
+    withdrawn = "withdrawn"
+
+
+class DriverDevice(Struct):
+    """
+    A device that has a version.
+    """
+
+    id: str
+    key: str
+    name: str
+
+
+class DriverJob(Struct):
+    """
+    The job that acts on a device that has a version.
+    """
+
+    id: str
+    run_id: str
+    run_number: int
+    sentence: str
+
+
+class DriverProblem(Struct):
+    """
+    Why a host did not take the version that was wanted last.
+    """
+
+    digest: str
+    code: str
+    message: str
+    at: str
+
+
+class DriverRights(Struct):
+    """
+    What the caller may do with a version.
+    """
+
+    read: bool
+    decide: bool
+    withdraw: bool
+
+
+class DriverRow(Struct):
+    """
+    One version of a driver in a list.
+    """
+
+    id: str
+    module: str
+    class_name: str
+    role: str
+    digest: str
+    origin: Origin
+    state: State3
+    note: str
+    quality: str
+    doc: str
+    proposed_by: str | None
+    proposed_at: str | None
+    approved_by: str | None
+    approved_at: str | None
+    read_at: str
+    devices: list[DriverDevice]
+    can: DriverRights
+
+
+class DriverServing(Struct):
+    """
+    What a host said last of which version serves a device; it may be that of before.
+    """
+
+    digest: str
+    at: str
+    host_id: str
+    is_present: bool
+
+
+class DriverStatus(Struct):
+    """
+    One thing that a driver tells.
+    """
+
+    name: str
+    label: str
+    doc: str
+    unit: str
+
+
+class DriverVerdict(Struct):
+    """
+    What a second person said about a version.
+    """
+
+    is_approved: bool
+    printed_name: str
+    comment: str
+    at: str
+
+
 class DriverWithdrawal(Struct):
     """
     Body of a withdrawal.
     """
 
     reason: str
+
+
+class EventRun(Struct):
+    """
+    The run that an event belongs to.
+    """
+
+    id: str
+    number: int
+
+
+class EventSubjectRow(Struct):
+    """
+    A resource that an event concerns.
+    """
+
+    id: str
+    name: str
+    role: str
+
+
+class Execution(Struct):
+    """
+    How the hosts of a run behave while the server is away.
+    """
+
+    on_disconnect: str
+    max_offline_s: float
+
+
+class How(Enum):
+    measured = "measured"
+    set = "set"
+    unknown = "unknown"
+
+
+class FieldOrigin(Struct):
+    """
+    How the record came to know a field of a resource.
+    """
+
+    how: How
+    at: str
+    job_id: str | None
+
+
+class FileRun(Struct):
+    """
+    The run of the job that a file came from.
+    """
+
+    id: str
+    number: int
+
+
+class FileSubject(Struct):
+    """
+    A resource or a device that a file is about.
+    """
+
+    id: str
+    name: str
+
+
+class Finding(Struct):
+    """
+    One reason why something may not go.
+    """
+
+    code: str
+    message: str
+    subject: str | UnsetType = ""
+    context: dict[str, Any] | UnsetType = UNSET
+
+
+class GivenUp(Struct):
+    """
+    Who aborted a run, when and why.
+    """
+
+    by: str
+    at: str
+    reason: str
+
+
+class HaltState(Enum):
+    """
+    How far a wish to halt one device has come.
+    """
+
+    asked = "asked"
+    halted = "halted"
+    kept = "kept"
+    lost = "lost"
+    owed = "owed"
+    taken = "taken"
 
 
 class HandOver(Struct):
@@ -270,6 +791,76 @@ class HandOver(Struct):
     note: str
 
 
+class HandOverStanding(Struct):
+    """
+    How far a move to another host has come.
+    """
+
+    id: str
+    state: CustodyState
+
+
+class HostAway(Struct):
+    """
+    A host that works alone: of its jobs in a run only what was last heard is known.
+    """
+
+    id: str
+    name: str
+    since_at: str | None
+    jobs_count: int
+    job_ids: list[str]
+
+
+class HostClosed(Struct):
+    """
+    Why a host is closed.
+    """
+
+    code: str
+    message: str
+
+
+class Level(Enum):
+    full = "full"
+    low = "low"
+    ok = "ok"
+
+
+class HostDisk(Struct):
+    """
+    The disk with the journal of a host, as it said last.
+    """
+
+    free_bytes: int
+    level: Level
+    text: str
+
+
+class HostFence(Struct):
+    """
+    The first of two signatures that declare a host lost.
+    """
+
+    first_by: str
+    first_at: str
+    reason: str
+    is_mine: bool
+
+
+class HostMove(Struct):
+    """
+    A vessel on its way from or to a host.
+    """
+
+    id: str
+    name: str
+    place: str | None
+    state: CustodyState
+    is_leaving: bool
+    at: str
+
+
 class HostReason(Struct):
     """
     Why; and for a revocation, whether it is known that the host has work.
@@ -277,6 +868,190 @@ class HostReason(Struct):
 
     reason: str
     with_work: bool | UnsetType = False
+
+
+class HostRights(Struct):
+    """
+    What the caller may do with a host.
+    """
+
+    fence: bool
+    readmit: bool
+    revoke: bool
+
+
+class HostTicket(Struct):
+    """
+    An open ticket about a host.
+    """
+
+    id: str
+    code: str
+    message: str
+    opened_at: str
+
+
+class State5(Enum):
+    awaited = "awaited"
+    lost = "lost"
+    parsed = "parsed"
+    pending = "pending"
+    refused = "refused"
+
+
+class IncomingRow(Struct):
+    """
+    A file that was brought to be read, and what became of it.
+    """
+
+    id: str
+    name: str
+    format: str
+    size_bytes: int
+    sha256: str
+    state: State5
+    file_id: str | None
+    code: str
+    message: str
+    findings: list[Finding]
+    resource_id: str | None
+    device_id: str | None
+    job_id: str | None
+    brought_by: str
+    brought_at: str
+    ended_at: str | None
+
+
+class JobDevice(Struct):
+    """
+    The device of a job.
+    """
+
+    id: str
+    name: str
+    key: str
+
+
+class JobFile(Struct):
+    """
+    A file that a job of a run has measured, whether its bytes are here or not.
+    """
+
+    id: str
+    job_id: str
+    name: str
+    format: str
+    size_bytes: int
+    state: State5
+    file_id: str | None
+    code: str
+    message: str
+
+
+class PassedBy(Enum):
+    change = "change"
+    hand = "hand"
+    skip = "skip"
+
+
+class JobState(Enum):
+    """
+    Where one step's action stands; exported as ISA-95 job-order states.
+    """
+
+    aborted = "aborted"
+    accepted = "accepted"
+    awaiting_approval = "awaiting_approval"
+    complete = "complete"
+    completing = "completing"
+    dispatched = "dispatched"
+    draft = "draft"
+    held = "held"
+    in_doubt = "in_doubt"
+    queued = "queued"
+    rejected = "rejected"
+    running = "running"
+    stopped = "stopped"
+    suspended = "suspended"
+
+
+class JobTransaction(Struct):
+    """
+    The transaction of the newest try of a job.
+    """
+
+    id: str
+    state: str
+
+
+class State7(Enum):
+    admitted = "admitted"
+    expired = "expired"
+    rejected = "rejected"
+    waiting = "waiting"
+
+
+class JoinRequestRow(Struct):
+    """
+    A machine that asks to become a host.
+    """
+
+    id: str
+    name: str
+    address: str
+    facts: dict[str, Any]
+    asked_at: str
+    state: State7
+    reason: str
+    host_id: str | None
+    claims_to_be: ClaimedHost | None
+
+
+class State8(Enum):
+    expired = "expired"
+    open = "open"
+    used = "used"
+    withdrawn = "withdrawn"
+
+
+class JoinTokenMade(Struct):
+    """
+    A token that was just made; this answer alone holds its secret.
+    """
+
+    id: str
+    name: str
+    created_at: str
+    expires_at: str
+    used_at: str | None
+    withdrawn_at: str | None
+    state: State8
+    token: str
+    command: str
+
+
+class JoinTokenRow(Struct):
+    """
+    Leave for one machine to ask, without its secret.
+    """
+
+    id: str
+    name: str
+    created_at: str
+    expires_at: str
+    used_at: str | None
+    withdrawn_at: str | None
+    state: State8
+
+
+class JoinedHost(Struct):
+    """
+    The host that a machine has become.
+    """
+
+    id: str
+    key: str
+    name: str
 
 
 class Kept(Struct):
@@ -298,6 +1073,198 @@ class Kept(Struct):
     equiv_amount: str | UnsetType = ""
 
 
+class KeptFile(Struct):
+    """
+    A file without its bytes.
+    """
+
+    id: str
+    name: str
+    media_type: str
+    format: str
+    size_bytes: int
+    sha256: str
+    made_from_id: str | None
+    resource_id: str | None
+    device_id: str | None
+    job_id: str | None
+    kept_by: str
+    kept_at: str
+
+
+class Kind(Enum):
+    """
+    What PROV has.
+    """
+
+    activity = "activity"
+    agent = "agent"
+    entity = "entity"
+
+
+class State10(Enum):
+    approved = "approved"
+    proposed = "proposed"
+    rejected = "rejected"
+    withdrawn = "withdrawn"
+
+
+class KnownDriver(Struct):
+    """
+    The version of the very source that was read.
+    """
+
+    id: str
+    state: State10
+
+
+class LabCounts(Struct):
+    """
+    How many things of a lab want a look.
+    """
+
+    runs_live: int
+    approvals_open: int
+    drivers_open: int
+    needs_you: int
+
+
+class Mode(Enum):
+    live = "live"
+    sim = "sim"
+
+
+class LatestVersion(Struct):
+    """
+    The newest version of a workflow.
+    """
+
+    id: str
+    number: int
+
+
+class LevelResult(Struct):
+    """
+    What came out at one level.
+    """
+
+    level: float
+    count: int
+    indicated: float
+    reference: float
+    error: float
+    residual: float
+    repeatability: float
+    expanded: float
+
+
+class LineageEdge(Struct):
+    """
+    What flowed from one node of a lineage to another.
+    """
+
+    source: str
+    target: str
+    amount_nl: int
+    amount_ug: int
+    at: str
+    label: str
+
+
+class Kind1(Enum):
+    activity = "activity"
+    entity = "entity"
+
+
+class Type(Enum):
+    job = "job"
+    lot = "lot"
+    vessel = "vessel"
+
+
+class LineageNode(Struct):
+    """
+    A vessel, a delivery or an act in a lineage.
+    """
+
+    id: str
+    kind: Kind1
+    type: Type
+    name: str
+    detail: str
+    at: str | None
+    job_id: str | None | UnsetType = UNSET
+
+
+class LotMass(Struct):
+    """
+    The mass of one lot in an account.
+    """
+
+    lot: str
+    mass_ug: int
+
+
+class LotThere(Struct):
+    """
+    A lot of which a person says how much of it is meant.
+    """
+
+    key: str
+    name: str
+    held_ul: float | None
+    held_mg: float | None
+
+
+class MassAccount(Struct):
+    """
+    What a vessel or a nominal account lost or gained.
+    """
+
+    account: str
+    resource_id: str | None
+    name: str
+    mass_ug: int
+    lots: list[LotMass]
+
+
+class MaterialChange(Struct):
+    """
+    A vessel whose content a plan changes, and by how much.
+    """
+
+    id: str
+    name: str
+    before_nl: int
+    after_nl: int
+
+
+class Answer(Enum):
+    did_not = "did_not"
+    happened = "happened"
+    partly = "partly"
+
+
+class Contradict(Enum):
+    did_not = "did_not"
+    happened = "happened"
+    partly = "partly"
+
+
+class MeasuredAmount(Struct):
+    """
+    How much the readings before and since say was moved.
+    """
+
+    text: str
+    before_ul: float | None
+    after_ul: float | None
+    moved_ul: float | None
+    tolerance_ul: float
+    answer: Answer | None
+    contradicts: list[Contradict]
+
+
 class Medium(Enum):
     """
     What a connection carries.
@@ -312,6 +1279,59 @@ class Medium(Enum):
     thermal = "thermal"
     transport = "transport"
     vacuum = "vacuum"
+
+
+class ModuleChange(Struct):
+    """
+    One module that is not the same in both versions.
+    """
+
+    module: str
+    is_new: bool
+    is_gone: bool
+    removed_count: int
+    added_count: int
+    hunks: list[list[ChangedLine]]
+
+
+class Nature(Enum):
+    """
+    What a resource can do: act, hold, or both.
+    """
+
+    action = "action"
+    action_resource = "action_resource"
+    resource = "resource"
+
+
+class Kind2(Enum):
+    approval = "approval"
+    asks = "asks"
+    candidate = "candidate"
+    disk = "disk"
+    halt_owed = "halt_owed"
+    in_doubt = "in_doubt"
+    paused = "paused"
+    quarantined = "quarantined"
+    silent = "silent"
+    stopped = "stopped"
+    ticket = "ticket"
+
+
+class Need(Struct):
+    """
+    One thing that needs a person.
+    """
+
+    kind: Kind2
+    title: str
+    detail: str
+    since_at: str | None
+    url: str
+    verb: str
+    run_id: str | None
+    job_id: str | None
+    request_id: str | None
 
 
 class NewVersion(Struct):
@@ -331,6 +1351,16 @@ class NewWorkflow(Struct):
     name: str
     document: dict[str, Any] | None | UnsetType = UNSET
     copy_of: str | None | UnsetType = UNSET
+
+
+class NextDriver(Struct):
+    """
+    The version that shall take over.
+    """
+
+    version_id: str
+    digest: str
+    is_ready: bool
 
 
 class Nothing(Struct):
@@ -358,6 +1388,84 @@ class Opened(Struct):
     equiv_amount: str | UnsetType = ""
 
 
+class OperationFindings(Struct):
+    """
+    What speaks against an operation; nothing: it may be carried out.
+    """
+
+    findings: list[Finding]
+
+
+class OperationName(Enum):
+    """
+    The primitive; what an event row shows.
+    """
+
+    create = "create"
+    delete = "delete"
+    read = "read"
+    transfer = "transfer"
+    update = "update"
+
+
+class PaletteDevice(Struct):
+    """
+    A device whose actions can be put into a workflow.
+    """
+
+    id: str
+    name: str
+    role: str
+    roles: list[str]
+    state: str
+    actions: list[DeviceAction]
+
+
+class PartChanges(Struct):
+    """
+    What a version makes of the parts of a device.
+    """
+
+    decision: str
+    changes: list[Finding]
+    findings: list[Finding]
+
+
+class PasswordConfirmed(Struct):
+    """
+    The password was typed again, and is right.
+    """
+
+    holds_s: float
+
+
+class PauseReason(Struct):
+    """
+    One reason why nothing more of a run begins.
+    """
+
+    kind: str
+    by: str | None
+    at: str
+    by_id: str | UnsetType = UNSET
+
+
+class Permission(Enum):
+    """
+    One thing a person may do.
+    """
+
+    admit = "admit"
+    decide = "decide"
+    draw = "draw"
+    reset = "reset"
+    resolve = "resolve"
+    run = "run"
+    stop = "stop"
+    submit = "submit"
+    view = "view"
+
+
 class Phase(Enum):
     """
     What a lot is, and so what it is counted in.
@@ -369,6 +1477,46 @@ class Phase(Enum):
     gas = "gas"
     liquid = "liquid"
     solid = "solid"
+
+
+class PhotoRow(Struct):
+    """
+    A photo of a device.
+    """
+
+    url: str
+    brought_at: str
+    brought_by: str
+
+
+class PlaceChoice(Struct):
+    """
+    A place of a kind that takes the vessel.
+    """
+
+    id: str
+    why_not: str | None
+
+
+class PlannedStep(Struct):
+    """
+    One step of the workflow as the plan sees it.
+    """
+
+    step_id: str
+    kind: str
+    sentence: str
+    estimate_s: float | UnsetType = 0.0
+
+
+class PortKind(Enum):
+    """
+    What an edge between two ports means; only equal kinds connect.
+    """
+
+    data = "data"
+    done = "done"
+    material = "material"
 
 
 class Portion(Struct):
@@ -400,8 +1548,123 @@ class Product(Struct):
     purity: Annotated[str, Meta(max_length=500)] | UnsetType = ""
 
 
+class ProductPlace(Struct):
+    """
+    A vessel in which a product stands now.
+    """
+
+    id: str
+    name: str
+
+
+class ProductYield(Struct):
+    """
+    What came of a chain of reactions, on the lot that limits the first of them.
+    """
+
+    product: str
+    product_id: str
+    material: str
+    basis: str
+    basis_umol: float | None
+    isolated_ug: int | None
+    isolated_umol: float | None
+    ratio: float | None
+    missing: list[str]
+    stands_in: list[ProductPlace]
+
+
+class ProvenanceNode(Struct):
+    """
+    One entity, activity or agent.
+    """
+
+    id: str
+    kind: Kind
+    type: str
+    name: str
+    started_at: str | None
+    ended_at: str | None
+    place: str | None
+    facts: dict[str, str | int | float | bool]
+
+
+class ProvenanceRelation(Struct):
+    """
+    One bond between two nodes.
+    """
+
+    bond: Bond
+    later: str
+    earlier: str
+    role: str
+    at: str | None
+    third: str | None
+    is_revision: bool
+    facts: dict[str, str | int | float | bool]
+
+
+class ProvenanceTruncation(Struct):
+    """
+    What was left out of a graph.
+    """
+
+    is_truncated: bool
+    beyond: int
+    unread: list[str]
+    has_more_acts: bool
+
+
+class Quantity(Enum):
+    """
+    What can be calibrated.
+    """
+
+    ph = "ph"
+    temperature = "temperature"
+    volume = "volume"
+
+
 class Op5(Enum):
     react = "react"
+
+
+class Unit(Enum):
+    nl = "nl"
+    ug = "ug"
+
+
+class ReactionLot(Struct):
+    """
+    A lot in a vessel in which something may have reacted.
+    """
+
+    lot_id: str
+    lot: str
+    material: str
+    unit: Unit
+    amount: int
+    density_mg_ul: float | None
+
+
+class ReactionMaterial(Struct):
+    """
+    A material that a product may be of.
+    """
+
+    id: str
+    name: str
+    density_mg_ul: float | None
+
+
+class ReactionStock(Struct):
+    """
+    What a vessel holds, and of which materials a product may be.
+    """
+
+    is_allowed: bool
+    lots: list[ReactionLot]
+    materials: list[ReactionMaterial]
 
 
 class Reason(Struct):
@@ -432,6 +1695,55 @@ class Receive(Struct, tag_field="op", tag="receive"):
     expires_on: str | None | UnsetType = UNSET
 
 
+class About2(Enum):
+    declared = "declared"
+    graph = "graph"
+    recipe = "recipe"
+    rig = "rig"
+    wish = "wish"
+    workflow = "workflow"
+
+
+class RecipeFinding(Struct):
+    """
+    What is wrong with a recipe on a rig.
+    """
+
+    code: str
+    message: str
+    subject: str
+    context: dict[str, Any]
+    about: About2
+
+
+class RecipeParameter(Struct):
+    """
+    A value that a recipe leaves to whoever uses it; texts with units, empty for none.
+    """
+
+    id: str
+    sort: str
+    unit: str
+    value: str
+    least: str
+    most: str
+
+
+class RecipeSummary(Struct):
+    """
+    What a recipe is.
+    """
+
+    name: str
+    version: str
+    sha256: str
+    is_compiled: bool
+    syntheses_count: int
+    steps_count: int
+    parameters: list[RecipeParameter]
+    cleans_with: list[str]
+
+
 class RecoveryAnswer(Struct):
     """
     Body of a recovery.
@@ -443,6 +1755,23 @@ class RecoveryAnswer(Struct):
     params: dict[str, Any] | None | UnsetType = UNSET
 
 
+class Name(Enum):
+    change = "change"
+    done_by_hand = "done_by_hand"
+    retry = "retry"
+    skip = "skip"
+
+
+class RecoveryChoice(Struct):
+    """
+    One thing that a person may do about a job that ended undone.
+    """
+
+    name: Name
+    why_not: str | None
+    consequence: str
+
+
 class Reference(Struct):
     """
     The standard that the device is compared with.
@@ -452,6 +1781,59 @@ class Reference(Struct):
     certificate: Annotated[str, Meta(max_length=200)]
     expanded: float
     due_on: str
+
+
+class ReservedResource(Struct):
+    """
+    The resource that is reserved.
+    """
+
+    id: str
+    name: str
+
+
+class ResourceDevice(Struct):
+    """
+    The device that a resource is part of.
+    """
+
+    id: str
+    name: str
+
+
+class ResourceKeeper(Struct):
+    """
+    A run that keeps a resource for itself.
+    """
+
+    run_id: str
+    run: int
+    until_step: int
+    is_shared: bool
+
+
+class ResourceRow(Struct):
+    """
+    One resource of the tree with its contents.
+    """
+
+    id: str
+    key: str
+    parent_id: str | None
+    name: str
+    kind: str
+    kind_label: str
+    nature: Nature
+    depth: int
+    holds_liquid: bool
+    contents: list[ContentRow]
+    volume_nl: int
+    capacity_nl: int | None
+    is_quarantined: bool
+    is_archived: bool
+    device: ResourceDevice | None
+    pose: dict[str, Any] | None
+    held_by: list[ResourceKeeper]
 
 
 class Op7(Enum):
@@ -478,6 +1860,200 @@ class Resume(Struct):
     pauses: list[str] | None | UnsetType = UNSET
 
 
+class RigChange(Struct):
+    """
+    One change of a rig.
+    """
+
+    change: str
+    text: str
+    adds: list[str]
+
+
+class RigContent(Struct):
+    """
+    What the graph says is in a vessel.
+    """
+
+    name: str
+    volume_ul: float
+
+
+class RigNode(Struct):
+    """
+    One thing of a rig.
+    """
+
+    key: str
+    kind: str
+    role: str
+    sort: str | None
+    chemical: str
+    holds: list[RigContent]
+
+
+class RigTube(Struct):
+    """
+    One tube of a rig.
+    """
+
+    key: str
+    source: str
+    source_port: str
+    target: str
+    target_port: str
+    medium: Medium
+
+
+class What(Enum):
+    reagent = "reagent"
+    vessel = "vessel"
+
+
+class RoleBinding(Struct):
+    """
+    What stands on the rig for a vessel or a reagent of the recipe.
+    """
+
+    role: str
+    what: What
+    told: str
+    keys: list[str]
+    choices: list[str]
+    alike: list[str]
+    is_by_hand: bool
+    is_stated: bool
+
+
+class RunApproval(Struct):
+    """
+    The request that a run waits for, or waited for.
+    """
+
+    id: str
+    state: str
+
+
+class RunDevice(Struct):
+    """
+    A device that a run uses.
+    """
+
+    id: str
+    name: str
+
+
+class RunHold(Struct):
+    """
+    Something that a run keeps for itself now.
+    """
+
+    resource_id: str
+    resource: str
+    is_shared: bool
+    until_step: int
+
+
+class RunLabel(Struct):
+    """
+    A run by its number.
+    """
+
+    id: str
+    number: int
+
+
+class RunProof(Struct):
+    """
+    How a run of a recipe leaves what was proved, and who let it go on so.
+    """
+
+    departures: list[Departure]
+    accepted: list[Departure]
+    by: str | None
+    at: str | None
+
+
+class Choice(Enum):
+    change = "change"
+    done_by_hand = "done_by_hand"
+    retry = "retry"
+    skip = "skip"
+
+
+class RunRecovery(Struct):
+    """
+    What a person chose about a job that ended undone.
+    """
+
+    choice: Choice
+    job_id: str
+    by: str
+    at: str
+    note: str
+    by_id: str | UnsetType = UNSET
+    moved_nl: int | None | UnsetType = UNSET
+    with_: list[int] | UnsetType = field(name="with", default=UNSET)
+    halted_by: str | UnsetType = UNSET
+    step_id: str | UnsetType = UNSET
+    before: dict[str, Any] | None | UnsetType = UNSET
+    params: dict[str, Any] | None | UnsetType = UNSET
+    plan_before: str | UnsetType = UNSET
+    plan_after: str | UnsetType = UNSET
+    departs: str | UnsetType = UNSET
+
+
+class RunRights(Struct):
+    """
+    What the caller may do about a run as it stands.
+    """
+
+    pause: bool
+    recover: bool
+    confirm: bool
+    resume: bool
+    abort: bool
+    resolve: bool
+
+
+class RunState(Enum):
+    """
+    Where one execution of a workflow stands.
+    """
+
+    aborted = "aborted"
+    awaiting_approval = "awaiting_approval"
+    complete = "complete"
+    completing = "completing"
+    draft = "draft"
+    paused = "paused"
+    pausing = "pausing"
+    queued = "queued"
+    running = "running"
+
+
+class RunWait(Struct):
+    """
+    The run that another one waits for.
+    """
+
+    id: str
+    number: int
+    resource: str
+    until_step: int | None
+    text: str
+
+
+class RunWorkflow(Struct):
+    """
+    The version of a workflow that a run carries out.
+    """
+
+    id: str
+    name: str
+    version: int
+
+
 class Said(Struct):
     """
     Body of a rejection.
@@ -500,6 +2076,75 @@ class Scope(Enum):
     submit = "submit"
 
 
+class Kind3(Enum):
+    device = "device"
+    lot = "lot"
+    resource = "resource"
+    run = "run"
+    workflow = "workflow"
+
+
+class SearchHit(Struct):
+    """
+    One thing that was found by its name.
+    """
+
+    kind: Kind3
+    id: str
+    name: str
+    detail: str
+    url: str
+
+
+class SearchHits(Struct):
+    """
+    What was found, cut to the most that a search shows.
+    """
+
+    results: list[SearchHit]
+
+
+class SeenConnection(Struct):
+    """
+    All of a connection as it is shown; it is taken off only while it still is so.
+    """
+
+    connection_id: str
+    key: str
+    source_id: str
+    source_port: str
+    target_id: str
+    target_port: str
+    medium: Medium
+
+
+class SeriesAxis(Struct):
+    """
+    A column of a series, and how far its values go.
+    """
+
+    column: str
+    unit: str
+    points_count: int
+    least: int | float | str | None
+    most: int | float | str | None
+
+
+class SessionState(Enum):
+    """
+    How the server sees a host.
+    """
+
+    enrolling = "enrolling"
+    fenced = "fenced"
+    isolated = "isolated"
+    online = "online"
+    quarantined = "quarantined"
+    revoked = "revoked"
+    suspect = "suspect"
+    syncing = "syncing"
+
+
 class Share(Struct):
     """
     What a reaction consumed of one lot: in the unit that the lot is counted in.
@@ -511,6 +2156,57 @@ class Share(Struct):
     mass_ug: MassUg | None | UnsetType = UNSET
 
 
+class ShowingRun(Struct):
+    """
+    The run in which a device shows its name.
+    """
+
+    run_id: str
+    number: int
+
+
+class PasswordFrom(Enum):
+    admin = "admin"
+    own = "own"
+    seed = "seed"
+
+
+class SignedInUser(Struct):
+    """
+    The person who is signed in.
+    """
+
+    id: str
+    username: str
+    name: str
+    initials: str
+    roles: list[str]
+    password_from: PasswordFrom
+    permissions: list[Permission]
+    lab_permissions: list[Permission]
+
+
+class SilentDevice(Struct):
+    """
+    A device on which something of a run stands, and of which it cannot be read back.
+    """
+
+    device: RunDevice
+    since_at: str
+    sentences: list[str]
+
+
+class Standing(Enum):
+    """
+    Whether a calibration may be relied on now.
+    """
+
+    changed = "changed"
+    expired = "expired"
+    in_force = "in_force"
+    withdrawn = "withdrawn"
+
+
 class StartRun(Struct):
     """
     Body of a start.
@@ -519,6 +2215,118 @@ class StartRun(Struct):
     version_id: str
     plan_digest: str | None | UnsetType = UNSET
     is_second: bool | UnsetType = False
+
+
+class StatedAccuracy(Struct):
+    """
+    What the maker states: a share of the value, or a number in the unit.
+    """
+
+    ratio: float | None
+    absolute: float | None
+
+
+class StatementAsked(Struct):
+    """
+    Lots of a vessel of which a person says how much is meant.
+    """
+
+    label: str
+    leaves_out: bool
+    lots: list[LotThere]
+
+
+class StayAct(Struct):
+    """
+    What a device did while a resource was in it.
+    """
+
+    job_id: str
+    run_id: str
+    sentence: str
+    state: JobState
+    started_at: str
+    ended_at: str | None
+    uncertainty_s: float | None
+    driver_digest: str
+    reported: dict[str, Any]
+    contexts: dict[str, Any]
+
+
+class StayDevice(Struct):
+    """
+    The device in which it was.
+    """
+
+    id: str
+    name: str
+    key: str
+
+
+class StayFile(Struct):
+    """
+    A file that came from a device while a resource was in it.
+    """
+
+    file_id: str
+    name: str
+    sha256: str
+    job_id: str | None
+    resource_id: str | None
+    at: str
+    moment_by: str
+
+
+class StayResource(Struct):
+    """
+    The resource of which the stays are told.
+    """
+
+    id: str
+    name: str
+
+
+class StepPort(Struct):
+    """
+    One connection point of a step.
+    """
+
+    name: str
+    kind: PortKind
+    label: str
+
+
+class StockLot(Struct):
+    """
+    A lot that a vessel could hold.
+    """
+
+    lot_id: str
+    lot: str
+    material: str
+    unit: Unit
+
+
+class StockTaking(Struct):
+    """
+    Whether one may take stock of a resource, and which lots it could hold.
+    """
+
+    is_allowed: bool
+    why_not: str | None
+    lots: list[StockLot]
+
+
+class StopHost(Struct):
+    """
+    A host, and whether it has acknowledged the stop of the lab.
+    """
+
+    id: str
+    name: str
+    state: SessionState
+    acknowledged_at: str | None
+    after_s: float | None
 
 
 class Submission(Struct):
@@ -539,6 +2347,43 @@ class Surroundings(Struct):
     water_c: float
     pressure_kpa: float
     humidity_ratio: float | UnsetType = 0.5
+
+
+class TelemetryCurve(Struct):
+    """
+    One status over a range, as samples or as buckets.
+    """
+
+    status: str
+    label: str
+    unit: str
+    every_s: float | None
+    is_share: bool
+    level_s: int
+    step_s: int
+    points: list[list[float | int | str | bool | None]]
+
+
+class TelemetryGap(Struct):
+    """
+    A time in which samples of a device were lost, or may have been.
+    """
+
+    since: float
+    until: float
+    lost_count: int | None
+    reason: str
+
+
+Series1: TypeAlias = tuple[float, float | int | str | bool | None]
+
+
+class TelemetrySeries(Struct):
+    """
+    What a device told within a window.
+    """
+
+    series: dict[str, list[Series1]]
 
 
 class TemperatureOrder(Struct):
@@ -566,6 +2411,42 @@ class Text(Struct):
     source: str
 
 
+class TicketHost(Struct):
+    """
+    The edge host that a ticket concerns.
+    """
+
+    id: str
+    name: str
+
+
+class TicketResource(Struct):
+    """
+    A resource that a ticket concerns.
+    """
+
+    id: str
+    name: str
+    is_quarantined: bool
+
+
+class TicketView(Struct):
+    """
+    One contradiction between record and world.
+    """
+
+    id: str
+    code: str
+    message: str
+    detail: dict[str, Any]
+    resources: list[TicketResource]
+    host: TicketHost | None
+    opened_at: str
+    closed_at: str | None
+    closed_by: str | None
+    can_close: bool
+
+
 class TokenWish(Struct):
     """
     Body of a wish for a token.
@@ -573,6 +2454,22 @@ class TokenWish(Struct):
 
     name: str | UnsetType = ""
     minutes: float | UnsetType = 15.0
+
+
+class TransactionState(Enum):
+    """
+    Where a two-phase reconcile stands.
+    """
+
+    awaiting_approval = "awaiting_approval"
+    committed = "committed"
+    confirming = "confirming"
+    executing = "executing"
+    locked = "locked"
+    proposed = "proposed"
+    quarantined = "quarantined"
+    rolled_back = "rolled_back"
+    validated = "validated"
 
 
 class Op8(Enum):
@@ -631,6 +2528,115 @@ class TransferResource(Struct, tag_field="op", tag="transfer_resource"):
     to_id: str
 
 
+class Tried(Struct):
+    """
+    What all tryouts of one version have shown.
+    """
+
+    actions: list[str]
+    left_out: list[str]
+    failed: list[str]
+    statuses_were_read: bool
+    faults: list[str]
+
+
+class Sort(Enum):
+    act = "act"
+    cure = "cure"
+    end = "end"
+    fault = "fault"
+    read = "read"
+    stop = "stop"
+
+
+class TryoutActRow(Struct):
+    """
+    One wish of the author, and what became of it.
+    """
+
+    number: int
+    sort: Sort
+    name: str
+    args: dict[str, Any]
+    asked_at: str
+    answered_at: str | None
+    code: str
+    message: str
+    effect: str
+    data: dict[str, Any]
+    has_faults: bool
+
+
+class Direction(Enum):
+    in_ = "in"
+    out = "out"
+
+
+class TryoutBytes(Struct):
+    """
+    Bytes that crossed the line of a tryout.
+    """
+
+    n: int
+    at_s: float
+    direction: Direction
+    hex: str
+
+
+class State11(Enum):
+    ended = "ended"
+    running = "running"
+    starting = "starting"
+
+
+class TryoutModel(Struct):
+    """
+    A simulated instrument on which a version can be tried.
+    """
+
+    model: str
+    title: str
+    carriers: list[str]
+    settings: dict[str, Any]
+
+
+class TryoutPlace(Struct):
+    """
+    The host on which a tryout runs.
+    """
+
+    id: str
+    name: str
+
+
+class TryoutRow(Struct):
+    """
+    One tryout in a list.
+    """
+
+    id: str
+    host: TryoutPlace
+    model: str
+    title: str
+    speed: float
+    state: State11
+    code: str
+    message: str
+    begun_by: str
+    begun_at: str
+    ended_at: str | None
+
+
+class TryoutStatuses(Struct):
+    """
+    The last reading of a tryout; neither is there before the first one.
+    """
+
+    values: dict[str, Any] | UnsetType = UNSET
+    problems: dict[str, str] | UnsetType = UNSET
+    left_out_bytes: int | UnsetType = UNSET
+
+
 class TryoutWanted(Struct):
     """
     On what a version is to be tried.
@@ -643,15 +2649,6 @@ class TryoutWanted(Struct):
     speed: float | UnsetType = 1.0
 
 
-class Sort(Enum):
-    act = "act"
-    cure = "cure"
-    end = "end"
-    fault = "fault"
-    read = "read"
-    stop = "stop"
-
-
 class TryoutWish(Struct):
     """
     What an author wants of a tryout that runs.
@@ -660,6 +2657,20 @@ class TryoutWish(Struct):
     sort: Sort
     name: str | UnsetType = ""
     args: dict[str, Any] | UnsetType = field(default_factory=dict)
+
+
+class State13(Enum):
+    offline = "offline"
+    online = "online"
+
+
+class TwinState(Struct):
+    """
+    Whether there is a twin, and where.
+    """
+
+    state: State13
+    url: str
 
 
 class Typed(Struct):
@@ -671,6 +2682,36 @@ class Typed(Struct):
     reason: str
 
 
+class UnconfirmedJob(Struct):
+    """
+    A job that is complete, and whose confirmation could not be made.
+    """
+
+    job_id: str
+    sentence: str
+    message: str
+
+
+class UnitTable(Struct):
+    """
+    The units in which a quantity may be written.
+    """
+
+    canonical: str
+    suffix: str
+    units: list[str]
+    spellings: dict[str, str]
+
+
+class UnprovedStep(Struct):
+    """
+    A step that no proof covers.
+    """
+
+    step_id: str
+    why: str
+
+
 class Verdict(Struct):
     """
     Body of a decision.
@@ -678,6 +2719,31 @@ class Verdict(Struct):
 
     is_approved: bool
     comment: str | UnsetType = ""
+
+
+class VersionRow(Struct):
+    """
+    A version of a workflow without its document.
+    """
+
+    id: str
+    number: int
+    note: str
+    author: str | None
+    at: str
+
+
+class VersionView(Struct):
+    """
+    A version of a workflow with its document.
+    """
+
+    id: str
+    number: int
+    note: str
+    author: str | None
+    at: str
+    document: dict[str, Any]
 
 
 class VolumeOrder(Struct):
@@ -693,6 +2759,15 @@ class VolumeOrder(Struct):
     repeats: Annotated[int, Meta(ge=0, le=1000)] | UnsetType = 3
     tolerance: float | UnsetType = 0.005
     valid_days: Annotated[int, Meta(ge=0, le=1000000)] | UnsetType = 365
+
+
+class Wait(Enum):
+    """
+    What a person has to say before a run can go on.
+    """
+
+    answer = "answer"
+    recovery = "recovery"
 
 
 class Wanted(Struct):
@@ -714,6 +2789,16 @@ class Words(Struct):
     new: str
 
 
+class WordsOfStep(Struct):
+    """
+    A part of the sentence that says what a step does.
+    """
+
+    text: str
+    strong: bool
+    sort: str
+
+
 class AccessTokenRow(Struct):
     """
     An access token, without its secret.
@@ -730,6 +2815,27 @@ class AccessTokenRow(Struct):
     is_valid: bool
 
 
+class ApprovalRow(Struct):
+    """
+    A request with whether the caller may answer it.
+    """
+
+    id: str
+    title: str
+    state: State
+    about: About
+    run: RunLabel
+    workflow: RunWorkflow
+    policies: list[str]
+    asked_by: Asker
+    asked_at: str
+    expires_at: str
+    plan_digest: str
+    can_decide: bool
+    why_not: str | None
+    decision: DecisionMade | None
+
+
 class Buffer(Struct):
     """
     One buffer, in the vessel from which it is pumped.
@@ -738,6 +2844,33 @@ class Buffer(Struct):
     source_id: str
     standard: Annotated[str, Meta(max_length=200)]
     reference: Reference
+
+
+class CalibrationResult(Struct):
+    """
+    What a calibration found: `true = offset + gain × device`.
+    """
+
+    quantity: Quantity
+    gain: float
+    offset: float
+    gain_expanded: float
+    offset_expanded: float
+    covariance: float
+    levels: list[LevelResult]
+    slope_pct: float | None
+    offset_mv: float | None
+    findings: list[Finding]
+
+
+class CalibrationRun(Struct):
+    """
+    The run whose readings are the points of a calibration.
+    """
+
+    id: str
+    number: int
+    state: RunState
 
 
 class Choices(Struct):
@@ -763,6 +2896,482 @@ class ConnectionRow(Struct):
     dead_volume_nl: int | None
 
 
+class Correction(Struct):
+    """
+    One number of a command as it was asked and as it is sent, or one that it reads.
+
+        Made by the planner alone.
+    """
+
+    argument: str
+    quantity: Quantity
+    asked: float | None
+    sent: float | None
+    gain: float
+    offset: float
+    calibration_id: str
+    number: int
+    low: float | None | UnsetType = UNSET
+    high: float | None | UnsetType = UNSET
+    needs: float | None | UnsetType = UNSET
+    expires_at: str | None | UnsetType = UNSET
+
+
+class CustodyConnection(Struct):
+    """
+    What keeps a vessel where it is.
+    """
+
+    key: str
+    medium: Medium
+    to: str
+
+
+class CustodyMove(Struct):
+    """
+    A move of a vessel from one host's hands into another's.
+    """
+
+    id: str
+    state: CustodyState
+    from_: CustodyHost | None = field(name="from")
+    to: CustodyHost | None
+    place: CustodyPlace | None
+    asked_by: str | None
+    asked_at: str
+    released_at: str | None
+    is_told: bool
+
+
+class DeviceDriver(Struct):
+    """
+    The driver of a device, and what became of its versions.
+    """
+
+    class_name: str
+    digest: str
+    protocol: str
+    quality: str
+    doc: str
+    version_id: str
+    next: NextDriver | None
+    problem: DriverProblem | None
+    serving: DriverServing | None
+
+
+class DeviceHaltRow(Struct):
+    """
+    A wish to halt one device, and what came of it.
+    """
+
+    id: str
+    device: RunDevice
+    state: HaltState
+    message: str
+    at: str
+    ended_at: str | None
+    run: RunLabel | None
+    by: str | None
+
+
+class DeviceJob(Struct):
+    """
+    The job that acts on a device.
+    """
+
+    id: str
+    run_id: str
+    run_number: int
+    sentence: str
+    state: JobState
+
+
+class DeviceRow(Struct):
+    """
+    One device in a list.
+    """
+
+    id: str
+    key: str
+    name: str
+    role: str
+    kind_label: str
+    host: DeviceHost
+    state: str
+    link: Link
+    is_halt_owed: bool
+    halt: DeviceHaltRow | None
+    job: DeviceJob | None
+    readings: list[DeviceReading]
+
+
+class DeviceStay(Struct):
+    """
+    The time that a resource was in a device, and what that told and did.
+    """
+
+    since: str
+    until: str
+    series: dict[str, list[Series]]
+    acts: list[StayAct]
+    files: list[StayFile]
+    has_more_acts: bool
+
+
+class DoubtEnd(Struct):
+    """
+    How a doubt that an event left was ended.
+    """
+
+    doubt_at: str
+    at: str
+    state: TransactionState
+    by: str
+    answer: str
+    moved_nl: int | None
+    note: str
+    despite_reading: str
+    text: str
+
+
+class DrawnSeries(Struct):
+    """
+    The points of a reading, with what its axes are.
+    """
+
+    reading_id: str
+    x: SeriesAxis
+    y: DrawnColumn
+    scan: DrawnScan | None
+    points: list[Point]
+    rows_count: int
+    is_thinned: bool
+    is_time: bool
+
+
+class DriverComparison(Struct):
+    """
+    What differs between two versions, by module.
+    """
+
+    modules: list[ModuleChange]
+
+
+class DriverHost(Struct):
+    """
+    The host of a device that has a version.
+    """
+
+    id: str
+    name: str
+    state: SessionState
+
+
+class DriverList(Struct):
+    """
+    A page of versions.
+    """
+
+    drivers: list[DriverRow]
+    next: str | None
+
+
+class DriverReading(Struct):
+    """
+    What driver source declares, before anybody proposes it.
+    """
+
+    module: str
+    class_name: str
+    digest: str
+    known: KnownDriver | None
+    roles: list[str]
+    doc: str
+    quality: str
+    imports: list[str]
+    protocol: str
+    safe_state: str
+    actions: list[DeviceAction]
+    statuses: list[DriverStatus]
+    config: dict[str, Any]
+
+
+class DriverRequest(Struct):
+    """
+    The request to approve a version.
+    """
+
+    id: str
+    state: str
+    asked_at: str
+    expires_at: str
+    decision: DriverVerdict | None
+
+
+class DriverUse(Struct):
+    """
+    Which version a device has, which it is to have, and what went wrong last.
+    """
+
+    version_id: str
+    digest: str
+    class_name: str
+    next: NextDriver | None
+    problem: DriverProblem | None
+    serving: DriverServing | None
+
+
+class EventRow(Struct):
+    """
+    One act on matter, as the record has it.
+    """
+
+    seq: int
+    at: str
+    received_at: str
+    uncertainty_s: float | None
+    is_bounded: bool
+    operation: OperationName
+    state: TransactionState
+    verification: str
+    subjects: list[EventSubjectRow]
+    amount_nl: int | None
+    amount_ug: int | None
+    summary: str
+    job_id: str | None
+    code: str
+    message: str
+    transaction_id: str
+    resolved: DoubtEnd | None
+    run: EventRun | None | UnsetType = UNSET
+
+
+class FileJob(Struct):
+    """
+    The job that a file came from.
+    """
+
+    id: str
+    index: int
+    sentence: str
+    run: FileRun
+
+
+class FileRow(Struct):
+    """
+    A file with the names of what it is about, as far as the caller may know of it.
+    """
+
+    id: str
+    name: str
+    media_type: str
+    format: str
+    size_bytes: int
+    sha256: str
+    made_from_id: str | None
+    resource_id: str | None
+    device_id: str | None
+    job_id: str | None
+    kept_by: str
+    kept_at: str
+    resource: FileSubject | None
+    device: FileSubject | None
+    job: FileJob | None
+
+
+class HandOverAsked(Struct):
+    """
+    An operation by hand for which two hosts have to agree: the first was asked.
+    """
+
+    handover: HandOverStanding
+
+
+class HostJob(Struct):
+    """
+    A job that a host was sent and that has not ended, or of which nobody knows.
+    """
+
+    id: str
+    run_id: str
+    run_number: int
+    sentence: str
+    state: JobState
+    state_at: str | None
+
+
+class HostRow(Struct):
+    """
+    One edge host in a list.
+    """
+
+    id: str
+    key: str
+    name: str
+    state: SessionState
+    last_seen_at: str | None
+    epoch: int
+    acked_seq: int
+    journal_lag: int
+    devices_count: int
+    state_at: str | None
+    away_since_at: str | None
+    clock_skew_s: float | None
+    heartbeat: dict[str, Any]
+    disk: HostDisk | None
+
+
+class HostStanding(Struct):
+    """
+    How a host stands after an act.
+    """
+
+    id: str
+    state: SessionState
+
+
+class IncomingList(Struct):
+    """
+    A page of files that were brought to be read.
+    """
+
+    incoming: list[IncomingRow]
+    next: str | None
+
+
+class JobAsks(Struct):
+    """
+    What a person confirms before a job is sent, and who has.
+    """
+
+    text: str
+    states: StatementAsked | None
+    is_due: bool
+    confirmed_by: str | None
+    confirmed_at: str | None
+
+
+class JobQuestion(Struct):
+    """
+    What a person is asked about a job in doubt.
+    """
+
+    text: str
+    attempt_id: str | None
+    asked_ul: float | None
+    source: str
+    target: str
+    measured: MeasuredAmount | None
+    then: dict[str, list[RecoveryChoice]]
+    answer_sent: bool
+    answered_by: str | None
+    answered_at: str | None
+
+
+class JoinAdmission(Struct):
+    """
+    A machine was admitted.
+    """
+
+    host: JoinedHost
+
+
+class JoinRequestList(Struct):
+    """
+    A page of machines that asked.
+    """
+
+    requests: list[JoinRequestRow]
+    door: str
+    next: str | None
+
+
+class JoinTokenList(Struct):
+    """
+    A page of tokens.
+    """
+
+    tokens: list[JoinTokenRow]
+    next: str | None
+
+
+class KeptRecipe(Struct):
+    """
+    A recipe that was kept as a workflow.
+    """
+
+    workflow_id: str
+    version: VersionRow
+
+
+class LabStop(Struct):
+    """
+    The stop of a lab.
+    """
+
+    is_stopped: bool
+    stop_id: str | None
+    stopped_at: str | None
+    stopped_by: str | None
+    hosts: list[StopHost]
+
+
+class LabSummary(Struct):
+    """
+    The lab as every page shows it.
+    """
+
+    id: str
+    key: str
+    name: str
+    mode: Mode
+    time_zone: str
+    speed: float
+    stop: LabStop
+    counts: LabCounts
+
+
+class LastRunOf(Struct):
+    """
+    The newest run of a workflow.
+    """
+
+    id: str
+    number: int
+    state: RunState
+    ended_at: str | None
+    waits_for: Wait | None
+
+
+class LineageGraph(Struct):
+    """
+    Where what is in a vessel came from, and where it went.
+    """
+
+    root: str
+    nodes: list[LineageNode]
+    edges: list[LineageEdge]
+    truncated: int
+    unread: list[str]
+
+
+class LogLine(Struct):
+    """
+    One line of the log of a run: what a host reported, or how a vessel changed hands.
+    """
+
+    at: str
+    job_id: str
+    job_index: int
+    kind: str
+    text: str
+    body: dict[str, Any]
+    received_at: str | UnsetType = UNSET
+    uncertainty_s: float | None | UnsetType = UNSET
+    is_bounded: bool | UnsetType = UNSET
+    resolved: DoubtEnd | None | UnsetType = UNSET
+
+
 class MakeAccessToken(Struct):
     """
     Body of a new access token.
@@ -782,6 +3391,15 @@ class NewAccessToken(Struct):
     secret: str
 
 
+class OpenSession(Struct):
+    """
+    Who is signed in, and the lab as every page shows it.
+    """
+
+    user: SignedInUser | None
+    lab: LabSummary | None
+
+
 class PhOrder(Struct):
     """
     Read a probe in buffers that are pumped to it, one after the other.
@@ -798,6 +3416,55 @@ class PhOrder(Struct):
     valid_days: Annotated[int, Meta(ge=0, le=1000000)] | UnsetType = 7
 
 
+class PlanJob(Struct):
+    """
+    One action of a plan on one device.
+    """
+
+    index: int
+    step_id: str
+    sentence: str
+    device: RunDevice
+    choices_count: int
+    action: str
+    args: dict[str, Any]
+    after: list[int]
+    estimate_s: float
+
+
+class PlanProof(Struct):
+    """
+    Steps whose movements of matter a plan was proved to make, and those beyond the proof.
+    """
+
+    steps: list[str]
+    beyond: list[UnprovedStep]
+
+
+class PlanView(Struct):
+    """
+    A plan with the names of its devices.
+    """
+
+    digest: str
+    estimate_s: float
+    steps: list[PlannedStep]
+    jobs: list[PlanJob]
+    notes: list[str]
+    proved: PlanProof | None
+
+
+class ProvenanceGraph(Struct):
+    """
+    What led to a thing and what it touched; `form=prov` gives a PROV-JSON document instead.
+    """
+
+    root: str
+    nodes: list[ProvenanceNode]
+    relations: list[ProvenanceRelation]
+    truncation: ProvenanceTruncation
+
+
 class React(Struct, tag_field="op", tag="react"):
     """
     Record a reaction in a vessel: reactants go into REACTION, products come out of it.
@@ -812,6 +3479,363 @@ class React(Struct, tag_field="op", tag="react"):
     reason: Annotated[str, Meta(max_length=500)]
     residue_ug: Annotated[int, Meta(ge=0, le=999999999999999)] | UnsetType = 0
     basis: str | UnsetType = UNSET
+
+
+class ReadingSeries(Struct):
+    """
+    The measured column of a series, and the axes that it is over.
+    """
+
+    column: str
+    unit: str
+    points_count: int
+    least: int | float | str | None
+    most: int | float | str | None
+    axes: list[SeriesAxis]
+
+
+class RecipeAdvice(Struct):
+    """
+    What to change in a rig so that a recipe compiles, or why nothing helps.
+    """
+
+    ok: bool
+    changes: list[RigChange] | UnsetType = UNSET
+    graph_sha256: str | UnsetType = UNSET
+    graph: str | UnsetType = UNSET
+    findings: list[Finding] | UnsetType = UNSET
+
+
+class RecoveryCard(Struct):
+    """
+    What a person may do about a job that ended undone, and what hangs on it.
+    """
+
+    recovery: str
+    tries: int
+    choices: list[RecoveryChoice]
+    skips: list[str]
+    relying: list[str]
+    asked_ul: float | None
+    moved_ul: float | None
+    params: dict[str, Any]
+
+
+class ReservationRow(Struct):
+    """
+    Exclusive use of a resource in the near future; the time ends it.
+    """
+
+    id: str
+    resource: ReservedResource
+    holder: str
+    is_own: bool
+    may_end: bool
+    reason: str
+    made_at: str
+    expires_at: str
+    ended_at: str | None
+
+
+class ReservationsMade(Struct):
+    """
+    What was reserved together.
+    """
+
+    reservations: list[ReservationRow]
+
+
+class ReservationsOfResource(Struct):
+    """
+    What is reserved of a resource and of what it stands in.
+    """
+
+    is_allowed: bool
+    reservations: list[ReservationRow]
+    next: str | None
+
+
+class ResourceConditions(Struct):
+    """
+    What a device told while a resource was in it.
+    """
+
+    resource: StayResource
+    device: StayDevice
+    stays: list[DeviceStay]
+    is_truncated: bool
+
+
+class ResourceList(Struct):
+    """
+    A page of the tree.
+    """
+
+    resources: list[ResourceRow]
+    next: str | None
+    at: str | UnsetType = UNSET
+
+
+class ResourcePort(Struct):
+    """
+    A port of a resource that something is connected to.
+    """
+
+    port: str
+    to: ConnectionEnd
+    medium: Medium
+    connection: SeenConnection
+    may_disconnect: bool
+
+
+class ResourceView(Struct):
+    """
+    One resource with what happened to it.
+    """
+
+    id: str
+    key: str
+    parent_id: str | None
+    name: str
+    kind: str
+    kind_label: str
+    nature: Nature
+    depth: int
+    holds_liquid: bool
+    contents: list[ContentRow]
+    volume_nl: int
+    capacity_nl: int | None
+    is_quarantined: bool
+    is_archived: bool
+    device: ResourceDevice | None
+    pose: dict[str, Any] | None
+    held_by: list[ResourceKeeper]
+    config: dict[str, Any]
+    data: dict[str, Any]
+    data_told: dict[str, FieldOrigin]
+    extra: dict[str, Any]
+    size_mm: list[float] | None
+    ports: list[ResourcePort]
+    events: list[EventRow]
+    events_next: str | None
+
+
+class RigPicture(Struct):
+    """
+    A graph of a rig as it was read.
+    """
+
+    format: str
+    sha256: str
+    nodes: list[RigNode]
+    tubes: list[RigTube]
+    defects: list[Finding]
+
+
+class RunDoubt(Struct):
+    """
+    A job that was in doubt, and how that ended.
+    """
+
+    job_id: str
+    sentence: str
+    resolved: DoubtEnd | None
+
+
+class RunEventList(Struct):
+    """
+    A page of what the transactions of a run did.
+    """
+
+    events: list[EventRow]
+    next: str | None
+
+
+class RunLogPage(Struct):
+    """
+    A page of the log of a run.
+    """
+
+    lines: list[LogLine]
+    next: str | None
+
+
+class RunRow(Struct):
+    """
+    A run as a list shows it.
+    """
+
+    id: str
+    number: int
+    workflow: RunWorkflow
+    mode: Mode
+    state: RunState
+    created_by: str
+    created_at: str
+    started_at: str | None
+    ended_at: str | None
+    steps_total: int
+    steps_done: int
+    step_now: str | None
+    in_doubt_count: int
+    estimate_s: float
+    left_s: float | None
+    pause_reasons: list[PauseReason]
+    waits_for: RunWait | None
+    holds: list[RunHold]
+    recoveries: list[RunRecovery]
+    is_given_up: bool
+
+
+class StepChoice(Struct):
+    """
+    A unit operation that can be put into a workflow.
+    """
+
+    kind: str
+    label: str
+    help: str
+    clauses: list[str]
+    inputs: list[StepPort]
+    outputs: list[StepPort]
+    params: dict[str, Any]
+
+
+class StepPalette(Struct):
+    """
+    What can be put into a workflow.
+    """
+
+    steps: list[StepChoice]
+    devices: list[PaletteDevice]
+    units: dict[str, UnitTable]
+
+
+class TelemetryCurves(Struct):
+    """
+    What a device told within a range, as finely as a plot can show it.
+    """
+
+    since_s: float
+    until_s: float
+    curves: list[TelemetryCurve]
+    gaps: list[TelemetryGap]
+
+
+class TryoutDetail(Struct):
+    """
+    One tryout whole.
+    """
+
+    id: str
+    host: TryoutPlace
+    model: str
+    title: str
+    speed: float
+    state: State11
+    code: str
+    message: str
+    begun_by: str
+    begun_at: str
+    ended_at: str | None
+    driver_id: str
+    settings: dict[str, Any]
+    config: dict[str, Any]
+    faults_offered: dict[str, dict[str, Any]]
+    faults: list[str]
+    statuses: TryoutStatuses
+    acts: list[TryoutActRow]
+    wire: list[TryoutBytes]
+    wire_left_out_count: int
+
+
+class TryoutHost(Struct):
+    """
+    A host that runs tryouts.
+    """
+
+    id: str
+    name: str
+    problem: str | None
+    models: list[TryoutModel]
+
+
+class TryoutList(Struct):
+    """
+    Where a version can be tried, and a page of what was tried of it.
+    """
+
+    hosts: list[TryoutHost]
+    fastest: float
+    tried: Tried
+    tryouts: list[TryoutRow]
+    next: str | None
+
+
+class VersionList(Struct):
+    """
+    A page of versions, the newest first.
+    """
+
+    versions: list[VersionRow]
+    next: str | None
+
+
+class WorkflowCheck(Struct):
+    """
+    What a workflow would mean here and now.
+    """
+
+    findings: list[CheckFinding]
+    plan: PlanView | None
+    policies: list[str]
+    sentences: dict[str, list[WordsOfStep]]
+    proof: DraftProof | None
+
+
+class WorkflowOverview(Struct):
+    """
+    A workflow with its last run.
+    """
+
+    id: str
+    name: str
+    description: str
+    is_template: bool
+    latest_version: LatestVersion | None
+    steps_count: int
+    updated_at: str
+    updated_by: str | None
+    last_run: LastRunOf | None
+
+
+class WorkflowOverviewList(Struct):
+    """
+    A page of workflows.
+    """
+
+    workflows: list[WorkflowOverview]
+    next: str | None
+
+
+class WorkflowWhole(Struct):
+    """
+    A workflow with its draft and versions.
+    """
+
+    id: str
+    name: str
+    description: str
+    is_template: bool
+    latest_version: LatestVersion | None
+    steps_count: int
+    updated_at: str
+    updated_by: str | None
+    last_run: LastRunOf | None
+    draft: dict[str, Any]
+    draft_revision: int
+    versions: list[VersionRow]
+    can_edit: bool
 
 
 class AccessTokenList(Struct):
@@ -844,6 +3868,65 @@ class Act(Struct):
     note: Annotated[str, Meta(max_length=2000)] | UnsetType = ""
 
 
+class ApprovalList(Struct):
+    """
+    A page of requests.
+    """
+
+    requests: list[ApprovalRow]
+    next: str | None
+
+
+class CalibrationDetail(Struct):
+    """
+    One calibration of one quantity of a device.
+    """
+
+    id: str
+    device_id: str
+    quantity: Quantity
+    number: int
+    state: State2
+    standing: Standing | None
+    reasons: list[str]
+    run: CalibrationRun
+    references: list[Reference]
+    tolerance: float
+    valid_days: int
+    points: list[CalibrationPoint]
+    result: CalibrationResult | None
+    findings: list[Finding]
+    made_by: str
+    made_at: str
+    measured_at: str | None
+    decided_by: str | None
+    decided_at: str | None
+    comment: str
+    expires_at: str | None
+    withdrawn_by: str | None
+    withdrawn_at: str | None
+    withdrawn_because: str
+    request_id: str | None
+    can: CalibrationRights
+
+
+class ChosenDriver(Struct):
+    """
+    A device, and the versions that it has and is to have now.
+    """
+
+    id: str
+    driver: DriverUse
+
+
+class ChosenDriverList(Struct):
+    """
+    The devices that were given a version.
+    """
+
+    devices: list[ChosenDriver]
+
+
 class ConnectionList(Struct):
     """
     A page of connections.
@@ -851,3 +3934,422 @@ class ConnectionList(Struct):
 
     connections: list[ConnectionRow]
     next: str | None
+
+
+class CustodyDetail(Struct):
+    """
+    Which host writes a vessel's facts, and the move that it is on.
+    """
+
+    host: CustodyHost | None
+    move: CustodyMove | None
+    connections: list[CustodyConnection]
+    is_allowed: bool
+    places: list[PlaceChoice]
+
+
+class DeviceDetail(Struct):
+    """
+    One device whole.
+    """
+
+    id: str
+    key: str
+    name: str
+    role: str
+    kind_label: str
+    host: DeviceHost
+    state: str
+    link: Link
+    is_halt_owed: bool
+    halt: DeviceHaltRow | None
+    job: DeviceJob | None
+    readings: list[DeviceReading]
+    driver: DeviceDriver
+    actions: list[DeviceAction]
+    shows_itself: bool
+    statuses: list[DeviceStatus]
+    config: dict[str, Any]
+    nodes: list[DeviceNode]
+    transport: str
+    photo: PhotoRow | None
+
+
+class DeviceList(Struct):
+    """
+    A page of devices.
+    """
+
+    devices: list[DeviceRow]
+    next: str | None
+
+
+class DriverPlace(Struct):
+    """
+    A device that has a version of a driver, or is to have it.
+    """
+
+    id: str
+    key: str
+    name: str
+    state: str
+    host: DriverHost
+    driver: DriverUse
+    job: DriverJob | None
+    can_change: bool
+
+
+class EventList(Struct):
+    """
+    A page of events, the newest first.
+    """
+
+    events: list[EventRow]
+    next: str | None
+
+
+class FileList(Struct):
+    """
+    A page of files.
+    """
+
+    files: list[FileRow]
+    next: str | None
+
+
+class HomePage(Struct):
+    """
+    What a person sees first.
+    """
+
+    needs_you: list[Need]
+    running: list[RunRow]
+    last_results: list[RunRow]
+    workflows: list[WorkflowOverview]
+    devices: list[DeviceRow]
+    hosts: list[HostRow]
+
+
+class HostDetail(Struct):
+    """
+    One edge host whole.
+    """
+
+    id: str
+    key: str
+    name: str
+    state: SessionState
+    last_seen_at: str | None
+    epoch: int
+    acked_seq: int
+    journal_lag: int
+    devices_count: int
+    state_at: str | None
+    away_since_at: str | None
+    clock_skew_s: float | None
+    heartbeat: dict[str, Any]
+    disk: HostDisk | None
+    floor: int
+    last_dseq: int
+    epoch_seen: int
+    journal_id: str | None
+    reason: HostClosed | None
+    devices: list[DeviceRow]
+    jobs: list[HostJob]
+    tickets: list[HostTicket]
+    moves: list[HostMove]
+    fence: HostFence | None
+    can: HostRights
+
+
+class HostList(Struct):
+    """
+    A page of hosts.
+    """
+
+    hosts: list[HostRow]
+    next: str | None
+
+
+class JobRow(Struct):
+    """
+    One job of a run, with what is known of its outcome.
+    """
+
+    id: str
+    index: int
+    step_id: str
+    sentence: str
+    device: JobDevice
+    choices_count: int
+    chosen: str | None
+    action: str
+    args: dict[str, Any]
+    corrections: list[Correction]
+    operation: dict[str, Any]
+    state: JobState
+    state_at: str
+    started_at: str | None
+    ended_at: str | None
+    uncertainty_s: float | None
+    is_bounded: bool
+    estimate_s: float
+    verification: str
+    code: str
+    message: str
+    evidence: dict[str, Any]
+    after: list[int]
+    meets: int | None
+    transaction: JobTransaction | None
+    passed_by: PassedBy | None
+    halted_by: str | None
+    is_halt_certain: bool
+    recovery_class: str
+    question: JobQuestion | None
+    recovery: RecoveryCard | None | UnsetType = UNSET
+    asks: JobAsks | None | UnsetType = UNSET
+
+
+class ReadingRow(Struct):
+    """
+    One thing that was measured; the values of a series are in its file.
+    """
+
+    id: str
+    file_id: str
+    file_sha256: str
+    index: int
+    name: str
+    quantity: str
+    unit: str
+    value: float | None
+    text: str
+    series_file_id: str | None
+    series: ReadingSeries | None
+    facts: dict[str, Any]
+    measured_at: str | None
+    kept_at: str
+    resource_id: str | None
+    device_id: str | None
+    job_id: str | None
+
+
+class RecipeOpening(Struct):
+    """
+    A recipe opened on a rig.
+    """
+
+    recipe: RecipeSummary | None
+    rig: RigPicture | None
+    bindings: list[RoleBinding]
+    findings: list[RecipeFinding]
+    plan: dict[str, Any] | None
+    is_proved: bool | None
+    document: dict[str, Any] | None
+
+
+class ReservationList(Struct):
+    """
+    A page of reservations that hold now.
+    """
+
+    reservations: list[ReservationRow]
+    next: str | None
+
+
+class RunList(Struct):
+    """
+    A page of runs.
+    """
+
+    runs: list[RunRow]
+    next: str | None
+
+
+class RunReportPage(Struct):
+    """
+    What a run did with matter.
+    """
+
+    started_at: str | None
+    ended_at: str | None
+    taken: list[MassAccount]
+    brought: list[MassAccount]
+    taken_ug: int
+    brought_ug: int
+    gap_ug: int
+    unknown: list[str]
+    yields: list[ProductYield]
+    readings: list[ReadingRow]
+    doubts: list[RunDoubt]
+    unconfirmed: list[UnconfirmedJob]
+
+
+class RunView(Struct):
+    """
+    A run whole.
+    """
+
+    id: str
+    number: int
+    workflow: RunWorkflow
+    mode: Mode
+    state: RunState
+    created_by: str
+    created_at: str
+    started_at: str | None
+    ended_at: str | None
+    steps_total: int
+    steps_done: int
+    step_now: str | None
+    in_doubt_count: int
+    estimate_s: float
+    left_s: float | None
+    pause_reasons: list[PauseReason]
+    waits_for: RunWait | None
+    holds: list[RunHold]
+    recoveries: list[RunRecovery]
+    is_given_up: bool
+    document: dict[str, Any]
+    plan: PlanView
+    jobs: list[JobRow]
+    given_up: GivenUp | None
+    halts: list[DeviceHaltRow]
+    files: list[JobFile]
+    proof: RunProof | None
+    approval: RunApproval | None
+    execution: Execution | None
+    hosts_away: list[HostAway]
+    silent: list[SilentDevice]
+    contradicted: list[ContradictedAnswer]
+    can: RunRights
+
+
+class CalibratedQuantity(Struct):
+    """
+    What can be calibrated of a device, and what was.
+    """
+
+    quantity: Quantity
+    unit: str
+    is_relative: bool
+    may_begin: bool
+    stated: StatedAccuracy | None
+    newest: str | None
+    history: list[CalibrationDetail]
+
+
+class CalibrationChange(Struct):
+    """
+    What a decision changes: the calibration that holds now, and the one that waits.
+    """
+
+    device: CalibratedDevice
+    quantity: Quantity
+    unit: str
+    is_relative: bool
+    becomes: CalibrationDetail
+    was: CalibrationDetail | None
+
+
+class CalibrationsOfDevice(Struct):
+    """
+    A page of the calibrations of a device, by quantity.
+    """
+
+    quantities: list[CalibratedQuantity]
+    next: str | None
+
+
+class DriverDetail(Struct):
+    """
+    One version of a driver whole.
+    """
+
+    id: str
+    module: str
+    class_name: str
+    role: str
+    digest: str
+    origin: Origin
+    state: State3
+    note: str
+    quality: str
+    doc: str
+    proposed_by: str | None
+    proposed_at: str | None
+    approved_by: str | None
+    approved_at: str | None
+    read_at: str
+    devices: list[DriverDevice]
+    can: DriverRights
+    sources: dict[str, str]
+    roles: list[str]
+    imports: list[str]
+    protocol: str
+    safe_state: str
+    actions: list[DeviceAction]
+    statuses: list[DriverStatus]
+    config: dict[str, Any]
+    request: DriverRequest | None
+    places: list[DriverPlace]
+    tried: Tried
+
+
+class FileWithReadings(Struct):
+    """
+    A file with what was read from it.
+    """
+
+    id: str
+    name: str
+    media_type: str
+    format: str
+    size_bytes: int
+    sha256: str
+    made_from_id: str | None
+    resource_id: str | None
+    device_id: str | None
+    job_id: str | None
+    kept_by: str
+    kept_at: str
+    resource: FileSubject | None
+    device: FileSubject | None
+    job: FileJob | None
+    facts: dict[str, Any]
+    readings: list[ReadingRow]
+    series: list[KeptFile]
+    readings_count: int
+
+
+class ReadingList(Struct):
+    """
+    A page of readings.
+    """
+
+    readings: list[ReadingRow]
+    next: str | None
+
+
+class ApprovalDetail(Struct):
+    """
+    A request with the exact plan, or the result, that it is about.
+    """
+
+    id: str
+    title: str
+    state: State
+    about: About
+    run: RunLabel
+    workflow: RunWorkflow
+    policies: list[str]
+    asked_by: Asker
+    asked_at: str
+    expires_at: str
+    plan_digest: str
+    can_decide: bool
+    why_not: str | None
+    decision: DecisionMade | None
+    calibration: CalibrationChange | UnsetType = UNSET
+    plan: PlanView | UnsetType = UNSET
+    materials: list[MaterialChange] | UnsetType = UNSET

@@ -20,7 +20,7 @@ class Operations:
 
     def get_approvals(
         self, *, after: str | None = None, limit: int | None = None, state: str | None = None
-    ) -> object:
+    ) -> models.ApprovalList:
         """List requests, open ones by default."""
         return self.call(
             Call(
@@ -28,46 +28,48 @@ class Operations:
                 path="/approvals",
                 query={"after": after, "limit": limit, "state": state},
             ),
-            object,
+            models.ApprovalList,
         )
 
-    def get_approval(self, request_id: str) -> object:
+    def get_approval(self, request_id: str) -> models.ApprovalDetail:
         """Return a request with the exact plan, or the result, that it is about."""
-        return self.call(Call(method="GET", path=f"/approvals/{request_id}"), object)
+        return self.call(Call(method="GET", path=f"/approvals/{request_id}"), models.ApprovalDetail)
 
     def post_approval_decision(
         self, request_id: str, body: models.Verdict, *, key: str | None = None
-    ) -> object:
+    ) -> models.ApprovalRow:
         """Approve or reject."""
         return self.call(
             Call(method="POST", path=f"/approvals/{request_id}/decision", body=body, key=key),
-            object,
+            models.ApprovalRow,
         )
 
-    def get_calibration(self, calibration_id: str) -> object:
+    def get_calibration(self, calibration_id: str) -> models.CalibrationDetail:
         """Return it with its points and its result."""
-        return self.call(Call(method="GET", path=f"/calibrations/{calibration_id}"), object)
+        return self.call(
+            Call(method="GET", path=f"/calibrations/{calibration_id}"), models.CalibrationDetail
+        )
 
     def post_calibration_decision(
         self, calibration_id: str, body: models.CalibrationDecision, *, key: str | None = None
-    ) -> object:
+    ) -> models.CalibrationDetail:
         """Accept or reject a result that somebody else measured."""
         return self.call(
             Call(
                 method="POST", path=f"/calibrations/{calibration_id}/decision", body=body, key=key
             ),
-            object,
+            models.CalibrationDetail,
         )
 
     def post_calibration_withdraw(
         self, calibration_id: str, body: models.CalibrationWithdrawal, *, key: str | None = None
-    ) -> object:
+    ) -> models.CalibrationDetail:
         """Let it be relied on no more, for a reason."""
         return self.call(
             Call(
                 method="POST", path=f"/calibrations/{calibration_id}/withdraw", body=body, key=key
             ),
-            object,
+            models.CalibrationDetail,
         )
 
     def get_connections(
@@ -79,19 +81,26 @@ class Operations:
             models.ConnectionList,
         )
 
-    def post_deliveries(self, body: models.Delivered, *, key: str | None = None) -> object:
+    def post_deliveries(
+        self, body: models.Delivered, *, key: str | None = None
+    ) -> models.DeliveredLots:
         """Receive every lot of a signed request, or none."""
-        return self.call(Call(method="POST", path="/deliveries", body=body, key=key), object)
+        return self.call(
+            Call(method="POST", path="/deliveries", body=body, key=key), models.DeliveredLots
+        )
 
-    def get_devices(self, *, after: str | None = None, limit: int | None = None) -> object:
+    def get_devices(
+        self, *, after: str | None = None, limit: int | None = None
+    ) -> models.DeviceList:
         """List devices with their latest readings."""
         return self.call(
-            Call(method="GET", path="/devices", query={"after": after, "limit": limit}), object
+            Call(method="GET", path="/devices", query={"after": after, "limit": limit}),
+            models.DeviceList,
         )
 
     def get_device_calibrations(
         self, calibrated_id: str, *, after: str | None = None, limit: int | None = None
-    ) -> object:
+    ) -> models.CalibrationsOfDevice:
         """List what can be calibrated of it, what is in force, and every version, newest first."""
         return self.call(
             Call(
@@ -99,34 +108,36 @@ class Operations:
                 path=f"/devices/{calibrated_id}/calibrations",
                 query={"after": after, "limit": limit},
             ),
-            object,
+            models.CalibrationsOfDevice,
         )
 
     def post_device_calibrations(
         self, calibrated_id: str, body: models.VolumeOrder, *, key: str | None = None
-    ) -> object:
+    ) -> models.CalibrationDetail:
         """Start the run that calibrates it (412 with everything that speaks against it)."""
         return self.call(
             Call(method="POST", path=f"/devices/{calibrated_id}/calibrations", body=body, key=key),
-            object,
+            models.CalibrationDetail,
         )
 
-    def get_device(self, device_id: str) -> object:
+    def get_device(self, device_id: str) -> models.DeviceDetail:
         """Return a device with its driver, actions and statuses."""
-        return self.call(Call(method="GET", path=f"/devices/{device_id}"), object)
+        return self.call(Call(method="GET", path=f"/devices/{device_id}"), models.DeviceDetail)
 
     def post_device_driver(
         self, device_id: str, body: models.DriverChoice, *, key: str | None = None
-    ) -> object:
+    ) -> models.DriverUse:
         """Give a device another version; an earlier one rolls back."""
         return self.call(
-            Call(method="POST", path=f"/devices/{device_id}/driver", body=body, key=key), object
+            Call(method="POST", path=f"/devices/{device_id}/driver", body=body, key=key),
+            models.DriverUse,
         )
 
-    def get_device_driver_one_parts(self, device_id: str, approved_id: str) -> object:
+    def get_device_driver_one_parts(self, device_id: str, approved_id: str) -> models.PartChanges:
         """List the parts that come, go and change, and what speaks against it; for a decision."""
         return self.call(
-            Call(method="GET", path=f"/devices/{device_id}/driver/{approved_id}/parts"), object
+            Call(method="GET", path=f"/devices/{device_id}/driver/{approved_id}/parts"),
+            models.PartChanges,
         )
 
     def get_device_photo(self, device_id: str, *, of: str | None = None) -> bytes:
@@ -137,18 +148,18 @@ class Operations:
 
     def post_device_photo(
         self, device_id: str, form: Mapping[str, str], files: Files, *, key: str | None = None
-    ) -> object:
+    ) -> models.PhotoRow:
         """Keep a photo: a form with one `file`, a JPEG, PNG or WebP of at most 16 MiB."""
         return self.call(
             Call(
                 method="POST", path=f"/devices/{device_id}/photo", form=form, files=files, key=key
             ),
-            object,
+            models.PhotoRow,
         )
 
     def get_device_telemetry(
         self, device_id: str, *, since_s: float | None = None, until_s: float | None = None
-    ) -> object:
+    ) -> models.TelemetrySeries:
         """Return the series of each status between `since_s` and `until_s`."""
         return self.call(
             Call(
@@ -156,7 +167,7 @@ class Operations:
                 path=f"/devices/{device_id}/telemetry",
                 query={"since_s": since_s, "until_s": until_s},
             ),
-            object,
+            models.TelemetrySeries,
         )
 
     def get_device_telemetry_curves(
@@ -167,7 +178,7 @@ class Operations:
         since_s: float | None = None,
         status: list[str] | None = None,
         until_s: float | None = None,
-    ) -> object:
+    ) -> models.TelemetryCurves:
         """Return each status as samples or as buckets, with its level, and the recorded gaps."""
         return self.call(
             Call(
@@ -175,7 +186,7 @@ class Operations:
                 path=f"/devices/{device_id}/telemetry/curves",
                 query={"points": points, "since_s": since_s, "status": status, "until_s": until_s},
             ),
-            object,
+            models.TelemetryCurves,
         )
 
     def get_device_telemetry_export(
@@ -206,7 +217,7 @@ class Operations:
 
     def post_device_calibrations_temperature(
         self, heating_id: str, body: models.TemperatureOrder, *, key: str | None = None
-    ) -> object:
+    ) -> models.CalibrationDetail:
         """Start the run that calibrates it (412 with everything that speaks against it)."""
         return self.call(
             Call(
@@ -215,73 +226,86 @@ class Operations:
                 body=body,
                 key=key,
             ),
-            object,
+            models.CalibrationDetail,
         )
 
     def post_device_calibrations_ph(
         self, probe_id: str, body: models.PhOrder, *, key: str | None = None
-    ) -> object:
+    ) -> models.CalibrationDetail:
         """Start the run that calibrates it (412 with everything that speaks against it)."""
         return self.call(
             Call(method="POST", path=f"/devices/{probe_id}/calibrations/ph", body=body, key=key),
-            object,
+            models.CalibrationDetail,
         )
 
-    def post_device_show(self, showing_id: str, *, key: str | None = None) -> object:
+    def post_device_show(self, showing_id: str, *, key: str | None = None) -> models.ShowingRun:
         """Start the run in which a device shows its name."""
-        return self.call(Call(method="POST", path=f"/devices/{showing_id}/show", key=key), object)
+        return self.call(
+            Call(method="POST", path=f"/devices/{showing_id}/show", key=key), models.ShowingRun
+        )
 
     def post_device_stop(
         self, stopped_id: str, body: models.Nothing, *, key: str | None = None
-    ) -> object:
+    ) -> models.DeviceHaltRow:
         """Halt a device now, whether anything acts on it or not, and return what came of it."""
         return self.call(
-            Call(method="POST", path=f"/devices/{stopped_id}/stop", body=body, key=key), object
+            Call(method="POST", path=f"/devices/{stopped_id}/stop", body=body, key=key),
+            models.DeviceHaltRow,
         )
 
-    def get_drivers(self, *, after: str | None = None, limit: int | None = None) -> object:
+    def get_drivers(
+        self, *, after: str | None = None, limit: int | None = None
+    ) -> models.DriverList:
         """List every version by module, the newest first, with the devices that use it."""
         return self.call(
-            Call(method="GET", path="/drivers", query={"after": after, "limit": limit}), object
+            Call(method="GET", path="/drivers", query={"after": after, "limit": limit}),
+            models.DriverList,
         )
 
-    def post_drivers(self, body: models.Submission, *, key: str | None = None) -> object:
+    def post_drivers(self, body: models.Submission, *, key: str | None = None) -> models.DriverRow:
         """Propose driver source that was read; a second person approves it."""
-        return self.call(Call(method="POST", path="/drivers", body=body, key=key), object)
+        return self.call(Call(method="POST", path="/drivers", body=body, key=key), models.DriverRow)
 
-    def post_drivers_reading(self, body: models.Text, *, key: str | None = None) -> object:
+    def post_drivers_reading(
+        self, body: models.Text, *, key: str | None = None
+    ) -> models.DriverReading:
         """Read source as text; nothing of it is executed, and nothing is written."""
-        return self.call(Call(method="POST", path="/drivers/reading", body=body, key=key), object)
+        return self.call(
+            Call(method="POST", path="/drivers/reading", body=body, key=key), models.DriverReading
+        )
 
     def post_driver_devices(
         self, approved_id: str, body: models.Choices, *, key: str | None = None
-    ) -> object:
+    ) -> models.ChosenDriverList:
         """Give a version to several devices: to all of them, or to none."""
         return self.call(
-            Call(method="POST", path=f"/drivers/{approved_id}/devices", body=body, key=key), object
+            Call(method="POST", path=f"/drivers/{approved_id}/devices", body=body, key=key),
+            models.ChosenDriverList,
         )
 
-    def get_driver(self, driver_id: str) -> object:
+    def get_driver(self, driver_id: str) -> models.DriverDetail:
         """Return a version with its texts, actions, statuses, settings, request and devices."""
-        return self.call(Call(method="GET", path=f"/drivers/{driver_id}"), object)
+        return self.call(Call(method="GET", path=f"/drivers/{driver_id}"), models.DriverDetail)
 
-    def get_driver_change(self, driver_id: str, since_id: str) -> object:
+    def get_driver_change(self, driver_id: str, since_id: str) -> models.DriverComparison:
         """Compare the texts of a version with those of another, line by line."""
         return self.call(
-            Call(method="GET", path=f"/drivers/{driver_id}/changes/{since_id}"), object
+            Call(method="GET", path=f"/drivers/{driver_id}/changes/{since_id}"),
+            models.DriverComparison,
         )
 
     def post_driver_decision(
         self, driver_id: str, body: models.DriverDecision, *, key: str | None = None
-    ) -> object:
+    ) -> models.DriverRow:
         """Approve or reject a version."""
         return self.call(
-            Call(method="POST", path=f"/drivers/{driver_id}/decision", body=body, key=key), object
+            Call(method="POST", path=f"/drivers/{driver_id}/decision", body=body, key=key),
+            models.DriverRow,
         )
 
     def get_driver_tryouts(
         self, driver_id: str, *, after: str | None = None, limit: int | None = None
-    ) -> object:
+    ) -> models.TryoutList:
         """Say where a version can be tried, on which models, and what was tried of it."""
         return self.call(
             Call(
@@ -289,23 +313,25 @@ class Operations:
                 path=f"/drivers/{driver_id}/tryouts",
                 query={"after": after, "limit": limit},
             ),
-            object,
+            models.TryoutList,
         )
 
     def post_driver_tryouts(
         self, driver_id: str, body: models.TryoutWanted, *, key: str | None = None
-    ) -> object:
+    ) -> models.TryoutDetail:
         """Begin a tryout; the version need not be approved."""
         return self.call(
-            Call(method="POST", path=f"/drivers/{driver_id}/tryouts", body=body, key=key), object
+            Call(method="POST", path=f"/drivers/{driver_id}/tryouts", body=body, key=key),
+            models.TryoutDetail,
         )
 
     def post_driver_withdraw(
         self, driver_id: str, body: models.DriverWithdrawal, *, key: str | None = None
-    ) -> object:
+    ) -> models.DriverRow:
         """Let a version be used no more."""
         return self.call(
-            Call(method="POST", path=f"/drivers/{driver_id}/withdraw", body=body, key=key), object
+            Call(method="POST", path=f"/drivers/{driver_id}/withdraw", body=body, key=key),
+            models.DriverRow,
         )
 
     def get_files(
@@ -317,7 +343,7 @@ class Operations:
         limit: int | None = None,
         resource: str | None = None,
         sha256: str | None = None,
-    ) -> object:
+    ) -> models.FileList:
         """List files, newest first; `resource`, `device`, `job` and `sha256` narrow it."""
         return self.call(
             Call(
@@ -332,15 +358,16 @@ class Operations:
                     "sha256": sha256,
                 },
             ),
-            object,
+            models.FileList,
         )
 
     def post_files(
         self, form: Mapping[str, str], files: Files, *, key: str | None = None
-    ) -> object:
+    ) -> models.FileWithReadings | models.IncomingRow:
         """Take a file in: a form with `file`, `format` and `resource`, `device` or `job`."""
         return self.call(
-            Call(method="POST", path="/files", form=form, files=files, key=key), object
+            Call(method="POST", path="/files", form=form, files=files, key=key),
+            models.FileWithReadings | models.IncomingRow,
         )
 
     def get_files_incoming(
@@ -351,7 +378,7 @@ class Operations:
         job: str | None = None,
         limit: int | None = None,
         resource: str | None = None,
-    ) -> object:
+    ) -> models.IncomingList:
         """List those that wait, were refused or are lost, newest first; `resource`… narrow it."""
         return self.call(
             Call(
@@ -365,16 +392,18 @@ class Operations:
                     "resource": resource,
                 },
             ),
-            object,
+            models.IncomingList,
         )
 
-    def get_files_incoming_one(self, incoming_id: str) -> object:
+    def get_files_incoming_one(self, incoming_id: str) -> models.IncomingRow:
         """Return whether it was read, and into which file, or why not."""
-        return self.call(Call(method="GET", path=f"/files/incoming/{incoming_id}"), object)
+        return self.call(
+            Call(method="GET", path=f"/files/incoming/{incoming_id}"), models.IncomingRow
+        )
 
-    def get_file(self, file_id: str) -> object:
+    def get_file(self, file_id: str) -> models.FileWithReadings:
         """Return a file with its readings and the series made from it."""
-        return self.call(Call(method="GET", path=f"/files/{file_id}"), object)
+        return self.call(Call(method="GET", path=f"/files/{file_id}"), models.FileWithReadings)
 
     def get_file_content(self, file_id: str) -> bytes:
         """Return the bytes as they were kept, with their checksum in `Repr-Digest`."""
@@ -387,7 +416,7 @@ class Operations:
         depth: int | None = None,
         direction: str | None = None,
         form: str | None = None,
-    ) -> object:
+    ) -> models.ProvenanceGraph:
         """Return the graph: `direction` up, down or both; `depth`; `form` json or prov."""
         return self.call(
             Call(
@@ -395,131 +424,153 @@ class Operations:
                 path=f"/files/{file_id}/provenance",
                 query={"depth": depth, "direction": direction, "form": form},
             ),
-            object,
+            models.ProvenanceGraph,
         )
 
     def post_handover_arrived(
         self, custody_id: str, body: models.Nothing, *, key: str | None = None
-    ) -> object:
+    ) -> models.HandOverStanding:
         """Tell its new host to take it over."""
         return self.call(
-            Call(method="POST", path=f"/handovers/{custody_id}/arrived", body=body, key=key), object
+            Call(method="POST", path=f"/handovers/{custody_id}/arrived", body=body, key=key),
+            models.HandOverStanding,
         )
 
-    def get_home(self) -> object:
+    def get_home(self) -> models.HomePage:
         """Return what needs somebody, what runs, and what was done last."""
-        return self.call(Call(method="GET", path="/home"), object)
+        return self.call(Call(method="GET", path="/home"), models.HomePage)
 
-    def get_hosts(self, *, after: str | None = None, limit: int | None = None) -> object:
+    def get_hosts(self, *, after: str | None = None, limit: int | None = None) -> models.HostList:
         """List the hosts of devices that the caller may see, with their journals' lag."""
         return self.call(
-            Call(method="GET", path="/hosts", query={"after": after, "limit": limit}), object
+            Call(method="GET", path="/hosts", query={"after": after, "limit": limit}),
+            models.HostList,
         )
 
-    def get_host(self, host_id: str) -> object:
+    def get_host(self, host_id: str) -> models.HostDetail:
         """Return a host whole; one that the caller may not see is not there."""
-        return self.call(Call(method="GET", path=f"/hosts/{host_id}"), object)
+        return self.call(Call(method="GET", path=f"/hosts/{host_id}"), models.HostDetail)
 
     def post_host_fence(
         self, host_id: str, body: models.HostReason, *, key: str | None = None
-    ) -> object:
+    ) -> models.HostStanding:
         """Carry out the act; say how the host stands then."""
         return self.call(
-            Call(method="POST", path=f"/hosts/{host_id}/fence", body=body, key=key), object
+            Call(method="POST", path=f"/hosts/{host_id}/fence", body=body, key=key),
+            models.HostStanding,
         )
 
     def post_host_readmit(
         self, host_id: str, body: models.HostReason, *, key: str | None = None
-    ) -> object:
+    ) -> models.HostStanding:
         """Carry out the act; say how the host stands then."""
         return self.call(
-            Call(method="POST", path=f"/hosts/{host_id}/readmit", body=body, key=key), object
+            Call(method="POST", path=f"/hosts/{host_id}/readmit", body=body, key=key),
+            models.HostStanding,
         )
 
     def post_host_revoke(
         self, host_id: str, body: models.HostReason, *, key: str | None = None
-    ) -> object:
+    ) -> models.HostStanding:
         """Carry out the act; say how the host stands then."""
         return self.call(
-            Call(method="POST", path=f"/hosts/{host_id}/revoke", body=body, key=key), object
+            Call(method="POST", path=f"/hosts/{host_id}/revoke", body=body, key=key),
+            models.HostStanding,
         )
 
     def post_job_confirm(
         self, job_id: str, body: models.Confirmation, *, key: str | None = None
-    ) -> object:
+    ) -> models.RunView:
         """Let the job go, or plan the rest again with what is stated; return the run."""
         return self.call(
-            Call(method="POST", path=f"/jobs/{job_id}/confirm", body=body, key=key), object
+            Call(method="POST", path=f"/jobs/{job_id}/confirm", body=body, key=key), models.RunView
         )
 
     def post_job_recover(
         self, job_id: str, body: models.RecoveryAnswer, *, key: str | None = None
-    ) -> object:
+    ) -> models.RunView:
         """Carry out a person's choice and return the run."""
         return self.call(
-            Call(method="POST", path=f"/jobs/{job_id}/recover", body=body, key=key), object
+            Call(method="POST", path=f"/jobs/{job_id}/recover", body=body, key=key), models.RunView
         )
 
     def post_job_resolve(
         self, job_id: str, body: models.DoubtAnswer, *, key: str | None = None
-    ) -> object:
+    ) -> models.JobRow:
         """Send a person's answer to the host."""
         return self.call(
-            Call(method="POST", path=f"/jobs/{job_id}/resolve", body=body, key=key), object
+            Call(method="POST", path=f"/jobs/{job_id}/resolve", body=body, key=key), models.JobRow
         )
 
-    def get_join_requests(self, *, after: str | None = None, limit: int | None = None) -> object:
+    def get_join_requests(
+        self, *, after: str | None = None, limit: int | None = None
+    ) -> models.JoinRequestList:
         """List the machines that asked, the newest first; not their codes, which they show."""
         return self.call(
             Call(method="GET", path="/join-requests", query={"after": after, "limit": limit}),
-            object,
+            models.JoinRequestList,
         )
 
     def post_join_request_admit(
         self, join_id: str, body: models.Typed, *, key: str | None = None
-    ) -> object:
+    ) -> models.JoinAdmission:
         """Make it a host, if the code is the one that it shows."""
         return self.call(
-            Call(method="POST", path=f"/join-requests/{join_id}/admit", body=body, key=key), object
+            Call(method="POST", path=f"/join-requests/{join_id}/admit", body=body, key=key),
+            models.JoinAdmission,
         )
 
     def post_join_request_reject(
         self, join_id: str, body: models.Said, *, key: str | None = None
-    ) -> object:
+    ) -> models.JoinRequestRow:
         """Send it away; its key never asks again."""
         return self.call(
-            Call(method="POST", path=f"/join-requests/{join_id}/reject", body=body, key=key), object
+            Call(method="POST", path=f"/join-requests/{join_id}/reject", body=body, key=key),
+            models.JoinRequestRow,
         )
 
-    def get_join_tokens(self, *, after: str | None = None, limit: int | None = None) -> object:
+    def get_join_tokens(
+        self, *, after: str | None = None, limit: int | None = None
+    ) -> models.JoinTokenList:
         """List the tokens, without their secrets, which nobody has."""
         return self.call(
-            Call(method="GET", path="/join-tokens", query={"after": after, "limit": limit}), object
+            Call(method="GET", path="/join-tokens", query={"after": after, "limit": limit}),
+            models.JoinTokenList,
         )
 
-    def post_join_tokens(self, body: models.TokenWish, *, key: str | None = None) -> object:
+    def post_join_tokens(
+        self, body: models.TokenWish, *, key: str | None = None
+    ) -> models.JoinTokenMade:
         """Make a token; this answer alone holds it."""
-        return self.call(Call(method="POST", path="/join-tokens", body=body, key=key), object)
+        return self.call(
+            Call(method="POST", path="/join-tokens", body=body, key=key), models.JoinTokenMade
+        )
 
-    def delete_join_token(self, token_id: str, *, key: str | None = None) -> object:
+    def delete_join_token(self, token_id: str, *, key: str | None = None) -> models.JoinTokenRow:
         """Take a token back that nobody has used."""
-        return self.call(Call(method="DELETE", path=f"/join-tokens/{token_id}", key=key), object)
+        return self.call(
+            Call(method="DELETE", path=f"/join-tokens/{token_id}", key=key), models.JoinTokenRow
+        )
 
-    def get_lab(self) -> object:
+    def get_lab(self) -> models.LabSummary:
         """Return the lab."""
-        return self.call(Call(method="GET", path="/lab"), object)
+        return self.call(Call(method="GET", path="/lab"), models.LabSummary)
 
     def get_lab_export(self, *, form: str | None = None) -> str:
         """Return lab.json, or with `form=uni-lab-os` a graph of Uni-Lab-OS."""
         return self.call(Call(method="GET", path="/lab/export", query={"form": form}), str)
 
-    def post_lab_reset(self, body: models.Reason, *, key: str | None = None) -> object:
+    def post_lab_reset(self, body: models.Reason, *, key: str | None = None) -> models.LabSummary:
         """Release the latch; starts nothing."""
-        return self.call(Call(method="POST", path="/lab/reset", body=body, key=key), object)
+        return self.call(
+            Call(method="POST", path="/lab/reset", body=body, key=key), models.LabSummary
+        )
 
-    def post_lab_stop(self, body: models.Nothing, *, key: str | None = None) -> object:
+    def post_lab_stop(self, body: models.Nothing, *, key: str | None = None) -> models.LabSummary:
         """Stop every device now and latch."""
-        return self.call(Call(method="POST", path="/lab/stop", body=body, key=key), object)
+        return self.call(
+            Call(method="POST", path="/lab/stop", body=body, key=key), models.LabSummary
+        )
 
     def get_lots_export(self) -> bytes:
         """Return every lot with the vessels that it came into, as the import of lots reads it."""
@@ -532,7 +583,7 @@ class Operations:
         depth: int | None = None,
         direction: str | None = None,
         form: str | None = None,
-    ) -> object:
+    ) -> models.ProvenanceGraph:
         """Return the graph: `direction` up, down or both; `depth`; `form` json or prov."""
         return self.call(
             Call(
@@ -540,16 +591,26 @@ class Operations:
                 path=f"/lots/{lot_id}/provenance",
                 query={"depth": depth, "direction": direction, "form": form},
             ),
-            object,
+            models.ProvenanceGraph,
         )
 
-    def post_operations(self, body: models.Act, *, key: str | None = None) -> object:
+    def post_operations(
+        self, body: models.Act, *, key: str | None = None
+    ) -> models.EventRow | models.HandOverAsked:
         """Carry it out at once; where two hosts have to agree, ask the first (202)."""
-        return self.call(Call(method="POST", path="/operations", body=body, key=key), object)
+        return self.call(
+            Call(method="POST", path="/operations", body=body, key=key),
+            models.EventRow | models.HandOverAsked,
+        )
 
-    def post_operations_check(self, body: models.Act, *, key: str | None = None) -> object:
+    def post_operations_check(
+        self, body: models.Act, *, key: str | None = None
+    ) -> models.OperationFindings:
         """List every finding against an operation as things stand; change nothing."""
-        return self.call(Call(method="POST", path="/operations/check", body=body, key=key), object)
+        return self.call(
+            Call(method="POST", path="/operations/check", body=body, key=key),
+            models.OperationFindings,
+        )
 
     def get_readings(
         self,
@@ -560,7 +621,7 @@ class Operations:
         job: str | None = None,
         limit: int | None = None,
         resource: str | None = None,
-    ) -> object:
+    ) -> models.ReadingList:
         """List readings, newest file first; `resource`, `device`, `job` and `file` narrow it."""
         return self.call(
             Call(
@@ -575,12 +636,12 @@ class Operations:
                     "resource": resource,
                 },
             ),
-            object,
+            models.ReadingList,
         )
 
     def get_reading_points(
         self, reading_id: str, *, points: int | None = None, scan: int | None = None
-    ) -> object:
+    ) -> models.DrawnSeries:
         """Return at most `points` points; `scan` says which of several spectra."""
         return self.call(
             Call(
@@ -588,7 +649,7 @@ class Operations:
                 path=f"/readings/{reading_id}/points",
                 query={"points": points, "scan": scan},
             ),
-            object,
+            models.DrawnSeries,
         )
 
     def get_reading_provenance(
@@ -598,7 +659,7 @@ class Operations:
         depth: int | None = None,
         direction: str | None = None,
         form: str | None = None,
-    ) -> object:
+    ) -> models.ProvenanceGraph:
         """Return the graph: `direction` up, down or both; `depth`; `form` json or prov."""
         return self.call(
             Call(
@@ -606,56 +667,73 @@ class Operations:
                 path=f"/readings/{reading_id}/provenance",
                 query={"depth": depth, "direction": direction, "form": form},
             ),
-            object,
+            models.ProvenanceGraph,
         )
 
-    def post_recipes_advise(self, body: models.Opened, *, key: str | None = None) -> object:
+    def post_recipes_advise(
+        self, body: models.Opened, *, key: str | None = None
+    ) -> models.RecipeAdvice:
         """Return the fewest changes with which the recipe compiles, and the changed graph."""
-        return self.call(Call(method="POST", path="/recipes/advise", body=body, key=key), object)
+        return self.call(
+            Call(method="POST", path="/recipes/advise", body=body, key=key), models.RecipeAdvice
+        )
 
-    def post_recipes_keep(self, body: models.Kept, *, key: str | None = None) -> object:
+    def post_recipes_keep(self, body: models.Kept, *, key: str | None = None) -> models.KeptRecipe:
         """Keep a recipe as a workflow with version 1, or say what a workflow cannot say."""
-        return self.call(Call(method="POST", path="/recipes/keep", body=body, key=key), object)
+        return self.call(
+            Call(method="POST", path="/recipes/keep", body=body, key=key), models.KeptRecipe
+        )
 
-    def post_recipes_open(self, body: models.Opened, *, key: str | None = None) -> object:
+    def post_recipes_open(
+        self, body: models.Opened, *, key: str | None = None
+    ) -> models.RecipeOpening:
         """Read, bind, compile and prove a recipe; findings are an answer, no failure."""
-        return self.call(Call(method="POST", path="/recipes/open", body=body, key=key), object)
+        return self.call(
+            Call(method="POST", path="/recipes/open", body=body, key=key), models.RecipeOpening
+        )
 
-    def get_reservations(self, *, after: str | None = None, limit: int | None = None) -> object:
+    def get_reservations(
+        self, *, after: str | None = None, limit: int | None = None
+    ) -> models.ReservationList:
         """List the reservations that hold now, of resources the caller may see, oldest first."""
         return self.call(
-            Call(method="GET", path="/reservations", query={"after": after, "limit": limit}), object
+            Call(method="GET", path="/reservations", query={"after": after, "limit": limit}),
+            models.ReservationList,
         )
 
-    def post_reservations(self, body: models.Wanted, *, key: str | None = None) -> object:
+    def post_reservations(
+        self, body: models.Wanted, *, key: str | None = None
+    ) -> models.ReservationsMade:
         """Reserve all of the resources for the caller, or none (423 with each reason)."""
-        return self.call(Call(method="POST", path="/reservations", body=body, key=key), object)
+        return self.call(
+            Call(method="POST", path="/reservations", body=body, key=key), models.ReservationsMade
+        )
 
     def post_reservation_end(
         self, reservation_id: str, body: models.Nothing, *, key: str | None = None
-    ) -> object:
+    ) -> models.ReservationRow:
         """End it now; one that is over stays as it is."""
         return self.call(
             Call(method="POST", path=f"/reservations/{reservation_id}/end", body=body, key=key),
-            object,
+            models.ReservationRow,
         )
 
     def get_resources(
         self, *, after: str | None = None, at: str | None = None, limit: int | None = None
-    ) -> object:
+    ) -> models.ResourceList:
         """List the resources the caller may see, in tree order; `at` shows them as they were."""
         return self.call(
             Call(method="GET", path="/resources", query={"after": after, "at": at, "limit": limit}),
-            object,
+            models.ResourceList,
         )
 
     def get_resources_contents(self, *, at: str | None = None) -> bytes:
         """Return a row for each lot in each vessel that the caller may see, now or `at` a time."""
         return self.call(Call(method="GET", path="/resources/contents", query={"at": at}), bytes)
 
-    def get_resource(self, resource_id: str) -> object:
+    def get_resource(self, resource_id: str) -> models.ResourceView:
         """Return a resource with what happened to it."""
-        return self.call(Call(method="GET", path=f"/resources/{resource_id}"), object)
+        return self.call(Call(method="GET", path=f"/resources/{resource_id}"), models.ResourceView)
 
     def get_resource_conditions(
         self,
@@ -664,7 +742,7 @@ class Operations:
         device: str | None = None,
         since_s: float | None = None,
         until_s: float | None = None,
-    ) -> object:
+    ) -> models.ResourceConditions:
         """Return each stay in the device `device` from `since_s` to `until_s`."""
         return self.call(
             Call(
@@ -672,16 +750,18 @@ class Operations:
                 path=f"/resources/{resource_id}/conditions",
                 query={"device": device, "since_s": since_s, "until_s": until_s},
             ),
-            object,
+            models.ResourceConditions,
         )
 
-    def get_resource_custody(self, resource_id: str) -> object:
+    def get_resource_custody(self, resource_id: str) -> models.CustodyDetail:
         """Tell its host, its move if there is one, what it is connected to, and who may act."""
-        return self.call(Call(method="GET", path=f"/resources/{resource_id}/custody"), object)
+        return self.call(
+            Call(method="GET", path=f"/resources/{resource_id}/custody"), models.CustodyDetail
+        )
 
     def get_resource_events(
         self, resource_id: str, *, after: str | None = None, limit: int | None = None
-    ) -> object:
+    ) -> models.EventList:
         """List its events, newest first; the `events_next` of the resource goes on here."""
         return self.call(
             Call(
@@ -689,21 +769,21 @@ class Operations:
                 path=f"/resources/{resource_id}/events",
                 query={"after": after, "limit": limit},
             ),
-            object,
+            models.EventList,
         )
 
     def post_resource_handover(
         self, resource_id: str, body: models.HandOver, *, key: str | None = None
-    ) -> object:
+    ) -> models.HandOverStanding:
         """Ask its host to let it go."""
         return self.call(
             Call(method="POST", path=f"/resources/{resource_id}/handover", body=body, key=key),
-            object,
+            models.HandOverStanding,
         )
 
     def get_resource_lineage(
         self, resource_id: str, *, depth: int | None = None, direction: str | None = None
-    ) -> object:
+    ) -> models.LineageGraph:
         """Return the graph around a vessel, `direction` up, down or both, to `depth`."""
         return self.call(
             Call(
@@ -711,7 +791,7 @@ class Operations:
                 path=f"/resources/{resource_id}/lineage",
                 query={"depth": depth, "direction": direction},
             ),
-            object,
+            models.LineageGraph,
         )
 
     def get_resource_provenance(
@@ -721,7 +801,7 @@ class Operations:
         depth: int | None = None,
         direction: str | None = None,
         form: str | None = None,
-    ) -> object:
+    ) -> models.ProvenanceGraph:
         """Return the graph: `direction` up, down or both; `depth`; `form` json or prov."""
         return self.call(
             Call(
@@ -729,16 +809,18 @@ class Operations:
                 path=f"/resources/{resource_id}/provenance",
                 query={"depth": depth, "direction": direction, "form": form},
             ),
-            object,
+            models.ProvenanceGraph,
         )
 
-    def get_resource_reaction(self, resource_id: str) -> object:
+    def get_resource_reaction(self, resource_id: str) -> models.ReactionStock:
         """Tell whether the caller may, which lots it holds, and of which materials products are."""
-        return self.call(Call(method="GET", path=f"/resources/{resource_id}/reaction"), object)
+        return self.call(
+            Call(method="GET", path=f"/resources/{resource_id}/reaction"), models.ReactionStock
+        )
 
     def get_resource_reservations(
         self, resource_id: str, *, after: str | None = None, limit: int | None = None
-    ) -> object:
+    ) -> models.ReservationsOfResource:
         """List the reservations of it and of what it stands in; may the caller reserve it?"""
         return self.call(
             Call(
@@ -746,36 +828,40 @@ class Operations:
                 path=f"/resources/{resource_id}/reservations",
                 query={"after": after, "limit": limit},
             ),
-            object,
+            models.ReservationsOfResource,
         )
 
-    def get_resource_stock(self, resource_id: str) -> object:
+    def get_resource_stock(self, resource_id: str) -> models.StockTaking:
         """Tell whether the caller may take stock of it now, and which lots it could hold."""
-        return self.call(Call(method="GET", path=f"/resources/{resource_id}/stock"), object)
+        return self.call(
+            Call(method="GET", path=f"/resources/{resource_id}/stock"), models.StockTaking
+        )
 
     def get_runs(
         self, *, after: str | None = None, limit: int | None = None, state: str | None = None
-    ) -> object:
+    ) -> models.RunList:
         """List runs, newest first."""
         return self.call(
             Call(
                 method="GET", path="/runs", query={"after": after, "limit": limit, "state": state}
             ),
-            object,
+            models.RunList,
         )
 
-    def post_runs(self, body: models.StartRun, *, key: str | None = None) -> object:
+    def post_runs(self, body: models.StartRun, *, key: str | None = None) -> models.RunView:
         """Start a version, or ask for approval where a policy wants it."""
-        return self.call(Call(method="POST", path="/runs", body=body, key=key), object)
+        return self.call(Call(method="POST", path="/runs", body=body, key=key), models.RunView)
 
-    def get_run(self, run_id: str) -> object:
+    def get_run(self, run_id: str) -> models.RunView:
         """Return a run whole."""
-        return self.call(Call(method="GET", path=f"/runs/{run_id}"), object)
+        return self.call(Call(method="GET", path=f"/runs/{run_id}"), models.RunView)
 
-    def post_run_abort(self, run_id: str, body: models.Reason, *, key: str | None = None) -> object:
+    def post_run_abort(
+        self, run_id: str, body: models.Reason, *, key: str | None = None
+    ) -> models.RunView:
         """Have the run end, and return it."""
         return self.call(
-            Call(method="POST", path=f"/runs/{run_id}/abort", body=body, key=key), object
+            Call(method="POST", path=f"/runs/{run_id}/abort", body=body, key=key), models.RunView
         )
 
     def get_run_crate(self, run_id: str) -> bytes:
@@ -788,27 +874,27 @@ class Operations:
 
     def get_run_events(
         self, run_id: str, *, after: str | None = None, limit: int | None = None
-    ) -> object:
+    ) -> models.RunEventList:
         """List what the run's transactions did, newest first."""
         return self.call(
             Call(
                 method="GET", path=f"/runs/{run_id}/events", query={"after": after, "limit": limit}
             ),
-            object,
+            models.RunEventList,
         )
 
     def get_run_log(
         self, run_id: str, *, after: str | None = None, limit: int | None = None
-    ) -> object:
+    ) -> models.RunLogPage:
         """List host events of the run's actions, oldest first."""
         return self.call(
             Call(method="GET", path=f"/runs/{run_id}/log", query={"after": after, "limit": limit}),
-            object,
+            models.RunLogPage,
         )
 
-    def post_run_pause(self, run_id: str, *, key: str | None = None) -> object:
+    def post_run_pause(self, run_id: str, *, key: str | None = None) -> models.RunView:
         """Let nothing more of the run begin, and return it."""
-        return self.call(Call(method="POST", path=f"/runs/{run_id}/pause", key=key), object)
+        return self.call(Call(method="POST", path=f"/runs/{run_id}/pause", key=key), models.RunView)
 
     def get_run_provenance(
         self,
@@ -817,7 +903,7 @@ class Operations:
         depth: int | None = None,
         direction: str | None = None,
         form: str | None = None,
-    ) -> object:
+    ) -> models.ProvenanceGraph:
         """Return the graph: `direction` up, down or both; `depth`; `form` json or prov."""
         return self.call(
             Call(
@@ -825,63 +911,77 @@ class Operations:
                 path=f"/runs/{run_id}/provenance",
                 query={"depth": depth, "direction": direction, "form": form},
             ),
-            object,
+            models.ProvenanceGraph,
         )
 
-    def get_run_report(self, run_id: str) -> object:
+    def get_run_report(self, run_id: str) -> models.RunReportPage:
         """Return masses by account, yields by product, and readings that are series."""
-        return self.call(Call(method="GET", path=f"/runs/{run_id}/report"), object)
+        return self.call(Call(method="GET", path=f"/runs/{run_id}/report"), models.RunReportPage)
 
     def post_run_resume(
         self, run_id: str, body: models.Resume, *, key: str | None = None
-    ) -> object:
+    ) -> models.RunView:
         """Let the run go on, and return it."""
         return self.call(
-            Call(method="POST", path=f"/runs/{run_id}/resume", body=body, key=key), object
+            Call(method="POST", path=f"/runs/{run_id}/resume", body=body, key=key), models.RunView
         )
 
-    def get_search(self, *, q: str | None = None) -> object:
+    def get_search(self, *, q: str | None = None) -> models.SearchHits:
         """Return resources, devices, runs, workflows and lots whose name has the text."""
-        return self.call(Call(method="GET", path="/search", query={"q": q}), object)
+        return self.call(Call(method="GET", path="/search", query={"q": q}), models.SearchHits)
 
-    def get_session(self) -> object:
+    def get_session(self) -> models.OpenSession:
         """Tell who is signed in, and set the CSRF cookie."""
-        return self.call(Call(method="GET", path="/session"), object)
+        return self.call(Call(method="GET", path="/session"), models.OpenSession)
 
-    def post_session(self, body: models.Credentials, *, key: str | None = None) -> object:
+    def post_session(
+        self, body: models.Credentials, *, key: str | None = None
+    ) -> models.OpenSession:
         """Sign in; whoever fails five times at a name from one place waits there five minutes."""
-        return self.call(Call(method="POST", path="/session", body=body, key=key), object)
+        return self.call(
+            Call(method="POST", path="/session", body=body, key=key), models.OpenSession
+        )
 
-    def delete_session(self, *, key: str | None = None) -> object:
+    def delete_session(self, *, key: str | None = None) -> None:
         """Sign out."""
-        return self.call(Call(method="DELETE", path="/session", key=key), object)
+        return self.call(Call(method="DELETE", path="/session", key=key), type(None))
 
-    def post_session_awake(self, *, key: str | None = None) -> object:
+    def post_session_awake(self, *, key: str | None = None) -> None:
         """Note that the person who is signed in has used the page."""
-        return self.call(Call(method="POST", path="/session/awake", key=key), object)
+        return self.call(Call(method="POST", path="/session/awake", key=key), type(None))
 
-    def post_session_confirm(self, body: models.Again, *, key: str | None = None) -> object:
+    def post_session_confirm(
+        self, body: models.Again, *, key: str | None = None
+    ) -> models.PasswordConfirmed:
         """Take the password; acts are signed with it for five minutes."""
-        return self.call(Call(method="POST", path="/session/confirm", body=body, key=key), object)
+        return self.call(
+            Call(method="POST", path="/session/confirm", body=body, key=key),
+            models.PasswordConfirmed,
+        )
 
-    def post_session_password(self, body: models.Words, *, key: str | None = None) -> object:
+    def post_session_password(
+        self, body: models.Words, *, key: str | None = None
+    ) -> models.OpenSession:
         """Choose a new one; every other session of the caller ends."""
-        return self.call(Call(method="POST", path="/session/password", body=body, key=key), object)
+        return self.call(
+            Call(method="POST", path="/session/password", body=body, key=key), models.OpenSession
+        )
 
-    def get_steps(self) -> object:
+    def get_steps(self) -> models.StepPalette:
         """Return unit operations, device actions and the units a person may write."""
-        return self.call(Call(method="GET", path="/steps"), object)
+        return self.call(Call(method="GET", path="/steps"), models.StepPalette)
 
-    def get_ticket(self, ticket_id: str) -> object:
+    def get_ticket(self, ticket_id: str) -> models.TicketView:
         """Return a ticket with the resources and the host it concerns."""
-        return self.call(Call(method="GET", path=f"/tickets/{ticket_id}"), object)
+        return self.call(Call(method="GET", path=f"/tickets/{ticket_id}"), models.TicketView)
 
     def post_ticket_close(
         self, ticket_id: str, body: models.Closing, *, key: str | None = None
-    ) -> object:
+    ) -> models.TicketView:
         """Close a ticket that a person has looked into; the reason is kept."""
         return self.call(
-            Call(method="POST", path=f"/tickets/{ticket_id}/close", body=body, key=key), object
+            Call(method="POST", path=f"/tickets/{ticket_id}/close", body=body, key=key),
+            models.TicketView,
         )
 
     def get_tokens(
@@ -905,51 +1005,64 @@ class Operations:
         """Revoke it: from now on it opens nothing, and what was started with it goes on."""
         return self.call(Call(method="DELETE", path=f"/tokens/{access_id}", key=key), type(None))
 
-    def get_tryout(self, tryout_id: str) -> object:
+    def get_tryout(self, tryout_id: str) -> models.TryoutDetail:
         """Return a tryout with its wishes, statuses, faults and the bytes on its line."""
-        return self.call(Call(method="GET", path=f"/tryouts/{tryout_id}"), object)
+        return self.call(Call(method="GET", path=f"/tryouts/{tryout_id}"), models.TryoutDetail)
 
     def post_tryout_wishes(
         self, tryout_id: str, body: models.TryoutWish, *, key: str | None = None
-    ) -> object:
+    ) -> models.TryoutActRow:
         """Have it act, read, stop, take a fault, lose all faults, or end."""
         return self.call(
-            Call(method="POST", path=f"/tryouts/{tryout_id}/wishes", body=body, key=key), object
+            Call(method="POST", path=f"/tryouts/{tryout_id}/wishes", body=body, key=key),
+            models.TryoutActRow,
         )
 
-    def get_twin(self) -> object:
+    def get_twin(self) -> models.TwinState:
         """Return the twin's state; online means that it answers and that it shows now."""
-        return self.call(Call(method="GET", path="/twin"), object)
+        return self.call(Call(method="GET", path="/twin"), models.TwinState)
 
-    def get_workflows(self, *, after: str | None = None, limit: int | None = None) -> object:
+    def get_workflows(
+        self, *, after: str | None = None, limit: int | None = None
+    ) -> models.WorkflowOverviewList:
         """List workflows, templates first, then the newest."""
         return self.call(
-            Call(method="GET", path="/workflows", query={"after": after, "limit": limit}), object
+            Call(method="GET", path="/workflows", query={"after": after, "limit": limit}),
+            models.WorkflowOverviewList,
         )
 
-    def post_workflows(self, body: models.NewWorkflow, *, key: str | None = None) -> object:
+    def post_workflows(
+        self, body: models.NewWorkflow, *, key: str | None = None
+    ) -> models.WorkflowWhole:
         """Create a workflow."""
-        return self.call(Call(method="POST", path="/workflows", body=body, key=key), object)
+        return self.call(
+            Call(method="POST", path="/workflows", body=body, key=key), models.WorkflowWhole
+        )
 
-    def post_workflows_check(self, body: models.CheckDocument, *, key: str | None = None) -> object:
+    def post_workflows_check(
+        self, body: models.CheckDocument, *, key: str | None = None
+    ) -> models.WorkflowCheck:
         """Compile a document against the lab as it is; findings are an answer, no failure."""
-        return self.call(Call(method="POST", path="/workflows/check", body=body, key=key), object)
+        return self.call(
+            Call(method="POST", path="/workflows/check", body=body, key=key), models.WorkflowCheck
+        )
 
-    def get_workflow(self, workflow_id: str) -> object:
+    def get_workflow(self, workflow_id: str) -> models.WorkflowWhole:
         """Return a workflow with its draft and versions."""
-        return self.call(Call(method="GET", path=f"/workflows/{workflow_id}"), object)
+        return self.call(Call(method="GET", path=f"/workflows/{workflow_id}"), models.WorkflowWhole)
 
     def put_workflow_draft(
         self, workflow_id: str, body: models.Draft, *, key: str | None = None
-    ) -> object:
+    ) -> models.DraftSaved:
         """Save the draft over the revision the caller saw."""
         return self.call(
-            Call(method="PUT", path=f"/workflows/{workflow_id}/draft", body=body, key=key), object
+            Call(method="PUT", path=f"/workflows/{workflow_id}/draft", body=body, key=key),
+            models.DraftSaved,
         )
 
     def get_workflow_versions(
         self, workflow_id: str, *, after: str | None = None, limit: int | None = None
-    ) -> object:
+    ) -> models.VersionList:
         """List versions without their documents, the newest first."""
         return self.call(
             Call(
@@ -957,22 +1070,23 @@ class Operations:
                 path=f"/workflows/{workflow_id}/versions",
                 query={"after": after, "limit": limit},
             ),
-            object,
+            models.VersionList,
         )
 
     def post_workflow_versions(
         self, workflow_id: str, body: models.NewVersion, *, key: str | None = None
-    ) -> object:
+    ) -> models.VersionRow:
         """Freeze the draft as a version."""
         return self.call(
             Call(method="POST", path=f"/workflows/{workflow_id}/versions", body=body, key=key),
-            object,
+            models.VersionRow,
         )
 
-    def get_workflow_version(self, workflow_id: str, number: str) -> object:
+    def get_workflow_version(self, workflow_id: str, number: str) -> models.VersionView:
         """Return a version with its document."""
         return self.call(
-            Call(method="GET", path=f"/workflows/{workflow_id}/versions/{number}"), object
+            Call(method="GET", path=f"/workflows/{workflow_id}/versions/{number}"),
+            models.VersionView,
         )
 
 
@@ -985,7 +1099,7 @@ class AsyncOperations:
 
     async def get_approvals(
         self, *, after: str | None = None, limit: int | None = None, state: str | None = None
-    ) -> object:
+    ) -> models.ApprovalList:
         """List requests, open ones by default."""
         return await self.call(
             Call(
@@ -993,46 +1107,50 @@ class AsyncOperations:
                 path="/approvals",
                 query={"after": after, "limit": limit, "state": state},
             ),
-            object,
+            models.ApprovalList,
         )
 
-    async def get_approval(self, request_id: str) -> object:
+    async def get_approval(self, request_id: str) -> models.ApprovalDetail:
         """Return a request with the exact plan, or the result, that it is about."""
-        return await self.call(Call(method="GET", path=f"/approvals/{request_id}"), object)
+        return await self.call(
+            Call(method="GET", path=f"/approvals/{request_id}"), models.ApprovalDetail
+        )
 
     async def post_approval_decision(
         self, request_id: str, body: models.Verdict, *, key: str | None = None
-    ) -> object:
+    ) -> models.ApprovalRow:
         """Approve or reject."""
         return await self.call(
             Call(method="POST", path=f"/approvals/{request_id}/decision", body=body, key=key),
-            object,
+            models.ApprovalRow,
         )
 
-    async def get_calibration(self, calibration_id: str) -> object:
+    async def get_calibration(self, calibration_id: str) -> models.CalibrationDetail:
         """Return it with its points and its result."""
-        return await self.call(Call(method="GET", path=f"/calibrations/{calibration_id}"), object)
+        return await self.call(
+            Call(method="GET", path=f"/calibrations/{calibration_id}"), models.CalibrationDetail
+        )
 
     async def post_calibration_decision(
         self, calibration_id: str, body: models.CalibrationDecision, *, key: str | None = None
-    ) -> object:
+    ) -> models.CalibrationDetail:
         """Accept or reject a result that somebody else measured."""
         return await self.call(
             Call(
                 method="POST", path=f"/calibrations/{calibration_id}/decision", body=body, key=key
             ),
-            object,
+            models.CalibrationDetail,
         )
 
     async def post_calibration_withdraw(
         self, calibration_id: str, body: models.CalibrationWithdrawal, *, key: str | None = None
-    ) -> object:
+    ) -> models.CalibrationDetail:
         """Let it be relied on no more, for a reason."""
         return await self.call(
             Call(
                 method="POST", path=f"/calibrations/{calibration_id}/withdraw", body=body, key=key
             ),
-            object,
+            models.CalibrationDetail,
         )
 
     async def get_connections(
@@ -1044,19 +1162,26 @@ class AsyncOperations:
             models.ConnectionList,
         )
 
-    async def post_deliveries(self, body: models.Delivered, *, key: str | None = None) -> object:
+    async def post_deliveries(
+        self, body: models.Delivered, *, key: str | None = None
+    ) -> models.DeliveredLots:
         """Receive every lot of a signed request, or none."""
-        return await self.call(Call(method="POST", path="/deliveries", body=body, key=key), object)
+        return await self.call(
+            Call(method="POST", path="/deliveries", body=body, key=key), models.DeliveredLots
+        )
 
-    async def get_devices(self, *, after: str | None = None, limit: int | None = None) -> object:
+    async def get_devices(
+        self, *, after: str | None = None, limit: int | None = None
+    ) -> models.DeviceList:
         """List devices with their latest readings."""
         return await self.call(
-            Call(method="GET", path="/devices", query={"after": after, "limit": limit}), object
+            Call(method="GET", path="/devices", query={"after": after, "limit": limit}),
+            models.DeviceList,
         )
 
     async def get_device_calibrations(
         self, calibrated_id: str, *, after: str | None = None, limit: int | None = None
-    ) -> object:
+    ) -> models.CalibrationsOfDevice:
         """List what can be calibrated of it, what is in force, and every version, newest first."""
         return await self.call(
             Call(
@@ -1064,34 +1189,40 @@ class AsyncOperations:
                 path=f"/devices/{calibrated_id}/calibrations",
                 query={"after": after, "limit": limit},
             ),
-            object,
+            models.CalibrationsOfDevice,
         )
 
     async def post_device_calibrations(
         self, calibrated_id: str, body: models.VolumeOrder, *, key: str | None = None
-    ) -> object:
+    ) -> models.CalibrationDetail:
         """Start the run that calibrates it (412 with everything that speaks against it)."""
         return await self.call(
             Call(method="POST", path=f"/devices/{calibrated_id}/calibrations", body=body, key=key),
-            object,
+            models.CalibrationDetail,
         )
 
-    async def get_device(self, device_id: str) -> object:
+    async def get_device(self, device_id: str) -> models.DeviceDetail:
         """Return a device with its driver, actions and statuses."""
-        return await self.call(Call(method="GET", path=f"/devices/{device_id}"), object)
+        return await self.call(
+            Call(method="GET", path=f"/devices/{device_id}"), models.DeviceDetail
+        )
 
     async def post_device_driver(
         self, device_id: str, body: models.DriverChoice, *, key: str | None = None
-    ) -> object:
+    ) -> models.DriverUse:
         """Give a device another version; an earlier one rolls back."""
         return await self.call(
-            Call(method="POST", path=f"/devices/{device_id}/driver", body=body, key=key), object
+            Call(method="POST", path=f"/devices/{device_id}/driver", body=body, key=key),
+            models.DriverUse,
         )
 
-    async def get_device_driver_one_parts(self, device_id: str, approved_id: str) -> object:
+    async def get_device_driver_one_parts(
+        self, device_id: str, approved_id: str
+    ) -> models.PartChanges:
         """List the parts that come, go and change, and what speaks against it; for a decision."""
         return await self.call(
-            Call(method="GET", path=f"/devices/{device_id}/driver/{approved_id}/parts"), object
+            Call(method="GET", path=f"/devices/{device_id}/driver/{approved_id}/parts"),
+            models.PartChanges,
         )
 
     async def get_device_photo(self, device_id: str, *, of: str | None = None) -> bytes:
@@ -1102,18 +1233,18 @@ class AsyncOperations:
 
     async def post_device_photo(
         self, device_id: str, form: Mapping[str, str], files: Files, *, key: str | None = None
-    ) -> object:
+    ) -> models.PhotoRow:
         """Keep a photo: a form with one `file`, a JPEG, PNG or WebP of at most 16 MiB."""
         return await self.call(
             Call(
                 method="POST", path=f"/devices/{device_id}/photo", form=form, files=files, key=key
             ),
-            object,
+            models.PhotoRow,
         )
 
     async def get_device_telemetry(
         self, device_id: str, *, since_s: float | None = None, until_s: float | None = None
-    ) -> object:
+    ) -> models.TelemetrySeries:
         """Return the series of each status between `since_s` and `until_s`."""
         return await self.call(
             Call(
@@ -1121,7 +1252,7 @@ class AsyncOperations:
                 path=f"/devices/{device_id}/telemetry",
                 query={"since_s": since_s, "until_s": until_s},
             ),
-            object,
+            models.TelemetrySeries,
         )
 
     async def get_device_telemetry_curves(
@@ -1132,7 +1263,7 @@ class AsyncOperations:
         since_s: float | None = None,
         status: list[str] | None = None,
         until_s: float | None = None,
-    ) -> object:
+    ) -> models.TelemetryCurves:
         """Return each status as samples or as buckets, with its level, and the recorded gaps."""
         return await self.call(
             Call(
@@ -1140,7 +1271,7 @@ class AsyncOperations:
                 path=f"/devices/{device_id}/telemetry/curves",
                 query={"points": points, "since_s": since_s, "status": status, "until_s": until_s},
             ),
-            object,
+            models.TelemetryCurves,
         )
 
     async def get_device_telemetry_export(
@@ -1171,7 +1302,7 @@ class AsyncOperations:
 
     async def post_device_calibrations_temperature(
         self, heating_id: str, body: models.TemperatureOrder, *, key: str | None = None
-    ) -> object:
+    ) -> models.CalibrationDetail:
         """Start the run that calibrates it (412 with everything that speaks against it)."""
         return await self.call(
             Call(
@@ -1180,77 +1311,94 @@ class AsyncOperations:
                 body=body,
                 key=key,
             ),
-            object,
+            models.CalibrationDetail,
         )
 
     async def post_device_calibrations_ph(
         self, probe_id: str, body: models.PhOrder, *, key: str | None = None
-    ) -> object:
+    ) -> models.CalibrationDetail:
         """Start the run that calibrates it (412 with everything that speaks against it)."""
         return await self.call(
             Call(method="POST", path=f"/devices/{probe_id}/calibrations/ph", body=body, key=key),
-            object,
+            models.CalibrationDetail,
         )
 
-    async def post_device_show(self, showing_id: str, *, key: str | None = None) -> object:
+    async def post_device_show(
+        self, showing_id: str, *, key: str | None = None
+    ) -> models.ShowingRun:
         """Start the run in which a device shows its name."""
         return await self.call(
-            Call(method="POST", path=f"/devices/{showing_id}/show", key=key), object
+            Call(method="POST", path=f"/devices/{showing_id}/show", key=key), models.ShowingRun
         )
 
     async def post_device_stop(
         self, stopped_id: str, body: models.Nothing, *, key: str | None = None
-    ) -> object:
+    ) -> models.DeviceHaltRow:
         """Halt a device now, whether anything acts on it or not, and return what came of it."""
         return await self.call(
-            Call(method="POST", path=f"/devices/{stopped_id}/stop", body=body, key=key), object
+            Call(method="POST", path=f"/devices/{stopped_id}/stop", body=body, key=key),
+            models.DeviceHaltRow,
         )
 
-    async def get_drivers(self, *, after: str | None = None, limit: int | None = None) -> object:
+    async def get_drivers(
+        self, *, after: str | None = None, limit: int | None = None
+    ) -> models.DriverList:
         """List every version by module, the newest first, with the devices that use it."""
         return await self.call(
-            Call(method="GET", path="/drivers", query={"after": after, "limit": limit}), object
+            Call(method="GET", path="/drivers", query={"after": after, "limit": limit}),
+            models.DriverList,
         )
 
-    async def post_drivers(self, body: models.Submission, *, key: str | None = None) -> object:
+    async def post_drivers(
+        self, body: models.Submission, *, key: str | None = None
+    ) -> models.DriverRow:
         """Propose driver source that was read; a second person approves it."""
-        return await self.call(Call(method="POST", path="/drivers", body=body, key=key), object)
+        return await self.call(
+            Call(method="POST", path="/drivers", body=body, key=key), models.DriverRow
+        )
 
-    async def post_drivers_reading(self, body: models.Text, *, key: str | None = None) -> object:
+    async def post_drivers_reading(
+        self, body: models.Text, *, key: str | None = None
+    ) -> models.DriverReading:
         """Read source as text; nothing of it is executed, and nothing is written."""
         return await self.call(
-            Call(method="POST", path="/drivers/reading", body=body, key=key), object
+            Call(method="POST", path="/drivers/reading", body=body, key=key), models.DriverReading
         )
 
     async def post_driver_devices(
         self, approved_id: str, body: models.Choices, *, key: str | None = None
-    ) -> object:
+    ) -> models.ChosenDriverList:
         """Give a version to several devices: to all of them, or to none."""
         return await self.call(
-            Call(method="POST", path=f"/drivers/{approved_id}/devices", body=body, key=key), object
+            Call(method="POST", path=f"/drivers/{approved_id}/devices", body=body, key=key),
+            models.ChosenDriverList,
         )
 
-    async def get_driver(self, driver_id: str) -> object:
+    async def get_driver(self, driver_id: str) -> models.DriverDetail:
         """Return a version with its texts, actions, statuses, settings, request and devices."""
-        return await self.call(Call(method="GET", path=f"/drivers/{driver_id}"), object)
+        return await self.call(
+            Call(method="GET", path=f"/drivers/{driver_id}"), models.DriverDetail
+        )
 
-    async def get_driver_change(self, driver_id: str, since_id: str) -> object:
+    async def get_driver_change(self, driver_id: str, since_id: str) -> models.DriverComparison:
         """Compare the texts of a version with those of another, line by line."""
         return await self.call(
-            Call(method="GET", path=f"/drivers/{driver_id}/changes/{since_id}"), object
+            Call(method="GET", path=f"/drivers/{driver_id}/changes/{since_id}"),
+            models.DriverComparison,
         )
 
     async def post_driver_decision(
         self, driver_id: str, body: models.DriverDecision, *, key: str | None = None
-    ) -> object:
+    ) -> models.DriverRow:
         """Approve or reject a version."""
         return await self.call(
-            Call(method="POST", path=f"/drivers/{driver_id}/decision", body=body, key=key), object
+            Call(method="POST", path=f"/drivers/{driver_id}/decision", body=body, key=key),
+            models.DriverRow,
         )
 
     async def get_driver_tryouts(
         self, driver_id: str, *, after: str | None = None, limit: int | None = None
-    ) -> object:
+    ) -> models.TryoutList:
         """Say where a version can be tried, on which models, and what was tried of it."""
         return await self.call(
             Call(
@@ -1258,23 +1406,25 @@ class AsyncOperations:
                 path=f"/drivers/{driver_id}/tryouts",
                 query={"after": after, "limit": limit},
             ),
-            object,
+            models.TryoutList,
         )
 
     async def post_driver_tryouts(
         self, driver_id: str, body: models.TryoutWanted, *, key: str | None = None
-    ) -> object:
+    ) -> models.TryoutDetail:
         """Begin a tryout; the version need not be approved."""
         return await self.call(
-            Call(method="POST", path=f"/drivers/{driver_id}/tryouts", body=body, key=key), object
+            Call(method="POST", path=f"/drivers/{driver_id}/tryouts", body=body, key=key),
+            models.TryoutDetail,
         )
 
     async def post_driver_withdraw(
         self, driver_id: str, body: models.DriverWithdrawal, *, key: str | None = None
-    ) -> object:
+    ) -> models.DriverRow:
         """Let a version be used no more."""
         return await self.call(
-            Call(method="POST", path=f"/drivers/{driver_id}/withdraw", body=body, key=key), object
+            Call(method="POST", path=f"/drivers/{driver_id}/withdraw", body=body, key=key),
+            models.DriverRow,
         )
 
     async def get_files(
@@ -1286,7 +1436,7 @@ class AsyncOperations:
         limit: int | None = None,
         resource: str | None = None,
         sha256: str | None = None,
-    ) -> object:
+    ) -> models.FileList:
         """List files, newest first; `resource`, `device`, `job` and `sha256` narrow it."""
         return await self.call(
             Call(
@@ -1301,15 +1451,16 @@ class AsyncOperations:
                     "sha256": sha256,
                 },
             ),
-            object,
+            models.FileList,
         )
 
     async def post_files(
         self, form: Mapping[str, str], files: Files, *, key: str | None = None
-    ) -> object:
+    ) -> models.FileWithReadings | models.IncomingRow:
         """Take a file in: a form with `file`, `format` and `resource`, `device` or `job`."""
         return await self.call(
-            Call(method="POST", path="/files", form=form, files=files, key=key), object
+            Call(method="POST", path="/files", form=form, files=files, key=key),
+            models.FileWithReadings | models.IncomingRow,
         )
 
     async def get_files_incoming(
@@ -1320,7 +1471,7 @@ class AsyncOperations:
         job: str | None = None,
         limit: int | None = None,
         resource: str | None = None,
-    ) -> object:
+    ) -> models.IncomingList:
         """List those that wait, were refused or are lost, newest first; `resource`… narrow it."""
         return await self.call(
             Call(
@@ -1334,16 +1485,20 @@ class AsyncOperations:
                     "resource": resource,
                 },
             ),
-            object,
+            models.IncomingList,
         )
 
-    async def get_files_incoming_one(self, incoming_id: str) -> object:
+    async def get_files_incoming_one(self, incoming_id: str) -> models.IncomingRow:
         """Return whether it was read, and into which file, or why not."""
-        return await self.call(Call(method="GET", path=f"/files/incoming/{incoming_id}"), object)
+        return await self.call(
+            Call(method="GET", path=f"/files/incoming/{incoming_id}"), models.IncomingRow
+        )
 
-    async def get_file(self, file_id: str) -> object:
+    async def get_file(self, file_id: str) -> models.FileWithReadings:
         """Return a file with its readings and the series made from it."""
-        return await self.call(Call(method="GET", path=f"/files/{file_id}"), object)
+        return await self.call(
+            Call(method="GET", path=f"/files/{file_id}"), models.FileWithReadings
+        )
 
     async def get_file_content(self, file_id: str) -> bytes:
         """Return the bytes as they were kept, with their checksum in `Repr-Digest`."""
@@ -1356,7 +1511,7 @@ class AsyncOperations:
         depth: int | None = None,
         direction: str | None = None,
         form: str | None = None,
-    ) -> object:
+    ) -> models.ProvenanceGraph:
         """Return the graph: `direction` up, down or both; `depth`; `form` json or prov."""
         return await self.call(
             Call(
@@ -1364,137 +1519,161 @@ class AsyncOperations:
                 path=f"/files/{file_id}/provenance",
                 query={"depth": depth, "direction": direction, "form": form},
             ),
-            object,
+            models.ProvenanceGraph,
         )
 
     async def post_handover_arrived(
         self, custody_id: str, body: models.Nothing, *, key: str | None = None
-    ) -> object:
+    ) -> models.HandOverStanding:
         """Tell its new host to take it over."""
         return await self.call(
-            Call(method="POST", path=f"/handovers/{custody_id}/arrived", body=body, key=key), object
+            Call(method="POST", path=f"/handovers/{custody_id}/arrived", body=body, key=key),
+            models.HandOverStanding,
         )
 
-    async def get_home(self) -> object:
+    async def get_home(self) -> models.HomePage:
         """Return what needs somebody, what runs, and what was done last."""
-        return await self.call(Call(method="GET", path="/home"), object)
+        return await self.call(Call(method="GET", path="/home"), models.HomePage)
 
-    async def get_hosts(self, *, after: str | None = None, limit: int | None = None) -> object:
+    async def get_hosts(
+        self, *, after: str | None = None, limit: int | None = None
+    ) -> models.HostList:
         """List the hosts of devices that the caller may see, with their journals' lag."""
         return await self.call(
-            Call(method="GET", path="/hosts", query={"after": after, "limit": limit}), object
+            Call(method="GET", path="/hosts", query={"after": after, "limit": limit}),
+            models.HostList,
         )
 
-    async def get_host(self, host_id: str) -> object:
+    async def get_host(self, host_id: str) -> models.HostDetail:
         """Return a host whole; one that the caller may not see is not there."""
-        return await self.call(Call(method="GET", path=f"/hosts/{host_id}"), object)
+        return await self.call(Call(method="GET", path=f"/hosts/{host_id}"), models.HostDetail)
 
     async def post_host_fence(
         self, host_id: str, body: models.HostReason, *, key: str | None = None
-    ) -> object:
+    ) -> models.HostStanding:
         """Carry out the act; say how the host stands then."""
         return await self.call(
-            Call(method="POST", path=f"/hosts/{host_id}/fence", body=body, key=key), object
+            Call(method="POST", path=f"/hosts/{host_id}/fence", body=body, key=key),
+            models.HostStanding,
         )
 
     async def post_host_readmit(
         self, host_id: str, body: models.HostReason, *, key: str | None = None
-    ) -> object:
+    ) -> models.HostStanding:
         """Carry out the act; say how the host stands then."""
         return await self.call(
-            Call(method="POST", path=f"/hosts/{host_id}/readmit", body=body, key=key), object
+            Call(method="POST", path=f"/hosts/{host_id}/readmit", body=body, key=key),
+            models.HostStanding,
         )
 
     async def post_host_revoke(
         self, host_id: str, body: models.HostReason, *, key: str | None = None
-    ) -> object:
+    ) -> models.HostStanding:
         """Carry out the act; say how the host stands then."""
         return await self.call(
-            Call(method="POST", path=f"/hosts/{host_id}/revoke", body=body, key=key), object
+            Call(method="POST", path=f"/hosts/{host_id}/revoke", body=body, key=key),
+            models.HostStanding,
         )
 
     async def post_job_confirm(
         self, job_id: str, body: models.Confirmation, *, key: str | None = None
-    ) -> object:
+    ) -> models.RunView:
         """Let the job go, or plan the rest again with what is stated; return the run."""
         return await self.call(
-            Call(method="POST", path=f"/jobs/{job_id}/confirm", body=body, key=key), object
+            Call(method="POST", path=f"/jobs/{job_id}/confirm", body=body, key=key), models.RunView
         )
 
     async def post_job_recover(
         self, job_id: str, body: models.RecoveryAnswer, *, key: str | None = None
-    ) -> object:
+    ) -> models.RunView:
         """Carry out a person's choice and return the run."""
         return await self.call(
-            Call(method="POST", path=f"/jobs/{job_id}/recover", body=body, key=key), object
+            Call(method="POST", path=f"/jobs/{job_id}/recover", body=body, key=key), models.RunView
         )
 
     async def post_job_resolve(
         self, job_id: str, body: models.DoubtAnswer, *, key: str | None = None
-    ) -> object:
+    ) -> models.JobRow:
         """Send a person's answer to the host."""
         return await self.call(
-            Call(method="POST", path=f"/jobs/{job_id}/resolve", body=body, key=key), object
+            Call(method="POST", path=f"/jobs/{job_id}/resolve", body=body, key=key), models.JobRow
         )
 
     async def get_join_requests(
         self, *, after: str | None = None, limit: int | None = None
-    ) -> object:
+    ) -> models.JoinRequestList:
         """List the machines that asked, the newest first; not their codes, which they show."""
         return await self.call(
             Call(method="GET", path="/join-requests", query={"after": after, "limit": limit}),
-            object,
+            models.JoinRequestList,
         )
 
     async def post_join_request_admit(
         self, join_id: str, body: models.Typed, *, key: str | None = None
-    ) -> object:
+    ) -> models.JoinAdmission:
         """Make it a host, if the code is the one that it shows."""
         return await self.call(
-            Call(method="POST", path=f"/join-requests/{join_id}/admit", body=body, key=key), object
+            Call(method="POST", path=f"/join-requests/{join_id}/admit", body=body, key=key),
+            models.JoinAdmission,
         )
 
     async def post_join_request_reject(
         self, join_id: str, body: models.Said, *, key: str | None = None
-    ) -> object:
+    ) -> models.JoinRequestRow:
         """Send it away; its key never asks again."""
         return await self.call(
-            Call(method="POST", path=f"/join-requests/{join_id}/reject", body=body, key=key), object
+            Call(method="POST", path=f"/join-requests/{join_id}/reject", body=body, key=key),
+            models.JoinRequestRow,
         )
 
     async def get_join_tokens(
         self, *, after: str | None = None, limit: int | None = None
-    ) -> object:
+    ) -> models.JoinTokenList:
         """List the tokens, without their secrets, which nobody has."""
         return await self.call(
-            Call(method="GET", path="/join-tokens", query={"after": after, "limit": limit}), object
+            Call(method="GET", path="/join-tokens", query={"after": after, "limit": limit}),
+            models.JoinTokenList,
         )
 
-    async def post_join_tokens(self, body: models.TokenWish, *, key: str | None = None) -> object:
+    async def post_join_tokens(
+        self, body: models.TokenWish, *, key: str | None = None
+    ) -> models.JoinTokenMade:
         """Make a token; this answer alone holds it."""
-        return await self.call(Call(method="POST", path="/join-tokens", body=body, key=key), object)
+        return await self.call(
+            Call(method="POST", path="/join-tokens", body=body, key=key), models.JoinTokenMade
+        )
 
-    async def delete_join_token(self, token_id: str, *, key: str | None = None) -> object:
+    async def delete_join_token(
+        self, token_id: str, *, key: str | None = None
+    ) -> models.JoinTokenRow:
         """Take a token back that nobody has used."""
         return await self.call(
-            Call(method="DELETE", path=f"/join-tokens/{token_id}", key=key), object
+            Call(method="DELETE", path=f"/join-tokens/{token_id}", key=key), models.JoinTokenRow
         )
 
-    async def get_lab(self) -> object:
+    async def get_lab(self) -> models.LabSummary:
         """Return the lab."""
-        return await self.call(Call(method="GET", path="/lab"), object)
+        return await self.call(Call(method="GET", path="/lab"), models.LabSummary)
 
     async def get_lab_export(self, *, form: str | None = None) -> str:
         """Return lab.json, or with `form=uni-lab-os` a graph of Uni-Lab-OS."""
         return await self.call(Call(method="GET", path="/lab/export", query={"form": form}), str)
 
-    async def post_lab_reset(self, body: models.Reason, *, key: str | None = None) -> object:
+    async def post_lab_reset(
+        self, body: models.Reason, *, key: str | None = None
+    ) -> models.LabSummary:
         """Release the latch; starts nothing."""
-        return await self.call(Call(method="POST", path="/lab/reset", body=body, key=key), object)
+        return await self.call(
+            Call(method="POST", path="/lab/reset", body=body, key=key), models.LabSummary
+        )
 
-    async def post_lab_stop(self, body: models.Nothing, *, key: str | None = None) -> object:
+    async def post_lab_stop(
+        self, body: models.Nothing, *, key: str | None = None
+    ) -> models.LabSummary:
         """Stop every device now and latch."""
-        return await self.call(Call(method="POST", path="/lab/stop", body=body, key=key), object)
+        return await self.call(
+            Call(method="POST", path="/lab/stop", body=body, key=key), models.LabSummary
+        )
 
     async def get_lots_export(self) -> bytes:
         """Return every lot with the vessels that it came into, as the import of lots reads it."""
@@ -1507,7 +1686,7 @@ class AsyncOperations:
         depth: int | None = None,
         direction: str | None = None,
         form: str | None = None,
-    ) -> object:
+    ) -> models.ProvenanceGraph:
         """Return the graph: `direction` up, down or both; `depth`; `form` json or prov."""
         return await self.call(
             Call(
@@ -1515,17 +1694,25 @@ class AsyncOperations:
                 path=f"/lots/{lot_id}/provenance",
                 query={"depth": depth, "direction": direction, "form": form},
             ),
-            object,
+            models.ProvenanceGraph,
         )
 
-    async def post_operations(self, body: models.Act, *, key: str | None = None) -> object:
+    async def post_operations(
+        self, body: models.Act, *, key: str | None = None
+    ) -> models.EventRow | models.HandOverAsked:
         """Carry it out at once; where two hosts have to agree, ask the first (202)."""
-        return await self.call(Call(method="POST", path="/operations", body=body, key=key), object)
+        return await self.call(
+            Call(method="POST", path="/operations", body=body, key=key),
+            models.EventRow | models.HandOverAsked,
+        )
 
-    async def post_operations_check(self, body: models.Act, *, key: str | None = None) -> object:
+    async def post_operations_check(
+        self, body: models.Act, *, key: str | None = None
+    ) -> models.OperationFindings:
         """List every finding against an operation as things stand; change nothing."""
         return await self.call(
-            Call(method="POST", path="/operations/check", body=body, key=key), object
+            Call(method="POST", path="/operations/check", body=body, key=key),
+            models.OperationFindings,
         )
 
     async def get_readings(
@@ -1537,7 +1724,7 @@ class AsyncOperations:
         job: str | None = None,
         limit: int | None = None,
         resource: str | None = None,
-    ) -> object:
+    ) -> models.ReadingList:
         """List readings, newest file first; `resource`, `device`, `job` and `file` narrow it."""
         return await self.call(
             Call(
@@ -1552,12 +1739,12 @@ class AsyncOperations:
                     "resource": resource,
                 },
             ),
-            object,
+            models.ReadingList,
         )
 
     async def get_reading_points(
         self, reading_id: str, *, points: int | None = None, scan: int | None = None
-    ) -> object:
+    ) -> models.DrawnSeries:
         """Return at most `points` points; `scan` says which of several spectra."""
         return await self.call(
             Call(
@@ -1565,7 +1752,7 @@ class AsyncOperations:
                 path=f"/readings/{reading_id}/points",
                 query={"points": points, "scan": scan},
             ),
-            object,
+            models.DrawnSeries,
         )
 
     async def get_reading_provenance(
@@ -1575,7 +1762,7 @@ class AsyncOperations:
         depth: int | None = None,
         direction: str | None = None,
         form: str | None = None,
-    ) -> object:
+    ) -> models.ProvenanceGraph:
         """Return the graph: `direction` up, down or both; `depth`; `form` json or prov."""
         return await self.call(
             Call(
@@ -1583,57 +1770,66 @@ class AsyncOperations:
                 path=f"/readings/{reading_id}/provenance",
                 query={"depth": depth, "direction": direction, "form": form},
             ),
-            object,
+            models.ProvenanceGraph,
         )
 
-    async def post_recipes_advise(self, body: models.Opened, *, key: str | None = None) -> object:
+    async def post_recipes_advise(
+        self, body: models.Opened, *, key: str | None = None
+    ) -> models.RecipeAdvice:
         """Return the fewest changes with which the recipe compiles, and the changed graph."""
         return await self.call(
-            Call(method="POST", path="/recipes/advise", body=body, key=key), object
+            Call(method="POST", path="/recipes/advise", body=body, key=key), models.RecipeAdvice
         )
 
-    async def post_recipes_keep(self, body: models.Kept, *, key: str | None = None) -> object:
+    async def post_recipes_keep(
+        self, body: models.Kept, *, key: str | None = None
+    ) -> models.KeptRecipe:
         """Keep a recipe as a workflow with version 1, or say what a workflow cannot say."""
         return await self.call(
-            Call(method="POST", path="/recipes/keep", body=body, key=key), object
+            Call(method="POST", path="/recipes/keep", body=body, key=key), models.KeptRecipe
         )
 
-    async def post_recipes_open(self, body: models.Opened, *, key: str | None = None) -> object:
+    async def post_recipes_open(
+        self, body: models.Opened, *, key: str | None = None
+    ) -> models.RecipeOpening:
         """Read, bind, compile and prove a recipe; findings are an answer, no failure."""
         return await self.call(
-            Call(method="POST", path="/recipes/open", body=body, key=key), object
+            Call(method="POST", path="/recipes/open", body=body, key=key), models.RecipeOpening
         )
 
     async def get_reservations(
         self, *, after: str | None = None, limit: int | None = None
-    ) -> object:
+    ) -> models.ReservationList:
         """List the reservations that hold now, of resources the caller may see, oldest first."""
         return await self.call(
-            Call(method="GET", path="/reservations", query={"after": after, "limit": limit}), object
+            Call(method="GET", path="/reservations", query={"after": after, "limit": limit}),
+            models.ReservationList,
         )
 
-    async def post_reservations(self, body: models.Wanted, *, key: str | None = None) -> object:
+    async def post_reservations(
+        self, body: models.Wanted, *, key: str | None = None
+    ) -> models.ReservationsMade:
         """Reserve all of the resources for the caller, or none (423 with each reason)."""
         return await self.call(
-            Call(method="POST", path="/reservations", body=body, key=key), object
+            Call(method="POST", path="/reservations", body=body, key=key), models.ReservationsMade
         )
 
     async def post_reservation_end(
         self, reservation_id: str, body: models.Nothing, *, key: str | None = None
-    ) -> object:
+    ) -> models.ReservationRow:
         """End it now; one that is over stays as it is."""
         return await self.call(
             Call(method="POST", path=f"/reservations/{reservation_id}/end", body=body, key=key),
-            object,
+            models.ReservationRow,
         )
 
     async def get_resources(
         self, *, after: str | None = None, at: str | None = None, limit: int | None = None
-    ) -> object:
+    ) -> models.ResourceList:
         """List the resources the caller may see, in tree order; `at` shows them as they were."""
         return await self.call(
             Call(method="GET", path="/resources", query={"after": after, "at": at, "limit": limit}),
-            object,
+            models.ResourceList,
         )
 
     async def get_resources_contents(self, *, at: str | None = None) -> bytes:
@@ -1642,9 +1838,11 @@ class AsyncOperations:
             Call(method="GET", path="/resources/contents", query={"at": at}), bytes
         )
 
-    async def get_resource(self, resource_id: str) -> object:
+    async def get_resource(self, resource_id: str) -> models.ResourceView:
         """Return a resource with what happened to it."""
-        return await self.call(Call(method="GET", path=f"/resources/{resource_id}"), object)
+        return await self.call(
+            Call(method="GET", path=f"/resources/{resource_id}"), models.ResourceView
+        )
 
     async def get_resource_conditions(
         self,
@@ -1653,7 +1851,7 @@ class AsyncOperations:
         device: str | None = None,
         since_s: float | None = None,
         until_s: float | None = None,
-    ) -> object:
+    ) -> models.ResourceConditions:
         """Return each stay in the device `device` from `since_s` to `until_s`."""
         return await self.call(
             Call(
@@ -1661,16 +1859,18 @@ class AsyncOperations:
                 path=f"/resources/{resource_id}/conditions",
                 query={"device": device, "since_s": since_s, "until_s": until_s},
             ),
-            object,
+            models.ResourceConditions,
         )
 
-    async def get_resource_custody(self, resource_id: str) -> object:
+    async def get_resource_custody(self, resource_id: str) -> models.CustodyDetail:
         """Tell its host, its move if there is one, what it is connected to, and who may act."""
-        return await self.call(Call(method="GET", path=f"/resources/{resource_id}/custody"), object)
+        return await self.call(
+            Call(method="GET", path=f"/resources/{resource_id}/custody"), models.CustodyDetail
+        )
 
     async def get_resource_events(
         self, resource_id: str, *, after: str | None = None, limit: int | None = None
-    ) -> object:
+    ) -> models.EventList:
         """List its events, newest first; the `events_next` of the resource goes on here."""
         return await self.call(
             Call(
@@ -1678,21 +1878,21 @@ class AsyncOperations:
                 path=f"/resources/{resource_id}/events",
                 query={"after": after, "limit": limit},
             ),
-            object,
+            models.EventList,
         )
 
     async def post_resource_handover(
         self, resource_id: str, body: models.HandOver, *, key: str | None = None
-    ) -> object:
+    ) -> models.HandOverStanding:
         """Ask its host to let it go."""
         return await self.call(
             Call(method="POST", path=f"/resources/{resource_id}/handover", body=body, key=key),
-            object,
+            models.HandOverStanding,
         )
 
     async def get_resource_lineage(
         self, resource_id: str, *, depth: int | None = None, direction: str | None = None
-    ) -> object:
+    ) -> models.LineageGraph:
         """Return the graph around a vessel, `direction` up, down or both, to `depth`."""
         return await self.call(
             Call(
@@ -1700,7 +1900,7 @@ class AsyncOperations:
                 path=f"/resources/{resource_id}/lineage",
                 query={"depth": depth, "direction": direction},
             ),
-            object,
+            models.LineageGraph,
         )
 
     async def get_resource_provenance(
@@ -1710,7 +1910,7 @@ class AsyncOperations:
         depth: int | None = None,
         direction: str | None = None,
         form: str | None = None,
-    ) -> object:
+    ) -> models.ProvenanceGraph:
         """Return the graph: `direction` up, down or both; `depth`; `form` json or prov."""
         return await self.call(
             Call(
@@ -1718,18 +1918,18 @@ class AsyncOperations:
                 path=f"/resources/{resource_id}/provenance",
                 query={"depth": depth, "direction": direction, "form": form},
             ),
-            object,
+            models.ProvenanceGraph,
         )
 
-    async def get_resource_reaction(self, resource_id: str) -> object:
+    async def get_resource_reaction(self, resource_id: str) -> models.ReactionStock:
         """Tell whether the caller may, which lots it holds, and of which materials products are."""
         return await self.call(
-            Call(method="GET", path=f"/resources/{resource_id}/reaction"), object
+            Call(method="GET", path=f"/resources/{resource_id}/reaction"), models.ReactionStock
         )
 
     async def get_resource_reservations(
         self, resource_id: str, *, after: str | None = None, limit: int | None = None
-    ) -> object:
+    ) -> models.ReservationsOfResource:
         """List the reservations of it and of what it stands in; may the caller reserve it?"""
         return await self.call(
             Call(
@@ -1737,38 +1937,42 @@ class AsyncOperations:
                 path=f"/resources/{resource_id}/reservations",
                 query={"after": after, "limit": limit},
             ),
-            object,
+            models.ReservationsOfResource,
         )
 
-    async def get_resource_stock(self, resource_id: str) -> object:
+    async def get_resource_stock(self, resource_id: str) -> models.StockTaking:
         """Tell whether the caller may take stock of it now, and which lots it could hold."""
-        return await self.call(Call(method="GET", path=f"/resources/{resource_id}/stock"), object)
+        return await self.call(
+            Call(method="GET", path=f"/resources/{resource_id}/stock"), models.StockTaking
+        )
 
     async def get_runs(
         self, *, after: str | None = None, limit: int | None = None, state: str | None = None
-    ) -> object:
+    ) -> models.RunList:
         """List runs, newest first."""
         return await self.call(
             Call(
                 method="GET", path="/runs", query={"after": after, "limit": limit, "state": state}
             ),
-            object,
+            models.RunList,
         )
 
-    async def post_runs(self, body: models.StartRun, *, key: str | None = None) -> object:
+    async def post_runs(self, body: models.StartRun, *, key: str | None = None) -> models.RunView:
         """Start a version, or ask for approval where a policy wants it."""
-        return await self.call(Call(method="POST", path="/runs", body=body, key=key), object)
+        return await self.call(
+            Call(method="POST", path="/runs", body=body, key=key), models.RunView
+        )
 
-    async def get_run(self, run_id: str) -> object:
+    async def get_run(self, run_id: str) -> models.RunView:
         """Return a run whole."""
-        return await self.call(Call(method="GET", path=f"/runs/{run_id}"), object)
+        return await self.call(Call(method="GET", path=f"/runs/{run_id}"), models.RunView)
 
     async def post_run_abort(
         self, run_id: str, body: models.Reason, *, key: str | None = None
-    ) -> object:
+    ) -> models.RunView:
         """Have the run end, and return it."""
         return await self.call(
-            Call(method="POST", path=f"/runs/{run_id}/abort", body=body, key=key), object
+            Call(method="POST", path=f"/runs/{run_id}/abort", body=body, key=key), models.RunView
         )
 
     async def get_run_crate(self, run_id: str) -> bytes:
@@ -1781,27 +1985,29 @@ class AsyncOperations:
 
     async def get_run_events(
         self, run_id: str, *, after: str | None = None, limit: int | None = None
-    ) -> object:
+    ) -> models.RunEventList:
         """List what the run's transactions did, newest first."""
         return await self.call(
             Call(
                 method="GET", path=f"/runs/{run_id}/events", query={"after": after, "limit": limit}
             ),
-            object,
+            models.RunEventList,
         )
 
     async def get_run_log(
         self, run_id: str, *, after: str | None = None, limit: int | None = None
-    ) -> object:
+    ) -> models.RunLogPage:
         """List host events of the run's actions, oldest first."""
         return await self.call(
             Call(method="GET", path=f"/runs/{run_id}/log", query={"after": after, "limit": limit}),
-            object,
+            models.RunLogPage,
         )
 
-    async def post_run_pause(self, run_id: str, *, key: str | None = None) -> object:
+    async def post_run_pause(self, run_id: str, *, key: str | None = None) -> models.RunView:
         """Let nothing more of the run begin, and return it."""
-        return await self.call(Call(method="POST", path=f"/runs/{run_id}/pause", key=key), object)
+        return await self.call(
+            Call(method="POST", path=f"/runs/{run_id}/pause", key=key), models.RunView
+        )
 
     async def get_run_provenance(
         self,
@@ -1810,7 +2016,7 @@ class AsyncOperations:
         depth: int | None = None,
         direction: str | None = None,
         form: str | None = None,
-    ) -> object:
+    ) -> models.ProvenanceGraph:
         """Return the graph: `direction` up, down or both; `depth`; `form` json or prov."""
         return await self.call(
             Call(
@@ -1818,67 +2024,81 @@ class AsyncOperations:
                 path=f"/runs/{run_id}/provenance",
                 query={"depth": depth, "direction": direction, "form": form},
             ),
-            object,
+            models.ProvenanceGraph,
         )
 
-    async def get_run_report(self, run_id: str) -> object:
+    async def get_run_report(self, run_id: str) -> models.RunReportPage:
         """Return masses by account, yields by product, and readings that are series."""
-        return await self.call(Call(method="GET", path=f"/runs/{run_id}/report"), object)
+        return await self.call(
+            Call(method="GET", path=f"/runs/{run_id}/report"), models.RunReportPage
+        )
 
     async def post_run_resume(
         self, run_id: str, body: models.Resume, *, key: str | None = None
-    ) -> object:
+    ) -> models.RunView:
         """Let the run go on, and return it."""
         return await self.call(
-            Call(method="POST", path=f"/runs/{run_id}/resume", body=body, key=key), object
+            Call(method="POST", path=f"/runs/{run_id}/resume", body=body, key=key), models.RunView
         )
 
-    async def get_search(self, *, q: str | None = None) -> object:
+    async def get_search(self, *, q: str | None = None) -> models.SearchHits:
         """Return resources, devices, runs, workflows and lots whose name has the text."""
-        return await self.call(Call(method="GET", path="/search", query={"q": q}), object)
+        return await self.call(
+            Call(method="GET", path="/search", query={"q": q}), models.SearchHits
+        )
 
-    async def get_session(self) -> object:
+    async def get_session(self) -> models.OpenSession:
         """Tell who is signed in, and set the CSRF cookie."""
-        return await self.call(Call(method="GET", path="/session"), object)
+        return await self.call(Call(method="GET", path="/session"), models.OpenSession)
 
-    async def post_session(self, body: models.Credentials, *, key: str | None = None) -> object:
+    async def post_session(
+        self, body: models.Credentials, *, key: str | None = None
+    ) -> models.OpenSession:
         """Sign in; whoever fails five times at a name from one place waits there five minutes."""
-        return await self.call(Call(method="POST", path="/session", body=body, key=key), object)
+        return await self.call(
+            Call(method="POST", path="/session", body=body, key=key), models.OpenSession
+        )
 
-    async def delete_session(self, *, key: str | None = None) -> object:
+    async def delete_session(self, *, key: str | None = None) -> None:
         """Sign out."""
-        return await self.call(Call(method="DELETE", path="/session", key=key), object)
+        return await self.call(Call(method="DELETE", path="/session", key=key), type(None))
 
-    async def post_session_awake(self, *, key: str | None = None) -> object:
+    async def post_session_awake(self, *, key: str | None = None) -> None:
         """Note that the person who is signed in has used the page."""
-        return await self.call(Call(method="POST", path="/session/awake", key=key), object)
+        return await self.call(Call(method="POST", path="/session/awake", key=key), type(None))
 
-    async def post_session_confirm(self, body: models.Again, *, key: str | None = None) -> object:
+    async def post_session_confirm(
+        self, body: models.Again, *, key: str | None = None
+    ) -> models.PasswordConfirmed:
         """Take the password; acts are signed with it for five minutes."""
         return await self.call(
-            Call(method="POST", path="/session/confirm", body=body, key=key), object
+            Call(method="POST", path="/session/confirm", body=body, key=key),
+            models.PasswordConfirmed,
         )
 
-    async def post_session_password(self, body: models.Words, *, key: str | None = None) -> object:
+    async def post_session_password(
+        self, body: models.Words, *, key: str | None = None
+    ) -> models.OpenSession:
         """Choose a new one; every other session of the caller ends."""
         return await self.call(
-            Call(method="POST", path="/session/password", body=body, key=key), object
+            Call(method="POST", path="/session/password", body=body, key=key), models.OpenSession
         )
 
-    async def get_steps(self) -> object:
+    async def get_steps(self) -> models.StepPalette:
         """Return unit operations, device actions and the units a person may write."""
-        return await self.call(Call(method="GET", path="/steps"), object)
+        return await self.call(Call(method="GET", path="/steps"), models.StepPalette)
 
-    async def get_ticket(self, ticket_id: str) -> object:
+    async def get_ticket(self, ticket_id: str) -> models.TicketView:
         """Return a ticket with the resources and the host it concerns."""
-        return await self.call(Call(method="GET", path=f"/tickets/{ticket_id}"), object)
+        return await self.call(Call(method="GET", path=f"/tickets/{ticket_id}"), models.TicketView)
 
     async def post_ticket_close(
         self, ticket_id: str, body: models.Closing, *, key: str | None = None
-    ) -> object:
+    ) -> models.TicketView:
         """Close a ticket that a person has looked into; the reason is kept."""
         return await self.call(
-            Call(method="POST", path=f"/tickets/{ticket_id}/close", body=body, key=key), object
+            Call(method="POST", path=f"/tickets/{ticket_id}/close", body=body, key=key),
+            models.TicketView,
         )
 
     async def get_tokens(
@@ -1904,55 +2124,68 @@ class AsyncOperations:
             Call(method="DELETE", path=f"/tokens/{access_id}", key=key), type(None)
         )
 
-    async def get_tryout(self, tryout_id: str) -> object:
+    async def get_tryout(self, tryout_id: str) -> models.TryoutDetail:
         """Return a tryout with its wishes, statuses, faults and the bytes on its line."""
-        return await self.call(Call(method="GET", path=f"/tryouts/{tryout_id}"), object)
+        return await self.call(
+            Call(method="GET", path=f"/tryouts/{tryout_id}"), models.TryoutDetail
+        )
 
     async def post_tryout_wishes(
         self, tryout_id: str, body: models.TryoutWish, *, key: str | None = None
-    ) -> object:
+    ) -> models.TryoutActRow:
         """Have it act, read, stop, take a fault, lose all faults, or end."""
         return await self.call(
-            Call(method="POST", path=f"/tryouts/{tryout_id}/wishes", body=body, key=key), object
+            Call(method="POST", path=f"/tryouts/{tryout_id}/wishes", body=body, key=key),
+            models.TryoutActRow,
         )
 
-    async def get_twin(self) -> object:
+    async def get_twin(self) -> models.TwinState:
         """Return the twin's state; online means that it answers and that it shows now."""
-        return await self.call(Call(method="GET", path="/twin"), object)
+        return await self.call(Call(method="GET", path="/twin"), models.TwinState)
 
-    async def get_workflows(self, *, after: str | None = None, limit: int | None = None) -> object:
+    async def get_workflows(
+        self, *, after: str | None = None, limit: int | None = None
+    ) -> models.WorkflowOverviewList:
         """List workflows, templates first, then the newest."""
         return await self.call(
-            Call(method="GET", path="/workflows", query={"after": after, "limit": limit}), object
+            Call(method="GET", path="/workflows", query={"after": after, "limit": limit}),
+            models.WorkflowOverviewList,
         )
 
-    async def post_workflows(self, body: models.NewWorkflow, *, key: str | None = None) -> object:
+    async def post_workflows(
+        self, body: models.NewWorkflow, *, key: str | None = None
+    ) -> models.WorkflowWhole:
         """Create a workflow."""
-        return await self.call(Call(method="POST", path="/workflows", body=body, key=key), object)
+        return await self.call(
+            Call(method="POST", path="/workflows", body=body, key=key), models.WorkflowWhole
+        )
 
     async def post_workflows_check(
         self, body: models.CheckDocument, *, key: str | None = None
-    ) -> object:
+    ) -> models.WorkflowCheck:
         """Compile a document against the lab as it is; findings are an answer, no failure."""
         return await self.call(
-            Call(method="POST", path="/workflows/check", body=body, key=key), object
+            Call(method="POST", path="/workflows/check", body=body, key=key), models.WorkflowCheck
         )
 
-    async def get_workflow(self, workflow_id: str) -> object:
+    async def get_workflow(self, workflow_id: str) -> models.WorkflowWhole:
         """Return a workflow with its draft and versions."""
-        return await self.call(Call(method="GET", path=f"/workflows/{workflow_id}"), object)
+        return await self.call(
+            Call(method="GET", path=f"/workflows/{workflow_id}"), models.WorkflowWhole
+        )
 
     async def put_workflow_draft(
         self, workflow_id: str, body: models.Draft, *, key: str | None = None
-    ) -> object:
+    ) -> models.DraftSaved:
         """Save the draft over the revision the caller saw."""
         return await self.call(
-            Call(method="PUT", path=f"/workflows/{workflow_id}/draft", body=body, key=key), object
+            Call(method="PUT", path=f"/workflows/{workflow_id}/draft", body=body, key=key),
+            models.DraftSaved,
         )
 
     async def get_workflow_versions(
         self, workflow_id: str, *, after: str | None = None, limit: int | None = None
-    ) -> object:
+    ) -> models.VersionList:
         """List versions without their documents, the newest first."""
         return await self.call(
             Call(
@@ -1960,20 +2193,21 @@ class AsyncOperations:
                 path=f"/workflows/{workflow_id}/versions",
                 query={"after": after, "limit": limit},
             ),
-            object,
+            models.VersionList,
         )
 
     async def post_workflow_versions(
         self, workflow_id: str, body: models.NewVersion, *, key: str | None = None
-    ) -> object:
+    ) -> models.VersionRow:
         """Freeze the draft as a version."""
         return await self.call(
             Call(method="POST", path=f"/workflows/{workflow_id}/versions", body=body, key=key),
-            object,
+            models.VersionRow,
         )
 
-    async def get_workflow_version(self, workflow_id: str, number: str) -> object:
+    async def get_workflow_version(self, workflow_id: str, number: str) -> models.VersionView:
         """Return a version with its document."""
         return await self.call(
-            Call(method="GET", path=f"/workflows/{workflow_id}/versions/{number}"), object
+            Call(method="GET", path=f"/workflows/{workflow_id}/versions/{number}"),
+            models.VersionView,
         )

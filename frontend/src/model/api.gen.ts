@@ -3845,7 +3845,7 @@ export interface components {
             job_index: number;
             kind: string;
             text: string;
-            resolved?: Record<string, unknown> | null;
+            resolved?: components["schemas"]["DoubtEnd"] | null;
             body: Record<string, unknown>;
         };
         /**

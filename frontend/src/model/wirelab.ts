@@ -125,17 +125,7 @@ export interface Custody {
 }
 
 /** Exclusive use of a resource in the near future; the time ends it. */
-export interface Reservation {
-  id: Id;
-  resource: { id: Id; name: string };
-  holder: string;
-  is_own: boolean;
-  may_end: boolean;
-  reason: string;
-  made_at: Iso;
-  expires_at: Iso;
-  ended_at: Iso | null;
-}
+export type Reservation = components["schemas"]["ReservationRow"];
 
 /** Reservations of a resource and of what it stands in, in the order of asking. */
 export interface Reservations {
@@ -193,12 +183,7 @@ export type DeviceHalt = components["schemas"]["DeviceHaltRow"];
 
 export type DeviceRow = Omit<Answers["DeviceRow"], "halt"> & { halt: DeviceHalt | null };
 
-export interface DevicePhoto {
-  /** Where its bytes are; another photo has another address. */
-  url: string;
-  brought_at: Iso;
-  brought_by: string;
-}
+export type DevicePhoto = components["schemas"]["PhotoRow"];
 
 export type Device = DeviceRow &
   Omit<Answers["DeviceDetail"], keyof DeviceRow | "actions" | "photo"> & {
