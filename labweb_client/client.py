@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import asyncio
 import time
-from collections.abc import AsyncIterator, Awaitable, Callable, Iterator
+from collections.abc import AsyncIterator, Awaitable, Callable, Iterator, Mapping
 from typing import Any, Protocol, Self, TypeVar
 
 import httpx
 
 from labweb_client.errors import UnansweredError
-from labweb_client.generated.models import RunView, RunState
+from labweb_client.generated.models import RunState, RunView
 from labweb_client.generated.operations import AsyncOperations, Operations
 from labweb_client.live import News, follow, follow_async
 from labweb_client.sending import API, Call, read, wait_s
@@ -71,20 +71,32 @@ class Client(Operations):
             RefusedError: The server refused it.
             UnansweredError: It was sent as often as is allowed, and no answer came.
         """
-        headers = call.headers()
-        for attempt in range(1, self._attempts_count + 1):
+        found = self._send(call)
+        return read(found.status_code, found.content, answer)
+
+    def call_either(self, call: Call, answers: Mapping[int, type[Any]]) -> Any:  # noqa: ANN401
+        """Send a call until it is answered; the status says with which struct."""
+        found = self._send(call)
+        answer = answers.get(found.status_code, type(None))
+        return read(found.status_code, found.content, answer)
+
+    def _send(self, call: Call) -> httpx.Response:
+        headers, attempt = call.headers(), 0
+        while True:
+            attempt += 1
+            is_last = attempt >= self._attempts_count
             try:
                 found = self._http.request(**_request(call, headers))
             except httpx.TransportError as error:
-                wanted, problem = wait_s(attempt, 0, None, b""), error
+                if is_last:
+                    raise UnansweredError(f"{call.method} {call.path}: {error}") from error
+                wanted = wait_s(attempt, 0, None, b"")
             else:
                 after = found.headers.get("Retry-After")
                 wanted = wait_s(attempt, found.status_code, after, found.content)
-                if wanted is None or attempt == self._attempts_count:
-                    return read(found.status_code, found.content, answer)
-            if wanted is not None and attempt < self._attempts_count:
-                time.sleep(wanted)
-        raise UnansweredError(f"{call.method} {call.path}: {problem}") from problem
+                if wanted is None or is_last:
+                    return found
+            time.sleep(wanted or 0.0)  # noqa: TID251 - there is no clock but the machine's
 
     def pages(self, fetch: Callable[..., P], **query: Any) -> Iterator[P]:  # noqa: ANN401
         """Yield every page of a list: `client.pages(client.get_runs, state="complete")`."""
@@ -109,7 +121,7 @@ class Client(Operations):
                 return run
             if until is not None and time.monotonic() > until:
                 raise TimeoutError(f"run {run.number} is {run.state.value} after {timeout_s} s")
-            time.sleep(_POLL_S)
+            time.sleep(_POLL_S)  # noqa: TID251 - as above
 
     def follow(self, *topics: str) -> Iterator[News]:
         """Yield what the server announces on topics such as `runs` or `run:<id>`."""
@@ -139,20 +151,36 @@ class AsyncClient(AsyncOperations):
 
     async def call(self, call: Call, answer: type[A]) -> A:
         """Send a call until it is answered, as `Client.call` does."""
-        headers = call.headers()
-        for attempt in range(1, self._attempts_count + 1):
+        found = await self._send(call)
+        return read(found.status_code, found.content, answer)
+
+    async def call_either(
+        self,
+        call: Call,
+        answers: Mapping[int, type[Any]],
+    ) -> Any:  # noqa: ANN401
+        """Send a call until it is answered; the status says with which struct."""
+        found = await self._send(call)
+        answer = answers.get(found.status_code, type(None))
+        return read(found.status_code, found.content, answer)
+
+    async def _send(self, call: Call) -> httpx.Response:
+        headers, attempt = call.headers(), 0
+        while True:
+            attempt += 1
+            is_last = attempt >= self._attempts_count
             try:
                 found = await self._http.request(**_request(call, headers))
             except httpx.TransportError as error:
-                wanted, problem = wait_s(attempt, 0, None, b""), error
+                if is_last:
+                    raise UnansweredError(f"{call.method} {call.path}: {error}") from error
+                wanted = wait_s(attempt, 0, None, b"")
             else:
                 after = found.headers.get("Retry-After")
                 wanted = wait_s(attempt, found.status_code, after, found.content)
-                if wanted is None or attempt == self._attempts_count:
-                    return read(found.status_code, found.content, answer)
-            if wanted is not None and attempt < self._attempts_count:
-                await asyncio.sleep(wanted)
-        raise UnansweredError(f"{call.method} {call.path}: {problem}") from problem
+                if wanted is None or is_last:
+                    return found
+            await asyncio.sleep(wanted or 0.0)
 
     async def pages(
         self,

@@ -20,14 +20,16 @@ class News(msgspec.Struct):
     seq: int
     """Counts the announcements of the topic on this connection, from 1."""
 
-    at: str
+    at: float
+    """When the server said it, in seconds since 1970-01-01 UTC."""
+
     data: dict[str, Any]
 
 
 class _Frame(msgspec.Struct):
     topic: str = ""
     seq: int = 0
-    at: str = ""
+    at: float = 0.0
     data: dict[str, Any] = msgspec.field(default_factory=dict)
     error: dict[str, Any] | None = None
 

@@ -9,6 +9,7 @@ programs that wait, and for those that are asynchronous.
 from __future__ import annotations
 
 import json
+import os
 import re
 import subprocess
 import sys
@@ -23,12 +24,24 @@ SCHEMA = ROOT / "frontend" / "openapi.json"
 TARGET = ROOT / "labweb_client" / "generated"
 METHODS = ("get", "post", "put", "patch", "delete")
 
-_MODELS = (
-    "--input-file-type openapi --output-model-type msgspec.Struct --target-python-version 3.11 "
-    "--use-union-operator --use-standard-collections --disable-timestamp --use-schema-description "
-    "--collapse-root-models --enum-field-as-literal none --use-msgspec-tagged-unions "
-    "--formatters ruff-format"
-).split()
+_MODELS = [
+    "--input-file-type",
+    "openapi",
+    "--output-model-type",
+    "msgspec.Struct",
+    "--target-python-version",
+    "3.11",
+    "--use-union-operator",
+    "--use-standard-collections",
+    "--disable-timestamp",
+    "--use-schema-description",
+    "--collapse-root-models",
+    "--enum-field-as-literal",
+    "none",
+    "--use-msgspec-tagged-unions",
+    "--formatters",
+    "ruff-format",
+]
 _PREFIX = "/api/v1/"
 _TYPES = {"string": "str", "integer": "int", "number": "float", "boolean": "bool"}
 
@@ -36,8 +49,8 @@ _HEAD = '''"""Every operation of the interface; made by `make generate` from its
 
 from __future__ import annotations
 
-from collections.abc import Awaitable, Mapping
-from typing import Protocol, TypeVar
+from collections.abc import Mapping
+from typing import Any, TypeVar
 
 from labweb_client.generated import models
 from labweb_client.sending import Call, Files
@@ -52,6 +65,10 @@ class {name}:
     {async_}def call(self, call: Call, answer: type[A]) -> A:
         """Send a call until it is answered."""
         raise NotImplementedError
+
+    {async_}def call_either(self, call: Call, answers: Mapping[int, type[Any]]) -> Any:
+        """Send a call until it is answered; the status says with which struct."""
+        raise NotImplementedError
 '''
 
 
@@ -62,8 +79,8 @@ class Operation:
     method: str
     path: str
     about: str
-    answer: str
-    """Type of the answer, as Python has it."""
+    answers: Mapping[int, str]
+    """Status → type of the answer, as Python has it."""
 
     body: str = ""
     """Type of the body; empty: there is none."""
@@ -92,11 +109,12 @@ def _one_of(word: str) -> str:
 
 def read_operations(schema: Mapping[str, Any]) -> list[Operation]:
     """Return the operations of a schema by their address."""
-    found = []
-    for path, item in sorted(schema["paths"].items()):
-        for method in METHODS:
-            if method in item and path.startswith(_PREFIX):
-                found.append(_operation(path, method, item[method]))
+    found = [
+        _operation(path, method, item[method])
+        for path, item in sorted(schema["paths"].items())
+        for method in METHODS
+        if method in item and path.startswith(_PREFIX)
+    ]
     counted = Counter(operation.name for operation in found)
     doubled = sorted(name for name, count in counted.items() if count > 1)
     if doubled:
@@ -111,7 +129,7 @@ def _operation(path: str, method: str, told: Mapping[str, Any]) -> Operation:
         method=method,
         path=path,
         about=_first_line(told.get("description", "")),
-        answer=_answer(told["responses"]),
+        answers=_answers(told["responses"]),
         body="" if body is None else _type_of(body),
         is_form="multipart/form-data" in content,
         path_names=tuple(re.findall(r"{(\w+)}", path)),
@@ -128,18 +146,15 @@ def _first_line(text: str) -> str:
     return " ".join(line.split()).replace("\\", "\\\\").replace('"""', "'''") or "Send the call."
 
 
-def _answer(responses: Mapping[str, Any]) -> str:
-    kinds = []
+def _answers(responses: Mapping[str, Any]) -> dict[int, str]:
+    found = {}
     for status, response in responses.items():
         if status.startswith("2"):
             content = response.get("content", {})
-            if not content:
-                kinds.append("None")
-            elif "application/json" in content:
-                kinds.append(_type_of(content["application/json"]["schema"]))
-            else:
-                kinds.append("bytes")
-    return " | ".join(dict.fromkeys(kinds)) or "None"
+            schema = content.get("application/json", {}).get("schema", {})
+            is_file = bool(content) and "$ref" not in schema
+            found[int(status)] = "bytes" if is_file else _type_of(schema) if schema else "None"
+    return found
 
 
 def _type_of(schema: Mapping[str, Any]) -> str:
@@ -169,18 +184,26 @@ def _method(one: Operation, *, is_async: bool) -> Iterator[str]:
     named += ["key: str | None = None"] if one.method != "get" else []
     taken += ["*", *named] if named else []
     path = one.path.removeprefix(_PREFIX.rstrip("/"))
-    given = [f"method={one.method.upper()!r}", f"path=f{path!r}" if one.path_names else f"path={path!r}"]
+    given = [
+        f"method={one.method.upper()!r}",
+        f"path=f{path!r}" if one.path_names else f"path={path!r}",
+    ]
     given += ["body=body"] if one.body else []
     given += ["form=form", "files=files"] if one.is_form else []
     given += ["key=key"] if one.method != "get" else []
     if one.query:
-        listed = ", ".join(f"{name!r}: {name}" for name in one.query)
-        given.append(f"query={{{listed}}}")
-    kind = "type(None)" if one.answer == "None" else one.answer
+        query = ", ".join(f"{name!r}: {name}" for name in one.query)
+        given.append(f"query={{{query}}}")
+    kinds = ["type(None)" if kind == "None" else kind for kind in one.answers.values()]
+    pairs = zip(one.answers, kinds, strict=True)
+    listed = ", ".join(f"{status}: {kind}" for status, kind in pairs)
+    is_one = len(kinds) == 1
+    send, wanted = ("call", kinds[0]) if is_one else ("call_either", f"{{{listed}}}")
+    returned = " | ".join(dict.fromkeys(one.answers.values()))
     word, wait = ("async ", "await ") if is_async else ("", "")
-    yield f"\n    {word}def {one.name}({', '.join(taken)}) -> {one.answer}:\n"
+    yield f"\n    {word}def {one.name}({', '.join(taken)}) -> {returned}:\n"
     yield f'        """{one.about}"""\n'
-    yield f"        return {wait}self.call(Call({', '.join(given)}), {kind})\n"
+    yield f"        return {wait}self.{send}(Call({', '.join(given)}), {wanted})\n"
 
 
 def main() -> int:
@@ -189,7 +212,8 @@ def main() -> int:
     (TARGET / "__init__.py").write_text('"""Made from the schema of the interface."""\n')
     models, operations = TARGET / "models.py", TARGET / "operations.py"
     codegen = [sys.executable, "-m", "datamodel_code_generator", "--input", str(SCHEMA)]
-    subprocess.run([*codegen, "--output", str(models), *_MODELS], check=True)
+    quiet = {**os.environ, "PYTHONWARNINGS": "ignore"}
+    subprocess.run([*codegen, "--output", str(models), *_MODELS], check=True, env=quiet)
     found = read_operations(json.loads(SCHEMA.read_text()))
     operations.write_text(write_operations(found))
     ruff = [sys.executable, "-m", "ruff", "format", "--quiet"]

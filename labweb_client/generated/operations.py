@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Awaitable, Mapping
-from typing import Protocol, TypeVar
+from collections.abc import Mapping
+from typing import Any, TypeVar
 
 from labweb_client.generated import models
 from labweb_client.sending import Call, Files
@@ -16,6 +16,10 @@ class Operations:
 
     def call(self, call: Call, answer: type[A]) -> A:
         """Send a call until it is answered."""
+        raise NotImplementedError
+
+    def call_either(self, call: Call, answers: Mapping[int, type[Any]]) -> Any:
+        """Send a call until it is answered; the status says with which struct."""
         raise NotImplementedError
 
     def get_approvals(
@@ -365,9 +369,9 @@ class Operations:
         self, form: Mapping[str, str], files: Files, *, key: str | None = None
     ) -> models.FileWithReadings | models.IncomingRow:
         """Take a file in: a form with `file`, `format` and `resource`, `device` or `job`."""
-        return self.call(
+        return self.call_either(
             Call(method="POST", path="/files", form=form, files=files, key=key),
-            models.FileWithReadings | models.IncomingRow,
+            {201: models.FileWithReadings, 202: models.IncomingRow},
         )
 
     def get_files_incoming(
@@ -556,9 +560,9 @@ class Operations:
         """Return the lab."""
         return self.call(Call(method="GET", path="/lab"), models.LabSummary)
 
-    def get_lab_export(self, *, form: str | None = None) -> str:
+    def get_lab_export(self, *, form: str | None = None) -> bytes:
         """Return lab.json, or with `form=uni-lab-os` a graph of Uni-Lab-OS."""
-        return self.call(Call(method="GET", path="/lab/export", query={"form": form}), str)
+        return self.call(Call(method="GET", path="/lab/export", query={"form": form}), bytes)
 
     def post_lab_reset(self, body: models.Reason, *, key: str | None = None) -> models.LabSummary:
         """Release the latch; starts nothing."""
@@ -598,9 +602,9 @@ class Operations:
         self, body: models.Act, *, key: str | None = None
     ) -> models.EventRow | models.HandOverAsked:
         """Carry it out at once; where two hosts have to agree, ask the first (202)."""
-        return self.call(
+        return self.call_either(
             Call(method="POST", path="/operations", body=body, key=key),
-            models.EventRow | models.HandOverAsked,
+            {201: models.EventRow, 202: models.HandOverAsked},
         )
 
     def post_operations_check(
@@ -1097,6 +1101,10 @@ class AsyncOperations:
         """Send a call until it is answered."""
         raise NotImplementedError
 
+    async def call_either(self, call: Call, answers: Mapping[int, type[Any]]) -> Any:
+        """Send a call until it is answered; the status says with which struct."""
+        raise NotImplementedError
+
     async def get_approvals(
         self, *, after: str | None = None, limit: int | None = None, state: str | None = None
     ) -> models.ApprovalList:
@@ -1458,9 +1466,9 @@ class AsyncOperations:
         self, form: Mapping[str, str], files: Files, *, key: str | None = None
     ) -> models.FileWithReadings | models.IncomingRow:
         """Take a file in: a form with `file`, `format` and `resource`, `device` or `job`."""
-        return await self.call(
+        return await self.call_either(
             Call(method="POST", path="/files", form=form, files=files, key=key),
-            models.FileWithReadings | models.IncomingRow,
+            {201: models.FileWithReadings, 202: models.IncomingRow},
         )
 
     async def get_files_incoming(
@@ -1655,9 +1663,9 @@ class AsyncOperations:
         """Return the lab."""
         return await self.call(Call(method="GET", path="/lab"), models.LabSummary)
 
-    async def get_lab_export(self, *, form: str | None = None) -> str:
+    async def get_lab_export(self, *, form: str | None = None) -> bytes:
         """Return lab.json, or with `form=uni-lab-os` a graph of Uni-Lab-OS."""
-        return await self.call(Call(method="GET", path="/lab/export", query={"form": form}), str)
+        return await self.call(Call(method="GET", path="/lab/export", query={"form": form}), bytes)
 
     async def post_lab_reset(
         self, body: models.Reason, *, key: str | None = None
@@ -1701,9 +1709,9 @@ class AsyncOperations:
         self, body: models.Act, *, key: str | None = None
     ) -> models.EventRow | models.HandOverAsked:
         """Carry it out at once; where two hosts have to agree, ask the first (202)."""
-        return await self.call(
+        return await self.call_either(
             Call(method="POST", path="/operations", body=body, key=key),
-            models.EventRow | models.HandOverAsked,
+            {201: models.EventRow, 202: models.HandOverAsked},
         )
 
     async def post_operations_check(

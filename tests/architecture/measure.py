@@ -18,7 +18,7 @@ _OPENS_BLOCK = re.compile(r"\b(?:if|for|while|switch|catch|with)\s*\([^{}]*\)\s*
 
 def is_exempt(path: PurePath) -> bool:
     """Say whether nobody writes or reads this file line by line."""
-    generated = ".gen." in path.name or path.name.endswith("_pb2.py")
+    generated = ".gen." in path.name or path.name.endswith("_pb2.py") or "generated" in path.parts
     return generated or "migrations" in path.parts or path.name.endswith("_table.py")
 
 
