@@ -15,7 +15,13 @@ class UnansweredError(LabwebError):
     """No answer came, however often the call was sent with the same key.
 
     Whether the server has carried it out is not known; a call that only reads has changed nothing.
+    To find out, send the same call with `key=error.key`: it is carried out once, and answered.
     """
+
+    def __init__(self, message: str, key: str | None = None) -> None:
+        super().__init__(message)
+        self.key = key
+        """Key of the call; None: it acts on nothing."""
 
 
 class RefusedError(LabwebError):

@@ -10,11 +10,12 @@ from typing import Any, TypeVar, cast
 
 import msgspec
 
-from labweb_client.errors import Refusal, RefusedError
+from labweb_client.errors import LabwebError, Refusal, RefusedError
 
 A = TypeVar("A")
 
 API = "/api/v1"
+KEY_HEADER = "Idempotency-Key"
 Files = Mapping[str, tuple[str, bytes, str]]
 """Field of a form → name, content and media type of the file."""
 
@@ -50,7 +51,7 @@ class Call:
         """Return the headers of the request; they are the same each time that it is sent."""
         found = {"Accept": "application/json"}
         if self.method in _ACTING:
-            found["Idempotency-Key"] = self.key or str(uuid.uuid4())
+            found[KEY_HEADER] = self.key or str(uuid.uuid4())
         if self.body is not None:
             found["Content-Type"] = "application/json"
         return found
@@ -100,13 +101,24 @@ def read(status: int, content: bytes, answer: type[A]) -> A:
     Raises:
         RefusedError: The server refused the call.
     """
-    if status >= HTTPStatus.BAD_REQUEST:
+    if status >= HTTPStatus.MULTIPLE_CHOICES:
         raise RefusedError(status, _refusal(status, content))
     if answer is bytes:
         return cast("A", content)
     if answer is type(None):
         return None
-    return msgspec.json.decode(content, type=answer)
+    try:
+        return msgspec.json.decode(content, type=answer)
+    except msgspec.MsgspecError as error:
+        text = f"the answer is not as this version of the client knows it: {error}"
+        raise LabwebError(text) from error
+
+
+def is_undecided(status: int, content: bytes, *, was_unanswered: bool) -> bool:
+    """Tell whether nobody knows after the last answer if the call was carried out."""
+    if status == HTTPStatus.CONFLICT:
+        return _code(content) == _IN_PROGRESS
+    return was_unanswered and status in _AGAIN
 
 
 def _refusal(status: int, content: bytes) -> Refusal:

@@ -37,7 +37,7 @@ _MODELS = [
     "--use-schema-description",
     "--collapse-root-models",
     "--enum-field-as-literal",
-    "none",
+    "all",
     "--use-msgspec-tagged-unions",
     "--formatters",
     "ruff-format",
@@ -134,7 +134,7 @@ def _operation(path: str, method: str, told: Mapping[str, Any]) -> Operation:
         is_form="multipart/form-data" in content,
         path_names=tuple(re.findall(r"{(\w+)}", path)),
         query={
-            one["name"]: _type_of(one["schema"])
+            one["name"]: _type_of(one["schema"]) + ("" if one.get("required") else " | None = None")
             for one in told.get("parameters", ())
             if one["in"] == "query"
         },
@@ -180,7 +180,7 @@ def _method(one: Operation, *, is_async: bool) -> Iterator[str]:
     taken = ["self", *(f"{name}: str" for name in one.path_names)]
     taken += [f"body: {one.body}"] if one.body else []
     taken += ["form: Mapping[str, str]", "files: Files"] if one.is_form else []
-    named = [f"{name}: {kind} | None = None" for name, kind in one.query.items()]
+    named = [f"{name}: {kind}" for name, kind in one.query.items()]
     named += ["key: str | None = None"] if one.method != "get" else []
     taken += ["*", *named] if named else []
     path = one.path.removeprefix(_PREFIX.rstrip("/"))

@@ -78,6 +78,11 @@ class InProgressError(APIException):
     wait = 1
 
 
+def is_by_token(request: Request) -> bool:
+    """Tell whether a program asks, with an access token."""
+    return isinstance(request.auth, AccessToken)
+
+
 def check_scope(request: Request, needed: Scope | None) -> None:
     """Refuse what an access token does not reach; whoever is signed in needs none.
 

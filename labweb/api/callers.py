@@ -40,12 +40,12 @@ class Callers:
 
 
 def caller_of_token(secret: str) -> str:
-    """Return the name of an access token; empty: it is none that is valid.
+    """Return under which name an access token is counted; empty: it is none that is valid.
 
-    A token is counted by itself, so that a program does not use up what its owner may ask.
+    All programs of a person are one caller, and another one than the person at the browser.
     """
     token = find_token(secret)
-    return "" if token is None else f"token:{token.pk}"
+    return "" if token is None else f"programs:{token.user_id}"
 
 
 def stranger_of(request: HttpRequest) -> str:

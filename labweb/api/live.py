@@ -188,11 +188,11 @@ def _member(session_key: str) -> User | None:
 
 
 def _holder(secret: str) -> tuple[User, str] | None:
-    """Return the owner of an access token and its name, if they may hear of anything."""
+    """Return the owner of an access token, and its caller's name, if they may hear of anything."""
     token = find_token(secret)
     if token is None or not _allowed(token.user, OPEN_TOPICS):
         return None
-    return token.user, f"token:{token.pk}"
+    return token.user, f"programs:{token.user_id}"
 
 
 def _allowed(user: User, topics: Iterable[str]) -> frozenset[str]:

@@ -9,6 +9,7 @@ from rest_framework.request import Request
 from labweb.accounts import services
 from labweb.accounts.selectors import User
 from labweb.accounts.selectors.tokens import AccessToken, find_token
+from labweb.resources import selectors as resource_selectors
 
 
 class TokenRefusedError(APIException):
@@ -35,13 +36,15 @@ class TokenAuthentication(BaseAuthentication):
         Raises:
             TokenRefusedError: It is not valid.
         """
+        services.acting_token.set(None)
         secret = bearer_of(str(request.headers.get("Authorization", "")))
         if secret is None:
             return None
         token = find_token(secret)
-        if token is None:
+        if token is None or token.lab_id != resource_selectors.the_lab().pk:
             raise TokenRefusedError
         services.note_use(token)
+        services.acting_token.set({"id": str(token.pk), "name": token.name})
         return token.user, token
 
 

@@ -41,6 +41,10 @@ class Answering:
     statuses: ClassVar[Mapping[str, int]] = {}
     """Method, in small letters → status of its answer, where that is neither 200 nor 204."""
 
+    documents: ClassVar[Mapping[str, str]] = {}
+    """Parameter of the address → value with which GET answers with a document of a format of its
+    own, and with no struct."""
+
     answers: ClassVar[Mapping[str, Mapping[int, type[ApiAnswer]]]] = {}
     """Method → status → answer, of a method that has more than one and returns responses."""
 

@@ -2,22 +2,8 @@
 #   filename:  openapi.json
 
 from __future__ import annotations
-from enum import Enum
+from typing import Annotated, Any, Literal, TypeAlias
 from msgspec import Meta, Struct, UNSET, UnsetType, field
-from typing import Annotated, Any, TypeAlias
-
-
-class Account(Enum):
-    """
-    Where matter is when it is in no vessel of the lab.
-    """
-
-    DEAD_VOLUME = "DEAD_VOLUME"
-    LOSS = "LOSS"
-    REACTION = "REACTION"
-    RECEIPT = "RECEIPT"
-    SUSPENSE = "SUSPENSE"
-    WASTE = "WASTE"
 
 
 class Again(Struct):
@@ -28,42 +14,12 @@ class Again(Struct):
     password: str
 
 
-class State(Enum):
-    approved = "approved"
-    expired = "expired"
-    open = "open"
-    rejected = "rejected"
-    withdrawn = "withdrawn"
-
-
-class About(Enum):
-    calibration = "calibration"
-    run = "run"
-
-
 class Asker(Struct):
     """
     Who asked for an approval.
     """
 
     name: str
-
-
-class Bond(Enum):
-    """
-    How one node leads to another; named as in PROV-JSON, from the later to the earlier.
-    """
-
-    actedOnBehalfOf = "actedOnBehalfOf"
-    hadMember = "hadMember"
-    specializationOf = "specializationOf"
-    used = "used"
-    wasAssociatedWith = "wasAssociatedWith"
-    wasAttributedTo = "wasAttributedTo"
-    wasDerivedFrom = "wasDerivedFrom"
-    wasGeneratedBy = "wasGeneratedBy"
-    wasInformedBy = "wasInformedBy"
-    wasInvalidatedBy = "wasInvalidatedBy"
 
 
 class CalibratedDevice(Struct):
@@ -82,15 +38,6 @@ class CalibrationDecision(Struct):
 
     is_accepted: bool
     comment: Annotated[str, Meta(max_length=10000)] | UnsetType = ""
-
-
-class State2(Enum):
-    accepted = "accepted"
-    awaiting = "awaiting"
-    failed = "failed"
-    measuring = "measuring"
-    rejected = "rejected"
-    withdrawn = "withdrawn"
 
 
 class CalibrationPoint(Struct):
@@ -124,18 +71,12 @@ class CalibrationWithdrawal(Struct):
     reason: Annotated[str, Meta(max_length=10000)]
 
 
-class Sign(Enum):
-    field_ = ""
-    field__1 = "+"
-    field__2 = "-"
-
-
 class ChangedLine(Struct):
     """
     One line of a comparison.
     """
 
-    sign: Sign
+    sign: Literal["", "+", "-"]
     before: int | None
     after: int | None
     text: str
@@ -227,10 +168,6 @@ class ContradictedAnswer(Struct):
     opened_at: str
 
 
-class Op(Enum):
-    correct = "correct"
-
-
 MeasuredNlAdditionalProperty: TypeAlias = Annotated[int, Meta(ge=0, le=999999999999999)]
 
 
@@ -246,14 +183,13 @@ class Correct(Struct, tag_field="op", tag="correct"):
     """
 
     resource_id: str
-    account: Account
+    account: Annotated[
+        Literal["DEAD_VOLUME", "LOSS", "REACTION", "RECEIPT", "SUSPENSE", "WASTE"],
+        Meta(description="Where matter is when it is in no vessel of the lab.", title="Account"),
+    ]
     reason: Annotated[str, Meta(max_length=500)]
     measured_nl: dict[str, MeasuredNlAdditionalProperty] | UnsetType = field(default_factory=dict)
     measured_ug: dict[str, MeasuredUgAdditionalProperty] | UnsetType = field(default_factory=dict)
-
-
-class Op1(Enum):
-    create = "create"
 
 
 class Create(Struct, tag_field="op", tag="create"):
@@ -296,16 +232,6 @@ class CustodyPlace(Struct):
     name: str
 
 
-class CustodyState(Enum):
-    """
-    In whose hands a resource is.
-    """
-
-    in_transit = "in_transit"
-    leaving = "leaving"
-    owned = "owned"
-
-
 class DecisionMade(Struct):
     """
     The answer of a person to a request.
@@ -316,10 +242,6 @@ class DecisionMade(Struct):
     meaning: str
     comment: str
     at: str
-
-
-class Op2(Enum):
-    delete = "delete"
 
 
 class Delete(Struct, tag_field="op", tag="delete"):
@@ -367,13 +289,6 @@ class Departure(Struct):
     text: str
 
 
-class Recovery(Enum):
-    R0 = "R0"
-    R1 = "R1"
-    R2 = "R2"
-    R3 = "R3"
-
-
 class DeviceAction(Struct):
     """
     What a device does when it is told to.
@@ -384,15 +299,7 @@ class DeviceAction(Struct):
     doc: str
     schema: dict[str, Any]
     hazards: list[str]
-    recovery: Recovery
-
-
-class Link(Enum):
-    not_enrolled = "not_enrolled"
-    offline = "offline"
-    online = "online"
-    quarantined = "quarantined"
-    stale = "stale"
+    recovery: Literal["R0", "R1", "R2", "R3"]
 
 
 class DeviceHost(Struct):
@@ -442,10 +349,6 @@ class DeviceStatus(Struct):
 Series: TypeAlias = tuple[float, Any]
 
 
-class Op3(Enum):
-    disconnect = "disconnect"
-
-
 class Disconnect(Struct, tag_field="op", tag="disconnect"):
     """
     Take a connection off the physical graph. Moves no matter: nothing may be in it.
@@ -459,10 +362,6 @@ class Disconnect(Struct, tag_field="op", tag="disconnect"):
     target_port: Annotated[str, Meta(max_length=500)]
     medium: Annotated[str, Meta(max_length=500)]
     is_seen_empty: bool | UnsetType = False
-
-
-class Op4(Enum):
-    dispose = "dispose"
 
 
 AmountNl: TypeAlias = Annotated[int, Meta(ge=0, le=999999999999999)]
@@ -567,18 +466,6 @@ class DriverDecision(Struct):
     comment: str | UnsetType = ""
 
 
-class Origin(Enum):
-    release = "release"
-    upload = "upload"
-
-
-class State3(Enum):
-    approved = "approved"
-    proposed = "proposed"
-    rejected = "rejected"
-    withdrawn = "withdrawn"
-
-
 class DriverDevice(Struct):
     """
     A device that has a version.
@@ -631,8 +518,8 @@ class DriverRow(Struct):
     class_name: str
     role: str
     digest: str
-    origin: Origin
-    state: State3
+    origin: Literal["release", "upload"]
+    state: Literal["approved", "proposed", "rejected", "withdrawn"]
     note: str
     quality: str
     doc: str
@@ -714,18 +601,12 @@ class Execution(Struct):
     max_offline_s: float
 
 
-class How(Enum):
-    measured = "measured"
-    set = "set"
-    unknown = "unknown"
-
-
 class FieldOrigin(Struct):
     """
     How the record came to know a field of a resource.
     """
 
-    how: How
+    how: Literal["measured", "set", "unknown"]
     at: str
     job_id: str | None
 
@@ -769,19 +650,6 @@ class GivenUp(Struct):
     reason: str
 
 
-class HaltState(Enum):
-    """
-    How far a wish to halt one device has come.
-    """
-
-    asked = "asked"
-    halted = "halted"
-    kept = "kept"
-    lost = "lost"
-    owed = "owed"
-    taken = "taken"
-
-
 class HandOver(Struct):
     """
     Body of a move to another host.
@@ -797,7 +665,10 @@ class HandOverStanding(Struct):
     """
 
     id: str
-    state: CustodyState
+    state: Annotated[
+        Literal["in_transit", "leaving", "owned"],
+        Meta(description="In whose hands a resource is.", title="CustodyState"),
+    ]
 
 
 class HostAway(Struct):
@@ -821,19 +692,13 @@ class HostClosed(Struct):
     message: str
 
 
-class Level(Enum):
-    full = "full"
-    low = "low"
-    ok = "ok"
-
-
 class HostDisk(Struct):
     """
     The disk with the journal of a host, as it said last.
     """
 
     free_bytes: int
-    level: Level
+    level: Literal["full", "low", "ok"]
     text: str
 
 
@@ -856,7 +721,10 @@ class HostMove(Struct):
     id: str
     name: str
     place: str | None
-    state: CustodyState
+    state: Annotated[
+        Literal["in_transit", "leaving", "owned"],
+        Meta(description="In whose hands a resource is.", title="CustodyState"),
+    ]
     is_leaving: bool
     at: str
 
@@ -891,14 +759,6 @@ class HostTicket(Struct):
     opened_at: str
 
 
-class State5(Enum):
-    awaited = "awaited"
-    lost = "lost"
-    parsed = "parsed"
-    pending = "pending"
-    refused = "refused"
-
-
 class IncomingRow(Struct):
     """
     A file that was brought to be read, and what became of it.
@@ -909,7 +769,7 @@ class IncomingRow(Struct):
     format: str
     size_bytes: int
     sha256: str
-    state: State5
+    state: Literal["awaited", "lost", "parsed", "pending", "refused"]
     file_id: str | None
     code: str
     message: str
@@ -942,37 +802,10 @@ class JobFile(Struct):
     name: str
     format: str
     size_bytes: int
-    state: State5
+    state: Literal["awaited", "lost", "parsed", "pending", "refused"]
     file_id: str | None
     code: str
     message: str
-
-
-class PassedBy(Enum):
-    change = "change"
-    hand = "hand"
-    skip = "skip"
-
-
-class JobState(Enum):
-    """
-    Where one step's action stands; exported as ISA-95 job-order states.
-    """
-
-    aborted = "aborted"
-    accepted = "accepted"
-    awaiting_approval = "awaiting_approval"
-    complete = "complete"
-    completing = "completing"
-    dispatched = "dispatched"
-    draft = "draft"
-    held = "held"
-    in_doubt = "in_doubt"
-    queued = "queued"
-    rejected = "rejected"
-    running = "running"
-    stopped = "stopped"
-    suspended = "suspended"
 
 
 class JobTransaction(Struct):
@@ -982,13 +815,6 @@ class JobTransaction(Struct):
 
     id: str
     state: str
-
-
-class State7(Enum):
-    admitted = "admitted"
-    expired = "expired"
-    rejected = "rejected"
-    waiting = "waiting"
 
 
 class JoinRequestRow(Struct):
@@ -1001,17 +827,10 @@ class JoinRequestRow(Struct):
     address: str
     facts: dict[str, Any]
     asked_at: str
-    state: State7
+    state: Literal["admitted", "expired", "rejected", "waiting"]
     reason: str
     host_id: str | None
     claims_to_be: ClaimedHost | None
-
-
-class State8(Enum):
-    expired = "expired"
-    open = "open"
-    used = "used"
-    withdrawn = "withdrawn"
 
 
 class JoinTokenMade(Struct):
@@ -1025,7 +844,7 @@ class JoinTokenMade(Struct):
     expires_at: str
     used_at: str | None
     withdrawn_at: str | None
-    state: State8
+    state: Literal["expired", "open", "used", "withdrawn"]
     token: str
     command: str
 
@@ -1041,7 +860,7 @@ class JoinTokenRow(Struct):
     expires_at: str
     used_at: str | None
     withdrawn_at: str | None
-    state: State8
+    state: Literal["expired", "open", "used", "withdrawn"]
 
 
 class JoinedHost(Struct):
@@ -1092,30 +911,13 @@ class KeptFile(Struct):
     kept_at: str
 
 
-class Kind(Enum):
-    """
-    What PROV has.
-    """
-
-    activity = "activity"
-    agent = "agent"
-    entity = "entity"
-
-
-class State10(Enum):
-    approved = "approved"
-    proposed = "proposed"
-    rejected = "rejected"
-    withdrawn = "withdrawn"
-
-
 class KnownDriver(Struct):
     """
     The version of the very source that was read.
     """
 
     id: str
-    state: State10
+    state: Literal["approved", "proposed", "rejected", "withdrawn"]
 
 
 class LabCounts(Struct):
@@ -1127,11 +929,6 @@ class LabCounts(Struct):
     approvals_open: int
     drivers_open: int
     needs_you: int
-
-
-class Mode(Enum):
-    live = "live"
-    sim = "sim"
 
 
 class LatestVersion(Struct):
@@ -1171,25 +968,14 @@ class LineageEdge(Struct):
     label: str
 
 
-class Kind1(Enum):
-    activity = "activity"
-    entity = "entity"
-
-
-class Type(Enum):
-    job = "job"
-    lot = "lot"
-    vessel = "vessel"
-
-
 class LineageNode(Struct):
     """
     A vessel, a delivery or an act in a lineage.
     """
 
     id: str
-    kind: Kind1
-    type: Type
+    kind: Literal["activity", "entity"]
+    type: Literal["job", "lot", "vessel"]
     name: str
     detail: str
     at: str | None
@@ -1239,18 +1025,6 @@ class MaterialChange(Struct):
     after_nl: int
 
 
-class Answer(Enum):
-    did_not = "did_not"
-    happened = "happened"
-    partly = "partly"
-
-
-class Contradict(Enum):
-    did_not = "did_not"
-    happened = "happened"
-    partly = "partly"
-
-
 class MeasuredAmount(Struct):
     """
     How much the readings before and since say was moved.
@@ -1261,24 +1035,8 @@ class MeasuredAmount(Struct):
     after_ul: float | None
     moved_ul: float | None
     tolerance_ul: float
-    answer: Answer | None
-    contradicts: list[Contradict]
-
-
-class Medium(Enum):
-    """
-    What a connection carries.
-    """
-
-    communication = "communication"
-    electrical = "electrical"
-    gas = "gas"
-    liquid = "liquid"
-    mechanical = "mechanical"
-    other = "other"
-    thermal = "thermal"
-    transport = "transport"
-    vacuum = "vacuum"
+    answer: Literal["did_not", "happened", "partly"] | None
+    contradicts: list[Literal["did_not", "happened", "partly"]]
 
 
 class ModuleChange(Struct):
@@ -1294,36 +1052,24 @@ class ModuleChange(Struct):
     hunks: list[list[ChangedLine]]
 
 
-class Nature(Enum):
-    """
-    What a resource can do: act, hold, or both.
-    """
-
-    action = "action"
-    action_resource = "action_resource"
-    resource = "resource"
-
-
-class Kind2(Enum):
-    approval = "approval"
-    asks = "asks"
-    candidate = "candidate"
-    disk = "disk"
-    halt_owed = "halt_owed"
-    in_doubt = "in_doubt"
-    paused = "paused"
-    quarantined = "quarantined"
-    silent = "silent"
-    stopped = "stopped"
-    ticket = "ticket"
-
-
 class Need(Struct):
     """
     One thing that needs a person.
     """
 
-    kind: Kind2
+    kind: Literal[
+        "approval",
+        "asks",
+        "candidate",
+        "disk",
+        "halt_owed",
+        "in_doubt",
+        "paused",
+        "quarantined",
+        "silent",
+        "stopped",
+        "ticket",
+    ]
     title: str
     detail: str
     since_at: str | None
@@ -1396,18 +1142,6 @@ class OperationFindings(Struct):
     findings: list[Finding]
 
 
-class OperationName(Enum):
-    """
-    The primitive; what an event row shows.
-    """
-
-    create = "create"
-    delete = "delete"
-    read = "read"
-    transfer = "transfer"
-    update = "update"
-
-
 class PaletteDevice(Struct):
     """
     A device whose actions can be put into a workflow.
@@ -1450,35 +1184,6 @@ class PauseReason(Struct):
     by_id: str | UnsetType = UNSET
 
 
-class Permission(Enum):
-    """
-    One thing a person may do.
-    """
-
-    admit = "admit"
-    decide = "decide"
-    draw = "draw"
-    reset = "reset"
-    resolve = "resolve"
-    run = "run"
-    stop = "stop"
-    submit = "submit"
-    view = "view"
-
-
-class Phase(Enum):
-    """
-    What a lot is, and so what it is counted in.
-
-        A gas is counted by mass like a solid: its volume depends on temperature and pressure,
-        which nobody has stated, and its mass does not.
-    """
-
-    gas = "gas"
-    liquid = "liquid"
-    solid = "solid"
-
-
 class PhotoRow(Struct):
     """
     A photo of a device.
@@ -1509,16 +1214,6 @@ class PlannedStep(Struct):
     estimate_s: float | UnsetType = 0.0
 
 
-class PortKind(Enum):
-    """
-    What an edge between two ports means; only equal kinds connect.
-    """
-
-    data = "data"
-    done = "done"
-    material = "material"
-
-
 class Portion(Struct):
     """
     What of a delivery comes into one vessel: in the unit of its phase.
@@ -1540,7 +1235,13 @@ class Product(Struct):
     lot_id: str
     material_id: str
     key: Annotated[str, Meta(max_length=500, min_length=1)]
-    phase: Phase
+    phase: Annotated[
+        Literal["gas", "liquid", "solid"],
+        Meta(
+            description="What a lot is, and so what it is counted in.\n\n    A gas is counted by mass like a solid: its volume depends on temperature and pressure,\n    which nobody has stated, and its mass does not.",
+            title="Phase",
+        ),
+    ]
     amount_nl: Annotated[int, Meta(ge=0, le=999999999999999)] | UnsetType = 0
     amount_ug: Annotated[int, Meta(ge=0, le=999999999999999)] | UnsetType = 0
     mass_ug: MassUg | None | UnsetType = UNSET
@@ -1580,7 +1281,9 @@ class ProvenanceNode(Struct):
     """
 
     id: str
-    kind: Kind
+    kind: Annotated[
+        Literal["activity", "agent", "entity"], Meta(description="What PROV has.", title="Kind")
+    ]
     type: str
     name: str
     started_at: str | None
@@ -1594,7 +1297,24 @@ class ProvenanceRelation(Struct):
     One bond between two nodes.
     """
 
-    bond: Bond
+    bond: Annotated[
+        Literal[
+            "actedOnBehalfOf",
+            "hadMember",
+            "specializationOf",
+            "used",
+            "wasAssociatedWith",
+            "wasAttributedTo",
+            "wasDerivedFrom",
+            "wasGeneratedBy",
+            "wasInformedBy",
+            "wasInvalidatedBy",
+        ],
+        Meta(
+            description="How one node leads to another; named as in PROV-JSON, from the later to the earlier.",
+            title="Bond",
+        ),
+    ]
     later: str
     earlier: str
     role: str
@@ -1615,25 +1335,6 @@ class ProvenanceTruncation(Struct):
     has_more_acts: bool
 
 
-class Quantity(Enum):
-    """
-    What can be calibrated.
-    """
-
-    ph = "ph"
-    temperature = "temperature"
-    volume = "volume"
-
-
-class Op5(Enum):
-    react = "react"
-
-
-class Unit(Enum):
-    nl = "nl"
-    ug = "ug"
-
-
 class ReactionLot(Struct):
     """
     A lot in a vessel in which something may have reacted.
@@ -1642,7 +1343,7 @@ class ReactionLot(Struct):
     lot_id: str
     lot: str
     material: str
-    unit: Unit
+    unit: Literal["nl", "ug"]
     amount: int
     density_mg_ul: float | None
 
@@ -1675,10 +1376,6 @@ class Reason(Struct):
     reason: str
 
 
-class Op6(Enum):
-    receive = "receive"
-
-
 class Receive(Struct, tag_field="op", tag="receive"):
     """
     Take a delivery in: a new lot, out of RECEIPT into one vessel or several.
@@ -1687,21 +1384,18 @@ class Receive(Struct, tag_field="op", tag="receive"):
     lot_id: str
     material_id: str
     key: Annotated[str, Meta(max_length=500, min_length=1)]
-    phase: Phase
+    phase: Annotated[
+        Literal["gas", "liquid", "solid"],
+        Meta(
+            description="What a lot is, and so what it is counted in.\n\n    A gas is counted by mass like a solid: its volume depends on temperature and pressure,\n    which nobody has stated, and its mass does not.",
+            title="Phase",
+        ),
+    ]
     portions: Annotated[list[Portion], Meta(max_length=1000, min_length=1)]
     supplier: Annotated[str, Meta(max_length=500)] | UnsetType = ""
     number: Annotated[str, Meta(max_length=500)] | UnsetType = ""
     purity: Annotated[str, Meta(max_length=500)] | UnsetType = ""
     expires_on: str | None | UnsetType = UNSET
-
-
-class About2(Enum):
-    declared = "declared"
-    graph = "graph"
-    recipe = "recipe"
-    rig = "rig"
-    wish = "wish"
-    workflow = "workflow"
 
 
 class RecipeFinding(Struct):
@@ -1713,7 +1407,7 @@ class RecipeFinding(Struct):
     message: str
     subject: str
     context: dict[str, Any]
-    about: About2
+    about: Literal["declared", "graph", "recipe", "rig", "wish", "workflow"]
 
 
 class RecipeParameter(Struct):
@@ -1755,19 +1449,12 @@ class RecoveryAnswer(Struct):
     params: dict[str, Any] | None | UnsetType = UNSET
 
 
-class Name(Enum):
-    change = "change"
-    done_by_hand = "done_by_hand"
-    retry = "retry"
-    skip = "skip"
-
-
 class RecoveryChoice(Struct):
     """
     One thing that a person may do about a job that ended undone.
     """
 
-    name: Name
+    name: Literal["change", "done_by_hand", "retry", "skip"]
     why_not: str | None
     consequence: str
 
@@ -1823,7 +1510,10 @@ class ResourceRow(Struct):
     name: str
     kind: str
     kind_label: str
-    nature: Nature
+    nature: Annotated[
+        Literal["action", "action_resource", "resource"],
+        Meta(description="What a resource can do: act, hold, or both.", title="Nature"),
+    ]
     depth: int
     holds_liquid: bool
     contents: list[ContentRow]
@@ -1834,10 +1524,6 @@ class ResourceRow(Struct):
     device: ResourceDevice | None
     pose: dict[str, Any] | None
     held_by: list[ResourceKeeper]
-
-
-class Op7(Enum):
-    restore = "restore"
 
 
 class Restore(Struct, tag_field="op", tag="restore"):
@@ -1902,12 +1588,20 @@ class RigTube(Struct):
     source_port: str
     target: str
     target_port: str
-    medium: Medium
-
-
-class What(Enum):
-    reagent = "reagent"
-    vessel = "vessel"
+    medium: Annotated[
+        Literal[
+            "communication",
+            "electrical",
+            "gas",
+            "liquid",
+            "mechanical",
+            "other",
+            "thermal",
+            "transport",
+            "vacuum",
+        ],
+        Meta(description="What a connection carries.", title="Medium"),
+    ]
 
 
 class RoleBinding(Struct):
@@ -1916,7 +1610,7 @@ class RoleBinding(Struct):
     """
 
     role: str
-    what: What
+    what: Literal["reagent", "vessel"]
     told: str
     keys: list[str]
     choices: list[str]
@@ -1974,19 +1668,12 @@ class RunProof(Struct):
     at: str | None
 
 
-class Choice(Enum):
-    change = "change"
-    done_by_hand = "done_by_hand"
-    retry = "retry"
-    skip = "skip"
-
-
 class RunRecovery(Struct):
     """
     What a person chose about a job that ended undone.
     """
 
-    choice: Choice
+    choice: Literal["change", "done_by_hand", "retry", "skip"]
     job_id: str
     by: str
     at: str
@@ -2014,22 +1701,6 @@ class RunRights(Struct):
     resume: bool
     abort: bool
     resolve: bool
-
-
-class RunState(Enum):
-    """
-    Where one execution of a workflow stands.
-    """
-
-    aborted = "aborted"
-    awaiting_approval = "awaiting_approval"
-    complete = "complete"
-    completing = "completing"
-    draft = "draft"
-    paused = "paused"
-    pausing = "pausing"
-    queued = "queued"
-    running = "running"
 
 
 class RunWait(Struct):
@@ -2062,34 +1733,12 @@ class Said(Struct):
     reason: str
 
 
-class Scope(Enum):
-    """
-    How far an access token reaches: each scope holds all before it.
-
-        A token never does more than its owner may, and no token approves, answers a doubt, releases
-        the lab, admits anything, or signs: for that a person signs in.
-    """
-
-    draft = "draft"
-    read = "read"
-    simulate = "simulate"
-    submit = "submit"
-
-
-class Kind3(Enum):
-    device = "device"
-    lot = "lot"
-    resource = "resource"
-    run = "run"
-    workflow = "workflow"
-
-
 class SearchHit(Struct):
     """
     One thing that was found by its name.
     """
 
-    kind: Kind3
+    kind: Literal["device", "lot", "resource", "run", "workflow"]
     id: str
     name: str
     detail: str
@@ -2115,7 +1764,20 @@ class SeenConnection(Struct):
     source_port: str
     target_id: str
     target_port: str
-    medium: Medium
+    medium: Annotated[
+        Literal[
+            "communication",
+            "electrical",
+            "gas",
+            "liquid",
+            "mechanical",
+            "other",
+            "thermal",
+            "transport",
+            "vacuum",
+        ],
+        Meta(description="What a connection carries.", title="Medium"),
+    ]
 
 
 class SeriesAxis(Struct):
@@ -2128,21 +1790,6 @@ class SeriesAxis(Struct):
     points_count: int
     least: int | float | str | None
     most: int | float | str | None
-
-
-class SessionState(Enum):
-    """
-    How the server sees a host.
-    """
-
-    enrolling = "enrolling"
-    fenced = "fenced"
-    isolated = "isolated"
-    online = "online"
-    quarantined = "quarantined"
-    revoked = "revoked"
-    suspect = "suspect"
-    syncing = "syncing"
 
 
 class Share(Struct):
@@ -2165,12 +1812,6 @@ class ShowingRun(Struct):
     number: int
 
 
-class PasswordFrom(Enum):
-    admin = "admin"
-    own = "own"
-    seed = "seed"
-
-
 class SignedInUser(Struct):
     """
     The person who is signed in.
@@ -2181,9 +1822,13 @@ class SignedInUser(Struct):
     name: str
     initials: str
     roles: list[str]
-    password_from: PasswordFrom
-    permissions: list[Permission]
-    lab_permissions: list[Permission]
+    password_from: Literal["admin", "own", "seed"]
+    permissions: list[
+        Literal["admit", "decide", "draw", "reset", "resolve", "run", "stop", "submit", "view"]
+    ]
+    lab_permissions: list[
+        Literal["admit", "decide", "draw", "reset", "resolve", "run", "stop", "submit", "view"]
+    ]
 
 
 class SilentDevice(Struct):
@@ -2194,17 +1839,6 @@ class SilentDevice(Struct):
     device: RunDevice
     since_at: str
     sentences: list[str]
-
-
-class Standing(Enum):
-    """
-    Whether a calibration may be relied on now.
-    """
-
-    changed = "changed"
-    expired = "expired"
-    in_force = "in_force"
-    withdrawn = "withdrawn"
 
 
 class StartRun(Struct):
@@ -2244,7 +1878,28 @@ class StayAct(Struct):
     job_id: str
     run_id: str
     sentence: str
-    state: JobState
+    state: Annotated[
+        Literal[
+            "aborted",
+            "accepted",
+            "awaiting_approval",
+            "complete",
+            "completing",
+            "dispatched",
+            "draft",
+            "held",
+            "in_doubt",
+            "queued",
+            "rejected",
+            "running",
+            "stopped",
+            "suspended",
+        ],
+        Meta(
+            description="Where one step's action stands; exported as ISA-95 job-order states.",
+            title="JobState",
+        ),
+    ]
     started_at: str
     ended_at: str | None
     uncertainty_s: float | None
@@ -2292,7 +1947,13 @@ class StepPort(Struct):
     """
 
     name: str
-    kind: PortKind
+    kind: Annotated[
+        Literal["data", "done", "material"],
+        Meta(
+            description="What an edge between two ports means; only equal kinds connect.",
+            title="PortKind",
+        ),
+    ]
     label: str
 
 
@@ -2304,7 +1965,7 @@ class StockLot(Struct):
     lot_id: str
     lot: str
     material: str
-    unit: Unit
+    unit: Literal["nl", "ug"]
 
 
 class StockTaking(Struct):
@@ -2324,7 +1985,19 @@ class StopHost(Struct):
 
     id: str
     name: str
-    state: SessionState
+    state: Annotated[
+        Literal[
+            "enrolling",
+            "fenced",
+            "isolated",
+            "online",
+            "quarantined",
+            "revoked",
+            "suspect",
+            "syncing",
+        ],
+        Meta(description="How the server sees a host.", title="SessionState"),
+    ]
     acknowledged_at: str | None
     after_s: float | None
 
@@ -2456,26 +2129,6 @@ class TokenWish(Struct):
     minutes: float | UnsetType = 15.0
 
 
-class TransactionState(Enum):
-    """
-    Where a two-phase reconcile stands.
-    """
-
-    awaiting_approval = "awaiting_approval"
-    committed = "committed"
-    confirming = "confirming"
-    executing = "executing"
-    locked = "locked"
-    proposed = "proposed"
-    quarantined = "quarantined"
-    rolled_back = "rolled_back"
-    validated = "validated"
-
-
-class Op8(Enum):
-    transfer_liquid = "transfer_liquid"
-
-
 PartsNlAdditionalProperty: TypeAlias = Annotated[int, Meta(ge=0, le=999999999999999)]
 
 
@@ -2495,10 +2148,6 @@ class TransferLiquid(Struct, tag_field="op", tag="transfer_liquid"):
     carries_ug: dict[str, CarriesUgAdditionalProperty] | UnsetType = field(default_factory=dict)
 
 
-class Op9(Enum):
-    transfer_mass = "transfer_mass"
-
-
 PartsUgAdditionalProperty: TypeAlias = Annotated[int, Meta(ge=0, le=999999999999999)]
 
 
@@ -2510,12 +2159,14 @@ class TransferMass(Struct, tag_field="op", tag="transfer_mass"):
     source_id: str
     target_id: str
     amount_ug: Annotated[int, Meta(ge=0, le=999999999999999)]
-    phase: Phase
+    phase: Annotated[
+        Literal["gas", "liquid", "solid"],
+        Meta(
+            description="What a lot is, and so what it is counted in.\n\n    A gas is counted by mass like a solid: its volume depends on temperature and pressure,\n    which nobody has stated, and its mass does not.",
+            title="Phase",
+        ),
+    ]
     parts_ug: dict[str, PartsUgAdditionalProperty] | UnsetType = field(default_factory=dict)
-
-
-class Op10(Enum):
-    transfer_resource = "transfer_resource"
 
 
 class TransferResource(Struct, tag_field="op", tag="transfer_resource"):
@@ -2540,22 +2191,13 @@ class Tried(Struct):
     faults: list[str]
 
 
-class Sort(Enum):
-    act = "act"
-    cure = "cure"
-    end = "end"
-    fault = "fault"
-    read = "read"
-    stop = "stop"
-
-
 class TryoutActRow(Struct):
     """
     One wish of the author, and what became of it.
     """
 
     number: int
-    sort: Sort
+    sort: Literal["act", "cure", "end", "fault", "read", "stop"]
     name: str
     args: dict[str, Any]
     asked_at: str
@@ -2567,11 +2209,6 @@ class TryoutActRow(Struct):
     has_faults: bool
 
 
-class Direction(Enum):
-    in_ = "in"
-    out = "out"
-
-
 class TryoutBytes(Struct):
     """
     Bytes that crossed the line of a tryout.
@@ -2579,14 +2216,8 @@ class TryoutBytes(Struct):
 
     n: int
     at_s: float
-    direction: Direction
+    direction: Literal["in", "out"]
     hex: str
-
-
-class State11(Enum):
-    ended = "ended"
-    running = "running"
-    starting = "starting"
 
 
 class TryoutModel(Struct):
@@ -2619,7 +2250,7 @@ class TryoutRow(Struct):
     model: str
     title: str
     speed: float
-    state: State11
+    state: Literal["ended", "running", "starting"]
     code: str
     message: str
     begun_by: str
@@ -2654,14 +2285,9 @@ class TryoutWish(Struct):
     What an author wants of a tryout that runs.
     """
 
-    sort: Sort
+    sort: Literal["act", "cure", "end", "fault", "read", "stop"]
     name: str | UnsetType = ""
     args: dict[str, Any] | UnsetType = field(default_factory=dict)
-
-
-class State13(Enum):
-    offline = "offline"
-    online = "online"
 
 
 class TwinState(Struct):
@@ -2669,7 +2295,7 @@ class TwinState(Struct):
     Whether there is a twin, and where.
     """
 
-    state: State13
+    state: Literal["offline", "online"]
     url: str
 
 
@@ -2761,15 +2387,6 @@ class VolumeOrder(Struct):
     valid_days: Annotated[int, Meta(ge=0, le=1000000)] | UnsetType = 365
 
 
-class Wait(Enum):
-    """
-    What a person has to say before a run can go on.
-    """
-
-    answer = "answer"
-    recovery = "recovery"
-
-
 class Wanted(Struct):
     """
     What to reserve, for how long, and what for.
@@ -2807,7 +2424,13 @@ class AccessTokenRow(Struct):
     id: str
     name: str
     owner: str
-    scope: Scope
+    scope: Annotated[
+        Literal["draft", "read", "simulate", "submit"],
+        Meta(
+            description="How far an access token reaches: each scope holds all before it.\n\n    A token never does more than its owner may, and no token approves, answers a doubt, releases\n    the lab, admits anything, or signs: for that a person signs in.",
+            title="Scope",
+        ),
+    ]
     created_at: str
     expires_at: str
     revoked_at: str | None
@@ -2822,8 +2445,8 @@ class ApprovalRow(Struct):
 
     id: str
     title: str
-    state: State
-    about: About
+    state: Literal["approved", "expired", "open", "rejected", "withdrawn"]
+    about: Literal["calibration", "run"]
     run: RunLabel
     workflow: RunWorkflow
     policies: list[str]
@@ -2851,7 +2474,10 @@ class CalibrationResult(Struct):
     What a calibration found: `true = offset + gain × device`.
     """
 
-    quantity: Quantity
+    quantity: Annotated[
+        Literal["ph", "temperature", "volume"],
+        Meta(description="What can be calibrated.", title="Quantity"),
+    ]
     gain: float
     offset: float
     gain_expanded: float
@@ -2870,7 +2496,20 @@ class CalibrationRun(Struct):
 
     id: str
     number: int
-    state: RunState
+    state: Annotated[
+        Literal[
+            "aborted",
+            "awaiting_approval",
+            "complete",
+            "completing",
+            "draft",
+            "paused",
+            "pausing",
+            "queued",
+            "running",
+        ],
+        Meta(description="Where one execution of a workflow stands.", title="RunState"),
+    ]
 
 
 class Choices(Struct):
@@ -2891,7 +2530,20 @@ class ConnectionRow(Struct):
     key: str
     source: ConnectionEnd
     target: ConnectionEnd
-    medium: Medium
+    medium: Annotated[
+        Literal[
+            "communication",
+            "electrical",
+            "gas",
+            "liquid",
+            "mechanical",
+            "other",
+            "thermal",
+            "transport",
+            "vacuum",
+        ],
+        Meta(description="What a connection carries.", title="Medium"),
+    ]
     is_two_way: bool
     dead_volume_nl: int | None
 
@@ -2904,7 +2556,10 @@ class Correction(Struct):
     """
 
     argument: str
-    quantity: Quantity
+    quantity: Annotated[
+        Literal["ph", "temperature", "volume"],
+        Meta(description="What can be calibrated.", title="Quantity"),
+    ]
     asked: float | None
     sent: float | None
     gain: float
@@ -2923,7 +2578,20 @@ class CustodyConnection(Struct):
     """
 
     key: str
-    medium: Medium
+    medium: Annotated[
+        Literal[
+            "communication",
+            "electrical",
+            "gas",
+            "liquid",
+            "mechanical",
+            "other",
+            "thermal",
+            "transport",
+            "vacuum",
+        ],
+        Meta(description="What a connection carries.", title="Medium"),
+    ]
     to: str
 
 
@@ -2933,7 +2601,10 @@ class CustodyMove(Struct):
     """
 
     id: str
-    state: CustodyState
+    state: Annotated[
+        Literal["in_transit", "leaving", "owned"],
+        Meta(description="In whose hands a resource is.", title="CustodyState"),
+    ]
     from_: CustodyHost | None = field(name="from")
     to: CustodyHost | None
     place: CustodyPlace | None
@@ -2966,7 +2637,10 @@ class DeviceHaltRow(Struct):
 
     id: str
     device: RunDevice
-    state: HaltState
+    state: Annotated[
+        Literal["asked", "halted", "kept", "lost", "owed", "taken"],
+        Meta(description="How far a wish to halt one device has come.", title="HaltState"),
+    ]
     message: str
     at: str
     ended_at: str | None
@@ -2983,7 +2657,28 @@ class DeviceJob(Struct):
     run_id: str
     run_number: int
     sentence: str
-    state: JobState
+    state: Annotated[
+        Literal[
+            "aborted",
+            "accepted",
+            "awaiting_approval",
+            "complete",
+            "completing",
+            "dispatched",
+            "draft",
+            "held",
+            "in_doubt",
+            "queued",
+            "rejected",
+            "running",
+            "stopped",
+            "suspended",
+        ],
+        Meta(
+            description="Where one step's action stands; exported as ISA-95 job-order states.",
+            title="JobState",
+        ),
+    ]
 
 
 class DeviceRow(Struct):
@@ -2998,7 +2693,7 @@ class DeviceRow(Struct):
     kind_label: str
     host: DeviceHost
     state: str
-    link: Link
+    link: Literal["not_enrolled", "offline", "online", "quarantined", "stale"]
     is_halt_owed: bool
     halt: DeviceHaltRow | None
     job: DeviceJob | None
@@ -3025,7 +2720,20 @@ class DoubtEnd(Struct):
 
     doubt_at: str
     at: str
-    state: TransactionState
+    state: Annotated[
+        Literal[
+            "awaiting_approval",
+            "committed",
+            "confirming",
+            "executing",
+            "locked",
+            "proposed",
+            "quarantined",
+            "rolled_back",
+            "validated",
+        ],
+        Meta(description="Where a two-phase reconcile stands.", title="TransactionState"),
+    ]
     by: str
     answer: str
     moved_nl: int | None
@@ -3064,7 +2772,19 @@ class DriverHost(Struct):
 
     id: str
     name: str
-    state: SessionState
+    state: Annotated[
+        Literal[
+            "enrolling",
+            "fenced",
+            "isolated",
+            "online",
+            "quarantined",
+            "revoked",
+            "suspect",
+            "syncing",
+        ],
+        Meta(description="How the server sees a host.", title="SessionState"),
+    ]
 
 
 class DriverList(Struct):
@@ -3131,8 +2851,24 @@ class EventRow(Struct):
     received_at: str
     uncertainty_s: float | None
     is_bounded: bool
-    operation: OperationName
-    state: TransactionState
+    operation: Annotated[
+        Literal["create", "delete", "read", "transfer", "update"],
+        Meta(description="The primitive; what an event row shows.", title="OperationName"),
+    ]
+    state: Annotated[
+        Literal[
+            "awaiting_approval",
+            "committed",
+            "confirming",
+            "executing",
+            "locked",
+            "proposed",
+            "quarantined",
+            "rolled_back",
+            "validated",
+        ],
+        Meta(description="Where a two-phase reconcile stands.", title="TransactionState"),
+    ]
     verification: str
     subjects: list[EventSubjectRow]
     amount_nl: int | None
@@ -3196,7 +2932,28 @@ class HostJob(Struct):
     run_id: str
     run_number: int
     sentence: str
-    state: JobState
+    state: Annotated[
+        Literal[
+            "aborted",
+            "accepted",
+            "awaiting_approval",
+            "complete",
+            "completing",
+            "dispatched",
+            "draft",
+            "held",
+            "in_doubt",
+            "queued",
+            "rejected",
+            "running",
+            "stopped",
+            "suspended",
+        ],
+        Meta(
+            description="Where one step's action stands; exported as ISA-95 job-order states.",
+            title="JobState",
+        ),
+    ]
     state_at: str | None
 
 
@@ -3208,7 +2965,19 @@ class HostRow(Struct):
     id: str
     key: str
     name: str
-    state: SessionState
+    state: Annotated[
+        Literal[
+            "enrolling",
+            "fenced",
+            "isolated",
+            "online",
+            "quarantined",
+            "revoked",
+            "suspect",
+            "syncing",
+        ],
+        Meta(description="How the server sees a host.", title="SessionState"),
+    ]
     last_seen_at: str | None
     epoch: int
     acked_seq: int
@@ -3227,7 +2996,19 @@ class HostStanding(Struct):
     """
 
     id: str
-    state: SessionState
+    state: Annotated[
+        Literal[
+            "enrolling",
+            "fenced",
+            "isolated",
+            "online",
+            "quarantined",
+            "revoked",
+            "suspect",
+            "syncing",
+        ],
+        Meta(description="How the server sees a host.", title="SessionState"),
+    ]
 
 
 class IncomingList(Struct):
@@ -3324,7 +3105,7 @@ class LabSummary(Struct):
     id: str
     key: str
     name: str
-    mode: Mode
+    mode: Literal["live", "sim"]
     time_zone: str
     speed: float
     stop: LabStop
@@ -3338,9 +3119,22 @@ class LastRunOf(Struct):
 
     id: str
     number: int
-    state: RunState
+    state: Annotated[
+        Literal[
+            "aborted",
+            "awaiting_approval",
+            "complete",
+            "completing",
+            "draft",
+            "paused",
+            "pausing",
+            "queued",
+            "running",
+        ],
+        Meta(description="Where one execution of a workflow stands.", title="RunState"),
+    ]
     ended_at: str | None
-    waits_for: Wait | None
+    waits_for: Literal["answer", "recovery"] | None
 
 
 class LineageGraph(Struct):
@@ -3378,7 +3172,13 @@ class MakeAccessToken(Struct):
     """
 
     name: str
-    scope: Scope
+    scope: Annotated[
+        Literal["draft", "read", "simulate", "submit"],
+        Meta(
+            description="How far an access token reaches: each scope holds all before it.\n\n    A token never does more than its owner may, and no token approves, answers a doubt, releases\n    the lab, admits anything, or signs: for that a person signs in.",
+            title="Scope",
+        ),
+    ]
     days: int
 
 
@@ -3583,7 +3383,20 @@ class ResourcePort(Struct):
 
     port: str
     to: ConnectionEnd
-    medium: Medium
+    medium: Annotated[
+        Literal[
+            "communication",
+            "electrical",
+            "gas",
+            "liquid",
+            "mechanical",
+            "other",
+            "thermal",
+            "transport",
+            "vacuum",
+        ],
+        Meta(description="What a connection carries.", title="Medium"),
+    ]
     connection: SeenConnection
     may_disconnect: bool
 
@@ -3599,7 +3412,10 @@ class ResourceView(Struct):
     name: str
     kind: str
     kind_label: str
-    nature: Nature
+    nature: Annotated[
+        Literal["action", "action_resource", "resource"],
+        Meta(description="What a resource can do: act, hold, or both.", title="Nature"),
+    ]
     depth: int
     holds_liquid: bool
     contents: list[ContentRow]
@@ -3668,8 +3484,21 @@ class RunRow(Struct):
     id: str
     number: int
     workflow: RunWorkflow
-    mode: Mode
-    state: RunState
+    mode: Literal["live", "sim"]
+    state: Annotated[
+        Literal[
+            "aborted",
+            "awaiting_approval",
+            "complete",
+            "completing",
+            "draft",
+            "paused",
+            "pausing",
+            "queued",
+            "running",
+        ],
+        Meta(description="Where one execution of a workflow stands.", title="RunState"),
+    ]
     created_by: str
     created_at: str
     started_at: str | None
@@ -3732,7 +3561,7 @@ class TryoutDetail(Struct):
     model: str
     title: str
     speed: float
-    state: State11
+    state: Literal["ended", "running", "starting"]
     code: str
     message: str
     begun_by: str
@@ -3884,10 +3713,13 @@ class CalibrationDetail(Struct):
 
     id: str
     device_id: str
-    quantity: Quantity
+    quantity: Annotated[
+        Literal["ph", "temperature", "volume"],
+        Meta(description="What can be calibrated.", title="Quantity"),
+    ]
     number: int
-    state: State2
-    standing: Standing | None
+    state: Literal["accepted", "awaiting", "failed", "measuring", "rejected", "withdrawn"]
+    standing: Literal["changed", "expired", "in_force", "withdrawn"] | None
     reasons: list[str]
     run: CalibrationRun
     references: list[Reference]
@@ -3960,7 +3792,7 @@ class DeviceDetail(Struct):
     kind_label: str
     host: DeviceHost
     state: str
-    link: Link
+    link: Literal["not_enrolled", "offline", "online", "quarantined", "stale"]
     is_halt_owed: bool
     halt: DeviceHaltRow | None
     job: DeviceJob | None
@@ -4038,7 +3870,19 @@ class HostDetail(Struct):
     id: str
     key: str
     name: str
-    state: SessionState
+    state: Annotated[
+        Literal[
+            "enrolling",
+            "fenced",
+            "isolated",
+            "online",
+            "quarantined",
+            "revoked",
+            "suspect",
+            "syncing",
+        ],
+        Meta(description="How the server sees a host.", title="SessionState"),
+    ]
     last_seen_at: str | None
     epoch: int
     acked_seq: int
@@ -4087,7 +3931,28 @@ class JobRow(Struct):
     args: dict[str, Any]
     corrections: list[Correction]
     operation: dict[str, Any]
-    state: JobState
+    state: Annotated[
+        Literal[
+            "aborted",
+            "accepted",
+            "awaiting_approval",
+            "complete",
+            "completing",
+            "dispatched",
+            "draft",
+            "held",
+            "in_doubt",
+            "queued",
+            "rejected",
+            "running",
+            "stopped",
+            "suspended",
+        ],
+        Meta(
+            description="Where one step's action stands; exported as ISA-95 job-order states.",
+            title="JobState",
+        ),
+    ]
     state_at: str
     started_at: str | None
     ended_at: str | None
@@ -4101,7 +3966,7 @@ class JobRow(Struct):
     after: list[int]
     meets: int | None
     transaction: JobTransaction | None
-    passed_by: PassedBy | None
+    passed_by: Literal["change", "hand", "skip"] | None
     halted_by: str | None
     is_halt_certain: bool
     recovery_class: str
@@ -4193,8 +4058,21 @@ class RunView(Struct):
     id: str
     number: int
     workflow: RunWorkflow
-    mode: Mode
-    state: RunState
+    mode: Literal["live", "sim"]
+    state: Annotated[
+        Literal[
+            "aborted",
+            "awaiting_approval",
+            "complete",
+            "completing",
+            "draft",
+            "paused",
+            "pausing",
+            "queued",
+            "running",
+        ],
+        Meta(description="Where one execution of a workflow stands.", title="RunState"),
+    ]
     created_by: str
     created_at: str
     started_at: str | None
@@ -4230,7 +4108,10 @@ class CalibratedQuantity(Struct):
     What can be calibrated of a device, and what was.
     """
 
-    quantity: Quantity
+    quantity: Annotated[
+        Literal["ph", "temperature", "volume"],
+        Meta(description="What can be calibrated.", title="Quantity"),
+    ]
     unit: str
     is_relative: bool
     may_begin: bool
@@ -4245,7 +4126,10 @@ class CalibrationChange(Struct):
     """
 
     device: CalibratedDevice
-    quantity: Quantity
+    quantity: Annotated[
+        Literal["ph", "temperature", "volume"],
+        Meta(description="What can be calibrated.", title="Quantity"),
+    ]
     unit: str
     is_relative: bool
     becomes: CalibrationDetail
@@ -4271,8 +4155,8 @@ class DriverDetail(Struct):
     class_name: str
     role: str
     digest: str
-    origin: Origin
-    state: State3
+    origin: Literal["release", "upload"]
+    state: Literal["approved", "proposed", "rejected", "withdrawn"]
     note: str
     quality: str
     doc: str
@@ -4338,8 +4222,8 @@ class ApprovalDetail(Struct):
 
     id: str
     title: str
-    state: State
-    about: About
+    state: Literal["approved", "expired", "open", "rejected", "withdrawn"]
+    about: Literal["calibration", "run"]
     run: RunLabel
     workflow: RunWorkflow
     policies: list[str]

@@ -743,7 +743,7 @@ class Operations:
         self,
         resource_id: str,
         *,
-        device: str | None = None,
+        device: str,
         since_s: float | None = None,
         until_s: float | None = None,
     ) -> models.ResourceConditions:
@@ -1856,7 +1856,7 @@ class AsyncOperations:
         self,
         resource_id: str,
         *,
-        device: str | None = None,
+        device: str,
         since_s: float | None = None,
         until_s: float | None = None,
     ) -> models.ResourceConditions:

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from typing import Any
 from uuid import uuid4
 
+import msgspec
 from asgiref.sync import async_to_sync
 from django.http import HttpResponse, StreamingHttpResponse
 from django.test import Client
@@ -14,9 +15,11 @@ from django.urls import URLPattern, URLResolver, get_resolver
 
 from labweb.accounts.selectors import User
 from labweb.common import sessions
+from labweb.common.answers import answers_of
 from tests.builders import Bench
 
 KEY = "HTTP_IDEMPOTENCY_KEY"
+BAD_REQUEST = 400
 
 
 class Keyed(Client):
@@ -29,7 +32,30 @@ class Keyed(Client):
             request.setdefault(KEY, str(uuid4()))
         if not request.get(KEY, "-"):
             del request[KEY]
-        return super().request(**request)
+        answer = super().request(**request)
+        if is_api:
+            check_answer(str(request.get("REQUEST_METHOD", "GET")), answer)
+        return answer
+
+
+def check_answer(method: str, answer: Any) -> None:  # noqa: ANN401 - Django's shape
+    """Fail where an answer is not what its endpoint says in the schema that it is."""
+    view = getattr(getattr(answer, "resolver_match", None), "func", None)
+    kind = getattr(view, "cls", None)
+    is_json = answer.headers.get("Content-Type", "").startswith("application/json")
+    if kind is None or answer.status_code >= BAD_REQUEST or answer.streaming or not is_json:
+        return
+    told = answers_of(kind, method.lower())
+    asked = dict(answer.wsgi_request.GET.items())
+    is_document = any(asked.get(name) == value for name, value in kind.documents.items())
+    if not told or getattr(kind, "answer_type", None) or is_document:
+        return  # of a format of its own
+    if answer.status_code in told and told[answer.status_code] is None:
+        assert not answer.content
+        return
+    shape = told.get(answer.status_code)
+    assert shape is not None, f"{method} {kind.__name__} answered {answer.status_code}, not {told}"
+    msgspec.json.decode(answer.content, type=shape)
 
 
 def signed_in(user: User | None) -> Client:

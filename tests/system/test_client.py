@@ -69,7 +69,7 @@ def test_a_program_that_is_asynchronous_follows_a_run(stack: Stack) -> None:
             ended = await lab.wait_for_run(run.id, timeout_s=120)
             assert not listening.done(), listening.exception()
             listening.cancel()
-            return ended.state.value, heard
+            return ended.state, heard
 
     state, heard = asyncio.run(follow())
     assert state == "complete"

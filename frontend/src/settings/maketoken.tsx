@@ -13,11 +13,13 @@ export function MakeToken({ isOpen, onClose }: { isOpen: boolean; onClose: () =>
     setMade(null);
     onClose();
   };
+  // The secret is shown once: neither Esc nor a press beside the dialog takes it away.
+  const leave = made ? () => undefined : close;
   return (
     <Dialog
       title={made ? words.secretTitle : words.makeTitle}
       isOpen={isOpen}
-      onClose={close}
+      onClose={leave}
       size={520}
       testId="token-dialog"
     >

@@ -55,12 +55,12 @@ export const SCOPES: { value: TokenScope; label: string; help: string }[] = [
   {
     value: "simulate",
     label: "Simulate",
-    help: "Draft, and start runs where the instruments are simulated; stop a lab.",
+    help: "Draft, and start, pause and abort your runs where the instruments are simulated; stop the lab.",
   },
   {
     value: "submit",
     label: "Submit",
-    help: "Simulate, and start runs in any lab. What needs an approval still waits for a person.",
+    help: "Simulate, and the same with real instruments. What needs an approval still waits for a person.",
   },
 ];
 

@@ -32,7 +32,7 @@ def find_token(secret: str) -> AccessToken | None:
     rows = AccessToken.objects.select_related("user").filter(
         secret_hash=hash_of(secret), revoked_at=None, expires_at__gt=now(), user__is_active=True
     )
-    return rows.first()
+    return rows.exclude(user__password_from=User.PasswordFrom.ADMIN).first()
 
 
 def tokens_of_lab(lab_id: UUID) -> QuerySet[AccessToken]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from labweb.accounts.services.auditing import (
+    acting_token,
     end_of_audit,
     write_audit,
     write_failed_sign_in,
@@ -29,6 +30,7 @@ from labweb.accounts.services.tokens import (
     MOST_TOKENS,
     make_token,
     note_use,
+    revoke_all,
     revoke_token,
 )
 
@@ -40,6 +42,7 @@ __all__ = [
     "InProgressError",
     "KeyReusedError",
     "PasswordFrom",
+    "acting_token",
     "carry_out_once",
     "change_password",
     "end_of_audit",
@@ -49,6 +52,7 @@ __all__ = [
     "make_token",
     "note_foreign_password",
     "note_use",
+    "revoke_all",
     "revoke_token",
     "sign_chain",
     "write_audit",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextvars import ContextVar
 from typing import Any
 
 from django.db.transaction import atomic
@@ -11,6 +12,9 @@ from labweb.accounts.models import AuditEntry, User
 from labweb.accounts.selectors.chain import audit_hash
 from labweb.common.clock import now
 from labweb.common.prepared import Question, insert_rows, together
+
+acting_token: ContextVar[dict[str, str] | None] = ContextVar("acting_token", default=None)
+"""Id and name of the access token that acts in this request; None: a person, or the server."""
 
 _AUDIT_LOCK = 0x6C61_6261
 _LONGEST_SUBJECT = 128
@@ -55,6 +59,9 @@ def write_audit(  # noqa: PLR0913 - one column each
     prev = last[0] if last else ""
     at = now()
     told = dict(detail or {})
+    token = acting_token.get()
+    if token is not None:
+        told["token"] = token
     if meaning and actor is not None:
         told |= {"printed_name": actor.printed_name, "meaning": meaning}
     entry = AuditEntry(

@@ -10,6 +10,7 @@ from django.db.transaction import atomic
 
 from labweb.accounts.models import Grant, User
 from labweb.accounts.services.auditing import write_audit
+from labweb.accounts.services.tokens import revoke_all
 from labweb.domain.errors import DefinitionError, ForbiddenError
 
 PasswordFrom = User.PasswordFrom
@@ -57,7 +58,8 @@ def change_password(user: User, *, old: str, new: str) -> User:
         DefinitionError: The new one is too weak, or the present one again. Nothing changed.
 
     Effect:
-        On the record only. Every other session of the person ends.
+        On the record only. Every other session of the person ends, and their access tokens
+        are revoked.
     """
     row = User.objects.select_for_update(no_key=True).get(pk=user.pk)
     if not row.check_password(old):
@@ -73,11 +75,16 @@ def change_password(user: User, *, old: str, new: str) -> User:
     row.set_password(new)
     row.password_from = PasswordFrom.OWN
     row.save(update_fields=["password", "password_from"])
+    revoke_all(row, actor=row)
     write_audit("user.password", str(row.pk), actor=row)
     return row
 
 
 def note_foreign_password(user: User) -> None:
-    """Have a person change a password that somebody else has set for them."""
+    """Have a person change a password that somebody else has set for them.
+
+    Their access tokens are revoked: whoever made them may have known the password before.
+    """
     user.password_from = PasswordFrom.ADMIN
     user.save(update_fields=["password_from"])
+    revoke_all(user, actor=None)

@@ -100,12 +100,25 @@ def revoke_token(lab_id: UUID, token_id: UUID, *, actor: User, is_admin: bool) -
     """
     rows = AccessToken.objects.select_for_update(no_key=True).filter(lab_id=lab_id, pk=token_id)
     row = rows.first()
+    if not is_admin and (row is None or row.user_id != actor.pk):
+        text = "this is no token of yours: its owner or an admin revokes it"
+        raise ForbiddenError(text, code="token.of_another")
     if row is None:
         raise NotFoundError(f"there is no token {token_id}", code="token.not_found")
-    if row.user_id != actor.pk and not is_admin:
-        text = "this is another person's token: its owner or an admin revokes it"
-        raise ForbiddenError(text, code="token.of_another")
     if row.revoked_at is None:
+        row.revoked_at = now()
+        row.save(update_fields=["revoked_at"])
+        detail = {"name": row.name, "owner": str(row.user_id)}
+        write_audit("token.revoke", str(row.pk), actor=actor, detail=detail)
+
+
+def revoke_all(user: User, *, actor: User | None) -> None:
+    """Revoke every valid access token of a person.
+
+    Effect:
+        On the record only.
+    """
+    for row in AccessToken.objects.filter(user=user, revoked_at=None, expires_at__gt=now()):
         row.revoked_at = now()
         row.save(update_fields=["revoked_at"])
         detail = {"name": row.name, "owner": str(row.user_id)}

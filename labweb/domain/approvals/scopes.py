@@ -17,10 +17,10 @@ class Scope(StrEnum):
     """Draw, check and save workflows and recipes."""
 
     SIMULATE = "simulate"
-    """Start runs in a lab whose instruments are simulated; stop a lab; abort own runs."""
+    """Start, pause and abort own runs where the instruments are simulated; stop a lab."""
 
     SUBMIT = "submit"
-    """Start runs in any lab. What asks for an approval still waits for a person."""
+    """The same in any lab. What asks for an approval still waits for a person."""
 
     def holds(self, other: Scope) -> bool:
         """Tell whether this scope allows what another one asks for."""

@@ -16,6 +16,7 @@ from labweb.common.clock import now
 from labweb.common.lists import HISTORY
 from labweb.common.requests import body
 from labweb.domain.approvals.roles import Permission
+from labweb.domain.calibration.judge import Result
 from labweb.domain.calibration.model import IS_RELATIVE, SYMBOLS, Quantity, Standing
 from labweb.domain.calibration.order import Order, PhOrder, TemperatureOrder, VolumeOrder
 from labweb.domain.enrollment.spec import DriverSpec, ParameterSpec
@@ -217,6 +218,11 @@ def _stated(parameter: ParameterSpec | None) -> StatedAccuracy | None:
     return StatedAccuracy(ratio=stated.ratio, absolute=stated.absolute)
 
 
+def _found(kept: object) -> CalibrationResult:
+    """Say what a calibration found; one that was kept before a field was, has its default."""
+    return CalibrationResult(**msgspec.structs.asdict(msgspec.convert(kept, Result)))
+
+
 def calibration_detail(row: Calibration, user: User) -> Detail:
     """Say one calibration as a page shows it, with what this person may do."""
     reach = resource_selectors.permissions_of(user)
@@ -238,7 +244,7 @@ def calibration_detail(row: Calibration, user: User) -> Detail:
         tolerance=row.order["tolerance"],
         valid_days=row.valid_days,
         points=msgspec.convert(row.points, list[CalibrationPoint]),
-        result=msgspec.convert(row.result, CalibrationResult | None),
+        result=None if row.result is None else _found(row.result),
         findings=msgspec.convert(row.findings, list[Finding]),
         made_by=row.made_by.printed_name,
         made_at=row.made_at,

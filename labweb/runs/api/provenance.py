@@ -40,6 +40,7 @@ _GRAPH: Mapping[str, Parameter] = {
     "depth": Parameter({"type": "integer", "minimum": 1, "maximum": DEEPEST}),
     "form": one_of(_FORMS, "Of the answer; prov: the graph as a PROV-JSON document."),
 }
+_DOCUMENTS: Mapping[str, str] = {"form": "prov"}
 _ANSWERS: Mapping[str, Mapping[int, type[ApiAnswer]]] = {"get": {200: ProvenanceGraph}}
 
 
@@ -68,6 +69,7 @@ class ResourceProvenance(Endpoint):
     """What led to a resource, and what it touched."""
 
     queries = _GRAPH
+    documents = _DOCUMENTS
     answers = _ANSWERS
 
     def get(self, request: Request, resource_id: UUID) -> Response:
@@ -80,6 +82,7 @@ class LotProvenance(Endpoint):
     """What was made from a lot."""
 
     queries = _GRAPH
+    documents = _DOCUMENTS
     answers = _ANSWERS
 
     def get(self, request: Request, lot_id: UUID) -> Response:
@@ -96,6 +99,7 @@ class RunProvenance(Endpoint):
     """What a run used and made."""
 
     queries = _GRAPH
+    documents = _DOCUMENTS
     answers = _ANSWERS
 
     def get(self, request: Request, run_id: UUID) -> Response:
@@ -108,6 +112,7 @@ class FileProvenance(Endpoint):
     """What a kept file is of."""
 
     queries = _GRAPH
+    documents = _DOCUMENTS
     answers = _ANSWERS
 
     def get(self, request: Request, file_id: UUID) -> Response:
@@ -120,6 +125,7 @@ class ReadingProvenance(Endpoint):
     """Where a reading comes from."""
 
     queries = _GRAPH
+    documents = _DOCUMENTS
     answers = _ANSWERS
 
     def get(self, request: Request, reading_id: UUID) -> Response:

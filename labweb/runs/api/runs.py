@@ -11,7 +11,7 @@ from django.db.models import QuerySet
 from msgspec.structs import replace
 from rest_framework.request import Request
 
-from labweb.accounts.api import Endpoint, check_scope
+from labweb.accounts.api import Endpoint, check_scope, is_by_token
 from labweb.accounts.selectors import User, user_of
 from labweb.common.lists import HISTORY, STANDING
 from labweb.common.reading import one_moment
@@ -125,10 +125,18 @@ def check_own(request: Request, run: Run) -> None:
     """Refuse a token what is another person's run; whoever is signed in needs none.
 
     Raises:
-        ForbiddenError: The owner of the token has not started it.
+        ForbiddenError: The owner of the token has not started it, or its lab is a real one and
+            the token is for simulated ones.
     """
-    if run.created_by_id != user_of(request).pk:
-        check_scope(request, None)
+    if not is_by_token(request):
+        return
+    is_own = run.created_by_id == user_of(request).pk
+    check_scope(request, scope_on(run.lab) if is_own else None)
+
+
+def scope_on(lab: Lab) -> Scope:
+    """Return the scope that a token needs to act on the runs of a lab."""
+    return Scope.SIMULATE if lab.mode == Mode.SIM else Scope.SUBMIT
 
 
 class Runs(Endpoint):
@@ -165,8 +173,8 @@ class Runs(Endpoint):
         user = user_of(request)
         wanted = body(request, StartRun)
         version = workflow_selectors.visible_version(wanted.version_id, user)
-        if resource_selectors.the_lab().mode != Mode.SIM:
-            check_scope(request, Scope.SUBMIT)
+        if is_by_token(request):
+            check_scope(request, scope_on(version.workflow.lab))
         run = services.start_run(
             version,
             actor=user,

@@ -197,3 +197,21 @@ def test_a_token_aborts_the_runs_of_its_owner_alone(bench: Bench) -> None:
     refused = shown(other, "POST", path, {"reason": "mine"})
     assert refusal(refused) == (403, "token.not_by_token")
     assert shown(own, "POST", path, {"reason": "no longer needed"}).status_code == 200
+
+
+def test_another_password_revokes_the_tokens(bench: Bench) -> None:
+    chemist = bench.people["chemist"]
+    _, secret = made(bench, Scope.READ)
+    services.change_password(chemist, old=PASSWORD, new="another-long-passphrase")
+    assert refusal(shown(secret, "GET", "/api/v1/runs")) == (401, "http.token_refused")
+    chemist.refresh_from_db()
+    _, secret = made(bench, Scope.DRAFT)
+    services.note_foreign_password(chemist)
+    assert refusal(shown(secret, "GET", "/api/v1/runs")) == (401, "http.token_refused")
+
+
+def test_the_audit_trail_says_by_which_token_it_was(bench: Bench) -> None:
+    row, secret = made(bench, Scope.SIMULATE)
+    assert shown(secret, "POST", "/api/v1/lab/stop", {}).status_code == 200
+    entry = AuditEntry.objects.filter(action="lab.stop").latest("id")
+    assert entry.detail["token"] == {"id": str(row.pk), "name": row.name}
