@@ -38,8 +38,9 @@ from tests.labweb.security.test_matrix import API, MEMBERS, Form, prepare
 from tests.labweb.security.things import one_of_each
 from tests.labweb.web import call, signed_in
 
-CLOSED = {route for _, route in API if route.startswith(("join-tokens/", "join-requests/"))}
-"""What only who admits hosts to the whole lab may ask about: refused alike, whatever there is."""
+CLOSED_TO = ("join-tokens/", "join-requests/", "tokens/")
+CLOSED = {route for _, route in API if route.startswith(CLOSED_TO)}
+"""What only who admits hosts, or the owner of a token, may touch: refused alike, whatever there is."""
 
 DRIVERS = {"driver", "approved", "since", "tryout"}
 """What who gives drivers to the devices of any part of the lab has to choose from."""
