@@ -40,7 +40,7 @@ from tests.labweb.web import call, signed_in
 
 CLOSED_TO = ("join-tokens/", "join-requests/", "tokens/")
 CLOSED = {route for _, route in API if route.startswith(CLOSED_TO)}
-"""What only who admits hosts, or the owner of a token, may touch: refused alike, whatever there is."""
+"""What only who admits hosts, or the owner of a token, may touch: anybody else is refused alike."""
 
 DRIVERS = {"driver", "approved", "since", "tryout"}
 """What who gives drivers to the devices of any part of the lab has to choose from."""
